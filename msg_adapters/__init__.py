@@ -1,0 +1,1 @@
+"""Between ROS messages, MCAP bags and the core's values. Knows no node."""

@@ -1,0 +1,25 @@
+"""The tracker's mathematics: no ROS, no files, numpy and scipy only.
+
+A scan's way through the core, with the module of each step::
+
+    reports (radar, stamp, Detections)         types
+      |  grouped by stamp                      scans
+    Scan
+      |  predict: survive, spawn, be born      filter, motion, modes, spawn, birth
+      |  update, radar by radar                filter, radar, amplitude
+    ParticlePHD, split by detection            types
+      |------------- targets ---------------> extraction -> Estimates (filtered)
+      |  resample within (class, origin)       filter, resampling
+    stored set t+1
+      |  kernel from set t, cached             transition, neighbours
+      |  backward over the lag window          smoother
+    ParticlePHD at t, smoothed weights
+      |------------- targets ---------------> extraction -> Estimates (smoothed)
+
+`engine` runs these steps and is the only place that holds state. `config` turns parameters into an
+engine. `simulation` makes scans with known truth; `metrics` and `evaluation` compare with it.
+
+The method is that of Y. Qin, "Joint Target Detection, Tracking and Classification with
+Forward-Backward PHD Smoothing". Sections cited in the docstrings are the paper's; wherever the
+code departs from its text, the docstring says so under "Deviation".
+"""

@@ -1,0 +1,102 @@
+"""The birth intensity: where, as what and how often new targets appear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from .modes import ModeSpace
+from .types import FloatArray, IntArray, read_only
+
+# Birth terms are not evaluated farther out than this many standard deviations in any coordinate.
+GATE_SIGMA = 8.0
+
+
+@dataclass(frozen=True)
+class BirthTerm:
+    """One Gaussian term of the birth intensity.
+
+    Parameters
+    ----------
+    name : str
+    mean, std : arrays of shape (D,)
+        In the world frame, uncorrelated.
+    rate : array of shape (O,)
+        Expected births a nominal interval in every flat mode.
+
+    Notes
+    -----
+    Sec. V, gamma_{k,c}. A term carries all classes, so that a place does not give the class away.
+    """
+
+    name: str
+    mean: FloatArray
+    std: FloatArray
+    rate: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("mean", "std", "rate"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+@lru_cache(maxsize=8)
+def _sobol_points(dimension: int, count: int) -> FloatArray:
+    """Return `count` unscrambled Sobol points, shape (count, dimension); count a power of two."""
+    points: FloatArray = qmc.Sobol(dimension, scramble=False).random_base2(count.bit_length() - 1)
+    return points
+
+
+def sample(
+    term: BirthTerm, modes: ModeSpace, count: int, rng: np.random.Generator
+) -> tuple[FloatArray, IntArray]:
+    """Draw quasi-random states and flat modes from one term.
+
+    Parameters
+    ----------
+    term : BirthTerm
+    modes : ModeSpace
+    count : int
+        A power of two.
+    rng : numpy.random.Generator
+        Draws the random shift (modulo one) that makes the Sobol points unbiased.
+
+    Returns
+    -------
+    state : array of shape (count, D)
+    mode : int array of shape (count,)
+    """
+    size = len(term.mean)
+    uniform = (_sobol_points(size + 1, count) + rng.random(size + 1)) % 1.0
+    uniform = np.clip(uniform, 1e-12, 1.0 - 1e-12)
+    share = np.cumsum(term.rate) / term.rate.sum()
+    mode = np.minimum(np.searchsorted(share, uniform[:, 0], side="right"), len(share) - 1)
+    state = term.mean + term.std * ndtri(uniform[:, 1:])
+    for index, motion in enumerate(modes.motions):
+        outside = [d for d in range(size) if d not in motion.support]
+        if outside:
+            state[np.ix_(mode == index, outside)] = 0.0
+    return state, mode
+
+
+def intensity(
+    terms: tuple[BirthTerm, ...], modes: ModeSpace, state: FloatArray, mode: IntArray
+) -> FloatArray:
+    """Return gamma(x, o) at every row, over each mode's own support; shape (N,).
+
+    The rate is that of a nominal interval; the caller scales it.
+    """
+    supported = np.zeros((len(modes), state.shape[1]), dtype=bool)
+    for index, motion in enumerate(modes.motions):
+        supported[index, list(motion.support)] = True
+    total = np.zeros(len(state))
+    for term in terms:
+        offset = (state - term.mean) / term.std
+        near = np.flatnonzero((np.abs(offset).max(axis=1) <= GATE_SIGMA) & (term.rate[mode] > 0.0))
+        active = supported[mode[near]]
+        per_axis = 0.5 * offset[near] ** 2 + np.log(term.std * np.sqrt(2.0 * np.pi))
+        total[near] += term.rate[mode[near]] * np.exp(-np.where(active, per_axis, 0.0).sum(axis=1))
+    return total

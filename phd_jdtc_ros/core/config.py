@@ -1,0 +1,370 @@
+"""Configuration: parameters checked as a whole and turned into a tracker.
+
+The table is in `parameters`; decibels and degrees are converted here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import amplitude
+from .birth import BirthTerm
+from .engine import FixedLagSmoother, Lag
+from .extraction import EXTRACTIONS
+from .filter import ParticleBudget, TrackerModel
+from .modes import ClassModel, ModeSpace, markov_generator
+from .motion import (
+    OMEGA,
+    POSITION,
+    STATE_SIZE,
+    VELOCITY,
+    ConstantVelocity,
+    CoordinatedTurn,
+    MotionModel,
+)
+from .parameters import BIRTH, GROUPS, RADAR, TOP, Value, schema
+from .radar import RadarModel
+from .smoother import DEATH_TERMS
+from .spawn import SpawnModel
+from .types import FloatArray
+
+
+class ConfigError(ValueError):
+    """Every fault of a configuration at once.
+
+    Attributes
+    ----------
+    faults : tuple of str
+        One line each: dotted name, value, what is allowed.
+    """
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        super().__init__("\n".join(faults))
+        self.faults = tuple(faults)
+
+
+@dataclass(frozen=True)
+class RadarInput:
+    """How one radar's clouds are to be read.
+
+    Parameters
+    ----------
+    name, topic, frame : str
+    range_field, azimuth_field, amplitude_field : str
+        `amplitude_field` is empty where there is none.
+    amplitude_in_db : bool
+        The field is an SNR in dB rather than a linear envelope.
+    amplitude_offset_db : float
+    compass : bool
+        Azimuth is from north, clockwise.
+    max_range : float
+        Metres.
+    """
+
+    name: str
+    topic: str
+    frame: str
+    range_field: str
+    azimuth_field: str
+    amplitude_field: str
+    amplitude_in_db: bool
+    amplitude_offset_db: float
+    compass: bool
+    max_range: float
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """A checked configuration.
+
+    Parameters
+    ----------
+    values : dict
+        Every parameter in force, in the order of the table.
+    world_frame : str
+    inputs : tuple of RadarInput
+    model : TrackerModel
+    budget : ParticleBudget
+    lag : Lag
+    """
+
+    values: dict[str, Value]
+    world_frame: str
+    inputs: tuple[RadarInput, ...]
+    model: TrackerModel
+    budget: ParticleBudget
+    lag: Lag
+
+    def engine(self) -> FixedLagSmoother:
+        """Return a new tracker."""
+        return FixedLagSmoother(
+            model=self.model,
+            budget=self.budget,
+            lag=self.lag,
+            death_term=DEATH_TERMS[str(self.values["death_term"])],
+            extraction=EXTRACTIONS[str(self.values["extraction"])],
+            seed=int(self.values["seed"]),  # type: ignore[arg-type]
+        )
+
+
+def resolve(given: Mapping[str, Any]) -> TrackerConfig:
+    """Check a configuration and build what it describes.
+
+    Parameters
+    ----------
+    given : mapping of dotted name to value
+        What is not given has its default.
+
+    Raises
+    ------
+    ConfigError
+        With every fault found.
+    """
+    table = schema(given)
+    values: dict[str, Any] = {}
+    faults = []
+    for name, parameter in table.items():
+        value = given.get(name, parameter.default)
+        coerced = parameter.coerce(value)
+        if coerced is None:
+            faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
+        values[name] = coerced
+    faults += [f"{name}: unknown parameter" for name in given if name not in table]
+    if not faults:
+        faults = [fault for check in CHECKS for fault in check(values)]
+    if faults:
+        raise ConfigError(faults)
+    return _build(values)
+
+
+def _square(flat: list[float]) -> FloatArray | None:
+    """Return a row-major flat list as a square matrix, or None."""
+    size = math.isqrt(len(flat))
+    return np.array(flat).reshape(size, size) if size**2 == len(flat) else None
+
+
+def _matrix_faults(name: str, flat: list[float], size: int) -> list[str]:
+    matrix = _square(flat)
+    if matrix is None or len(matrix) != size:
+        return [f"{name}: {len(flat)} numbers given, must be {size}x{size}, row by row"]
+    if np.abs(matrix.sum(axis=1) - 1.0).max() > 1e-6:
+        return [f"{name}: {flat} given, every row must sum to 1"]
+    return []
+
+
+def _check_names(values: Mapping[str, Any]) -> list[str]:
+    taken = {parameter.name.split(".")[0]: "a parameter" for parameter in TOP}
+    faults = []
+    for group in GROUPS:
+        if not values[group] and group != "births":
+            faults.append(f"{group}: [] given, must name at least one")
+        for name in values[group]:
+            if "." in name or name in taken:
+                reason = "must not hold a dot" if "." in name else f"is already {taken[name]}"
+                faults.append(f"{group}: {name!r} given, {reason}")
+            taken[name] = f"one of {group}"
+    return faults
+
+
+def _check_classes(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for name in values["classes"]:
+        low, high = values[f"{name}.snr_band_db"]
+        if not low < high:
+            faults.append(f"{name}.snr_band_db: [{low}, {high}] given, the second must be larger")
+        motions = values[f"{name}.motions"]
+        unknown = [motion for motion in motions if motion not in values["motions"]]
+        if unknown or not motions:
+            faults.append(
+                f"{name}.motions: {motions} given, must be some of motions {values['motions']}"
+            )
+        key = f"{name}.mode_transition"
+        wrong = _matrix_faults(key, values[key], len(motions))
+        if not wrong and not values["fixed_interval"]:
+            matrix = _square(values[key])
+            if matrix is not None and markov_generator(matrix) is None:
+                wrong = [
+                    f"{key}: {values[key]} given, no process in continuous time has this matrix, "
+                    "so it cannot follow the interval; must be another, or fixed_interval true"
+                ]
+        faults += wrong
+    return faults
+
+
+def _check_spawn(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    if values["spawn.class_transition"]:
+        key = "spawn.class_transition"
+        faults += _matrix_faults(key, values[key], len(values["classes"]))
+    if values["spawn.mode_transition"]:
+        sizes = {len(values[f"{name}.motions"]) for name in values["classes"]}
+        if len(sizes) > 1:
+            faults.append(
+                "spawn.mode_transition: must be empty where classes have different motions"
+            )
+        else:
+            key = "spawn.mode_transition"
+            faults += _matrix_faults(key, values[key], sizes.pop())
+    return faults
+
+
+def _check_rest(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    count = values["particles_per_birth"]
+    if count & (count - 1):
+        faults.append(f"particles_per_birth: {count} given, must be a power of two")
+    for name in values["births"]:
+        rates = values[f"{name}.rates"]
+        if len(rates) != len(values["classes"]) or sum(rates) <= 0.0:
+            faults.append(
+                f"{name}.rates: {rates} given, must be {len(values['classes'])} numbers, one a "
+                "class, not all 0"
+            )
+    for group in ("topic", "frame"):
+        used = [_name_or(values, radar, group) for radar in values["radars"]]
+        faults += [
+            f"{radar}.{group}: {name!r} given, another radar has it too"
+            for radar, name in zip(values["radars"], used, strict=True)
+            if used.count(name) > 1
+        ]
+    return faults
+
+
+CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
+    _check_names,
+    _check_classes,
+    _check_spawn,
+    _check_rest,
+)
+
+
+def _name_or(values: Mapping[str, Any], radar: str, key: str) -> str:
+    """Return a radar's topic or frame, or what stands for it when it is empty."""
+    fallback = f"/{radar}/detections" if key == "topic" else radar
+    return str(values[f"{radar}.{key}"] or fallback)
+
+
+def _build(values: dict[str, Any]) -> TrackerConfig:
+    motions = {name: _motion(values, name) for name in values["motions"]}
+    classes = tuple(_class(values, name, motions) for name in values["classes"])
+    modes = ModeSpace(classes, values["interval_s"])
+    model = TrackerModel(
+        modes=modes,
+        births=tuple(_birth(values, name, modes) for name in values["births"]),
+        spawn=_spawn(values, modes),
+        radars=tuple(_radar(values, name) for name in values["radars"]),
+    )
+    budget = ParticleBudget(
+        per_target=values["particles_per_target"],
+        least=values["least_particles"],
+        per_birth_term=values["particles_per_birth"],
+    )
+    return TrackerConfig(
+        values=values,
+        world_frame=values["world_frame"],
+        inputs=tuple(_input(values, name) for name in values["radars"]),
+        model=model,
+        budget=budget,
+        lag=Lag(values["lag"], values["lag_s"] or None),
+    )
+
+
+def _motion(values: Mapping[str, Any], name: str) -> MotionModel:
+    noise = values[f"{name}.noise_density"]
+    if values[f"{name}.model"] == "constant_velocity":
+        return ConstantVelocity(noise)
+    return CoordinatedTurn(noise, values[f"{name}.turn_noise_density"])
+
+
+def _class(values: Mapping[str, Any], name: str, motions: dict[str, MotionModel]) -> ClassModel:
+    low, high = values[f"{name}.snr_band_db"]
+    matrix = _square(values[f"{name}.mode_transition"])
+    if matrix is None:
+        raise ConfigError([f"{name}.mode_transition: not square"])
+    return ClassModel(
+        name=name,
+        snr_band=(amplitude.snr_from_db(low), amplitude.snr_from_db(high)),
+        motions=tuple(motions[motion] for motion in values[f"{name}.motions"]),
+        mode_transition=matrix,
+        survival_probability=values[f"{name}.survival_probability"],
+    )
+
+
+def _state(position: Any, velocity: Any, turn_rate: float) -> FloatArray:
+    state = np.zeros(STATE_SIZE)
+    state[list(POSITION)] = position
+    state[list(VELOCITY)] = velocity
+    state[OMEGA] = turn_rate
+    return state
+
+
+def _birth(values: Mapping[str, Any], name: str, modes: ModeSpace) -> BirthTerm:
+    get = {member.name: values[f"{name}.{member.name}"] for member in BIRTH}
+    motions_of_class = np.bincount(modes.class_of)
+    rate = (np.array(get["rates"]) / motions_of_class)[modes.class_of]
+    return BirthTerm(
+        name=name,
+        mean=_state(get["position"], get["velocity"], 0.0),
+        std=_state(get["position_std"], get["velocity_std"], get["turn_rate_std"]),
+        rate=rate,
+    )
+
+
+def _spawn(values: Mapping[str, Any], modes: ModeSpace) -> SpawnModel:
+    classes = len(modes.classes)
+    class_matrix = _square(values["spawn.class_transition"])
+    if class_matrix is None or not len(class_matrix):
+        class_matrix = np.full((classes, classes), 1.0 / classes)
+    motions_of_class = np.bincount(modes.class_of)
+    mode_matrix = _square(values["spawn.mode_transition"])
+    if mode_matrix is None or not len(mode_matrix):
+        to_mode = np.tile((1.0 / motions_of_class)[modes.class_of], (len(modes), 1))
+    else:
+        to_mode = np.tile(mode_matrix, (classes, classes))
+    transition = class_matrix[np.ix_(modes.class_of, modes.class_of)] * to_mode
+    return SpawnModel(
+        rate=values["spawn.rate"],
+        transition=transition,
+        std=_state(
+            values["spawn.position_std"],
+            values["spawn.velocity_std"],
+            values["spawn.turn_rate_std"],
+        ),
+        particles_per_target=values["spawn.particles_per_target"],
+    )
+
+
+def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
+    get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
+    return RadarModel(
+        name=name,
+        position=(get["position"][0], get["position"][1]),
+        yaw=math.radians(get["yaw_deg"]),
+        range_std=get["range_std"],
+        azimuth_std=math.radians(get["azimuth_std_deg"]),
+        max_range=get["max_range"],
+        clutter_rate=get["clutter_rate"],
+        clutter_max_range=get["clutter_max_range"],
+        threshold=amplitude.threshold_for(get["false_alarm_probability"]),
+    )
+
+
+def _input(values: Mapping[str, Any], name: str) -> RadarInput:
+    get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
+    return RadarInput(
+        name=name,
+        topic=_name_or(values, name, "topic"),
+        frame=_name_or(values, name, "frame"),
+        range_field=get["fields.range"],
+        azimuth_field=get["fields.azimuth"],
+        amplitude_field=get["fields.amplitude"],
+        amplitude_in_db=get["amplitude_unit"] == "db",
+        amplitude_offset_db=get["amplitude_offset_db"],
+        compass=get["azimuth_convention"] == "compass_cw",
+        max_range=get["max_range"],
+    )

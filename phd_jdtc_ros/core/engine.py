@@ -1,0 +1,181 @@
+"""The tracker's engine: scans in, filtered and lagged smoothed estimates out.
+
+This is the one place that holds state: the window of stored sets with their cached transitions,
+and the random generator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from . import filter as phd_filter
+from . import transition
+from .extraction import Extraction
+from .filter import ParticleBudget, TrackerModel
+from .smoother import DeathTerm, backward_step
+from .transition import Transition
+from .types import Estimates, FloatArray, ParticlePHD, Scan
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one scan brought.
+
+    Parameters
+    ----------
+    filtered : Estimates
+    smoothed : tuple of Estimates
+        Those whose lag is reached: with a lag in scans one, none while the window fills.
+    class_mass : array of shape (C,)
+        Expected number of targets of each class after the update.
+    particles : int
+        Rows of the stored set.
+    effective_sample_size : float
+        Of the stored set.
+    orphans : int
+        See `Transition`.
+    """
+
+    filtered: Estimates
+    smoothed: tuple[Estimates, ...]
+    class_mass: FloatArray
+    particles: int
+    effective_sample_size: float
+    orphans: int
+
+
+class Engine(Protocol):
+    """What a node needs of a tracker, whatever it is made of."""
+
+    def step(self, scan: Scan) -> Step:
+        """Take in one scan; stamps must increase."""
+        ...
+
+    def flush(self) -> tuple[Estimates, ...]:
+        """Return the smoothed estimates still held back, oldest first, and reset."""
+        ...
+
+    def reset(self) -> None:
+        """Forget everything, as if newly made."""
+        ...
+
+
+@dataclass(frozen=True)
+class Lag:
+    """How long estimates are held back for smoothing.
+
+    Parameters
+    ----------
+    scans : int
+        Used unless `seconds` is set.
+    seconds : float or None
+        For radars without a common scan: a stamp is smoothed once one at least this much later
+        has come.
+    """
+
+    scans: int
+    seconds: float | None = None
+
+    def reached(self, stamps_ns: list[int]) -> bool:
+        """Return whether the first of the window's ascending stamps has waited long enough."""
+        if self.seconds is None:
+            return len(stamps_ns) > self.scans
+        return stamps_ns[-1] - stamps_ns[0] >= self.seconds * 1e9
+
+
+@dataclass
+class FixedLagSmoother:
+    """SMC PHD filter with a fixed-lag backward smoother over the general mode.
+
+    Parameters
+    ----------
+    model : TrackerModel
+    budget : ParticleBudget
+    lag : Lag
+    death_term : DeathTerm
+    extraction : Extraction
+    seed : int
+        Same scans and same seed give the same estimates.
+    """
+
+    model: TrackerModel
+    budget: ParticleBudget
+    lag: Lag
+    death_term: DeathTerm
+    extraction: Extraction
+    seed: int
+    _stamps: list[int] = field(init=False, repr=False)
+    _stored: list[ParticlePHD] = field(init=False, repr=False)
+    _links: list[Transition] = field(init=False, repr=False)  # one between every two stored sets
+    _rng: np.random.Generator = field(init=False, repr=False)
+    _scan_index: int = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything; the random generator starts from the seed again."""
+        self._stamps, self._stored, self._links = [], [], []
+        self._rng = np.random.default_rng(self.seed)
+        self._scan_index = 0
+
+    def step(self, scan: Scan) -> Step:
+        """Filter one scan and smooth the stamps whose lag is reached.
+
+        Raises
+        ------
+        ValueError
+            If the stamp is not later than the one before.
+        """
+        model, modes, rng = self.model, self.model.modes, self._rng
+        if self._stored:
+            earlier = self._stored[-1]
+            dt = (scan.stamp_ns - self._stamps[-1]) * 1e-9
+            if dt <= 0.0:
+                raise ValueError(
+                    f"scan.stamp_ns: {scan.stamp_ns} is not later than {self._stamps[-1]}"
+                )
+        else:
+            earlier, dt = ParticlePHD.empty(model.state_size), modes.interval_s
+
+        predicted = phd_filter.predict(earlier, model, self.budget, dt, self._scan_index, rng)
+        updated = phd_filter.update_scan(predicted, scan, model)
+        filtered = self.extraction(updated, modes, scan.stamp_ns, 0, rng)
+        stored = phd_filter.resample(updated, modes, self.budget, rng)
+        if self._stored:
+            self._links.append(transition.build(earlier, stored, model, dt))
+        self._stamps.append(scan.stamp_ns)
+        self._stored.append(stored)
+        self._scan_index += 1
+
+        smoothed = []
+        while self.lag.reached(self._stamps):
+            smoothed.append(self._smooth_oldest())
+        return Step(
+            filtered=filtered,
+            smoothed=tuple(smoothed),
+            class_mass=updated.class_mass(modes.class_of, len(modes.classes)),
+            particles=len(stored),
+            effective_sample_size=stored.effective_sample_size,
+            orphans=self._links[-1].orphans if self._links else 0,
+        )
+
+    def flush(self) -> tuple[Estimates, ...]:
+        """Return the estimates of the window, smoothed as far as it goes, and reset."""
+        rest = []
+        while self._stored:
+            rest.append(self._smooth_oldest())
+        self.reset()
+        return tuple(rest)
+
+    def _smooth_oldest(self) -> Estimates:
+        """Smooth the oldest stored set with all that follow, and drop it from the window."""
+        smoothed = self._stored[-1]
+        for phd, link in zip(self._stored[-2::-1], self._links[::-1], strict=True):
+            smoothed = backward_step(phd, link, smoothed.weight, self.death_term)
+        stamp_ns, lag = self._stamps[0], len(self._stored) - 1
+        del self._stamps[0], self._stored[0], self._links[:1]
+        return self.extraction(smoothed, self.model.modes, stamp_ns, lag, self._rng)

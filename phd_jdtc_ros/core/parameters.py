@@ -1,0 +1,281 @@
+"""The table of parameters: names, defaults, units and bounds.
+
+Parameters are flat dotted names with plain values, as ROS has them. Four lists name the parts
+(`radars`, `classes`, `motions`, `births`), and every name in them has parameters of its own:
+``radar_1.range_std``. The defaults are the reference scenario. Units are SI except where a suffix
+says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from .extraction import EXTRACTIONS
+from .smoother import DEATH_TERMS
+
+Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
+
+INFINITY = math.inf
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter: its default, which also fixes its type, and what it may be.
+
+    Parameters
+    ----------
+    name : str
+        Dotted; within a group, the part behind the group's name.
+    default : bool, int, float, str, list of float or list of str
+    description : str
+        Unit included.
+    low, high : float
+        Inclusive bounds of a number, or of every number of a list.
+    choices : tuple of str
+        Allowed strings; empty for any.
+    length : int or None
+        Required length of a list.
+    """
+
+    name: str
+    default: Value
+    description: str
+    low: float = -INFINITY
+    high: float = INFINITY
+    choices: tuple[str, ...] = ()
+    length: int | None = None
+
+    @property
+    def allowed(self) -> str:
+        """What the parameter may be, in words."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        if isinstance(self.default, bool):
+            return "true or false"
+        if isinstance(self.default, str):
+            return "a string"
+        if isinstance(self.default, list) and (self.default and isinstance(self.default[0], str)):
+            return "a list of names, none twice"
+        noun = "a whole number" if isinstance(self.default, int) else "a finite number"
+        if isinstance(self.default, list):
+            noun = (
+                "finite numbers"
+                if self.length is None
+                else f"a list of {self.length} finite numbers"
+            )
+        bounds = [
+            f"at least {self.low:g}" if self.low > -INFINITY else "",
+            f"at most {self.high:g}" if self.high < INFINITY else "",
+        ]
+        return ", ".join([noun, *(bound for bound in bounds if bound)])
+
+    def coerce(self, value: Any) -> Value | None:
+        """Return `value` as the parameter's type, or None if it is not allowed."""
+        if isinstance(self.default, bool):
+            return value if isinstance(value, bool) else None
+        if isinstance(self.default, str):
+            valid = isinstance(value, str) and (not self.choices or value in self.choices)
+            return value if valid else None
+        if isinstance(self.default, list):
+            return self._coerce_list(value)
+        return self._coerce_number(value)
+
+    def _coerce_number(self, value: Any) -> int | float | None:
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+            return None
+        if not math.isfinite(value) or not self.low <= value <= self.high:
+            return None
+        if isinstance(self.default, int):
+            return int(value) if float(value).is_integer() else None
+        return float(value)
+
+    def _coerce_list(self, value: Any) -> Value | None:
+        if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
+            return None
+        entries = list(value)
+        if self.length is not None and len(entries) != self.length:
+            return None
+        if self.default and isinstance(self.default, list) and isinstance(self.default[0], str):
+            valid = all(isinstance(entry, str) and entry for entry in entries)
+            return entries if valid and len(set(entries)) == len(entries) else None
+        numbers = [Parameter("", 0.0, "", self.low, self.high).coerce(entry) for entry in entries]
+        return None if any(n is None for n in numbers) else [float(n) for n in numbers]  # type: ignore[arg-type]
+
+
+SMALL = 1e-9
+
+TOP = (
+    Parameter("world_frame", "map", "Frame of the estimates (ENU, metres)."),
+    Parameter("radars", ["radar_1", "radar_2"], "Names of the radars, in the order of updates."),
+    Parameter("classes", ["class_0", "class_1"], "Names of the target classes."),
+    Parameter("motions", ["cv", "ct"], "Names of the motion models."),
+    Parameter("births", ["start_1", "start_2", "start_3", "start_4"], "Names of the birth terms."),
+    Parameter(
+        "interval_s",
+        6.0,
+        "Interval that rates, probabilities and mode matrices are given for, s; they follow the "
+        "true one.",
+        1e-3,
+        1e4,
+    ),
+    Parameter(
+        "fixed_interval",
+        False,
+        "The mode matrix follows the interval in whole steps, so it needs no rate matrix.",
+    ),
+    Parameter("lag", 5, "Smoothing lag, scans.", 0, 100),
+    Parameter("lag_s", 0.0, "Smoothing lag, s; above 0 it replaces lag.", 0.0, 1e5),
+    Parameter(
+        "death_term",
+        "bernoulli",
+        "Backward death term: one Bernoulli target a component, or as the paper prints it.",
+        choices=tuple(DEATH_TERMS),
+    ),
+    Parameter(
+        "extraction",
+        "components",
+        "How targets are read off: by detection component, or by clustering as in the paper.",
+        choices=tuple(EXTRACTIONS),
+    ),
+    Parameter("seed", 0, "Seed of the random generator.", 0, 2**31 - 1),
+    Parameter("particles_per_target", 1000, "Particles a target is resampled to.", 10, 10**6),
+    Parameter("least_particles", 200, "Particles the mass of one birth and class keeps.", 1, 10**5),
+    Parameter("particles_per_birth", 2048, "Particles of a birth term; a power of two.", 2, 2**20),
+    Parameter("spawn.rate", 0.01, "Expected spawned targets a target and interval.", 0.0, 1.0),
+    Parameter("spawn.position_std", 10.0, "Of a spawned position about its parent, m.", SMALL),
+    Parameter("spawn.velocity_std", 1.0, "Of a spawned velocity about its parent, m/s.", SMALL),
+    Parameter("spawn.turn_rate_std", 1e-4, "Of a spawned turn rate, rad/s.", SMALL),
+    Parameter("spawn.particles_per_target", 100, "Particles of what one target spawns.", 1, 10**5),
+    Parameter(
+        "spawn.class_transition",
+        [0.5, 0.5, 0.5, 0.5],
+        "Class of the parent to class of the spawned target, row by row; empty for uniform.",
+        0.0,
+        1.0,
+    ),
+    Parameter(
+        "spawn.mode_transition",
+        [0.9, 0.1, 0.1, 0.9],
+        "Motion of the parent to motion of the spawned target, row by row; empty for uniform.",
+        0.0,
+        1.0,
+    ),
+)
+
+RADAR = (
+    Parameter("topic", "", "Topic of its detections; /NAME/detections if empty."),
+    Parameter("frame", "", "frame_id of its clouds; the radar's name if empty."),
+    Parameter("position", [0.0, 0.0], "In the world frame, m.", length=2),
+    Parameter("yaw_deg", 0.0, "Of its x axis in the world frame, degrees.", -360.0, 360.0),
+    Parameter("range_std", 300.0, "Standard deviation of the range, m.", SMALL),
+    Parameter("azimuth_std_deg", 1.0, "Standard deviation of the azimuth, degrees.", SMALL, 180.0),
+    Parameter("max_range", 17e3, "Targets and detections beyond are ignored, m.", SMALL),
+    Parameter("clutter_rate", 20.0, "Expected false detections a scan.", 0.0, 1e6),
+    Parameter("clutter_max_range", 15e3, "They are uniform in range up to here, m.", SMALL),
+    Parameter(
+        "false_alarm_probability",
+        1e-3,
+        "Probability that noise passes the detection threshold; fixes the threshold.",
+        1e-30,
+        0.999,
+    ),
+    Parameter("fields.range", "range", "Name of the cloud's range field."),
+    Parameter("fields.azimuth", "azimuth", "Name of the cloud's azimuth field."),
+    Parameter(
+        "fields.amplitude",
+        "amplitude",
+        "Name of the cloud's amplitude field; empty if it has none.",
+    ),
+    Parameter(
+        "amplitude_unit",
+        "linear",
+        "linear: an envelope in units of the noise's standard deviation a quadrature; db: an SNR.",
+        choices=("linear", "db"),
+    ),
+    Parameter("amplitude_offset_db", 0.0, "Added to every amplitude, dB.", -300.0, 300.0),
+    Parameter(
+        "azimuth_convention",
+        "enu_ccw",
+        "enu_ccw: from the sensor's x axis, counter-clockwise; compass_cw: from north, clockwise.",
+        choices=("enu_ccw", "compass_cw"),
+    ),
+)
+
+CLASS = (
+    Parameter(
+        "snr_band_db", [10.0, 50.0], "Lowest and highest mean SNR, dB.", -100.0, 200.0, length=2
+    ),
+    Parameter("motions", ["cv", "ct"], "Motion models the class uses."),
+    Parameter(
+        "mode_transition",
+        [0.8, 0.2, 0.2, 0.8],
+        "Motion now to motion an interval later, row by row.",
+        0.0,
+        1.0,
+    ),
+    Parameter("survival_probability", 0.99, "Probability to live on for an interval.", SMALL, 1.0),
+)
+
+MOTION = (
+    Parameter(
+        "model",
+        "constant_velocity",
+        "Motion model.",
+        choices=("constant_velocity", "coordinated_turn"),
+    ),
+    Parameter("noise_density", 1.0, "Spectral density of the acceleration, m^2/s^3.", SMALL),
+    Parameter(
+        "turn_noise_density", 1e-5, "Spectral density of the turn acceleration, rad^2/s^3.", 1e-15
+    ),
+)
+
+BIRTH = (
+    Parameter("position", [0.0, 0.0], "Mean in the world frame, m.", length=2),
+    Parameter("velocity", [0.0, 0.0], "Mean in the world frame, m/s.", length=2),
+    Parameter("position_std", 200.0, "m.", SMALL),
+    Parameter("velocity_std", 40.0, "m/s.", SMALL),
+    Parameter("turn_rate_std", 1e-3, "rad/s.", SMALL),
+    Parameter(
+        "rates", [0.005, 0.005], "Expected births an interval, a number for each class.", 0.0, 1e3
+    ),
+)
+
+GROUPS: dict[str, tuple[Parameter, ...]] = {
+    "radars": RADAR,
+    "classes": CLASS,
+    "motions": MOTION,
+    "births": BIRTH,
+}
+
+# Where the reference scenario's parts differ from their group's defaults.
+REFERENCE: dict[str, Value] = {
+    "radar_1.position": [1000.0, 0.0],
+    "class_0.snr_band_db": [30.0, 50.0],
+    "class_1.snr_band_db": [10.0, 30.0],
+    "ct.model": "coordinated_turn",
+    "start_1.position": [-10e3, 10e3],
+    "start_2.position": [-10e3, -10e3],
+    "start_3.position": [-10e3, -10.5e3],
+    "start_4.position": [1.4e3, 8e3],
+}
+
+
+def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
+    """Return every parameter that the lists of names in `given` call for, by dotted name.
+
+    Faulty lists count as their defaults; `resolve` reports them.
+    """
+    table = {parameter.name: parameter for parameter in TOP}
+    for group, members in GROUPS.items():
+        names = table[group].coerce(given.get(group, table[group].default))
+        for name in names if isinstance(names, list) else table[group].default:  # type: ignore[union-attr]
+            for member in members:
+                full = f"{name}.{member.name}"
+                default = REFERENCE.get(full, member.default)
+                table[full] = replace(member, name=full, default=default)
+    return table

@@ -1,0 +1,84 @@
+"""Systematic resampling within groups, to unique particles with a multiplicity.
+
+Contract: `allocate` says how many copies each group gets, `systematic` how many of them fall on
+each particle. Resampling particles of one class and origin among themselves only keeps a target
+that was just missed from being starved by its neighbours' mass.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .types import FloatArray, IntArray, sum_by
+
+
+def allocate(
+    mass: FloatArray, particles_per_target: int, least: int, rng: np.random.Generator
+) -> tuple[IntArray, FloatArray]:
+    """Return the number of copies and the weight of a copy for every group.
+
+    Parameters
+    ----------
+    mass : array of shape (G,)
+        Weight of each group, in targets.
+    particles_per_target : int
+    least : int
+        Groups of at least ``1 / particles_per_target`` targets get no fewer than this.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    count : int array of shape (G,)
+    weight : array of shape (G,)
+        Weight of one copy, so that the expected mass of every group is kept: groups too small
+        for a particle survive by lot, with the weight of one.
+    """
+    wanted = mass * particles_per_target
+    lucky = rng.random(len(mass)) < wanted
+    count = np.where(wanted < 1.0, lucky, np.maximum(np.rint(wanted), float(least))).astype(
+        np.int64
+    )
+    weight = np.where(wanted < 1.0, 1.0 / particles_per_target, mass / np.maximum(count, 1))
+    return count, weight
+
+
+def systematic(
+    weight: FloatArray, group: IntArray, count: IntArray, rng: np.random.Generator
+) -> IntArray:
+    """Return how many copies each particle gets, by one systematic comb a group.
+
+    Parameters
+    ----------
+    weight : array of shape (N,)
+        Non-negative; particles sorted by group.
+    group : int array of shape (N,)
+        Ascending, 0 to G - 1.
+    count : int array of shape (G,)
+        Copies to draw in each group.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    copies : int array of shape (N,)
+        Sums to `count` in every group; expectation proportional to `weight`.
+    """
+    if len(weight) == 0:
+        return np.zeros(0, dtype=np.int64)
+    mass = sum_by(group, weight, len(count))
+    offset = rng.random(len(count))
+    expected = weight * (count / np.where(mass > 0.0, mass, 1.0))[group]
+    running = np.cumsum(expected)
+    last = np.append(np.flatnonzero(np.diff(group)), len(group) - 1)
+    base = np.zeros(len(count))
+    base[group[last]] = running[last]
+    base = np.concatenate([[0.0], base[:-1]])
+    within = running - np.maximum.accumulate(base)[group]
+    # The comb's teeth stand at offset, offset + 1, ...: count those passed so far. Rounding must
+    # not decide whether the group's last tooth is hit, so the last particle passes them all.
+    passed = np.ceil(within - offset[group])
+    passed = np.clip(passed, 0.0, count[group])
+    passed[last] = count[group[last]]
+    previous = np.concatenate([[0.0], passed[:-1]])
+    previous[np.append(0, last[:-1] + 1)] = 0.0
+    copies: IntArray = (passed - previous).astype(np.int64)
+    return copies

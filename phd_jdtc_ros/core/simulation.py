@@ -1,0 +1,162 @@
+"""Simulated targets and radars: the reference scenario and others of its kind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .motion import POSITION, STATE_SIZE, VELOCITY
+from .radar import RadarModel, wrap_angle
+from .types import Detections, FloatArray, IntArray, Scan, read_only
+
+
+@dataclass(frozen=True)
+class TargetScript:
+    """One target that moves straight at constant velocity.
+
+    Parameters
+    ----------
+    class_id : int
+    snr : float
+        Mean signal-to-noise ratio, linear.
+    position : tuple of two floats
+        At its first scan, world frame, metres.
+    velocity : tuple of two floats
+        Metres per second.
+    first_scan, last_scan : int
+        The scans it lives, both included.
+    """
+
+    class_id: int
+    snr: float
+    position: tuple[float, float]
+    velocity: tuple[float, float]
+    first_scan: int
+    last_scan: int
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What to simulate.
+
+    Parameters
+    ----------
+    start_ns : int
+        Stamp of scan 0; not zero, as no real stamp is.
+    interval_s : float
+    scans : int
+    targets : tuple of TargetScript
+    radars : tuple of RadarModel
+    """
+
+    start_ns: int
+    interval_s: float
+    scans: int
+    targets: tuple[TargetScript, ...]
+    radars: tuple[RadarModel, ...]
+
+    def stamp_ns(self, scan: int) -> int:
+        """Return the stamp of a scan in nanoseconds."""
+        return self.start_ns + round(scan * self.interval_s * 1e9)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The targets that exist at one stamp.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    state : array of shape (T, D)
+    track_id : int array of shape (T,)
+        Counted from 1 in the order of the scenario.
+    class_id : int array of shape (T,)
+    """
+
+    stamp_ns: int
+    state: FloatArray
+    track_id: IntArray
+    class_id: IntArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "state", read_only(self.state))
+        for name in ("track_id", "class_id"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+
+
+def truth_at(scenario: Scenario, scan: int) -> Truth:
+    """Return the scenario's targets at a scan."""
+    alive = [
+        (number, target)
+        for number, target in enumerate(scenario.targets, start=1)
+        if target.first_scan <= scan <= target.last_scan
+    ]
+    state = np.zeros((len(alive), STATE_SIZE))
+    for row, (_, target) in zip(state, alive, strict=True):
+        elapsed = (scan - target.first_scan) * scenario.interval_s
+        row[list(POSITION)] = np.asarray(target.position) + elapsed * np.asarray(target.velocity)
+        row[list(VELOCITY)] = target.velocity
+    return Truth(
+        stamp_ns=scenario.stamp_ns(scan),
+        state=state,
+        track_id=np.array([number for number, _ in alive], dtype=np.int64),
+        class_id=np.array([target.class_id for _, target in alive], dtype=np.int64),
+    )
+
+
+def detect(
+    truth: Truth, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
+) -> Detections:
+    """Return one radar's detections of `truth` among its clutter, in random order.
+
+    Parameters
+    ----------
+    truth : Truth
+        T targets.
+    snr : array of shape (T,)
+        Linear.
+    radar : RadarModel
+    rng : numpy.random.Generator
+
+    Notes
+    -----
+    Target envelopes are Rayleigh with sigma^2 = 1 + d, clutter envelopes with sigma^2 = 1; both
+    are reported only above the radar's threshold. The clutter rate is that of reported ones.
+    """
+    exact = radar.measure(truth.state)
+    envelope = rng.rayleigh(np.sqrt(1.0 + snr))
+    noisy = exact + rng.standard_normal(exact.shape) * radar.noise_std
+    seen = (envelope > radar.threshold) & (exact[:, 0] <= radar.max_range)
+    count = rng.poisson(radar.clutter_rate)
+    clutter = np.stack(
+        [
+            rng.uniform(0.0, radar.clutter_max_range, count),
+            rng.uniform(-np.pi, np.pi, count),
+        ],
+        axis=1,
+    )
+    # The Rayleigh law is memoryless in its square, so the tail above tau is exact.
+    tail = np.sqrt(radar.threshold**2 + 2.0 * rng.standard_exponential(count))
+    measurement = np.concatenate([noisy[seen], clutter])
+    measurement[:, 0] = np.abs(measurement[:, 0])
+    measurement[:, 1] = wrap_angle(measurement[:, 1])
+    order = rng.permutation(len(measurement))
+    return Detections(
+        measurement=measurement[order],
+        amplitude=np.concatenate([envelope[seen], tail])[order],
+    )
+
+
+def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:
+    """Return the truth and the scan of every stamp; the same for the same seed."""
+    rng = np.random.default_rng(seed)
+    snr_of = np.array([target.snr for target in scenario.targets])
+    run = []
+    for index in range(scenario.scans):
+        truth = truth_at(scenario, index)
+        detections = tuple(
+            detect(truth, snr_of[truth.track_id - 1], radar, rng) for radar in scenario.radars
+        )
+        run.append((truth, Scan(truth.stamp_ns, detections)))
+    return run

@@ -1,0 +1,216 @@
+"""Values that travel through the tracker: scans in, particle intensities, estimates out.
+
+Every type is frozen and its arrays are read-only, so a value that one stage has handed on can be
+kept by another (the fixed-lag window keeps many) without a copy.
+
+Dimension letters, the same everywhere: N particles, M detections, J detection components,
+T targets, O modes, C classes, D state, Z measurement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+# scipy ships no type information; the alias says what is meant.
+SparseArray = Any
+
+
+def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
+    """Return `array` as a contiguous array of `dtype` that refuses assignment.
+
+    An array of the right kind is not copied; the flag is set on a view of it.
+    """
+    view = np.ascontiguousarray(array, dtype=dtype).view()
+    view.flags.writeable = False
+    return view
+
+
+def sum_by(index: IntArray, weight: FloatArray, size: int) -> FloatArray:
+    """Return the sums of `weight` over equal `index`, shape (size,)."""
+    total: FloatArray = np.bincount(index, weights=weight, minlength=size).astype(np.float64)
+    return total
+
+
+@dataclass(frozen=True)
+class Detections:
+    """What one radar reports in one scan, in that radar's own frame.
+
+    Parameters
+    ----------
+    measurement : array of shape (M, Z)
+        For the polar radar Z = 2: range in metres, azimuth in radians counter-clockwise from the
+        sensor's x axis.
+    amplitude : array of shape (M,) or None
+        Linear envelope in units of the noise's per-quadrature standard deviation. None when the
+        radar reports no amplitude: the class likelihood is then neutral.
+    """
+
+    measurement: FloatArray
+    amplitude: FloatArray | None
+
+    def __post_init__(self) -> None:
+        measurement = read_only(self.measurement)
+        if measurement.ndim != 2:
+            raise ValueError(f"measurement: expected shape (M, Z), got {measurement.shape}")
+        object.__setattr__(self, "measurement", measurement)
+        if self.amplitude is not None:
+            amplitude = read_only(self.amplitude)
+            if amplitude.shape != measurement.shape[:1]:
+                raise ValueError(
+                    f"amplitude: expected shape {measurement.shape[:1]}, got {amplitude.shape}"
+                )
+            object.__setattr__(self, "amplitude", amplitude)
+
+    def __len__(self) -> int:
+        return len(self.measurement)
+
+
+@dataclass(frozen=True)
+class Scan:
+    """All detections that carry one stamp.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        Time of the scan in nanoseconds.
+    detections : tuple of (Detections or None), one entry a radar, in the configured order
+        None where that radar did not report this stamp: it is not updated with, which is not
+        the same as a report of zero detections.
+    """
+
+    stamp_ns: int
+    detections: tuple[Detections | None, ...]
+
+
+@dataclass(frozen=True)
+class ParticlePHD:
+    """A particle approximation of the intensity over (state, class, motion mode).
+
+    The weight of a particle is split into the part that no detection explains and one part for
+    every detection (the Poisson part and the Bernoulli components of the posterior after an
+    update): ``weight = unexplained + explained.sum(axis=1)``.
+
+    Parameters
+    ----------
+    state : array of shape (N, D)
+        In the world frame; metres, metres per second, radians per second.
+    mode : int array of shape (N,)
+        Flat index into the mode space.
+    origin : int array of shape (N,)
+        Which birth term at which scan founded the particle's ancestry.
+    parent : int array of shape (N,)
+        Row of the ancestor in the stored set of the scan before; -1 for a birth.
+    multiplicity : int array of shape (N,)
+        How many equal copies the row stands for.
+    unexplained : array of shape (N,)
+        Weight that no detection explains.
+    explained : sparse array of shape (N, J)
+        Weight that detection j explains.
+    """
+
+    state: FloatArray
+    mode: IntArray
+    origin: IntArray
+    parent: IntArray
+    multiplicity: IntArray
+    unexplained: FloatArray
+    explained: SparseArray
+
+    def __post_init__(self) -> None:
+        for name in ("state", "unexplained"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        for name in ("mode", "origin", "parent", "multiplicity"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """Total weight of each particle, shape (N,); sums to the expected number of targets."""
+        explained = np.asarray(self.explained.sum(axis=1)).ravel()
+        total: FloatArray = read_only(self.unexplained + explained)
+        return total
+
+    @property
+    def effective_sample_size(self) -> float:
+        """Number of equally weighted copies that would be as informative."""
+        square = float((self.weight**2 / np.maximum(self.multiplicity, 1)).sum())
+        return float(self.weight.sum()) ** 2 / square if square > 0.0 else 0.0
+
+    def class_mass(self, class_of: IntArray, classes: int) -> FloatArray:
+        """Return the expected number of targets of each class, shape (C,).
+
+        Parameters
+        ----------
+        class_of : int array of shape (O,)
+            Class of each flat mode.
+        classes : int
+        """
+        return sum_by(class_of[self.mode], self.weight, classes)
+
+    @staticmethod
+    def empty(state_size: int) -> ParticlePHD:
+        """Return an intensity of no targets."""
+        none = np.zeros(0, dtype=np.int64)
+        return ParticlePHD(
+            state=np.zeros((0, state_size)),
+            mode=none,
+            origin=none,
+            parent=none,
+            multiplicity=none,
+            unexplained=np.zeros(0),
+            explained=sparse.csr_array((0, 0)),
+        )
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """Targets extracted from an intensity.
+
+    Parameters
+    ----------
+    stamp_ns : int
+        The time of the states.
+    lag : int
+        How many later scans the estimates have seen; 0 for filtered ones.
+    state : array of shape (T, D)
+    covariance : array of shape (T, D, D)
+    weight : array of shape (T,)
+        Mass of the component: the probability that the target exists, up to the PHD's bias.
+    class_probability : array of shape (T, C)
+    class_id : int array of shape (T,)
+    track_id : int array of shape (T,)
+        0 means unlabelled.
+    """
+
+    stamp_ns: int
+    lag: int
+    state: FloatArray
+    covariance: FloatArray
+    weight: FloatArray
+    class_probability: FloatArray
+    class_id: IntArray
+    track_id: IntArray
+
+    def __post_init__(self) -> None:
+        for name in ("state", "covariance", "weight", "class_probability"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        for name in ("class_id", "track_id"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    @property
+    def unresolved(self) -> int:
+        """Number of estimates whose mass says that they stand for two targets."""
+        return int(np.count_nonzero(self.weight > 1.5))

@@ -1,0 +1,46 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = "phd_jdtc_ros"
+EXECUTABLES = ("sensor_replay", "tracker", "evaluator", "track_bag", "simulate", "report")
+
+# The parts of ROS 2 that are on PyPI. A ROS installation brings its own, so they are an extra.
+ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "msg_adapters"]),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/launch", glob("launch/*.py")),
+        (f"share/{PACKAGE}/config", glob("config/*.yaml")),
+        (f"share/{PACKAGE}/bags/paper_scenario", glob("bags/paper_scenario/*")),
+    ],
+    python_requires=">=3.10",
+    install_requires=[
+        "setuptools",
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "matplotlib>=3.6",
+        "mcap>=1.1",
+        "mcap-ros2-support>=0.5",
+        "pyyaml>=6",
+        "rich>=13",
+    ],
+    extras_require={
+        "ros": ROS_WHEELS,
+        "test": ["pytest", "pytest-timeout", "hypothesis", "rosbags"],
+        "dev": ["ruff", "mypy", "types-PyYAML", "pre-commit"],
+    },
+    zip_safe=True,
+    maintainer="Seed a9b9ba5d maintainers",
+    maintainer_email="maintainers@users.noreply.h-seed-a9b9ba5d.example",
+    description="Live multi-sensor joint detection, tracking and classification by PHD smoothing",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [f"{name} = {PACKAGE}.__main__:{name}" for name in EXECUTABLES],
+    },
+)
