@@ -1,0 +1,1 @@
+"""Looking at runs: records read from bags, figures, reports."""
