@@ -33,6 +33,9 @@ from .smoother import DEATH_TERMS
 from .spawn import SpawnModel
 from .types import FloatArray
 
+# Stamps that jump back further than this are a new run.
+RESET_THRESHOLD_SCANS = 3.0
+
 
 class ConfigError(ValueError):
     """Every fault of a configuration at once.
@@ -99,6 +102,11 @@ class TrackerConfig:
     model: TrackerModel
     budget: ParticleBudget
     lag: Lag
+
+    @property
+    def reset_threshold_s(self) -> float:
+        """How far back stamps must jump to be a new run, seconds."""
+        return RESET_THRESHOLD_SCANS * self.model.modes.interval_s
 
     def engine(self) -> FixedLagSmoother:
         """Return a new tracker."""

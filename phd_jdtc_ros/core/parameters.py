@@ -40,6 +40,8 @@ class Parameter:
         Allowed strings; empty for any.
     length : int or None
         Required length of a list.
+    element : type
+        Of a list: float or str.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Parameter:
     high: float = INFINITY
     choices: tuple[str, ...] = ()
     length: int | None = None
+    element: type = float
 
     @property
     def allowed(self) -> str:
@@ -59,7 +62,7 @@ class Parameter:
             return "true or false"
         if isinstance(self.default, str):
             return "a string"
-        if isinstance(self.default, list) and (self.default and isinstance(self.default[0], str)):
+        if isinstance(self.default, list) and self.element is str:
             return "a list of names, none twice"
         noun = "a whole number" if isinstance(self.default, int) else "a finite number"
         if isinstance(self.default, list):
@@ -100,7 +103,7 @@ class Parameter:
         entries = list(value)
         if self.length is not None and len(entries) != self.length:
             return None
-        if self.default and isinstance(self.default, list) and isinstance(self.default[0], str):
+        if self.element is str:
             valid = all(isinstance(entry, str) and entry for entry in entries)
             return entries if valid and len(set(entries)) == len(entries) else None
         numbers = [Parameter("", 0.0, "", self.low, self.high).coerce(entry) for entry in entries]
@@ -111,10 +114,20 @@ SMALL = 1e-9
 
 TOP = (
     Parameter("world_frame", "map", "Frame of the estimates (ENU, metres)."),
-    Parameter("radars", ["radar_1", "radar_2"], "Names of the radars, in the order of updates."),
-    Parameter("classes", ["class_0", "class_1"], "Names of the target classes."),
-    Parameter("motions", ["cv", "ct"], "Names of the motion models."),
-    Parameter("births", ["start_1", "start_2", "start_3", "start_4"], "Names of the birth terms."),
+    Parameter(
+        "radars",
+        ["radar_1", "radar_2"],
+        "Names of the radars, in the order of updates.",
+        element=str,
+    ),
+    Parameter("classes", ["class_0", "class_1"], "Names of the target classes.", element=str),
+    Parameter("motions", ["cv", "ct"], "Names of the motion models.", element=str),
+    Parameter(
+        "births",
+        ["start_1", "start_2", "start_3", "start_4"],
+        "Names of the birth terms.",
+        element=str,
+    ),
     Parameter(
         "interval_s",
         6.0,
@@ -210,7 +223,7 @@ CLASS = (
     Parameter(
         "snr_band_db", [10.0, 50.0], "Lowest and highest mean SNR, dB.", -100.0, 200.0, length=2
     ),
-    Parameter("motions", ["cv", "ct"], "Motion models the class uses."),
+    Parameter("motions", ["cv", "ct"], "Motion models the class uses.", element=str),
     Parameter(
         "mode_transition",
         [0.8, 0.2, 0.2, 0.8],

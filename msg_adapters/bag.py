@@ -1,0 +1,309 @@
+"""rosbag2 bags in MCAP: written so that rosbag2 takes them for its own, read with care."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import yaml
+from mcap.reader import make_reader
+from mcap.records import Statistics
+from mcap.writer import CompressionType, Writer
+
+from . import interfaces
+
+_METADATA = "metadata.yaml"
+_ENDLESS = {"sec": 9223372036, "nsec": 854775807}
+ROS_DISTRO = "jazzy"
+
+
+class BagError(Exception):
+    """A bag that cannot be used; one line that says which and why.
+
+    Attributes
+    ----------
+    corrupt : bool
+        The file is damaged, rather than missing or of another kind.
+    """
+
+    def __init__(self, message: str, corrupt: bool = False) -> None:
+        super().__init__(message)
+        self.corrupt = corrupt
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A recorded topic.
+
+    Parameters
+    ----------
+    name : str
+    type_name : str
+        Such as ``sensor_msgs/msg/PointCloud2``.
+    depth : int
+        History depth it was offered with.
+    transient_local : bool
+    """
+
+    name: str
+    type_name: str
+    depth: int = 10
+    transient_local: bool = False
+
+    @property
+    def offered_qos(self) -> list[dict[str, Any]]:
+        """The offered profile, as rosbag2 writes it."""
+        return [
+            {
+                "history": "keep_last",
+                "depth": self.depth,
+                "reliability": "reliable",
+                "durability": "transient_local" if self.transient_local else "volatile",
+                "deadline": _ENDLESS,
+                "lifespan": _ENDLESS,
+                "liveliness": "automatic",
+                "liveliness_lease_duration": _ENDLESS,
+                "avoid_ros_namespace_conventions": False,
+            }
+        ]
+
+
+@dataclass(frozen=True)
+class BagMessage:
+    """One recorded message.
+
+    Parameters
+    ----------
+    topic : str
+    log_time_ns : int
+    data : bytes
+        CDR.
+    """
+
+    topic: str
+    log_time_ns: int
+    data: bytes
+
+
+class BagWriter:
+    """Writes a bag: a directory with one uncompressed MCAP file and its metadata.
+
+    Use it as a context manager; the bag is complete when the block ends.
+
+    Parameters
+    ----------
+    directory : Path
+        Made here; must not exist.
+
+    Raises
+    ------
+    BagError
+        If it exists or cannot be made.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._file_name = f"{directory.name}_0.mcap"
+        try:
+            directory.mkdir(parents=True)
+            self._stream: BinaryIO = (directory / self._file_name).open("wb")
+        except FileExistsError:
+            raise BagError(f"{directory}: already exists, a bag is not overwritten") from None
+        except OSError as error:
+            raise BagError(f"{directory}: cannot be written: {error.strerror}") from None
+        self._writer = Writer(self._stream, compression=CompressionType.NONE)
+        # The library's version is left out: bytes must depend on the content only.
+        self._writer.start(profile="ros2", library="phd_jdtc_ros")
+        self._channels: dict[str, int] = {}
+        self._topics: dict[str, Topic] = {}
+        self._schemas: dict[str, int] = {}
+        self._counts: Counter[str] = Counter()
+        self._first_ns: int | None = None
+        self._last_ns = 0
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def add_topic(self, topic: Topic) -> None:
+        """Declare a topic; messages can be written to it from now on."""
+        if topic.type_name not in self._schemas:
+            self._schemas[topic.type_name] = self._writer.register_schema(
+                topic.type_name, "ros2msg", interfaces.definition(topic.type_name).encode()
+            )
+        self._channels[topic.name] = self._writer.register_channel(
+            topic=topic.name,
+            message_encoding="cdr",
+            schema_id=self._schemas[topic.type_name],
+            metadata={
+                "offered_qos_profiles": yaml.safe_dump(topic.offered_qos, sort_keys=False),
+                "topic_type_hash": interfaces.type_hash(topic.type_name),
+            },
+        )
+        self._topics[topic.name] = topic
+
+    def write(self, topic: str, data: bytes, log_time_ns: int) -> None:
+        """Write one message's CDR bytes."""
+        self._writer.add_message(
+            channel_id=self._channels[topic],
+            log_time=log_time_ns,
+            publish_time=log_time_ns,
+            sequence=self._counts[topic],
+            data=data,
+        )
+        self._counts[topic] += 1
+        first = self._first_ns
+        self._first_ns = log_time_ns if first is None else min(first, log_time_ns)
+        self._last_ns = max(self._last_ns, log_time_ns)
+
+    def close(self) -> None:
+        """Finish the file and write the metadata."""
+        self._writer.finish()
+        self._stream.close()
+        text = yaml.safe_dump(self._metadata(), sort_keys=False)
+        (self._directory / _METADATA).write_text(text)
+
+    def _metadata(self) -> dict[str, Any]:
+        start = {"nanoseconds_since_epoch": self._first_ns or 0}
+        duration = {"nanoseconds": self._last_ns - (self._first_ns or 0)}
+        total = sum(self._counts.values())
+        return {
+            "rosbag2_bagfile_information": {
+                "version": 9,
+                "storage_identifier": "mcap",
+                "duration": duration,
+                "starting_time": start,
+                "message_count": total,
+                "topics_with_message_count": [
+                    {
+                        "topic_metadata": {
+                            "name": topic.name,
+                            "type": topic.type_name,
+                            "serialization_format": "cdr",
+                            "offered_qos_profiles": topic.offered_qos,
+                            "type_description_hash": interfaces.type_hash(topic.type_name),
+                        },
+                        "message_count": self._counts[topic.name],
+                    }
+                    for topic in self._topics.values()
+                ],
+                "compression_format": "",
+                "compression_mode": "",
+                "relative_file_paths": [self._file_name],
+                "files": [
+                    {
+                        "path": self._file_name,
+                        "starting_time": start,
+                        "duration": duration,
+                        "message_count": total,
+                    }
+                ],
+                "custom_data": None,
+                "ros_distro": ROS_DISTRO,
+            }
+        }
+
+
+class BagReader:
+    """Reads a bag: a rosbag2 directory with one MCAP file, or such a file alone.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    BagError
+        If there is no such bag, or its summary cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = _mcap_file(path)
+        with self._guard(), self._file.open("rb") as stream:
+            summary = make_reader(stream, validate_crcs=True).get_summary()
+        if summary is None or summary.statistics is None:
+            raise BagError(f"{self._file}: has no summary, it is truncated", corrupt=True)
+        statistics: Statistics = summary.statistics
+        self.message_count = statistics.message_count
+        self.start_ns = statistics.message_start_time
+        self.end_ns = statistics.message_end_time
+        self.types: dict[str, str] = {}
+        self.counts: Counter[str] = Counter()
+        for channel in summary.channels.values():
+            schema = summary.schemas.get(channel.schema_id)
+            if channel.message_encoding == "cdr" and schema is not None:
+                self.types[channel.topic] = schema.name
+                count = statistics.channel_message_counts.get(channel.id, 0)
+                self.counts[channel.topic] += count
+
+    def require(self, needed: Mapping[str, str]) -> None:
+        """Check that topics are there and of the type they should have.
+
+        Raises
+        ------
+        BagError
+            Naming every topic that is not, with its type.
+        """
+        wrong = [
+            f"{topic} is {self.types.get(topic, 'missing')}, must be {wanted}"
+            for topic, wanted in needed.items()
+            if self.types.get(topic) != wanted
+        ]
+        if wrong:
+            raise BagError(f"{self.path}: {'; '.join(wrong)}")
+
+    def messages(self, topics: list[str] | None = None) -> Iterator[BagMessage]:
+        """Yield the messages of `topics` (all if None) in order of log time.
+
+        Raises
+        ------
+        BagError
+            When a damaged part is reached.
+        """
+        with self._guard(), self._file.open("rb") as stream:
+            reader = make_reader(stream, validate_crcs=True)
+            for _, channel, message in reader.iter_messages(topics=topics):
+                yield BagMessage(channel.topic, message.log_time, message.data)
+
+    def _guard(self) -> _CorruptionGuard:
+        return _CorruptionGuard(self._file)
+
+
+class _CorruptionGuard:
+    """Turns whatever the MCAP reader raises on damaged bytes into one `BagError`.
+
+    A dozen kinds of exception come out of it, among them struct, zlib, Unicode and key errors.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: type | None, error: BaseException | None, _: object) -> None:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise BagError(f"{self._path}: cannot be read: {error.strerror}") from error
+        if isinstance(error, Exception) and not isinstance(error, BagError):
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise BagError(f"{self._path}: is damaged: {reason}", corrupt=True) from error
+
+
+def _mcap_file(path: Path) -> Path:
+    """Return the MCAP file of a bag."""
+    if path.is_file():
+        if path.suffix != ".mcap":
+            raise BagError(f"{path}: is not an MCAP file")
+        return path
+    if not path.is_dir():
+        raise BagError(f"{path}: no such bag")
+    files = sorted(path.glob("*.mcap"))
+    if len(files) != 1:
+        raise BagError(f"{path}: holds {len(files)} MCAP files, must hold one")
+    return files[0]

@@ -1,0 +1,59 @@
+"""Figures as DiagnosticArray: scores, cardinality, health."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from phd_jdtc_ros.core.evaluation import ScanScore
+
+from . import stamps
+
+
+def status(
+    name: str, values: Mapping[str, object], level: bytes = DiagnosticStatus.OK, message: str = ""
+) -> DiagnosticStatus:
+    """Return a status; floats are written so that they read back exactly."""
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        message=message,
+        hardware_id="",
+        values=[
+            KeyValue(key=key, value=repr(float(v)) if isinstance(v, float) else str(v))
+            for key, v in values.items()
+        ],
+    )
+
+
+def array(stamp_ns: int, statuses: list[DiagnosticStatus]) -> DiagnosticArray:
+    """Return an array of statuses."""
+    return DiagnosticArray(header=stamps.header(stamp_ns, ""), status=statuses)
+
+
+def values_of(message: DiagnosticStatus) -> dict[str, str]:
+    """Return a status's key-value pairs."""
+    return {pair.key: pair.value for pair in message.values}
+
+
+def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArray:
+    """Return a scan's OSPA: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
+    return array(
+        score.stamp_ns,
+        [
+            status(
+                f"{score.source}/{key}",
+                {
+                    "ospa": entry.ospa.distance,
+                    "localization": entry.ospa.localization,
+                    "cardinality": entry.ospa.cardinality,
+                    "n_true": entry.n_true,
+                    "n_est": entry.n_est,
+                    "cutoff": cutoff,
+                    "order": order,
+                },
+            )
+            for key, entry in score.scores.items()
+        ],
+    )

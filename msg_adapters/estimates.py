@@ -1,0 +1,107 @@
+"""Estimates to and from point clouds, and to pose arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
+from sensor_msgs.msg import PointCloud2
+
+from phd_jdtc_ros.core.motion import OMEGA, STATE_SIZE, VX, VY, X, Y
+from phd_jdtc_ros.core.types import Estimates
+
+from . import point_cloud, stamps
+from .errors import RejectedMessageError
+
+_UPPER = tuple(zip(*np.triu_indices(STATE_SIZE), strict=True))
+_COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
+_STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
+
+
+def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
+    """Return the cloud of one set of estimates, empty or not.
+
+    Fields are ``x y z vx vy vz omega weight`` (FLOAT32), ``track_id class_id lag`` (UINT32),
+    ``p_class_0 ...`` and the 15 terms ``cov_00 cov_01 ... cov_44`` of the covariance's upper
+    triangle in the order x, vx, y, vy, omega (FLOAT32).
+    """
+    state, zero = estimates.state, np.zeros(len(estimates))
+    columns = {
+        "x": state[:, X],
+        "y": state[:, Y],
+        "z": zero,
+        "vx": state[:, VX],
+        "vy": state[:, VY],
+        "vz": zero,
+        "omega": state[:, OMEGA],
+        "weight": estimates.weight,
+        "track_id": estimates.track_id,
+        "class_id": estimates.class_id,
+        "lag": np.full(len(estimates), estimates.lag),
+    }
+    for index in range(estimates.class_probability.shape[1]):
+        columns[f"p_class_{index}"] = estimates.class_probability[:, index]
+    for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
+        columns[name] = estimates.covariance[:, row, column]
+    return point_cloud.encode(estimates.stamp_ns, frame, columns)
+
+
+def class_count(cloud: PointCloud2) -> int:
+    """Return the number of classes that a cloud of estimates carries probabilities for."""
+    return sum(name.startswith("p_class_") for name in point_cloud.field_names(cloud))
+
+
+def from_msg(cloud: PointCloud2) -> Estimates:
+    """Return the estimates of a cloud; the lag of an empty one is 0.
+
+    Raises
+    ------
+    RejectedMessageError
+        See `point_cloud.decode`.
+    """
+    classes = [f"p_class_{index}" for index in range(class_count(cloud))]
+    if not classes:
+        raise RejectedMessageError("schema", "field 'p_class_0' is missing")
+    floats = [name for name, _ in _STATE] + ["weight", *classes, *_COVARIANCE]
+    columns = point_cloud.decode(
+        cloud,
+        dict.fromkeys(floats, point_cloud.FLOATS)
+        | dict.fromkeys(("track_id", "class_id", "lag"), point_cloud.UNSIGNED),
+    )
+    size = len(columns["x"])
+    state = np.zeros((size, STATE_SIZE))
+    for name, index in _STATE:
+        state[:, index] = columns[name]
+    covariance = np.zeros((size, STATE_SIZE, STATE_SIZE))
+    for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
+        covariance[:, row, column] = covariance[:, column, row] = columns[name]
+    return Estimates(
+        stamp_ns=stamps.to_ns(cloud.header.stamp),
+        lag=int(columns["lag"][0]) if size else 0,
+        state=state,
+        covariance=covariance,
+        weight=columns["weight"].astype(np.float64),
+        class_probability=np.stack([columns[name] for name in classes], axis=1),
+        class_id=columns["class_id"].astype(np.int64),
+        track_id=columns["track_id"].astype(np.int64),
+    )
+
+
+def heading(vx: float, vy: float) -> Quaternion:
+    """Return the orientation of something that moves along (vx, vy)."""
+    half = 0.5 * float(np.arctan2(vy, vx))
+    return Quaternion(x=0.0, y=0.0, z=float(np.sin(half)), w=float(np.cos(half)))
+
+
+def to_pose_array(estimates: Estimates, class_id: int, frame: str) -> PoseArray:
+    """Return the poses of the estimates of one class, facing where they move."""
+    rows = estimates.state[estimates.class_id == class_id]
+    return PoseArray(
+        header=stamps.header(estimates.stamp_ns, frame),
+        poses=[
+            Pose(
+                position=Point(x=float(row[X]), y=float(row[Y]), z=0.0),
+                orientation=heading(row[VX], row[VY]),
+            )
+            for row in rows
+        ],
+    )

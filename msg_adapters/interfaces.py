@@ -1,0 +1,97 @@
+"""What bags must know of message types: class, definition text, type hash, stable bytes.
+
+Definitions and hashes are read from the installed interface packages, as rosbag2 does, so they
+are those of the ROS that runs.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from mcap_ros2._dynamic import serialize_dynamic
+from rclpy.serialization import deserialize_message
+
+from .errors import RejectedMessageError
+
+_SEPARATOR = "=" * 80
+
+
+@cache
+def message_class(type_name: str) -> Any:
+    """Return the message class of a type name such as ``sensor_msgs/msg/PointCloud2``."""
+    package, _, name = type_name.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)
+
+
+def type_name(message_type: Any) -> str:
+    """Return the type name of a message class."""
+    package = message_type.__module__.split(".")[0]
+    return f"{package}/msg/{message_type.__name__}"
+
+
+def _share_file(type_name: str, suffix: str) -> Path:
+    """Return a file of a type in its package's share directory.
+
+    Wheels and ROS installations both keep ``share`` beside the ``lib`` that holds the package;
+    the ament index is not needed, and is not set up by the wheels.
+    """
+    package, _, name = type_name.split("/")
+    home = Path(importlib.import_module(package).__path__[0])
+    relative = Path("share", package, "msg", name + suffix)
+    for parent in home.parents:
+        if (parent / relative).is_file():
+            return parent / relative
+    raise FileNotFoundError(f"{relative} is in none of the directories above {home}")
+
+
+@cache
+def type_hash(type_name: str) -> str:
+    """Return the RIHS01 hash of a type."""
+    description = json.loads(_share_file(type_name, ".json").read_text())
+    hashes = {entry["type_name"]: entry["hash_string"] for entry in description["type_hashes"]}
+    return str(hashes[type_name])
+
+
+@cache
+def definition(type_name: str) -> str:
+    """Return a type's definition followed by those of all types it holds, as ``ros2msg``."""
+    description = json.loads(_share_file(type_name, ".json").read_text())["type_description_msg"]
+    held = [entry["type_name"] for entry in description["referenced_type_descriptions"]]
+    parts = [_share_file(type_name, ".msg").read_text()]
+    for name in held:
+        package, _, short = name.split("/")
+        parts.append(f"MSG: {package}/{short}\n{_share_file(name, '.msg').read_text()}")
+    return f"\n{_SEPARATOR}\n".join(part.rstrip("\n") for part in parts) + "\n"
+
+
+@cache
+def _encoder(type_name: str) -> Any:
+    return serialize_dynamic(type_name, definition(type_name))[type_name]
+
+
+def encode(message: Any) -> bytes:
+    """Return a message as CDR, the same bytes every time.
+
+    The middleware's own serialisation leaves its padding uninitialised, so two equal messages
+    differ in their bytes; files that must be reproducible are written with this one.
+    """
+    encoded: bytes = _encoder(type_name(type(message)))(message)
+    return encoded
+
+
+def decode(data: bytes, type_name: str) -> Any:
+    """Return the message of a type that CDR bytes hold.
+
+    Raises
+    ------
+    RejectedMessageError
+        ``schema`` if they hold none.
+    """
+    try:
+        return deserialize_message(data, message_class(type_name))
+    except Exception as error:  # the middleware raises several kinds on foreign bytes
+        raise RejectedMessageError("schema", f"no {type_name}: {error}") from error

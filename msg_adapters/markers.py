@@ -1,0 +1,91 @@
+"""Estimates as markers that read well over a map."""
+
+from __future__ import annotations
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from phd_jdtc_ros.core.motion import POSITION, VX, VY, X, Y
+from phd_jdtc_ros.core.types import Estimates, FloatArray
+
+from . import stamps
+
+# Okabe and Ito's palette without black: told apart by the colour-blind too.
+PALETTE = (
+    (0.00, 0.45, 0.70),
+    (0.84, 0.37, 0.00),
+    (0.00, 0.62, 0.45),
+    (0.80, 0.47, 0.65),
+    (0.90, 0.62, 0.00),
+    (0.34, 0.71, 0.91),
+)
+ELLIPSE_SIGMA = 3.0
+VELOCITY_SECONDS = 10.0
+LABEL_HEIGHT = 250.0
+LINE_WIDTH = 40.0
+ELLIPSE_POINTS = 33
+
+
+def to_msg(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> MarkerArray:
+    """Return a clearing marker, then an ellipse, a velocity and a label for every estimate.
+
+    Namespaces are ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name.
+    """
+    clear = Marker(header=stamps.header(estimates.stamp_ns, frame), action=Marker.DELETEALL)
+    array = MarkerArray(markers=[clear])
+    for index, state in enumerate(estimates.state):
+        class_id = int(estimates.class_id[index])
+        colour = ColorRGBA(**dict(zip("rgb", PALETTE[class_id % len(PALETTE)], strict=True)), a=1.0)
+        name = class_names[class_id]
+        share = estimates.class_probability[index, class_id]
+        here, ahead = (
+            _point(state[X], state[Y]),
+            _point(
+                state[X] + VELOCITY_SECONDS * state[VX], state[Y] + VELOCITY_SECONDS * state[VY]
+            ),
+        )
+        base = (estimates.stamp_ns, frame, index, colour)
+        ellipse = _marker(*base, f"{name}/ellipse", Marker.LINE_STRIP)
+        ellipse.scale = Vector3(x=LINE_WIDTH, y=0.0, z=0.0)
+        ellipse.points = _ellipse(state, estimates.covariance[index])
+        velocity = _marker(*base, f"{name}/velocity", Marker.ARROW)
+        velocity.scale = Vector3(x=LINE_WIDTH, y=3.0 * LINE_WIDTH, z=3.0 * LINE_WIDTH)
+        velocity.points = [here, ahead]
+        label = _marker(*base, f"{name}/label", Marker.TEXT_VIEW_FACING)
+        label.scale = Vector3(x=0.0, y=0.0, z=LABEL_HEIGHT)
+        label.pose.position = _point(state[X], state[Y] + 2.0 * LABEL_HEIGHT)
+        label.text = f"{name} {share:.0%}"
+        array.markers += [ellipse, velocity, label]
+    return array
+
+
+def _marker(
+    stamp_ns: int, frame: str, index: int, colour: ColorRGBA, namespace: str, kind: int
+) -> Marker:
+    return Marker(
+        header=stamps.header(stamp_ns, frame),
+        ns=namespace,
+        id=index,
+        type=kind,
+        action=Marker.ADD,
+        pose=Pose(orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)),
+        color=colour,
+        lifetime=Duration(sec=0, nanosec=0),
+    )
+
+
+def _point(x: float, y: float) -> Point:
+    return Point(x=float(x), y=float(y), z=0.0)
+
+
+def _ellipse(state: FloatArray, covariance: FloatArray) -> list[Point]:
+    """Return a closed outline of the position covariance at `ELLIPSE_SIGMA`."""
+    position = list(POSITION)
+    variance, axes = np.linalg.eigh(covariance[np.ix_(position, position)])
+    turn = np.linspace(0.0, 2.0 * np.pi, ELLIPSE_POINTS)
+    circle = np.stack([np.cos(turn), np.sin(turn)])
+    outline = axes @ (np.sqrt(np.maximum(variance, 0.0))[:, None] * circle) * ELLIPSE_SIGMA
+    return [_point(state[X] + dx, state[Y] + dy) for dx, dy in outline.T]

@@ -1,0 +1,34 @@
+"""Stamps as integers: nanoseconds, exact."""
+
+from __future__ import annotations
+
+import struct
+
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
+
+NS_PER_S = 1_000_000_000
+
+
+def to_ns(stamp: Time) -> int:
+    """Return a stamp in nanoseconds."""
+    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
+
+
+def from_ns(stamp_ns: int) -> Time:
+    """Return the stamp message of a time in nanoseconds."""
+    sec, nanosec = divmod(stamp_ns, NS_PER_S)
+    return Time(sec=sec, nanosec=nanosec)
+
+
+def header(stamp_ns: int, frame: str) -> Header:
+    """Return a header."""
+    return Header(stamp=from_ns(stamp_ns), frame_id=frame)
+
+
+def of_cdr(data: bytes) -> int:
+    """Return the stamp, in nanoseconds, of a serialised message that begins with a header."""
+    # Byte 1 of the encapsulation says the byte order; the header's stamp follows at once.
+    order = "<" if data[1] & 1 else ">"
+    sec, nanosec = struct.unpack_from(order + "iI", data, 4)
+    return int(sec) * NS_PER_S + int(nanosec)

@@ -1,0 +1,54 @@
+"""Ground truth to and from point clouds."""
+
+from __future__ import annotations
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from phd_jdtc_ros.core.motion import STATE_SIZE, VX, VY, X, Y
+from phd_jdtc_ros.core.simulation import Truth
+
+from . import point_cloud, stamps
+
+_FLOATS = ("x", "y", "z", "vx", "vy", "vz")
+_IDS = ("track_id", "class_id")
+
+
+def to_msg(truth: Truth, frame: str) -> PointCloud2:
+    """Return the cloud of the targets at one stamp: ``x y z vx vy vz track_id class_id``."""
+    zero = np.zeros(len(truth.state))
+    return point_cloud.encode(
+        truth.stamp_ns,
+        frame,
+        {
+            "x": truth.state[:, X],
+            "y": truth.state[:, Y],
+            "z": zero,
+            "vx": truth.state[:, VX],
+            "vy": truth.state[:, VY],
+            "vz": zero,
+            "track_id": truth.track_id,
+            "class_id": truth.class_id,
+        },
+    )
+
+
+def from_msg(cloud: PointCloud2) -> Truth:
+    """Return the targets of a cloud.
+
+    Raises
+    ------
+    RejectedMessageError
+        See `point_cloud.decode`.
+    """
+    wanted = dict.fromkeys(_FLOATS, point_cloud.FLOATS) | dict.fromkeys(_IDS, point_cloud.UNSIGNED)
+    columns = point_cloud.decode(cloud, wanted)
+    state = np.zeros((len(columns["x"]), STATE_SIZE))
+    for index, name in ((X, "x"), (VX, "vx"), (Y, "y"), (VY, "vy")):
+        state[:, index] = columns[name]
+    return Truth(
+        stamp_ns=stamps.to_ns(cloud.header.stamp),
+        state=state,
+        track_id=columns["track_id"].astype(np.int64),
+        class_id=columns["class_id"].astype(np.int64),
+    )

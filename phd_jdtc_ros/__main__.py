@@ -1,0 +1,58 @@
+"""Start one of the package's executables: ``python -m phd_jdtc_ros NAME [ARGUMENTS]``.
+
+``ros2 run phd_jdtc_ros NAME`` comes here too.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+from functools import partial
+
+EXECUTABLES = {
+    "sensor_replay": ("phd_jdtc_ros.nodes.sensor_replay", "plays a bag's detections and truth"),
+    "tracker": ("phd_jdtc_ros.nodes.tracker", "the live node"),
+    "evaluator": ("phd_jdtc_ros.nodes.evaluator", "compares estimates with truth, live"),
+    "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
+    "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
+    "report": ("phd_jdtc_ros.tools.report", "a bag with estimates to a page and pictures"),
+    "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
+}
+
+
+def run(name: str, argv: Sequence[str] | None = None) -> int:
+    """Run an executable and return its exit status; `argv` without its name."""
+    module = importlib.import_module(EXECUTABLES[name][0])
+    status: int = module.main(sys.argv[1:] if argv is None else argv)
+    return status
+
+
+def _usage() -> str:
+    width = max(map(len, EXECUTABLES))
+    lines = [f"  {name:{width}}  {purpose}" for name, (_, purpose) in EXECUTABLES.items()]
+    return "\n".join(["usage: python -m phd_jdtc_ros NAME [ARGUMENTS]", "", *lines])
+
+
+def main() -> int:
+    """Dispatch on the first argument."""
+    if len(sys.argv) > 1 and sys.argv[1] in EXECUTABLES:
+        return run(sys.argv[1], sys.argv[2:])
+    asked = len(sys.argv) > 1 and sys.argv[1] in ("-h", "--help")
+    if len(sys.argv) > 1 and not asked:
+        print(f"unknown executable {sys.argv[1]!r}", file=sys.stderr)
+    print(_usage(), file=sys.stdout if asked else sys.stderr)
+    return 0 if asked else 2
+
+
+# Entry points for the installed scripts.
+sensor_replay = partial(run, "sensor_replay")
+tracker = partial(run, "tracker")
+evaluator = partial(run, "evaluator")
+track_bag = partial(run, "track_bag")
+simulate = partial(run, "simulate")
+report = partial(run, "report")
+demo = partial(run, "demo")
+
+if __name__ == "__main__":
+    sys.exit(main())

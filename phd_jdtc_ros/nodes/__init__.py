@@ -1,0 +1,1 @@
+"""The ROS nodes: thin, decode, step, encode, publish."""

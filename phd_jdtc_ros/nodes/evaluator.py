@@ -1,0 +1,167 @@
+"""Compares estimates with the truth, scan by scan, and reports at the end."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rich.console import Console
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import diagnostics, estimates, names, truth
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.evaluation import (
+    FILTERED,
+    SMOOTHED,
+    SOURCES,
+    Evaluation,
+    PointSet,
+    ScanScore,
+)
+from phd_jdtc_ros.core.motion import POSITION
+from phd_jdtc_ros.core.parameters import SMALL, Parameter
+from phd_jdtc_ros.exits import OK
+from phd_jdtc_ros.study.table import metrics, ospa_table
+
+from . import parameters, runtime
+from .recorder import Recorder
+
+INPUT_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+OUTPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+WARNING_PERIOD_S = 5.0
+# Once the last score is in, what else is on its way to the recording gets this long.
+LINGER_S = 0.5
+
+TABLE = (
+    Parameter("tracker", names.TRACKER, "Full name of the tracker node."),
+    Parameter("truth_topic", names.TRUTH, "Topic of the truth."),
+    Parameter("classes", 2, "Number of target classes.", 1, 1000),
+    Parameter("cutoff", 1000.0, "OSPA's c, m.", SMALL),
+    Parameter("order", 2.0, "OSPA's p.", 1.0, 100.0),
+    Parameter("report", "", "Path of the final report (JSON); none if empty."),
+    Parameter("record", "", "Directory of a bag of everything published; none if empty."),
+    Parameter(
+        "radar_topics",
+        [names.detections("radar_1"), names.detections("radar_2")],
+        "Detections to record too.",
+        element=str,
+    ),
+    Parameter(
+        "exit_after_scans",
+        0,
+        "End once this many stamps are smoothed and scored; 0 never.",
+        0,
+        10**9,
+    ),
+)
+
+
+class Evaluator(Node):
+    """Pairs estimates with truth by stamp and publishes every score."""
+
+    def __init__(self) -> None:
+        super().__init__("evaluator")
+        self._values = parameters.resolve(self, TABLE, {})
+        self.exit_status: int | None = None
+        self._evaluation = Evaluation(
+            self._values["classes"], self._values["cutoff"], self._values["order"]
+        )
+        self._step_ms: list[float] = []
+        self._complete_since: float | None = None
+        self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
+        self._recorder = self._make_recorder()
+        tracker = self._values["tracker"]
+        self.create_subscription(
+            PointCloud2, self._values["truth_topic"], self._on_truth, INPUT_QOS
+        )
+        for source in SOURCES:
+            self.create_subscription(
+                PointCloud2,
+                names.estimates(source, tracker),
+                partial(self._on_estimates, source),
+                INPUT_QOS,
+            )
+        self.create_subscription(
+            DiagnosticArray, names.cardinality(tracker), self._on_figures, INPUT_QOS
+        )
+        self.create_timer(0.1, self._check_complete)
+        self.get_logger().info("waiting for estimates and truth")
+
+    def _make_recorder(self) -> Recorder | None:
+        if not self._values["record"]:
+            return None
+        topics = {
+            **dict.fromkeys(self._values["radar_topics"], names.CLOUD),
+            self._values["truth_topic"]: names.CLOUD,
+            **names.published(self._values["classes"], self._values["tracker"]),
+        }
+        return Recorder(self, Path(self._values["record"]), topics)
+
+    def close(self) -> None:
+        """Write the report and finish the recording."""
+        if self._recorder is not None:
+            self._recorder.close()
+        summary = metrics(self._evaluation, np.array(self._step_ms))
+        if self._values["report"]:
+            path = Path(self._values["report"])
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(summary, indent=2) + "\n")
+        if summary["scans"]:
+            Console().print(ospa_table(summary))
+
+    def _on_truth(self, cloud: PointCloud2) -> None:
+        try:
+            targets = truth.from_msg(cloud)
+        except RejectedMessageError as error:
+            self._warn(f"{self._values['truth_topic']}: {error}")
+            return
+        points = PointSet(targets.state[:, list(POSITION)], targets.class_id)
+        self._publish(self._evaluation.add_truth(targets.stamp_ns, points))
+
+    def _on_estimates(self, source: str, cloud: PointCloud2) -> None:
+        try:
+            found = estimates.from_msg(cloud)
+        except RejectedMessageError as error:
+            self._warn(f"{source} estimates: {error}")
+            return
+        points = PointSet(found.state[:, list(POSITION)], found.class_id)
+        self._publish(self._evaluation.add_estimates(source, found.stamp_ns, points))
+
+    def _on_figures(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values: dict[str, Any] = diagnostics.values_of(status)
+            if "step_ms" in values:
+                self._step_ms.append(float(values["step_ms"]))
+
+    def _publish(self, scores: Sequence[ScanScore]) -> None:
+        for score in scores:
+            self._scores.publish(
+                diagnostics.score_to_msg(score, self._values["cutoff"], self._values["order"])
+            )
+
+    def _check_complete(self) -> None:
+        """End once the wanted number of stamps has both scores and the rest has arrived."""
+        wanted = self._values["exit_after_scans"]
+        scored = self._evaluation.scores
+        if not wanted or len(scored[SMOOTHED]) < wanted or len(scored[FILTERED]) < wanted:
+            return
+        now = time.monotonic()
+        self._complete_since = self._complete_since or now
+        if now - self._complete_since >= LINGER_S:
+            self.exit_status = OK
+
+    def _warn(self, text: str) -> None:
+        self.get_logger().warning(text, throttle_duration_sec=WARNING_PERIOD_S)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the evaluator node."""
+    return runtime.run("evaluator", Evaluator, argv)

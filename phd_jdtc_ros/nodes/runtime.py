@@ -1,0 +1,92 @@
+"""Running one node: start, spin, stop, and the exit status.
+
+Signals only set a flag that the spin loop looks at, so a stop never interrupts a scan half-way,
+a second signal changes nothing, and nothing is ever printed as a traceback because of one.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import rclpy
+from rclpy.exceptions import NameValidationException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos_overriding_options import InvalidQosOverridesError
+from rclpy.signals import SignalHandlerOptions
+
+from msg_adapters.bag import BagError
+from phd_jdtc_ros.core.config import ConfigError
+from phd_jdtc_ros.exits import OK, fail
+
+# The longest a stop request waits for the spin loop to look.
+POLL_SECONDS = 0.1
+
+
+class ManagedNode(Protocol):
+    """What `run` needs of a node beside its being one."""
+
+    exit_status: int | None
+    """None while the node has work; its exit status once it has ended by itself."""
+
+    def close(self) -> None:
+        """Finish all output; called once, whatever ended the node."""
+        ...
+
+
+class StopRequest:
+    """Set by SIGINT and SIGTERM from its making on."""
+
+    def __init__(self) -> None:
+        self.made = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._handle)
+
+    def _handle(self, *_: object) -> None:
+        self.made = True
+
+
+def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
+    """Run a node until it ends or is told to stop, and return the exit status.
+
+    Parameters
+    ----------
+    name : str
+        Of the executable, for messages.
+    make_node : callable
+        Makes the node, a `ManagedNode`, once ROS is up.
+    argv : sequence of str
+        Arguments with the ROS ones.
+    """
+    stop = StopRequest()
+    try:
+        rclpy.init(args=list(argv), signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rcl raises several kinds; all mean that nothing can start
+        return fail(name, error)
+    node = None
+    try:
+        node = make_node()
+        return _spin(node, stop)
+    except (ConfigError, BagError, InvalidQosOverridesError, NameValidationException) as error:
+        return fail(name, error)
+    finally:
+        if node is not None:
+            node.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _spin(node: Node, stop: StopRequest) -> int:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while not stop.made and node.exit_status is None:
+            executor.spin_once(timeout_sec=POLL_SECONDS)
+    except ExternalShutdownException:
+        pass
+    finally:
+        executor.remove_node(node)
+        executor.shutdown(timeout_sec=0.0)
+    return node.exit_status or OK

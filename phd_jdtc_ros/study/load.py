@@ -1,0 +1,88 @@
+"""Reading a bag with estimates into a `Record`."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msg_adapters import detections, diagnostics, estimates, interfaces, names, truth
+from msg_adapters.bag import BagError, BagReader
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.config import RadarInput, TrackerConfig
+from phd_jdtc_ros.core.evaluation import FILTERED, SMOOTHED
+from phd_jdtc_ros.core.radar import RadarModel
+
+from .record import Plot, Record
+
+
+def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
+    """Return what a bag holds of one run.
+
+    Parameters
+    ----------
+    path : Path
+    config : TrackerConfig
+        Says which topics are radars and where these stand.
+    tracker : str
+        Name of the node whose estimates are wanted.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read or has no estimates.
+    """
+    bag = BagReader(path)
+    sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
+    bag.require(dict.fromkeys(sources, names.CLOUD))
+    found: dict[str, list[Any]] = defaultdict(list)
+    classes = 0
+    figures = names.cardinality(tracker)
+    try:
+        for topic, message in _decoded(bag, [*sources, names.TRUTH, figures]):
+            if topic == names.TRUTH:
+                found["truth"].append(truth.from_msg(message))
+            elif topic == figures:
+                found["step_ms"].append(diagnostics.values_of(message.status[0])["step_ms"])
+            else:
+                classes = max(classes, estimates.class_count(message))
+                found[sources[topic]].append(estimates.from_msg(message))
+        for radar, model in zip(config.inputs, config.model.radars, strict=True):
+            for _, message in _decoded(bag, [radar.topic]):
+                found["plots"].append(_plot(message, radar, model))
+    except RejectedMessageError as error:
+        raise BagError(f"{path}: {error}") from error
+    return Record(
+        truth=_by_stamp(found["truth"]),
+        plots=_by_stamp(found["plots"]),
+        filtered=_by_stamp(found[FILTERED]),
+        smoothed=_by_stamp(found[SMOOTHED]),
+        classes=classes,
+        step_ms=np.array(found["step_ms"], dtype=float),
+    )
+
+
+def _decoded(bag: BagReader, topics: list[str]) -> Iterator[tuple[str, Any]]:
+    """Yield the decoded messages of those topics that the bag has."""
+    present = [topic for topic in topics if topic in bag.types]
+    if present:
+        for entry in bag.messages(present):
+            yield entry.topic, interfaces.decode(entry.data, bag.types[entry.topic])
+
+
+def _plot(message: Any, radar: RadarInput, model: RadarModel) -> Plot:
+    report = detections.from_msg(message, radar)
+    amplitude = report.detections.amplitude
+    return Plot(
+        stamp_ns=report.stamp_ns,
+        radar=radar.name,
+        position=model.to_world(report.detections.measurement),
+        amplitude=np.ones(len(report.detections)) if amplitude is None else amplitude,
+    )
+
+
+def _by_stamp(entries: list[Any]) -> tuple[Any, ...]:
+    return tuple(sorted(entries, key=lambda entry: entry.stamp_ns))

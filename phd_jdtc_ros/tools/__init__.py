@@ -1,0 +1,1 @@
+"""The executables that are no nodes: simulate, track a bag, report, run the demo."""

@@ -1,0 +1,44 @@
+"""What the offline executables share: arguments, and one way to end."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from msg_adapters.bag import BagError
+from phd_jdtc_ros.core.config import ConfigError, TrackerConfig, resolve
+from phd_jdtc_ros.exits import INTERRUPTED, fail
+
+from . import params_file
+
+# OSPA's c (metres) and p where nothing else is asked for.
+CUTOFF, ORDER = 1000.0, 2.0
+
+
+def guarded(name: str, work: Callable[[], int]) -> int:
+    """Run `work` and turn what users can cause into one line each and an exit status."""
+    try:
+        return work()
+    except (ConfigError, BagError) as error:
+        return fail(name, error)
+    except KeyboardInterrupt:
+        print(f"{name}: interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that set tracker parameters."""
+    parser.add_argument(
+        "--params-file", type=Path, action="append", default=[], help="ROS parameter file"
+    )
+    parser.add_argument(
+        "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
+    )
+
+
+def tracker_config(arguments: argparse.Namespace) -> TrackerConfig:
+    """Return the configuration that the parameter arguments ask for."""
+    paths: Sequence[Path] = arguments.params_file
+    return resolve(params_file.from_arguments(paths, arguments.assignments))

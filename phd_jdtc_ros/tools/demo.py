@@ -1,0 +1,143 @@
+"""The main job in one command: replay, track and evaluate over DDS, then the report.
+
+The three nodes run as separate processes in a ROS domain of their own on this machine alone. The
+replay is in lock-step with the tracker, so it goes as fast as the CPU allows and loses nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from msg_adapters import names
+from msg_adapters.bag import BagError, BagReader
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.exits import FAILED, OK
+
+from . import command, report
+
+STOP_S = 10.0
+# Discovery, and the evaluator's last scores, take a second or two.
+FINISH_S = 30.0
+ARTEFACTS = ("estimates", "logs", "metrics.json", "report.html", "*.png")
+
+
+class Processes:
+    """The demo's nodes; those still running are stopped when the block ends."""
+
+    def __init__(self, logs: Path) -> None:
+        self._logs = logs
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._environment = {
+            **os.environ,
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or str(1 + os.getpid() % 100),
+            # Shared memory would leave segments behind if a process were killed.
+            "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+        }
+        logs.mkdir(parents=True)
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._running.values():
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in self._running.values():
+            try:
+                process.wait(STOP_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+    def start(
+        self,
+        name: str,
+        arguments: Sequence[str],
+        parameters: Mapping[str, object],
+        shown: bool = False,
+    ) -> None:
+        """Start a node; what it prints goes to its log unless it is `shown`."""
+        line = [sys.executable, "-m", "phd_jdtc_ros", name, *arguments, "--ros-args"]
+        for key, value in parameters.items():
+            line += ["-p", f"{key}:={value}"]
+        with (self._logs / f"{name}.log").open("wb") as log:
+            self._running[name] = subprocess.Popen(
+                line, stdout=None if shown else log, stderr=log, env=self._environment
+            )
+
+    def wait(self, name: str, timeout_s: float | None = None) -> bool:
+        """Wait for a node to end well, as long as the others run; return whether it did."""
+        deadline = time.monotonic() + timeout_s if timeout_s else None
+        while self._running[name].poll() is None:
+            ended = [n for n, process in self._running.items() if process.poll()]
+            if ended:
+                print(f"demo: {ended[0]} ended early\n{self._tail(ended[0])}", file=sys.stderr)
+                return False
+            if deadline and time.monotonic() > deadline:
+                print(f"demo: {name} did not finish\n{self._tail(name)}", file=sys.stderr)
+                return False
+            time.sleep(0.05)
+        if self._running[name].returncode != 0:
+            print(f"demo: {name} failed\n{self._tail(name)}", file=sys.stderr)
+        return self._running[name].returncode == 0
+
+    def _tail(self, name: str) -> str:
+        return "\n".join((self._logs / f"{name}.log").read_text().splitlines()[-10:])
+
+
+def run_nodes(bag: Path, out: Path) -> bool:
+    """Run the three nodes over a bag into `out`; return whether all went well."""
+    scans = BagReader(bag).counts[names.TRUTH]
+    reliable = {
+        f"qos_overrides.{radar.topic}.subscription.reliability": "reliable"
+        for radar in resolve({}).inputs
+    }
+    reporting = {
+        "report": out / "metrics.json",
+        "record": out / "estimates",
+        "exit_after_scans": scans,
+    }
+    flushing = {"flush_service": f"{names.TRACKER}/flush", "subscriber_timeout_s": 20.0}
+    with Processes(out / "logs") as nodes:
+        nodes.start("evaluator", [], reporting)
+        nodes.start("tracker", [], reliable)
+        nodes.start("sensor_replay", [str(bag), "--rate", "0"], flushing, shown=True)
+        return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
+
+
+def _clear(out: Path) -> None:
+    """Remove what an earlier demo left, and nothing else."""
+    for pattern in ARTEFACTS:
+        for path in out.glob(pattern):
+            files = [path] if path.is_file() else [*path.iterdir(), path]
+            for file in files:
+                file.rmdir() if file.is_dir() else file.unlink()
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the demo."""
+    parser = argparse.ArgumentParser("demo", description=__doc__)
+    parser.add_argument("--bag", type=Path, default=Path("bags/paper_scenario"))
+    parser.add_argument("--out", type=Path, default=Path("out/demo"))
+    arguments = parser.parse_args(argv)
+
+    def work() -> int:
+        if not arguments.bag.exists():
+            raise BagError(f"{arguments.bag}: no such bag")
+        out: Path = arguments.out
+        _clear(out)
+        if not run_nodes(arguments.bag, out):
+            return FAILED
+        summary = json.loads((out / "metrics.json").read_text())
+        report.write(out / "estimates", out, resolve({}), summary)
+        return OK
+
+    return command.guarded("demo", work)

@@ -1,0 +1,73 @@
+"""ROS parameter files and ``name:=value`` arguments, for the executables that are no nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from phd_jdtc_ros.core.config import ConfigError
+
+# Sections of a parameter file that apply to the tracker.
+_SECTIONS = ("/**", "tracker", "/tracker")
+
+
+def load_yaml(path: Path) -> Any:
+    """Return a YAML document.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read or is no YAML.
+    """
+    try:
+        return yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise ConfigError([f"{path}: cannot be read: {error.strerror}"]) from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        reason = " ".join(str(error).split())
+        raise ConfigError([f"{path}: is no YAML: {reason}"]) from error
+
+
+def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the leaves of nested mappings with dotted names."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def load(path: Path) -> dict[str, Any]:
+    """Return the tracker's parameters in a ROS parameter file, by dotted name.
+
+    Raises
+    ------
+    ConfigError
+        If it is no such file.
+    """
+    document = load_yaml(path)
+    sections = document if isinstance(document, Mapping) else {}
+    found: dict[str, Any] = {}
+    for name in _SECTIONS:
+        section = sections.get(name)
+        if isinstance(section, Mapping) and isinstance(section.get("ros__parameters"), Mapping):
+            found.update(flatten(section["ros__parameters"]))
+    if not found:
+        raise ConfigError([f"{path}: has no ros__parameters under any of {', '.join(_SECTIONS)}"])
+    return found
+
+
+def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[str, Any]:
+    """Return parameters from files and ``name:=value`` assignments; the last one wins."""
+    found: dict[str, Any] = {}
+    for path in paths:
+        found.update(load(path))
+    for assignment in assignments:
+        name, separator, value = assignment.partition(":=")
+        if not separator:
+            raise ConfigError([f"-p {assignment}: must be NAME:=VALUE"])
+        found[name] = yaml.safe_load(value)
+    return found

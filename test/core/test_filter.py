@@ -1,0 +1,370 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import intensity, no_detections, plain, short_scenario, small
+from scipy import sparse
+from scipy.stats import norm
+
+from phd_jdtc_ros.core import amplitude
+from phd_jdtc_ros.core import filter as phd_filter
+from phd_jdtc_ros.core.filter import ParticleBudget, predict, resample, update, update_scan
+from phd_jdtc_ros.core.modes import ClassModel
+from phd_jdtc_ros.core.motion import OMEGA
+from phd_jdtc_ros.core.simulation import simulate
+from phd_jdtc_ros.core.types import Detections, Scan
+
+CONFIG = small()
+MODEL = CONFIG.model
+MODES = MODEL.modes
+RADAR = MODEL.radars[1]  # at the world's origin
+TARGETS = np.array([[6e3, 8e3], [6.6e3, 8.2e3], [-9e3, 0.0]])
+
+
+def scattered(seed=0, count=300, mass=2.0):
+    """Return particles about three places, one on the azimuth's cut, in all modes."""
+    rng = np.random.default_rng(seed)
+    state = np.zeros((count, 5))
+    state[:, [0, 2]] = TARGETS[rng.integers(0, 3, count)] + rng.normal(0.0, 300.0, (count, 2))
+    state[:, [1, 3]] = rng.normal(0.0, 30.0, (count, 2))
+    mode = rng.integers(0, 4, count)
+    state[:, OMEGA] = np.where(mode % 2 == 1, rng.normal(0.0, 1e-2, count), 0.0)
+    weight = rng.exponential(1.0, count)
+    return intensity(
+        state, weight * mass / weight.sum(), mode=mode, origin=rng.integers(0, 3, count)
+    )
+
+
+def reports(amplitudes=(20.0, 45.0, 6.0, 4.0), radar=RADAR):
+    """Return one detection a target and one clutter point."""
+    state = np.zeros((4, 5))
+    state[:, [0, 2]] = [*TARGETS, [3e3, -12e3]]
+    offset = np.array([[150.0, 0.01], [-200.0, 0.0], [50.0, 0.005], [0.0, 0.0]])
+    return Detections(radar.measure(state) + offset, np.array(amplitudes))
+
+
+def dense_update(phd, detections, radar, modes):
+    """Return (unexplained, explained) by the printed equation, loop by loop and ungated."""
+    count, p_d = len(phd), radar.class_detection_probability(modes.classes)
+    a = detections.amplitude
+    p_fa = amplitude.false_alarm_probability(radar.threshold)
+    clutter = radar.clutter_rate / (2 * np.pi * radar.clutter_max_range)
+    clutter = clutter * a * np.exp(-(a**2) / 2.0) / p_fa
+    numerator = np.zeros((count, len(detections)))
+    missed = np.ones(count)
+    for n, (x, _, y, _, _) in enumerate(phd.state):
+        c = modes.class_of[phd.mode[n]]
+        east, north = x - radar.position[0], y - radar.position[1]
+        distance = np.hypot(east, north)
+        if distance > radar.max_range:
+            continue
+        missed[n] = 1.0 - p_d[c]
+        low, high = (1.0 + snr for snr in modes.classes[c].snr_band)
+        g = np.exp(-(a**2) / (2 * high)) - np.exp(-(a**2) / (2 * low))
+        g = 2.0 * g / (a * np.log(high / low)) / p_d[c]  # given that it exceeds the threshold
+        turn = np.exp(1j * (detections.measurement[:, 1] - np.arctan2(north, east) + radar.yaw))
+        likelihood = (
+            norm.pdf(detections.measurement[:, 0], distance, radar.range_std)
+            * norm.pdf(np.angle(turn), 0.0, radar.azimuth_std)
+            * g
+        )
+        numerator[n] = p_d[c] * likelihood * phd.weight[n]
+    total = numerator.sum(axis=0)
+    return phd.unexplained * missed, numerator / (clutter + total), total / (clutter + total)
+
+
+@pytest.mark.parametrize("dt", [6.0, 2.0, 9.5])
+def test_predict_mass_is_that_of_survivors_spawned_and_born(dt):
+    phd = scattered()
+    predicted = predict(phd, MODEL, CONFIG.budget, dt, 3, np.random.default_rng(0))
+    share = dt / 6.0
+    births = share * sum(term.rate.sum() for term in MODEL.births)
+    expected = 0.99**share * 2.0 + 0.01 * share * 2.0 + births
+    assert predicted.weight.sum() == pytest.approx(expected, rel=1e-12)
+    born = predicted.parent < 0
+    assert predicted.weight[born].sum() == pytest.approx(births, rel=1e-12)
+
+
+def test_predict_uses_each_class_survival():
+    classes = tuple(
+        replace(model, survival_probability=p)
+        for model, p in zip(MODES.classes, (0.9, 0.5), strict=True)
+    )
+    model = replace(
+        MODEL,
+        modes=replace(MODES, classes=classes),
+        births=(),
+        spawn=replace(MODEL.spawn, rate=0.0),
+    )
+    phd = scattered()
+    before = phd.class_mass(MODES.class_of, 2)
+    predicted = predict(phd, model, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
+    after = predicted.class_mass(MODES.class_of, 2)
+    np.testing.assert_allclose(after, before * [0.9, 0.5], rtol=1e-12)
+
+
+def test_predict_moves_every_copy_with_noise_of_its_own():
+    state = np.repeat([[0.0, 10.0, 0.0, 5.0, 0.0]], 2, axis=0)
+    phd = intensity(state, [0.6, 0.2], multiplicity=np.array([3, 1]))
+    model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
+    predicted = predict(phd, model, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
+    assert len(predicted) == 4
+    assert len(np.unique(predicted.state[:, 0])) == 4
+    np.testing.assert_array_equal(predicted.parent, [0, 0, 0, 1])
+    np.testing.assert_array_equal(predicted.multiplicity, 1)
+    np.testing.assert_allclose(predicted.weight, np.full(4, 0.2 * 0.99))
+
+
+def test_predict_survivors_keep_class_and_origin():
+    phd = scattered()
+    model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
+    predicted = predict(phd, model, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
+    source = phd.mode[predicted.parent]
+    np.testing.assert_array_equal(MODES.class_of[predicted.mode], MODES.class_of[source])
+    np.testing.assert_array_equal(predicted.origin, phd.origin[predicted.parent])
+    assert (predicted.mode != source).any()
+
+
+def test_predict_draws_modes_by_the_transition_over_the_interval():
+    count = 20_000
+    phd = intensity(np.zeros((count, 5)), np.full(count, 1e-4), mode=np.full(count, 2))
+    model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
+    predicted = predict(phd, model, CONFIG.budget, 3.0, 1, np.random.default_rng(0))
+    share = np.bincount(predicted.mode, minlength=4) / count
+    expected = MODES.transition(3.0)[2]
+    error = 4.5 * np.sqrt(expected * (1.0 - expected) / count)
+    assert (np.abs(share - expected) <= error).all()
+
+
+def test_predict_names_births_after_term_and_scan():
+    empty = phd_filter.ParticlePHD.empty(5)
+    rng = np.random.default_rng(0)
+    scans = [predict(empty, MODEL, CONFIG.budget, 6.0, index, rng) for index in (0, 1)]
+    names = [set(scan.origin.tolist()) for scan in scans]
+    assert names == [{0, 1, 2, 3}, {4, 5, 6, 7}]
+    for term, (mean, _) in enumerate(zip(MODEL.births, range(4), strict=True)):
+        near = scans[0].state[scans[0].origin == term]
+        assert np.abs(near[:, 0] - mean.mean[0]).max() < 6.0 * 200.0
+
+
+def test_predict_of_nothing_without_births_is_nothing():
+    model = replace(MODEL, births=())
+    empty = phd_filter.ParticlePHD.empty(5)
+    predicted = predict(empty, model, CONFIG.budget, 6.0, 0, np.random.default_rng(0))
+    assert len(predicted) == 0
+
+
+def test_predict_leaves_all_weight_unexplained():
+    phd = scattered()
+    updated = update(phd, reports(), RADAR, MODES)
+    predicted = predict(updated, MODEL, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
+    assert predicted.explained.shape == (len(predicted), 0)
+    np.testing.assert_array_equal(predicted.weight, predicted.unexplained)
+
+
+@pytest.mark.parametrize("radar", MODEL.radars, ids=lambda radar: radar.name)
+def test_update_equals_a_dense_evaluation(radar):
+    phd, detections = scattered(), reports(radar=radar)
+    updated = update(phd, detections, radar, MODES)
+    unexplained, explained, share = dense_update(phd, detections, radar, MODES)
+    np.testing.assert_allclose(updated.unexplained, unexplained, rtol=1e-12)
+    # The gate at six sigma leaves out likelihoods below exp(-18) of their peak.
+    peak = explained.max(axis=0)
+    np.testing.assert_array_less(
+        np.abs(updated.explained.toarray() - explained), 1e-6 * peak + 1e-15
+    )
+    assert share[:3].min() > 0.05  # the detections do explain something
+
+
+def test_update_components_have_the_mass_of_their_quotient():
+    phd, detections = scattered(), reports()
+    mass = np.asarray(update(phd, detections, RADAR, MODES).explained.sum(axis=0))
+    _, _, share = dense_update(phd, detections, RADAR, MODES)
+    assert (mass <= 1.0 + 1e-12).all()
+    np.testing.assert_allclose(mass[:3], share[:3], rtol=1e-6)
+    assert mass[3] == 0.0  # nothing is near the clutter point
+
+
+@pytest.mark.parametrize("previous", [False, True])
+def test_update_with_no_detections_multiplies_by_the_missing_probability(previous):
+    phd = scattered()
+    if previous:
+        phd = update(phd, reports(), RADAR, MODES)
+    updated = update(phd, no_detections(), RADAR, MODES)
+    p_d = RADAR.class_detection_probability(MODES.classes)[MODES.class_of[phd.mode]]
+    np.testing.assert_allclose(updated.weight, phd.weight * (1.0 - p_d), rtol=1e-12)
+    assert updated.explained.shape == phd.explained.shape
+
+
+def test_update_does_not_penalise_particles_out_of_range():
+    phd = scattered()
+    radar = replace(RADAR, max_range=9.5e3)
+    beyond = radar.measure(phd.state)[:, 0] > 9.5e3
+    updated = update(phd, reports(), radar, MODES)
+    assert 0.2 < beyond.mean() < 0.8
+    np.testing.assert_array_equal(updated.weight[beyond], phd.weight[beyond])
+    assert (updated.unexplained[~beyond] < phd.unexplained[~beyond]).all()
+
+
+def test_update_does_not_depend_on_the_order_of_detections():
+    phd, detections = scattered(), reports()
+    order = np.array([2, 0, 3, 1])
+    shuffled = Detections(detections.measurement[order], detections.amplitude[order])
+    first, second = (update(phd, d, RADAR, MODES) for d in (detections, shuffled))
+    np.testing.assert_allclose(second.weight, first.weight, rtol=1e-12)
+    np.testing.assert_allclose(
+        second.explained.toarray(), first.explained.toarray()[:, order], rtol=1e-12
+    )
+
+
+def test_update_weight_is_the_sum_of_its_parts():
+    phd = scattered()
+    for radar in MODEL.radars:
+        phd = update(phd, reports(radar=radar), radar, MODES)
+    assert phd.explained.shape == (300, 8)
+    parts = phd.unexplained + phd.explained.toarray().sum(axis=1)
+    np.testing.assert_allclose(phd.weight, parts, rtol=1e-12)
+
+
+@pytest.mark.parametrize("strength", [38.0, 250.0, 1000.0])
+def test_update_with_a_huge_amplitude_gives_one_target_of_the_strong_class(strength):
+    phd = scattered()
+    updated = update(phd, reports((strength, 20.0, 20.0, 20.0)), RADAR, MODES)
+    assert np.isfinite(updated.weight).all()
+    component = updated.explained.toarray()[:, 0]
+    # Clutter of that amplitude does not occur.
+    assert component.sum() == pytest.approx(1.0, abs=1e-9)
+    strong = MODES.class_of[updated.mode] == 0
+    assert component[strong].sum() > 0.9
+
+
+def test_update_without_amplitudes_keeps_the_class_shares_at_equal_detectability():
+    # With one p_D for both classes an amplitude-free detection says nothing about the class.
+    band = MODES.classes[0].snr_band
+    classes = tuple(
+        ClassModel(c.name, band, c.motions, c.mode_transition, 0.99) for c in MODES.classes
+    )
+    modes = replace(MODES, classes=classes)
+    state = np.repeat([[6e3, 0.0, 8e3, 0.0, 0.0]], 4, axis=0)
+    phd = intensity(state, [0.1, 0.2, 0.3, 0.05], mode=np.arange(4))
+    detections = Detections(RADAR.measure(state[:1]), None)
+    updated = update(phd, detections, RADAR, modes)
+    np.testing.assert_allclose(updated.weight / updated.weight.sum(), phd.weight / 0.65)
+
+
+def test_update_without_clutter_explains_a_detection_wholly():
+    radar = replace(RADAR, clutter_rate=0.0)
+    mass = update(scattered(), reports(), radar, MODES).explained.sum(axis=0)
+    np.testing.assert_allclose(mass, [1.0, 1.0, 1.0, 0.0], rtol=1e-12)
+
+
+def test_update_of_nothing_is_nothing():
+    updated = update(phd_filter.ParticlePHD.empty(5), reports(), RADAR, MODES)
+    assert (len(updated), updated.explained.shape) == (0, (0, 4))
+
+
+def test_update_scan_applies_the_radars_in_order_and_skips_the_silent():
+    phd = scattered()
+    detections = tuple(reports(radar=radar) for radar in MODEL.radars)
+    both = update_scan(phd, Scan(1, detections), MODEL)
+    one = update_scan(phd, Scan(1, (None, detections[1])), MODEL)
+    chained = update(
+        update(phd, detections[0], MODEL.radars[0], MODES), detections[1], RADAR, MODES
+    )
+    np.testing.assert_array_equal(both.weight, chained.weight)
+    np.testing.assert_array_equal(one.weight, update(phd, detections[1], RADAR, MODES).weight)
+
+
+def updated_set():
+    phd = scattered()
+    for radar in MODEL.radars:
+        phd = update(phd, reports(radar=radar), radar, MODES)
+    return phd
+
+
+def group_mass(phd):
+    mass = {}
+    for c, o, w in zip(MODES.class_of[phd.mode], phd.origin, phd.weight, strict=True):
+        mass[int(c), int(o)] = mass.get((int(c), int(o)), 0.0) + w
+    return mass
+
+
+def test_resample_keeps_the_mass_of_every_class_and_origin():
+    phd = updated_set()
+    before = group_mass(phd)
+    # Enough particles that no group has to survive by lot.
+    budget = ParticleBudget(per_target=100_000, least=20, per_birth_term=64)
+    after = group_mass(resample(phd, MODES, budget, np.random.default_rng(0)))
+    assert len(before) == 6
+    assert min(before.values()) > 1e-5
+    for key, mass in before.items():
+        assert after[key] == pytest.approx(mass, rel=1e-9)
+
+
+def test_resample_scales_every_component_by_the_new_over_the_old_weight():
+    phd = updated_set()
+    kept = resample(phd, MODES, CONFIG.budget, np.random.default_rng(0))
+    by_state = {row.tobytes(): index for index, row in enumerate(phd.state)}
+    source = np.array([by_state[row.tobytes()] for row in kept.state])
+    factor = kept.weight / phd.weight[source]
+    assert np.ptp(factor) > 0.1
+    np.testing.assert_allclose(kept.unexplained, phd.unexplained[source] * factor, rtol=1e-10)
+    expected = phd.explained.toarray()[source] * factor[:, None]
+    np.testing.assert_allclose(kept.explained.toarray(), expected, rtol=1e-10)
+    for name in ("mode", "origin", "parent"):
+        np.testing.assert_array_equal(getattr(kept, name), getattr(phd, name)[source])
+
+
+def test_resample_gives_unique_rows_of_equally_heavy_copies():
+    kept = resample(updated_set(), MODES, CONFIG.budget, np.random.default_rng(0))
+    assert len(np.unique(kept.state, axis=0)) == len(kept)
+    assert kept.multiplicity.max() > 1
+    group = np.stack([MODES.class_of[kept.mode], kept.origin], axis=1)
+    per_copy = kept.weight / kept.multiplicity
+    for key in np.unique(group, axis=0):
+        chosen = (group == key).all(axis=1)
+        np.testing.assert_allclose(per_copy[chosen], per_copy[chosen][0], rtol=1e-9)
+
+
+def test_resample_is_sorted_by_class_and_origin():
+    kept = resample(updated_set(), MODES, CONFIG.budget, np.random.default_rng(0))
+    key = MODES.class_of[kept.mode] * 100 + kept.origin
+    assert (np.diff(key) >= 0).all()
+
+
+def test_resample_is_unbiased_in_every_component():
+    phd = updated_set()
+    rng = np.random.default_rng(1)
+    budget = ParticleBudget(per_target=30, least=1, per_birth_term=64)
+    before = np.asarray(phd.explained.sum(axis=0))
+    trials = np.array(
+        [np.asarray(resample(phd, MODES, budget, rng).explained.sum(axis=0)) for _ in range(400)]
+    )
+    error = 4.5 * trials.std(axis=0) / np.sqrt(len(trials)) + 1e-12
+    assert (np.abs(trials.mean(axis=0) - before) <= error).all()
+
+
+def test_resample_of_nothing_is_nothing():
+    kept = resample(phd_filter.ParticlePHD.empty(5), MODES, CONFIG.budget, np.random.default_rng(0))
+    assert len(kept) == 0
+
+
+def test_scale_rows_multiplies_each_row():
+    dense = np.array([[1.0, 0.0, 2.0], [0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
+    factor = np.array([2.0, 5.0, -1.0])
+    scaled = phd_filter.scale_rows(sparse.csr_array(dense), factor)
+    np.testing.assert_array_equal(scaled.toarray(), dense * factor[:, None])
+
+
+def test_filter_runs_a_plain_phd():
+    config = plain()
+    scenario = replace(short_scenario(3), radars=config.model.radars)
+    rng = np.random.default_rng(0)
+    phd = phd_filter.ParticlePHD.empty(5)
+    for index, (_, scan) in enumerate(simulate(scenario, 0)):
+        phd = predict(phd, config.model, config.budget, 6.0, index, rng)
+        phd = update_scan(phd, scan, config.model)
+        phd = resample(phd, config.model.modes, config.budget, rng)
+    assert len(phd) > 0
+    assert np.isfinite(phd.weight).all()
+    np.testing.assert_array_equal(phd.mode, 0)

@@ -1,0 +1,106 @@
+from unittest import mock
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import cdist
+
+from phd_jdtc_ros.core import neighbours
+
+
+def brute_force(query, query_block, point, point_block, radius):
+    near = (cdist(query, point) <= radius) & (query_block[:, None] == point_block)
+    return set(map(tuple, np.argwhere(near)))
+
+
+def check(query, query_block, point, point_block, radius):
+    row, column, square = neighbours.pairs_within(query, query_block, point, point_block, radius)
+    found = list(zip(row.tolist(), column.tolist(), strict=True))
+    expected = brute_force(query, query_block, point, point_block, radius)
+    assert len(found) == len(expected)
+    assert set(found) == expected
+    exact = ((query[row] - point[column]) ** 2).sum(axis=1)
+    np.testing.assert_allclose(square, exact, rtol=1e-12, atol=1e-12)
+    return found
+
+
+def draw_points(rng, kind, count, dimension):
+    if kind == "wide":
+        return rng.uniform(-1e3, 1e3, (count, dimension))
+    if kind == "clustered":
+        centre = rng.uniform(-1e4, 1e4, (3, dimension))
+        return centre[rng.integers(0, 3, count)] + rng.normal(0.0, 2.0, (count, dimension))
+    if kind == "flat":
+        # Two wide axes that are not the first two, as whitening makes them.
+        scale = np.ones(dimension)
+        scale[[0, -1]] = 200.0
+        return rng.normal(0.0, 1.0, (count, dimension)) * scale
+    return np.repeat(rng.normal(0.0, 3.0, (1, dimension)), count, axis=0)  # duplicates
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    seed=st.integers(0, 10**6),
+    kind=st.sampled_from(["wide", "clustered", "flat", "duplicate"]),
+    sizes=st.tuples(st.integers(0, 40), st.integers(0, 40)),
+    dimension=st.integers(2, 5),
+    blocks=st.integers(1, 4),
+    radius=st.sampled_from([0.3, 2.0, 7.0, 300.0]),
+    chunk=st.sampled_from([1, 7, 1 << 18]),
+)
+def test_pairs_within_equal_brute_force(seed, kind, sizes, dimension, blocks, radius, chunk):
+    rng = np.random.default_rng(seed)
+    both = draw_points(rng, kind, sum(sizes), dimension)
+    query, point = both[: sizes[0]], both[sizes[0] :]
+    query_block, point_block = (rng.integers(0, blocks, size) for size in sizes)
+    with mock.patch.object(neighbours, "CHUNK_PAIRS", chunk):
+        check(query, query_block, point, point_block, radius)
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 50, 1000])
+def test_pairs_within_do_not_depend_on_the_chunk(chunk, monkeypatch):
+    rng = np.random.default_rng(4)
+    query, point = rng.normal(0.0, 3.0, (60, 4)), rng.normal(0.0, 3.0, (80, 4))
+    arguments = (query, rng.integers(0, 2, 60), point, rng.integers(0, 2, 80), 4.0)
+    whole = check(*arguments)
+    assert len(whole) > 100
+    monkeypatch.setattr(neighbours, "CHUNK_PAIRS", chunk)
+    assert sorted(check(*arguments)) == sorted(whole)
+
+
+def test_pairs_within_keep_blocks_apart():
+    query = point = np.zeros((2, 3))
+    found = check(query, np.array([0, 1]), point, np.array([1, 2]), 1.0)
+    assert found == [(1, 0)]
+
+
+def test_pairs_within_find_all_pairs_of_equal_points():
+    assert (
+        len(check(np.ones((6, 3)), np.zeros(6, int), np.ones((9, 3)), np.zeros(9, int), 0.5)) == 54
+    )
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        pytest.param([[0.0, 5.5, 0.0]], id="between-the-points"),
+        pytest.param([[1e3, 1e3, 1e3], [-1e3, -1e3, 0.0]], id="outside-the-search"),
+    ],
+)
+def test_pairs_within_of_far_queries_are_none(query):
+    query = np.array(query)
+    point = np.array([[0.0, 0.0, 0.0], [0.0, 9.0, 0.0]])
+    assert check(query, np.zeros(len(query), int), point, np.zeros(2, int), 1.0) == []
+
+
+@pytest.mark.parametrize(("queries", "points"), [(0, 3), (3, 0), (0, 0)])
+def test_pairs_within_of_nothing_are_none(queries, points):
+    row, column, square = neighbours.pairs_within(
+        np.zeros((queries, 3)),
+        np.zeros(queries, int),
+        np.zeros((points, 3)),
+        np.zeros(points, int),
+        1.0,
+    )
+    assert len(row) == len(column) == len(square) == 0

@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+from scenes import intensity
+
+from phd_jdtc_ros.core.types import Detections, Estimates, ParticlePHD, read_only, sum_by
+
+
+def estimates(weight):
+    count = len(weight)
+    return Estimates(
+        stamp_ns=1,
+        lag=0,
+        state=np.zeros((count, 5)),
+        covariance=np.zeros((count, 5, 5)),
+        weight=np.array(weight, dtype=float),
+        class_probability=np.ones((count, 1)),
+        class_id=np.zeros(count, dtype=int),
+        track_id=np.zeros(count, dtype=int),
+    )
+
+
+def test_read_only_refuses_assignment_and_leaves_the_original_writable():
+    original = np.zeros(3)
+    view = read_only(original)
+    with pytest.raises(ValueError, match="read-only"):
+        view[0] = 1.0
+    original[0] = 1.0
+    assert view[0] == 1.0  # no copy
+
+
+def test_sum_by_adds_equal_indices_and_fills_up():
+    found = sum_by(np.array([0, 2, 0]), np.array([1.0, 2.0, 4.0]), 4)
+    np.testing.assert_array_equal(found, [5.0, 0.0, 2.0, 0.0])
+
+
+def test_sum_by_of_nothing_is_zero():
+    np.testing.assert_array_equal(sum_by(np.zeros(0, dtype=int), np.zeros(0), 2), [0.0, 0.0])
+
+
+@pytest.mark.parametrize("measurement", [np.zeros(3), np.zeros((2, 2, 2))])
+def test_detections_refuse_a_measurement_that_is_not_a_table(measurement):
+    with pytest.raises(ValueError, match=r"measurement: expected shape \(M, Z\)"):
+        Detections(measurement, None)
+
+
+@pytest.mark.parametrize("amplitude", [np.zeros(3), np.zeros((2, 1))])
+def test_detections_refuse_amplitudes_that_do_not_match(amplitude):
+    with pytest.raises(ValueError, match=r"amplitude: expected shape \(2,\)"):
+        Detections(np.zeros((2, 2)), amplitude)
+
+
+def test_detections_are_read_only():
+    detections = Detections(np.zeros((2, 2)), np.zeros(2))
+    assert len(detections) == 2
+    for array in (detections.measurement, detections.amplitude):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_particle_phd_weight_adds_unexplained_and_explained():
+    phd = intensity(np.zeros((2, 5)), [0.1, 0.2], explained=[[0.5, 0.0], [0.25, 1.0]])
+    np.testing.assert_allclose(phd.weight, [0.6, 1.45])
+    for name in ("state", "mode", "unexplained", "weight"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(phd, name)[0] = 0
+
+
+@pytest.mark.parametrize(
+    ("weight", "multiplicity", "expected"),
+    [
+        ([0.1, 0.1, 0.1, 0.1], [1, 1, 1, 1], 4.0),
+        ([0.3, 0.1], [3, 1], 4.0),
+        ([1.0, 0.0], [1, 1], 1.0),
+    ],
+)
+def test_particle_phd_effective_sample_size_counts_copies(weight, multiplicity, expected):
+    phd = intensity(np.zeros((len(weight), 5)), weight, multiplicity=np.array(multiplicity))
+    assert phd.effective_sample_size == pytest.approx(expected)
+
+
+def test_particle_phd_empty_has_no_mass():
+    empty = ParticlePHD.empty(5)
+    assert (len(empty), empty.state.shape, empty.explained.shape) == (0, (0, 5), (0, 0))
+    assert empty.weight.shape == (0,)
+    assert empty.effective_sample_size == 0.0
+
+
+def test_particle_phd_class_mass_sums_over_modes():
+    phd = intensity(np.zeros((3, 5)), [0.1, 0.2, 0.4], mode=np.array([0, 3, 1]))
+    np.testing.assert_allclose(phd.class_mass(np.array([0, 0, 1, 1]), 2), [0.5, 0.2])
+
+
+def test_estimates_count_those_that_hold_two_targets():
+    assert estimates([0.6, 1.5, 1.51, 2.2]).unresolved == 2
+    assert len(estimates([0.6, 1.5])) == 2

@@ -1,0 +1,200 @@
+import struct
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.motion import POSITION, STATE_SIZE
+from phd_jdtc_ros.core.simulation import Truth
+from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.study import figures
+from phd_jdtc_ros.study.figures import Clock, write_all
+from phd_jdtc_ros.study.record import Plot, Record
+
+START_NS = 1_700_000_000_000_000_000
+SCANS = 12
+SCORED = {"number_error", "ospa", "ospa_parts"}
+EVERYTHING = {"scenario", "measurements", "trajectories"} | SCORED
+
+
+def stamp_ns(scan):
+    return START_NS + scan * 6_000_000_000
+
+
+def states(scan, classes):
+    """One target a class, side by side, moving east."""
+    state = np.zeros((classes, STATE_SIZE))
+    state[:, POSITION[0]] = 300.0 * scan
+    state[:, POSITION[1]] = 2000.0 * np.arange(classes)
+    return state
+
+
+def truth_of(scan, classes):
+    return Truth(stamp_ns(scan), states(scan, classes), 1 + np.arange(classes), np.arange(classes))
+
+
+def estimates_of(scan, classes, lag, count=None):
+    count = classes if count is None else count
+    return Estimates(
+        stamp_ns=stamp_ns(scan),
+        lag=lag,
+        state=states(scan, classes)[:count] + 40.0,
+        covariance=np.tile(np.diag([900.0, 1.0, 400.0, 1.0, 1e-6]), (count, 1, 1)),
+        weight=np.ones(count),
+        class_probability=np.eye(classes)[:count],
+        class_id=np.arange(count),
+        track_id=np.zeros(count),
+    )
+
+
+def plot_of(scan, classes):
+    position = np.concatenate([states(scan, classes)[:, list(POSITION)], [[-5e3, 4e3]]])
+    return Plot(stamp_ns(scan), "radar_1", position, np.r_[np.full(classes, 200.0), 3.8])
+
+
+def record_of(classes=2, **parts):
+    everything = {
+        "truth": tuple(truth_of(k, classes) for k in range(SCANS)),
+        "plots": tuple(plot_of(k, classes) for k in range(SCANS)),
+        "filtered": tuple(estimates_of(k, classes, 0, classes - k % 2) for k in range(SCANS)),
+        "smoothed": tuple(estimates_of(k, classes, 5) for k in range(SCANS)),
+    }
+    return Record(**{**everything, **parts}, classes=classes, step_ms=np.zeros(0))
+
+
+def written(record, directory):
+    pictures = write_all(record, record.evaluate(1000.0, 2.0), directory)
+    return {picture.path.stem: picture for picture in pictures}
+
+
+def png_size(path: Path):
+    data = path.read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    return struct.unpack(">II", data[16:24])
+
+
+def without_pixels(record):
+    """Every figure of a record, undrawn."""
+    evaluation = record.evaluate(1000.0, 2.0)
+    return {c.name: c.draw(record, evaluation) for c in figures.CHARTS}
+
+
+@pytest.mark.parametrize("classes", [1, 2, 3])
+def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, classes):
+    pictures = written(record_of(classes), tmp_path / "new")
+
+    assert set(pictures) == EVERYTHING
+    for picture in pictures.values():
+        width, height = png_size(picture.path)
+        assert width == 1200
+        assert 300 <= height <= 1500
+        assert len(picture.path.read_bytes()) > 5000
+
+
+def test_write_all_skips_what_needs_the_truth(tmp_path):
+    assert set(written(record_of(truth=()), tmp_path)) == {"measurements", "trajectories"}
+
+
+def test_write_all_skips_measurements_without_plots(tmp_path):
+    assert set(written(record_of(plots=()), tmp_path)) == EVERYTHING - {"measurements"}
+
+
+def test_write_all_skips_measurements_when_every_scan_is_empty(tmp_path):
+    nothing = Plot(START_NS, "radar_1", np.zeros((0, 2)), np.zeros(0))
+
+    assert "measurements" not in written(record_of(plots=(nothing,)), tmp_path)
+
+
+def test_write_all_draws_a_run_of_empty_estimates(tmp_path):
+    none = tuple(estimates_of(k, 2, 0, 0) for k in range(SCANS))
+
+    assert set(written(record_of(filtered=none, smoothed=none), tmp_path)) == EVERYTHING
+
+
+def test_write_all_skips_scores_without_estimates(tmp_path):
+    pictures = written(record_of(filtered=(), smoothed=()), tmp_path)
+
+    assert set(pictures) == EVERYTHING - SCORED
+
+
+def test_write_all_draws_scores_of_one_source_alone(tmp_path):
+    assert set(written(record_of(filtered=()), tmp_path)) == EVERYTHING
+
+
+def test_write_all_writes_nothing_for_an_empty_record(tmp_path):
+    assert written(Record((), (), (), (), 2, np.zeros(0)), tmp_path) == {}
+
+
+def test_write_all_draws_a_single_scan(tmp_path):
+    parts = record_of()
+    one = {name: getattr(parts, name)[:1] for name in ("truth", "plots", "filtered", "smoothed")}
+
+    assert set(written(record_of(**one), tmp_path)) == EVERYTHING
+
+
+def test_write_all_draws_plots_of_unknown_amplitude(tmp_path):
+    unknown = Plot(START_NS, "radar_1", np.array([[0.0, 0.0], [1e3, 1e3]]), np.array([np.nan, 0.0]))
+
+    assert "measurements" in written(record_of(plots=(unknown,)), tmp_path)
+
+
+def test_write_all_captions_name_order_and_cutoff(tmp_path):
+    caption = written(record_of(), tmp_path)["ospa"].caption
+
+    assert "p = 2, c = 1000 m" in caption
+
+
+def test_write_all_leaves_global_settings_alone(tmp_path):
+    before = dict(matplotlib.rcParams)
+
+    written(record_of(), tmp_path)
+
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_number_error_shows_estimated_minus_true():
+    record = record_of(2, smoothed=tuple(estimates_of(k, 2, 5, 1) for k in range(SCANS)))
+
+    rows = without_pixels(record)["number_error"].axes
+
+    assert [set(axes.lines[-1].get_ydata()) for axes in rows] == [{0.0}, {-1.0}]
+
+
+def test_ospa_has_a_row_for_each_class_and_one_for_all():
+    rows = without_pixels(record_of(3))["ospa"].axes
+
+    titles = [axes.get_title(loc="left") for axes in rows]
+    assert titles == ["class 0", "class 1", "class 2", "all classes"]
+
+
+def test_ospa_legend_gives_the_means():
+    record = record_of()
+    summary = record.evaluate(1000.0, 2.0).summary()
+
+    legend = without_pixels(record)["ospa"].axes[-1].get_legend()
+
+    assert [text.get_text() for text in legend.get_texts()] == [
+        f"{source}, mean {summary[source]['all']['ospa']:.0f} m"
+        for source in ("filtered", "smoothed")
+    ]
+
+
+@pytest.mark.parametrize("name", ["scenario", "measurements", "trajectories"])
+def test_maps_have_equal_scales_in_kilometres(name):
+    axes = without_pixels(record_of())[name].axes[0]
+
+    assert axes.get_aspect() == 1.0
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (km)", "y (km)")
+
+
+def test_clock_counts_from_the_first_stamp_of_any_part():
+    late_truth = tuple(truth_of(k, 2) for k in range(3, SCANS))
+
+    clock = Clock.of(record_of(truth=late_truth))
+
+    assert clock.seconds([stamp_ns(0), stamp_ns(2)]).tolist() == [0.0, 12.0]
+
+
+def test_clock_gives_long_runs_in_minutes():
+    assert Clock(0, 7200.0).text(90.0) == "1.5 min"
