@@ -55,7 +55,8 @@ def pairs_within(
     strips = int(np.ptp(point[:, 1]) / radius) + 4
 
     def key(block: IntArray, strip: FloatArray, along: FloatArray) -> FloatArray:
-        return (block * strips + strip) * span + (along - low[0] + radius)
+        ranked: FloatArray = (block * strips + strip) * span + (along - low[0] + radius)
+        return ranked
 
     strip = np.floor((point[:, 1] - low[1]) / radius) + 1.0
     point_key = key(point_block, strip, point[:, 0])
@@ -131,9 +132,10 @@ def _test_candidates(
     owner, start, count = owner[nonempty], start[nonempty], count[nonempty]
     running = np.cumsum(count)
     total = int(running[-1]) if len(running) else 0
-    bounds = np.unique(np.searchsorted(running, np.arange(0, total, CHUNK_PAIRS), side="right"))
+    bounds = np.searchsorted(running, np.arange(0, total, CHUNK_PAIRS), side="right")
+    bounds = np.append(np.unique(bounds), len(count))
     found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
-    for first, last in zip(bounds, np.append(bounds[1:], len(count)), strict=True):
+    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
         size = count[first:last]
         row = np.repeat(owner[first:last], size)
         slot = np.arange(len(row)) + np.repeat(start[first:last] - np.cumsum(size) + size, size)
