@@ -9,6 +9,8 @@ first coordinate), and each query looks up one interval in three strips.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from .types import FloatArray, IntArray
@@ -135,7 +137,7 @@ def _test_candidates(
     bounds = np.searchsorted(running, np.arange(0, total, CHUNK_PAIRS), side="right")
     bounds = np.append(np.unique(bounds), len(count))
     found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
-    for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+    for first, last in itertools.pairwise(bounds):
         size = count[first:last]
         row = np.repeat(owner[first:last], size)
         slot = np.arange(len(row)) + np.repeat(start[first:last] - np.cumsum(size) + size, size)

@@ -47,6 +47,11 @@ class StopRequest:
     def _handle(self, *_: object) -> None:
         self.made = True
 
+    def ignore_further(self) -> None:
+        """Ignore signals for good: the interpreter's own teardown would restore their defaults."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
 
 def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
     """Run a node until it ends or is told to stop, and return the exit status.
@@ -76,6 +81,7 @@ def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
             node.close()
             node.destroy_node()
         rclpy.try_shutdown()
+        stop.ignore_further()
 
 
 def _spin(node: Node, stop: StopRequest) -> int:

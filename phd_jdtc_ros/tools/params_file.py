@@ -11,7 +11,7 @@ import yaml
 from phd_jdtc_ros.core.config import ConfigError
 
 # Sections of a parameter file that apply to the tracker.
-_SECTIONS = ("/**", "tracker", "/tracker")
+_SECTIONS = ("/**", "/**/tracker", "tracker", "/tracker")
 
 
 def load_yaml(path: Path) -> Any:

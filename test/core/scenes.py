@@ -6,7 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from phd_jdtc_ros.core import config
-from phd_jdtc_ros.core.simulation import Scenario, TargetScript
+from phd_jdtc_ros.core.simulation import paper_scenario
 from phd_jdtc_ros.core.types import Detections, ParticlePHD
 
 SMALL_BUDGET = {
@@ -29,7 +29,6 @@ PLAIN = {
     "start.position": [8e3, 6e3],
     "start.rates": [0.01],
 }
-START_NS = 1_700_000_000_000_000_000
 
 
 def small(given=None):
@@ -74,18 +73,7 @@ def no_detections():
 
 def reference_scenario():
     """Return the paper's scene: two parallel targets, one crossing both, one crossing late."""
-    return Scenario(
-        start_ns=START_NS,
-        interval_s=6.0,
-        scans=80,
-        targets=(
-            TargetScript(0, 10.0**4.5, (-10e3, 10e3), (36.0, -44.0), 0, 59),
-            TargetScript(1, 10.0**2.5, (-10e3, -10e3), (36.0, 44.0), 0, 59),
-            TargetScript(0, 10.0**4.5, (-10e3, -10.5e3), (36.0, 44.0), 0, 59),
-            TargetScript(1, 10.0**2.5, (1.4e3, 8e3), (0.0, -20.7), 20, 79),
-        ),
-        radars=config.resolve({}).model.radars,
-    )
+    return paper_scenario(config.resolve({}).model.radars)
 
 
 def short_scenario(scans, clutter_rate=5.0):

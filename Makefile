@@ -1,0 +1,70 @@
+# Everything runs in .venv, which these targets make and keep up to date.
+# With ROS 2 sourced (ROS_DISTRO set) it uses that installation; without, ROS 2 comes from PyPI.
+
+PYTHON ?= python3
+VENV   := .venv
+RUN    := $(VENV)/bin/python
+
+ifdef ROS_DISTRO
+VENV_FLAGS := --system-site-packages
+PIP_FLAGS  := -c constraints-ros.txt
+EXTRAS     :=
+TEST_EXTRAS := [test,dev]
+else
+VENV_FLAGS :=
+PIP_FLAGS  := -c constraints.txt
+EXTRAS     := [ros]
+TEST_EXTRAS := [ros,test,dev]
+endif
+
+.PHONY: help setup demo test check format bags clean
+
+help:
+	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo"
+	@echo "make test    run the tests"
+	@echo "make check   linters and types"
+	@echo "make format  format the code"
+	@echo "make bags    write the shipped bags anew (they come out byte for byte the same)"
+	@echo "make setup   only prepare .venv"
+	@echo "make clean   remove .venv and everything generated"
+
+setup: $(VENV)/.ready
+
+$(VENV)/.made:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+	    { echo "Python 3.10 or newer is needed; set PYTHON=..."; exit 2; }
+	@$(PYTHON) -m venv $(VENV_FLAGS) $(VENV) || \
+	    { echo "on Debian and Ubuntu: apt install python3-venv"; exit 2; }
+	@touch $@
+
+$(VENV)/.ready: $(VENV)/.made setup.py constraints.txt constraints-ros.txt
+	@echo "installing into $(VENV) ..."
+	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.$(EXTRAS)'
+	@touch $@
+
+$(VENV)/.ready-test: $(VENV)/.ready
+	@echo "installing the test tools into $(VENV) ..."
+	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.$(TEST_EXTRAS)'
+	@touch $@
+
+demo: $(VENV)/.ready
+	@$(RUN) -m phd_jdtc_ros demo
+
+test: $(VENV)/.ready-test
+	$(RUN) -m pytest
+
+check: $(VENV)/.ready-test
+	$(RUN) -m ruff check
+	$(RUN) -m ruff format --check
+	$(RUN) -m mypy
+
+format: $(VENV)/.ready-test
+	$(RUN) -m ruff check --fix
+	$(RUN) -m ruff format
+
+bags: $(VENV)/.ready
+	rm -rf bags/paper_scenario
+	$(RUN) -m phd_jdtc_ros simulate --seed 0 --out bags/paper_scenario
+
+clean:
+	rm -rf $(VENV) out build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

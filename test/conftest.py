@@ -1,0 +1,7 @@
+import os
+
+# Before anything imports rclpy: tests talk on this machine only, apart from other ROS processes,
+# and leave no shared memory behind when they kill nodes.
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
+os.environ["ROS_DOMAIN_ID"] = str(101 + os.getpid() % 100)

@@ -1,0 +1,100 @@
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+
+class Processes:
+    """Starts executables of the package and ends those that still run."""
+
+    def __init__(self, directory):
+        self._directory = directory
+        self._started = []
+
+    def start(self, name, *arguments, **environment):
+        log = self._directory / f"{name}_{len(self._started)}.log"
+        with log.open("wb") as stream:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "phd_jdtc_ros", name, *map(str, arguments)],
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **environment},
+            )
+        process.log = log
+        self._started.append(process)
+        return process
+
+    def run(self, name, *arguments, timeout=60.0, **environment):
+        process = self.start(name, *arguments, **environment)
+        return process.wait(timeout), process.log.read_text()
+
+    def stop_all(self):
+        for process in self._started:
+            if process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+        for process in self._started:
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+class Peer:
+    """A node of the test's own, beside those under test."""
+
+    def __init__(self):
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node("peer", context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+
+    def spin_until(self, condition, timeout=15.0):
+        end = time.monotonic() + timeout
+        while not condition():
+            if time.monotonic() > end:
+                return False
+            self._executor.spin_once(timeout_sec=0.02)
+        return True
+
+    def spin_for(self, seconds):
+        self.spin_until(lambda: False, seconds)
+
+    def collect(self, message_type, topic, qos=10):
+        found = []
+        self.node.create_subscription(message_type, topic, found.append, qos)
+        return found
+
+    def publisher(self, message_type, topic, qos=10):
+        return self.node.create_publisher(message_type, topic, qos)
+
+    def call(self, service_type, name):
+        client = self.node.create_client(service_type, name)
+        assert self.spin_until(client.service_is_ready), f"{name} is not there"
+        future = client.call_async(service_type.Request())
+        assert self.spin_until(future.done), f"{name} does not answer"
+        return future.result()
+
+    def close(self):
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def processes(tmp_path):
+    group = Processes(tmp_path)
+    yield group
+    group.stop_all()
+
+
+@pytest.fixture
+def peer():
+    node = Peer()
+    yield node
+    node.close()

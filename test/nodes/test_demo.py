@@ -1,0 +1,110 @@
+"""The main job, for real: three processes over DDS on the shipped bag."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msg_adapters import estimates, interfaces, names
+from msg_adapters.bag import BagReader
+from phd_jdtc_ros.__main__ import run
+
+BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    out = tmp_path_factory.mktemp("demo")
+    assert run("demo", ["--bag", str(BAG), "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def offline(tmp_path_factory):
+    out = tmp_path_factory.mktemp("offline") / "bag"
+    assert run("track_bag", [str(BAG), "--out", str(out)]) == 0
+    return out
+
+
+def clouds(path, topic):
+    reader = BagReader(path)
+    messages = [interfaces.decode(m.data, names.CLOUD) for m in reader.messages([topic])]
+    return {(m.header.stamp.sec, m.header.stamp.nanosec): m for m in messages}
+
+
+def test_demo_reaches_the_promised_figures(demo):
+    metrics = json.loads((demo / "metrics.json").read_text())
+
+    assert metrics["scans"] == 80
+    assert metrics["smoothed"]["all"]["ospa"] <= 100.0
+    assert metrics["reduction"] >= 0.30
+    assert metrics["class_accuracy"] >= 0.97
+    assert (metrics["p"], metrics["c"]) == (2, 1000)
+    assert set(metrics["smoothed"]) == {"all", "class_0", "class_1"}
+    assert metrics["step_ms"]["median"] > 0.0
+
+
+@pytest.mark.parametrize("source", ["filtered", "smoothed"])
+def test_live_estimates_equal_offline_ones(demo, offline, source):
+    topic = names.estimates(source)
+    live, still = clouds(demo / "estimates", topic), clouds(offline, topic)
+
+    assert len(live) == 80
+    assert live.keys() == still.keys()
+    for stamp, cloud in live.items():
+        assert bytes(cloud.data) == bytes(still[stamp].data)
+
+
+def test_smoothed_estimates_follow_every_target(demo):
+    reader = BagReader(demo / "estimates")
+    smoothed = [
+        estimates.from_msg(interfaces.decode(m.data, names.CLOUD))
+        for m in reader.messages([names.estimates("smoothed")])
+    ]
+    start = min(e.stamp_ns for e in smoothed)
+
+    for scan, place, class_id in (
+        (10, (-10e3 + 36 * 60, 10e3 - 44 * 60), 0),
+        (30, (-10e3 + 36 * 180, -10e3 + 44 * 180), 1),
+        (30, (-10e3 + 36 * 180, -10.5e3 + 44 * 180), 0),
+        (70, (1.4e3, 8e3 - 20.7 * 300), 1),
+    ):
+        found = next(e for e in smoothed if e.stamp_ns - start == scan * 6_000_000_000)
+        own_class = found.state[found.class_id == class_id]
+        distance = np.hypot(own_class[:, 0] - place[0], own_class[:, 2] - place[1])
+        assert distance.min() < 300.0
+
+
+def test_demo_records_everything_published(demo):
+    reader = BagReader(demo / "estimates")
+    expected = set(names.published(2)) | {
+        names.TRUTH,
+        *map(names.detections, ("radar_1", "radar_2")),
+    }
+
+    assert set(reader.types) == expected
+    for topic in expected - {names.DIAGNOSTICS, names.OSPA}:
+        assert reader.counts[topic] == 80, topic
+    assert reader.counts[names.OSPA] == 160
+
+
+def test_demo_writes_report_and_pictures(demo):
+    pictures = {path.name for path in demo.glob("*.png")}
+
+    assert {"scenario.png", "measurements.png", "trajectories.png", "ospa.png"} <= pictures
+    assert "number_error.png" in pictures
+    assert "<html" in (demo / "report.html").read_text()
+
+
+def test_demo_can_be_repeated_into_the_same_directory(demo):
+    before = json.loads((demo / "metrics.json").read_text())
+    assert run("demo", ["--bag", str(BAG), "--out", str(demo)]) == 0
+    after = json.loads((demo / "metrics.json").read_text())
+
+    assert after["smoothed"] == before["smoothed"]
+
+
+def test_demo_refuses_a_missing_bag(tmp_path, capsys):
+    assert run("demo", ["--bag", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
+    assert "none: no such bag" in capsys.readouterr().err

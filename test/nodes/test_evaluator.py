@@ -1,0 +1,113 @@
+import json
+import signal
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import diagnostics, estimates, names, truth
+from phd_jdtc_ros.core.motion import STATE_SIZE
+from phd_jdtc_ros.core.simulation import Truth
+from phd_jdtc_ros.core.types import Estimates
+
+SECOND = 1_000_000_000
+
+
+def targets(stamp_ns, positions, classes):
+    state = np.zeros((len(positions), STATE_SIZE))
+    state[:, [0, 2]] = np.reshape(positions, (-1, 2))
+    return Truth(stamp_ns, state, np.arange(1, len(positions) + 1), np.array(classes))
+
+
+def found(stamp_ns, positions, classes):
+    size = len(positions)
+    state = np.zeros((size, STATE_SIZE))
+    state[:, [0, 2]] = np.reshape(positions, (-1, 2))
+    return Estimates(
+        stamp_ns=stamp_ns,
+        lag=0,
+        state=state,
+        covariance=np.tile(np.eye(STATE_SIZE), (size, 1, 1)),
+        weight=np.ones(size),
+        class_probability=np.eye(2)[classes] if size else np.zeros((0, 2)),
+        class_id=np.array(classes, dtype=int),
+        track_id=np.zeros(size, dtype=int),
+    )
+
+
+class Source:
+    """Stands where a tracker and a replay would."""
+
+    def __init__(self, peer):
+        self.peer = peer
+        self.truth = peer.publisher(PointCloud2, names.TRUTH, 50)
+        self.clouds = {
+            s: peer.publisher(PointCloud2, names.estimates(s)) for s in ("filtered", "smoothed")
+        }
+        self.scores = peer.collect(DiagnosticArray, names.OSPA)
+        everyone = [self.truth, *self.clouds.values()]
+        assert peer.spin_until(lambda: all(p.get_subscription_count() for p in everyone))
+        assert peer.spin_until(lambda: peer.node.count_publishers(names.OSPA))
+        peer.spin_for(0.5)
+
+    def send(self, stamp_ns, true, filtered, smoothed):
+        self.clouds["filtered"].publish(estimates.to_msg(found(stamp_ns, *filtered), "map"))
+        self.truth.publish(truth.to_msg(targets(stamp_ns, *true), "map"))
+        self.clouds["smoothed"].publish(estimates.to_msg(found(stamp_ns, *smoothed), "map"))
+
+
+def test_evaluator_publishes_scores_and_writes_the_report(processes, peer, tmp_path):
+    report = tmp_path / "metrics.json"
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
+    source = Source(peer)
+    true = ([(0.0, 0.0), (5000.0, 0.0)], [0, 1])
+    source.send(SECOND, true, ([(300.0, 0.0)], [0]), ([(30.0, 40.0), (5000.0, 0.0)], [0, 1]))
+    source.send(2 * SECOND, ([], []), ([], []), ([], []))
+    assert peer.spin_until(lambda: len(source.scores) == 4)
+    evaluator.send_signal(signal.SIGINT)
+    assert evaluator.wait(10.0) == 0
+    metrics = json.loads(report.read_text())
+
+    statuses = {
+        s.name: diagnostics.values_of(s)
+        for m in source.scores
+        for s in m.status
+        if m.header.stamp.sec == 1
+    }
+    assert set(statuses) == {
+        f"{s}/{k}" for s in ("filtered", "smoothed") for k in ("all", "class_0", "class_1")
+    }
+    # One of two targets found 300 m off: sqrt((300^2 + 1000^2) / 2).
+    expected = np.sqrt((300.0**2 + 1000.0**2) / 2.0)
+    assert float(statuses["filtered/all"]["ospa"]) == pytest.approx(expected, rel=1e-6)
+    assert (statuses["filtered/all"]["n_true"], statuses["filtered/all"]["n_est"]) == ("2", "1")
+    assert float(statuses["smoothed/class_0"]["localization"]) == pytest.approx(50.0, rel=1e-6)
+    assert set(statuses["filtered/all"]) == {
+        *("ospa", "localization", "cardinality", "n_true", "n_est", "cutoff", "order")
+    }
+    assert metrics["scans"] == 2
+    assert metrics["filtered"]["all"]["ospa"] == pytest.approx(expected / 2.0, rel=1e-6)
+    assert metrics["class_accuracy"] == 1.0
+    assert metrics["smoothed"]["all"]["cardinality_abs_error"] == 0.0
+
+
+def test_evaluator_ends_by_itself_after_the_wanted_scans(processes, peer, tmp_path):
+    evaluator = processes.start("evaluator", "--ros-args", "-p", "exit_after_scans:=1")
+    source = Source(peer)
+    source.send(SECOND, ([], []), ([], []), ([], []))
+
+    assert peer.spin_until(lambda: evaluator.poll() is not None)
+    assert evaluator.returncode == 0
+
+
+def test_evaluator_lives_on_after_a_malformed_cloud(processes, peer):
+    evaluator = processes.start("evaluator")
+    source = Source(peer)
+    source.truth.publish(PointCloud2())
+    source.clouds["filtered"].publish(PointCloud2())
+    source.send(SECOND, ([], []), ([], []), ([], []))
+
+    assert peer.spin_until(lambda: len(source.scores) == 2)
+    assert evaluator.poll() is None
+    assert "is missing" in evaluator.log.read_text()

@@ -1,0 +1,170 @@
+import time
+from pathlib import Path
+
+import pytest
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from msg_adapters import names, stamps
+from msg_adapters.bag import BagReader
+
+BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
+TOPICS = (names.detections("radar_1"), names.detections("radar_2"), names.TRUTH)
+DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+QUIET = ("--ros-args", "-p", "progress:=false")
+
+
+class Listener:
+    """Keeps the bytes that arrive on every played topic, and when."""
+
+    def __init__(self, peer):
+        self.data = {topic: [] for topic in TOPICS}
+        self.times = []
+        for topic in TOPICS:
+            peer.node.create_subscription(
+                PointCloud2,
+                topic,
+                lambda data, topic=topic: self._take(topic, data),
+                DEEP,
+                raw=True,
+            )
+
+    def _take(self, topic, data):
+        self.data[topic].append(data)
+        self.times.append(time.monotonic())
+
+    @property
+    def scans(self):
+        return len(self.data[names.TRUTH])
+
+
+@pytest.fixture
+def listener(peer):
+    return Listener(peer)
+
+
+def test_replay_publishes_the_bags_bytes_as_they_are(processes, peer, listener):
+    process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET)
+    assert peer.spin_until(lambda: process.poll() is not None and listener.scans == 80)
+
+    assert process.returncode == 0
+    for topic in TOPICS:
+        recorded = [message.data for message in BagReader(BAG).messages([topic])]
+        assert len(listener.data[topic]) == len(recorded)
+        for arrived, data in zip(listener.data[topic], recorded, strict=True):
+            # The middleware fills messages up to whole words of four bytes.
+            assert arrived[: len(data)] == data
+            assert len(arrived) - len(data) < 4
+
+
+def test_replay_keeps_the_pace(processes, peer, listener):
+    # Nine intervals of 6 s at 60 times the speed are 0.9 s.
+    process = processes.start("sensor_replay", BAG, "--rate", "60", "--duration", "54", *QUIET)
+    assert peer.spin_until(lambda: process.poll() is not None and listener.scans == 10)
+    elapsed = listener.times[-1] - listener.times[0]
+
+    assert process.returncode == 0
+    assert 0.8 <= elapsed <= 1.5
+
+
+def test_replay_plays_the_chosen_part(processes, peer, listener):
+    process = processes.start(
+        "sensor_replay", BAG, "--rate", "1000", "--start", "60", "--duration", "12", *QUIET
+    )
+    assert peer.spin_until(lambda: process.poll() is not None and listener.scans == 3)
+
+    first = stamps.of_cdr(listener.data[names.TRUTH][0])
+    assert first - BagReader(BAG).start_ns == 60_000_000_000
+
+
+def test_replay_pauses_steps_and_resumes(processes, peer, listener):
+    processes.start("sensor_replay", BAG, "--rate", "30", "--start-paused", *QUIET)
+    assert peer.spin_until(lambda: peer.node.count_publishers(names.TRUTH) == 1)
+    peer.spin_for(1.0)
+    assert listener.scans == 0
+
+    peer.call(Trigger, "/sensor_replay/step")
+    peer.spin_for(0.5)
+    assert listener.scans == 1
+
+    peer.call(Trigger, "/sensor_replay/resume")
+    assert peer.spin_until(lambda: listener.scans >= 4)
+    peer.call(Trigger, "/sensor_replay/pause")
+    peer.spin_for(0.2)
+    held = listener.scans
+    peer.spin_for(0.6)
+    assert listener.scans == held
+
+
+def test_replay_loops(processes, peer, listener):
+    processes.start("sensor_replay", BAG, "--rate", "1000", "--duration", "12", "--loop", *QUIET)
+    assert peer.spin_until(lambda: listener.scans >= 7)
+
+    found = [stamps.of_cdr(data) for data in listener.data[names.TRUTH]]
+    assert found[3:6] == found[:3]
+
+
+def test_replay_publishes_the_clock_at_100_hz_and_before_every_stamp(processes, peer, listener):
+    ticks = []
+    peer.node.create_subscription(
+        Clock,
+        "/clock",
+        lambda message: ticks.append((time.monotonic(), stamps.to_ns(message.clock))),
+        QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT),
+    )
+    process = processes.start("sensor_replay", BAG, "--rate", "6", "--duration", "12", *QUIET)
+    assert peer.spin_until(lambda: process.poll() is not None)
+    recorded = [stamps.of_cdr(data) for data in listener.data[names.TRUTH]]
+    played = [tick for tick in ticks if recorded[0] < tick[1] < recorded[-1]]
+    rate = len(played) / (played[-1][0] - played[0][0])
+
+    assert {stamp for _, stamp in ticks} >= set(recorded)
+    assert [stamp for _, stamp in ticks] == sorted(stamp for _, stamp in ticks)
+    assert 70.0 <= rate <= 130.0
+
+
+def test_replay_waits_for_its_subscribers(processes, peer):
+    process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET)
+    assert peer.spin_until(lambda: peer.node.count_publishers(names.TRUTH) == 1)
+    peer.spin_for(1.0)
+    late = Listener(peer)
+    assert peer.spin_until(lambda: process.poll() is not None and late.scans == 80)
+
+
+def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(processes, peer):
+    listener = Listener(peer)
+    estimates = peer.publisher(PointCloud2, names.estimates("filtered"))
+    processes.start("sensor_replay", BAG, "--rate", "0", *QUIET)
+    assert peer.spin_until(lambda: listener.scans == 1)
+    peer.spin_for(0.5)
+    assert listener.scans == 1
+
+    for expected in (2, 3, 4):
+        cloud = PointCloud2()
+        cloud.header.stamp = stamps.from_ns(stamps.of_cdr(listener.data[names.TRUTH][-1]))
+        estimates.publish(cloud)
+        assert peer.spin_until(lambda expected=expected: listener.scans == expected)
+        peer.spin_for(0.2)
+        assert listener.scans == expected
+
+
+def test_replay_warns_when_nobody_listens(processes):
+    status, text = processes.run(
+        *("sensor_replay", BAG, "--rate", "1000"),
+        *(*QUIET, "-p", "subscriber_timeout_s:=0.3"),
+    )
+
+    assert status == 0
+    assert "nobody is on /ground_truth/targets" in text or "nobody is on /radar" in text
+
+
+def test_replay_fails_where_the_flush_service_is_missing(processes):
+    status, text = processes.run(
+        *("sensor_replay", BAG, "--rate", "1000", *QUIET),
+        *("-p", "subscriber_timeout_s:=0.0", "-p", "flush_service:=/nobody/flush"),
+    )
+
+    assert status == 1
+    assert "/nobody/flush does not exist" in text

@@ -1,0 +1,138 @@
+"""Every node starts with a clear answer to bad input and stops cleanly on a signal."""
+
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from msg_adapters.bag import BagWriter, Topic
+
+BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
+NODES = {
+    "tracker": (),
+    "evaluator": (),
+    "sensor_replay": (BAG, "--rate", "1", "--ros-args", "-p", "subscriber_timeout_s:=0.0"),
+}
+
+
+@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("signals", [(signal.SIGINT,), (signal.SIGTERM,), (signal.SIGINT,) * 2])
+def test_node_stops_cleanly_on_a_signal(processes, name, signals):
+    process = processes.start(name, *NODES[name])
+    end = time.monotonic() + 20.0
+    while not process.log.read_text() and time.monotonic() < end:
+        time.sleep(0.01)
+    started = time.monotonic()
+    for number in signals:
+        process.send_signal(number)
+        time.sleep(0.05)
+    status = process.wait(10.0)
+
+    assert status == 0
+    assert time.monotonic() - started < 2.0
+    assert "Traceback" not in process.log.read_text()
+
+
+def test_tracker_lists_every_parameter_fault(processes):
+    status, text = processes.run(
+        "tracker",
+        "--ros-args",
+        *("-p", "lag:=-1"),
+        *("-p", "survival:=0.9"),
+        *("-p", "radar_1.range_std:=.nan"),
+        *("-p", "class_0.snr_band_db:=[1.0]"),
+    )
+
+    assert status == 2
+    assert "lag: -1 given, must be a whole number, at least 0" in text
+    assert "survival: unknown parameter" in text
+    assert "radar_1.range_std: nan given" in text
+    assert "class_0.snr_band_db: [1.0] given" in text or "class_0.snr_band_db: array" in text
+    assert "Traceback" not in text
+
+
+def test_tracker_refuses_an_unknown_qos(processes):
+    status, text = processes.run(
+        "tracker",
+        "--ros-args",
+        *("-p", "qos_overrides./radar_1/detections.subscription.reliability:=mostly"),
+    )
+
+    assert status == 2
+    assert "qos_overrides./radar_1/detections" in text
+    assert "Traceback" not in text
+
+
+def test_tracker_refuses_an_impossible_topic_name(processes):
+    status, text = processes.run("tracker", "--ros-args", "-p", "radar_1.topic:=not a topic")
+
+    assert status == 2
+    assert "Traceback" not in text
+
+
+@pytest.mark.parametrize("rate", ["-1", "0.05", "nan"])
+def test_replay_refuses_a_bad_rate(processes, rate):
+    status, text = processes.run("sensor_replay", BAG, f"--rate={rate}")
+
+    assert status == 2
+    assert "rate: " in text
+    assert "Traceback" not in text
+
+
+def test_replay_needs_a_bag(processes):
+    status, text = processes.run("sensor_replay")
+
+    assert (status, text) == (2, "sensor_replay: bag: '' given, must be the path of a bag\n")
+
+
+def test_replay_refuses_a_missing_bag(processes, tmp_path):
+    status, text = processes.run("sensor_replay", tmp_path / "none")
+
+    assert status == 2
+    assert text == f"sensor_replay: {tmp_path / 'none'}: no such bag\n"
+
+
+def test_replay_refuses_a_foreign_bag(processes, tmp_path):
+    with BagWriter(tmp_path / "foreign") as bag:
+        bag.add_topic(Topic("/radar_1/detections", "std_msgs/msg/Header"))
+
+    status, text = processes.run("sensor_replay", tmp_path / "foreign")
+
+    assert status == 2
+    assert "/radar_1/detections is std_msgs/msg/Header, must be sensor_msgs/msg/Point" in text
+    assert len(text.splitlines()) == 1
+
+
+def test_replay_reports_a_corrupt_bag(processes, tmp_path):
+    whole = next(BAG.glob("*.mcap")).read_bytes()
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(whole[: len(whole) // 2])
+
+    status, text = processes.run("sensor_replay", broken)
+
+    assert status == 3
+    assert len(text.splitlines()) == 1
+    assert "broken.mcap" in text
+
+
+def test_replay_plays_what_precedes_damage_and_reports_it(processes, tmp_path):
+    data = bytearray(next(BAG.glob("*.mcap")).read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(data)
+
+    status, text = processes.run("sensor_replay", broken, "--rate=1000", timeout=60)
+
+    assert status == 3
+    assert "broken.mcap" in text
+    assert "Traceback" not in text
+
+
+def test_evaluator_refuses_to_overwrite_a_recording(processes, tmp_path):
+    (tmp_path / "bag").mkdir()
+    status, text = processes.run("evaluator", "--ros-args", "-p", f"record:={tmp_path / 'bag'}")
+
+    assert status == 2
+    assert "already exists" in text
+    assert "Traceback" not in text

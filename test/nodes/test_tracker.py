@@ -1,0 +1,277 @@
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseArray
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
+
+from msg_adapters import detections, diagnostics, estimates, stamps
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.simulation import paper_scenario, simulate
+from phd_jdtc_ros.core.types import Detections
+
+FAST = ("-p", "particles_per_target:=200", "-p", "particles_per_birth:=256", "-p", "lag:=2")
+RELIABLE = [
+    word
+    for radar in ("radar_1", "radar_2")
+    for word in ("-p", f"qos_overrides./{radar}/detections.subscription.reliability:=reliable")
+]
+SCANS = [scan for _, scan in simulate(paper_scenario(resolve({}).model.radars), 0)]
+
+
+class Radars:
+    """Publishes clouds to a live tracker and hears what comes back."""
+
+    def __init__(self, peer):
+        self.peer = peer
+        self.outputs = [peer.publisher(PointCloud2, f"/radar_{k}/detections", 50) for k in (1, 2)]
+        self.filtered = peer.collect(PointCloud2, "/tracker/filtered/estimates")
+        self.smoothed = peer.collect(PointCloud2, "/tracker/smoothed/estimates")
+        self.health = peer.collect(DiagnosticArray, "/diagnostics")
+
+    def connect(self):
+        assert self.peer.spin_until(
+            lambda: (
+                all(output.get_subscription_count() for output in self.outputs)
+                and self.peer.node.count_publishers("/tracker/smoothed/estimates")
+            )
+        )
+        self.peer.spin_for(0.5)
+
+    def send(self, index, radars=(0, 1), stamp_ns=None):
+        scan = SCANS[index]
+        for radar in radars:
+            cloud = detections.to_msg(
+                scan.detections[radar], stamp_ns or scan.stamp_ns, f"radar_{radar + 1}"
+            )
+            self.outputs[radar].publish(cloud)
+
+    def track(self, index, radars=(0, 1)):
+        """Send a scan and wait for its estimate."""
+        before = len(self.filtered)
+        self.send(index, radars)
+        assert self.peer.spin_until(lambda: len(self.filtered) > before), f"scan {index}"
+
+    def drops(self, radar):
+        """Wait for the next health report and return a radar's status."""
+        before = len(self.health)
+        assert self.peer.spin_until(lambda: len(self.health) > before + 1)
+        return next(s for s in self.health[-1].status if s.name == f"tracker/radar_{radar}")
+
+
+@pytest.fixture
+def radars(processes, peer):
+    processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
+    group = Radars(peer)
+    group.connect()
+    return group
+
+
+def stamp_of(cloud):
+    return stamps.to_ns(cloud.header.stamp)
+
+
+def test_tracker_publishes_filtered_and_lagged_smoothed_estimates(radars):
+    for index in range(6):
+        radars.track(index)
+    radars.peer.spin_until(lambda: len(radars.smoothed) >= 4)
+
+    assert [stamp_of(c) for c in radars.filtered] == [SCANS[k].stamp_ns for k in range(6)]
+    # The smoothed stamp is the time of the state, two scans back.
+    assert [stamp_of(c) for c in radars.smoothed] == [SCANS[k].stamp_ns for k in range(4)]
+    assert all(cloud.header.frame_id == "map" for cloud in radars.filtered + radars.smoothed)
+    last = estimates.from_msg(radars.smoothed[-1])
+    truth = np.array([[-10e3 + 36 * 18, 10e3 - 44 * 18]])
+    assert np.hypot(*(last.state[:, [0, 2]] - truth).T).min() < 500.0
+
+
+def test_tracker_takes_radars_in_any_order_of_arrival(radars):
+    radars.send(0, radars=(1,))
+    radars.peer.spin_for(0.3)
+    assert not radars.filtered
+    radars.track(0, radars=(0,))
+
+    assert len(radars.filtered) == 1
+
+
+def test_tracker_flush_emits_the_last_scans_and_resets(radars):
+    for index in range(4):
+        radars.track(index)
+    first = bytes(radars.filtered[0].data)
+    reply = radars.peer.call(Trigger, "/tracker/flush")
+    assert radars.peer.spin_until(lambda: len(radars.smoothed) == 4)
+
+    assert reply.success
+    assert [stamp_of(c) for c in radars.smoothed] == [SCANS[k].stamp_ns for k in range(4)]
+    # After the flush the tracker is as new: the same scan again gives the same estimate.
+    radars.track(0)
+    assert bytes(radars.filtered[-1].data) == first
+
+
+def test_tracker_reset_forgets_without_publishing(radars):
+    for index in range(3):
+        radars.track(index)
+    first = bytes(radars.filtered[0].data)
+    assert radars.peer.spin_until(lambda: len(radars.smoothed) == 1)
+    assert radars.peer.call(Trigger, "/tracker/reset").success
+    radars.track(0)
+    radars.peer.spin_for(0.3)
+
+    assert len(radars.smoothed) == 1
+    assert bytes(radars.filtered[-1].data) == first
+
+
+def test_tracker_rejects_scans_that_do_not_fit_and_lives_on(radars):
+    good = detections.to_msg(SCANS[0].detections[0], SCANS[0].stamp_ns, "radar_1")
+    bad = []
+    for change in ({"point_step": 13}, {"width": 10**6}, {"data": b"\0" * 7}, {"fields": []}):
+        cloud = detections.to_msg(SCANS[0].detections[0], SCANS[0].stamp_ns, "radar_1")
+        for name, value in change.items():
+            setattr(cloud, name, value)
+        bad.append(cloud)
+    foreign = detections.to_msg(SCANS[0].detections[0], SCANS[0].stamp_ns, "base_link")
+    for cloud in [*bad, foreign, PointCloud2()]:
+        radars.outputs[0].publish(cloud)
+    radars.outputs[0].publish(good)
+    radars.track(0, radars=(1,))
+    status = radars.drops(1)
+
+    assert len(radars.filtered) == 1
+    counts = diagnostics.values_of(status)
+    assert counts["dropped_schema"] == "3"
+    assert counts["dropped_oversize"] == "1"
+    assert counts["dropped_frame"] == "2"
+    assert status.level == DiagnosticStatus.WARN
+
+
+def test_tracker_drops_bad_points_and_keeps_the_rest(processes, peer, radars):
+    poison = Detections(
+        np.array([[np.nan, 0.0], [-5.0, 0.0], [500.0, np.inf], [1e6, 0.0], [900.0, 1.0]]),
+        np.array([5.0, 5.0, 5.0, 5.0, -1.0]),
+    )
+    good = SCANS[0].detections[0]
+    mixed = Detections(
+        np.concatenate([poison.measurement, good.measurement]),
+        np.concatenate([poison.amplitude, good.amplitude]),
+    )
+    with np.errstate(invalid="ignore"):  # x and y of the points that are not finite
+        radars.outputs[0].publish(detections.to_msg(mixed, SCANS[0].stamp_ns, "radar_1"))
+    radars.track(0, radars=(1,))
+    counts = diagnostics.values_of(radars.drops(1))
+    with_poison = bytes(radars.filtered[-1].data)
+    radars.peer.call(Trigger, "/tracker/reset")
+    radars.track(0)
+
+    assert counts["dropped_not_finite"] == "2"
+    assert counts["dropped_range"] == "2"
+    assert counts["dropped_amplitude"] == "1"
+    assert bytes(radars.filtered[-1].data) == with_poison
+
+
+def test_tracker_takes_an_empty_scan_as_a_scan(radars):
+    empty = Detections(np.zeros((0, 2)), np.zeros(0))
+    for radar in (0, 1):
+        radars.outputs[radar].publish(
+            detections.to_msg(empty, SCANS[0].stamp_ns, f"radar_{radar + 1}")
+        )
+
+    assert radars.peer.spin_until(lambda: len(radars.filtered) == 1)
+    assert radars.filtered[0].width == 0
+    assert radars.filtered[0].point_step == 4 * 28
+
+
+def test_tracker_counts_duplicate_and_late_scans(radars):
+    radars.track(0)
+    radars.track(1)
+    radars.send(1, radars=(0,))
+    radars.send(0, radars=(0,))
+    radars.track(2)
+    counts = diagnostics.values_of(radars.drops(1))
+
+    assert counts["dropped_duplicate"] == "1"
+    assert counts["dropped_late"] == "1"
+    assert len(radars.filtered) == 3
+
+
+def test_tracker_starts_anew_when_stamps_jump_back(radars):
+    for index in range(5):
+        radars.track(index)
+    first = bytes(radars.filtered[0].data)
+    radars.track(0)
+    assert radars.peer.spin_until(lambda: len(radars.smoothed) == 5)
+
+    assert bytes(radars.filtered[-1].data) == first
+
+
+def test_tracker_goes_on_with_one_radar(radars):
+    radars.track(0)
+    for index in range(1, 4):
+        radars.send(index, radars=(0,))
+    # Twice the silent radar is waited for until a later stamp comes, then no longer.
+    assert radars.peer.spin_until(lambda: len(radars.filtered) == 4)
+
+
+def test_tracker_publishes_poses_markers_and_cardinality(processes, peer, radars):
+    poses = [peer.collect(PoseArray, f"/tracker/filtered/class_{k}/poses") for k in (0, 1)]
+    figures = peer.collect(DiagnosticArray, "/tracker/cardinality")
+    latched = QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+    peer.spin_for(0.5)
+    for index in range(3):
+        radars.track(index)
+    # A late joiner still gets the last markers.
+    markers = peer.collect(MarkerArray, "/tracker/markers", latched)
+    assert peer.spin_until(lambda: markers and len(figures) == 3 and len(poses[1]) == 3)
+
+    found = estimates.from_msg(radars.filtered[-1])
+    assert [len(arrays[-1].poses) for arrays in poses] == [
+        int((found.class_id == k).sum()) for k in (0, 1)
+    ]
+    assert markers[-1].markers[0].action == Marker.DELETEALL
+    assert len(markers[-1].markers) == 1 + 3 * len(found)
+    values = diagnostics.values_of(figures[-1].status[0])
+    assert float(values["total"]) == pytest.approx(
+        float(values["class_0"]) + float(values["class_1"])
+    )
+    assert float(values["step_ms"]) > 0.0
+    assert int(values["particles"]) > 0
+
+
+def test_tracker_offers_the_contracted_qos(radars):
+    offered = {
+        topic: radars.peer.node.get_publishers_info_by_topic(topic)[0].qos_profile
+        for topic in ("/tracker/filtered/estimates", "/tracker/markers")
+    }
+    wanted = radars.peer.node.get_subscriptions_info_by_topic("/radar_1/detections")[0].qos_profile
+
+    assert offered["/tracker/filtered/estimates"].reliability == ReliabilityPolicy.RELIABLE
+    assert offered["/tracker/markers"].durability == DurabilityPolicy.TRANSIENT_LOCAL
+    assert wanted.reliability == ReliabilityPolicy.RELIABLE  # as overridden
+
+
+def test_tracker_asks_for_best_effort_by_default(processes, peer):
+    processes.start("tracker", "--ros-args", *FAST)
+
+    def subscriptions():
+        return peer.node.get_subscriptions_info_by_topic("/radar_1/detections")
+
+    assert peer.spin_until(subscriptions)
+    assert subscriptions()[0].qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+
+
+def test_tracker_without_amplitudes_warns_once_and_tracks(processes, peer):
+    tracker = processes.start(
+        "tracker", "--ros-args", *FAST, *RELIABLE, "-p", "radar_1.fields.amplitude:=rcs"
+    )
+    radars = Radars(peer)
+    radars.connect()
+    for index in range(3):
+        radars.track(index)
+
+    assert len(estimates.from_msg(radars.filtered[-1])) >= 2
+    assert tracker.log.read_text().count("no field 'rcs'") == 1
