@@ -17,7 +17,7 @@ EXTRAS     := [ros]
 TEST_EXTRAS := [ros,test,dev]
 endif
 
-.PHONY: help setup demo test check format bags clean
+.PHONY: help setup demo test check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo"
@@ -25,6 +25,7 @@ help:
 	@echo "make check   linters and types"
 	@echo "make format  format the code"
 	@echo "make bags    write the shipped bags anew (they come out byte for byte the same)"
+	@echo "make parameters  write docs/parameters.md from the code"
 	@echo "make setup   only prepare .venv"
 	@echo "make clean   remove .venv and everything generated"
 
@@ -65,6 +66,9 @@ format: $(VENV)/.ready-test
 bags: $(VENV)/.ready
 	rm -rf bags/paper_scenario
 	$(RUN) -m phd_jdtc_ros simulate --seed 0 --out bags/paper_scenario
+
+parameters: $(VENV)/.ready
+	$(RUN) -m phd_jdtc_ros.tools.parameter_reference > docs/parameters.md
 
 clean:
 	rm -rf $(VENV) out build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -3,7 +3,15 @@ from glob import glob
 from setuptools import find_packages, setup
 
 PACKAGE = "phd_jdtc_ros"
-EXECUTABLES = ("sensor_replay", "tracker", "evaluator", "track_bag", "simulate", "report")
+EXECUTABLES = (
+    "sensor_replay",
+    "tracker",
+    "evaluator",
+    "track_bag",
+    "simulate",
+    "report",
+    "demo",
+)
 
 # The parts of ROS 2 that are on PyPI. A ROS installation brings its own, so they are an extra.
 ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
@@ -17,6 +25,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", glob("launch/*.py")),
         (f"share/{PACKAGE}/config", glob("config/*.yaml")),
+        (f"share/{PACKAGE}/config/scenarios", glob("config/scenarios/*.yaml")),
         (f"share/{PACKAGE}/bags/paper_scenario", glob("bags/paper_scenario/*")),
     ],
     python_requires=">=3.10",

@@ -16,6 +16,8 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ament_index_python.packages import get_package_share_directory
+
 from msg_adapters import names
 from msg_adapters.bag import BagError, BagReader
 from phd_jdtc_ros.core.config import resolve
@@ -113,6 +115,17 @@ def run_nodes(bag: Path, out: Path) -> bool:
         return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
 
 
+def shipped_bag() -> Path:
+    """Return the reference scenario's bag, of the checkout or of the installed package."""
+    here = Path("bags/paper_scenario")
+    if here.exists():
+        return here
+    try:
+        return Path(get_package_share_directory("phd_jdtc_ros")) / here
+    except LookupError:  # no ROS installation, or the package is not in it
+        return here
+
+
 def _clear(out: Path) -> None:
     """Remove what an earlier demo left, and nothing else."""
     for pattern in ARTEFACTS:
@@ -125,7 +138,7 @@ def _clear(out: Path) -> None:
 def main(argv: Sequence[str]) -> int:
     """Run the demo."""
     parser = argparse.ArgumentParser("demo", description=__doc__)
-    parser.add_argument("--bag", type=Path, default=Path("bags/paper_scenario"))
+    parser.add_argument("--bag", type=Path, default=shipped_bag())
     parser.add_argument("--out", type=Path, default=Path("out/demo"))
     arguments = parser.parse_args(argv)
 

@@ -1,0 +1,66 @@
+"""The parameter reference page, from the tables that the nodes declare."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from phd_jdtc_ros.core.parameters import BIRTH, CLASS, MOTION, RADAR, TOP, Parameter
+from phd_jdtc_ros.nodes import evaluator, sensor_replay
+
+_INTRODUCTION = """\
+# Parameters
+
+Written by `make parameters` from the tables in the code. Every parameter is read-only while a node
+runs. Whole numbers are accepted where numbers are meant. All faults of a configuration are listed
+at once, and the node ends with status 2.
+"""
+
+_SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
+    (
+        "tracker",
+        "The defaults are the reference scenario; `config/paper_scenario.yaml` has them written "
+        "out. `~/` topics aside, the subscriptions' QoS can be overridden with "
+        "`qos_overrides.TOPIC.subscription.{reliability,history,depth}`.",
+        TOP,
+    ),
+    ("tracker, for every name in `radars`", "Names are prefixed: `radar_1.position`.", RADAR),
+    ("tracker, for every name in `classes`", "", CLASS),
+    ("tracker, for every name in `motions`", "", MOTION),
+    ("tracker, for every name in `births`", "", BIRTH),
+    (
+        "sensor_replay",
+        "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the bag as "
+        "an argument set the parameters of the same meaning.",
+        sensor_replay.TABLE,
+    ),
+    ("evaluator", "", evaluator.TABLE),
+)
+
+
+def page() -> str:
+    """Return the page as Markdown."""
+    parts = [_INTRODUCTION]
+    for title, text, table in _SECTIONS:
+        rows = [
+            f"| `{p.name}` | `{_shown(p.default)}` | {p.allowed} | {p.description} |" for p in table
+        ]
+        head = ["| name | default | allowed | meaning |", "|---|---|---|---|"]
+        parts.append(
+            "\n".join([f"## {title}", "", *([text, ""] if text else []), *head, *rows, ""])
+        )
+    return "\n".join(parts)
+
+
+def _shown(default: object) -> str:
+    return str(default).replace("'", "") if default != "" else "(empty)"
+
+
+def main(argv: Sequence[str]) -> int:
+    """Print the page."""
+    sys.stdout.write(page())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,235 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+from samples import FRAME, STAMP_NS, cloud, detections, polar, radar
+from sensor_msgs.msg import PointField
+
+from msg_adapters import detections as adapter
+from msg_adapters import stamps
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.types import Detections
+
+F4, F8 = PointField.FLOAT32, PointField.FLOAT64
+GOOD = [(1000.0, 0.5, 4.0), (2000.0, -0.5, 8.0)]
+INF, NAN = np.inf, np.nan
+
+
+def read(points, **changes):
+    return adapter.from_msg(polar(points, F8), radar(**changes))
+
+
+def test_to_msg_keeps_the_contract_of_the_topic():
+    message = adapter.to_msg(detections(), STAMP_NS, FRAME)
+    names = ["x", "y", "z", "range", "azimuth", "elevation", "amplitude"]
+    assert [(f.name, f.offset, f.datatype, f.count) for f in message.fields] == [
+        (name, 4 * index, PointField.FLOAT32, 1) for index, name in enumerate(names)
+    ]
+    assert (message.point_step, message.row_step) == (28, 84)
+    assert (message.height, message.width) == (1, 3)
+    assert message.is_bigendian is False
+    assert message.is_dense is True
+    assert len(message.data) == 84
+    assert message.header.frame_id == FRAME
+    assert stamps.to_ns(message.header.stamp) == STAMP_NS
+
+
+def test_to_msg_places_points_in_the_frame_of_the_sensor():
+    given = Detections(np.array([[100.0, np.pi / 2], [200.0, -np.pi / 4]]), np.array([3.0, 4.0]))
+    points = np.frombuffer(bytes(adapter.to_msg(given, 0, FRAME).data), dtype="<f4").reshape(2, 7)
+    side = 200.0 / np.sqrt(2.0)
+    assert_allclose(points[:, :3], [[0.0, 100.0, 0.0], [side, -side, 0.0]], atol=1e-4)
+    assert_allclose(points[:, 3:5], given.measurement, rtol=1e-7)
+    assert_array_equal(points[:, 5:], [[0.0, 3.0], [0.0, 4.0]])
+
+
+def test_to_msg_refuses_detections_without_amplitudes():
+    with pytest.raises(ValueError, match="amplitude: None given"):
+        adapter.to_msg(Detections(np.zeros((1, 2)), None), 0, FRAME)
+
+
+def test_detections_survive_the_message():
+    report = adapter.from_msg(adapter.to_msg(detections(), STAMP_NS, FRAME), radar())
+    assert report.stamp_ns == STAMP_NS
+    assert_array_equal(report.detections.measurement, detections().measurement)
+    assert_array_equal(report.detections.amplitude, detections().amplitude)
+    assert not report.dropped
+
+
+def test_an_empty_scan_survives_the_message():
+    empty = Detections(np.zeros((0, 2)), np.zeros(0))
+    message = adapter.to_msg(empty, STAMP_NS, FRAME)
+    assert (message.width, message.height, message.point_step) == (0, 1, 28)
+    report = adapter.from_msg(message, radar())
+    assert len(report.detections) == 0
+    assert report.detections.amplitude is not None
+    assert not report.dropped
+
+
+def test_from_msg_decodes_big_endian_to_the_same():
+    report = adapter.from_msg(polar(GOOD, big_endian=True), radar())
+    assert_array_equal(report.detections.measurement, [[1000.0, 0.5], [2000.0, -0.5]])
+    assert_array_equal(report.detections.amplitude, [4.0, 8.0])
+
+
+@pytest.mark.parametrize("frame", ["", "radar_2", "map", "/radar_1"])
+def test_from_msg_rejects_another_frame(frame):
+    with pytest.raises(RejectedMessageError) as caught:
+        adapter.from_msg(polar(GOOD, frame=frame), radar())
+    assert caught.value.reason == "frame"
+    assert str(caught.value) == f"frame_id {frame!r}, must be 'radar_1'"
+
+
+@pytest.mark.parametrize("missing", ["range", "azimuth"])
+def test_from_msg_rejects_a_cloud_without_a_coordinate(missing):
+    names = [name for name in ("range", "azimuth", "amplitude") if name != missing]
+    with pytest.raises(RejectedMessageError, match=f"field '{missing}' is missing") as caught:
+        adapter.from_msg(polar([(1.0, 1.0)], names=names), radar())
+    assert caught.value.reason == "schema"
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        ((NAN, 0.1, 4.0), "not_finite"),
+        ((INF, 0.1, 4.0), "not_finite"),
+        ((-INF, 0.1, 4.0), "not_finite"),
+        ((1e3, NAN, 4.0), "not_finite"),
+        ((1e3, INF, 4.0), "not_finite"),
+        ((1e3, -INF, 4.0), "not_finite"),
+        ((1e3, 0.1, NAN), "not_finite"),
+        ((-1.0, 0.1, 4.0), "range"),
+        ((17000.1, 0.1, 4.0), "range"),
+        ((1e3, 0.1, -0.5), "amplitude"),
+        ((1e3, 0.1, 1.1e6), "amplitude"),
+        ((1e3, 0.1, -INF), "amplitude"),
+        ((1e3, 0.1, INF), "amplitude"),
+    ],
+)
+def test_from_msg_drops_a_bad_point_counts_it_and_keeps_the_others(bad, reason):
+    report = read([GOOD[0], bad, GOOD[1]])
+    assert report.dropped == {reason: 1}
+    assert_array_equal(report.detections.measurement, [[1000.0, 0.5], [2000.0, -0.5]])
+    assert_array_equal(report.detections.amplitude, [4.0, 8.0])
+
+
+def test_from_msg_counts_each_dropped_point_once_by_reason():
+    report = read([(NAN, NAN, NAN), (-1.0, 0.0, -1.0), (-2.0, 0.0, 1.0), (1.0, 0.0, -1.0)])
+    assert report.dropped == {"not_finite": 1, "range": 2, "amplitude": 1}
+    assert len(report.detections) == 0
+
+
+def test_from_msg_keeps_points_on_the_bounds():
+    report = read([(0.0, 0.0, 4.0), (17e3, 0.0, 0.0), (1.0, 0.0, 1e6)])
+    assert len(report.detections) == 3
+    assert not report.dropped
+
+
+def test_from_msg_reports_only_reasons_that_occurred():
+    assert list(read(GOOD).dropped) == []
+
+
+@given(st.floats(-3.14, 3.14), st.integers(-3, 3))
+def test_from_msg_wraps_an_azimuth_that_is_whole_turns_off(azimuth, turns):
+    report = read([(1e3, azimuth + turns * 2.0 * np.pi, 4.0)])
+    assert_allclose(report.detections.measurement[0, 1], azimuth, rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 0.5, 3.0, -3.0, 1.0 / 3.0])
+@pytest.mark.parametrize("turns", [-2, -1, 1, 2])
+def test_from_msg_of_azimuths_whole_turns_off_matches_to_the_precision_sent(azimuth, turns):
+    exact = read([(1e3, azimuth, 4.0)]).detections.measurement
+    off = polar([(1e3, azimuth + turns * 2.0 * np.pi, 4.0)])
+    found = adapter.from_msg(off, radar()).detections.measurement
+    assert_allclose(found, exact, rtol=0.0, atol=np.spacing(np.float32(16.0)))
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.booleans())
+def test_from_msg_azimuths_are_above_minus_pi_and_at_most_pi(azimuth, compass):
+    (found,) = read([(1e3, azimuth, 4.0)], compass=compass).detections.measurement[:, 1]
+    assert -np.pi < found <= np.pi
+
+
+def test_from_msg_takes_pi_itself_as_pi():
+    assert read([(1e3, np.pi, 4.0), (1e3, -np.pi, 4.0)]).detections.measurement[:, 1].tolist() == [
+        np.pi,
+        np.pi,
+    ]
+
+
+@pytest.mark.parametrize(
+    ("north_clockwise", "east_counter_clockwise"),
+    [(0.0, 90.0), (90.0, 0.0), (180.0, -90.0), (270.0, 180.0), (300.0, 150.0), (359.0, 91.0)],
+)
+def test_from_msg_turns_a_compass_azimuth(north_clockwise, east_counter_clockwise):
+    report = read([(1e3, np.radians(north_clockwise), 4.0)], compass=True)
+    expected = np.radians(east_counter_clockwise)
+    assert_allclose(report.detections.measurement[0, 1], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("snr_db", [-20.0, 0.0, 13.0, 45.0])
+def test_from_msg_turns_decibels_into_an_envelope(snr_db):
+    report = read([(1e3, 0.0, snr_db)], amplitude_in_db=True)
+    expected = np.sqrt(2.0 * 10.0 ** (snr_db / 10.0))
+    assert_allclose(report.detections.amplitude, [expected], rtol=1e-12)
+
+
+def test_from_msg_adds_the_offset_to_decibels():
+    report = read([(1e3, 0.0, 30.0)], amplitude_in_db=True, amplitude_offset_db=-17.0)
+    assert_allclose(report.detections.amplitude, [np.sqrt(2.0 * 10.0**1.3)], rtol=1e-12)
+
+
+def test_from_msg_scales_a_linear_envelope_by_the_offset():
+    report = read([(1e3, 0.0, 4.0)], amplitude_offset_db=20.0)
+    assert_allclose(report.detections.amplitude, [40.0], rtol=1e-12)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("snr_db", [4000.0, 1e300, 120.0, INF])
+def test_from_msg_drops_an_absurd_level(snr_db):
+    report = read([GOOD[0], (1e3, 0.0, snr_db)], amplitude_in_db=True)
+    assert report.dropped == {"amplitude": 1}
+    assert len(report.detections) == 1
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("snr_db", [NAN, -INF])
+def test_from_msg_drops_a_level_that_is_no_number(snr_db):
+    report = read([GOOD[0], (1e3, 0.0, snr_db)], amplitude_in_db=True)
+    assert sum(report.dropped.values()) == 1
+    assert len(report.detections) == 1
+
+
+def test_from_msg_keeps_a_very_low_level_as_a_weak_detection():
+    report = read([(1e3, 0.0, -1e4)], amplitude_in_db=True)
+    assert report.detections.amplitude.tolist() == [0.0]
+
+
+def test_from_msg_reads_renamed_fields():
+    names = ("rho", "azimuth_angle", "rcs")
+    found = radar(range_field="rho", azimuth_field="azimuth_angle", amplitude_field="rcs")
+    report = adapter.from_msg(polar(GOOD, names=names), found)
+    assert_array_equal(report.detections.measurement, [[1000.0, 0.5], [2000.0, -0.5]])
+    assert_array_equal(report.detections.amplitude, [4.0, 8.0])
+
+
+@pytest.mark.parametrize("amplitude_field", ["amplitude", "snr", ""])
+def test_from_msg_without_an_amplitude_field_has_no_amplitudes(amplitude_field):
+    message = cloud([("range", F4), ("azimuth", F4), ("power", F4)], [*GOOD, (NAN, 0.0, 1.0)])
+    report = adapter.from_msg(message, radar(amplitude_field=amplitude_field))
+    assert report.detections.amplitude is None
+    assert len(report.detections) == 2
+    assert report.dropped == {"not_finite": 1}
+
+
+def test_from_msg_without_amplitude_ignores_a_field_without_a_name():
+    message = polar(GOOD, names=("range", "azimuth", ""))
+    assert adapter.from_msg(message, radar(amplitude_field="")).detections.amplitude is None
+
+
+def test_from_msg_rejects_an_amplitude_of_another_type():
+    message = cloud([("range", F4), ("azimuth", F4), ("amplitude", 4)], [(1.0, 1.0, 1)])
+    with pytest.raises(RejectedMessageError, match="'amplitude' has type u2, count 1"):
+        adapter.from_msg(message, radar())

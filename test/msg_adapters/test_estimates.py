@@ -1,0 +1,185 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from samples import STAMP_NS, estimates, nothing
+from sensor_msgs.msg import PointField
+
+from msg_adapters import estimates as adapter
+from msg_adapters import stamps
+from msg_adapters.errors import RejectedMessageError
+
+F4, U4 = PointField.FLOAT32, PointField.UINT32
+COVARIANCE = [
+    "cov_00",
+    "cov_01",
+    "cov_02",
+    "cov_03",
+    "cov_04",
+    "cov_11",
+    "cov_12",
+    "cov_13",
+    "cov_14",
+    "cov_22",
+    "cov_23",
+    "cov_24",
+    "cov_33",
+    "cov_34",
+    "cov_44",
+]
+ARRAYS = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
+
+
+def column(message, name):
+    (field,) = (field for field in message.fields if field.name == name)
+    code = "<f4" if field.datatype == F4 else "<u4"
+    points = np.frombuffer(bytes(message.data), dtype=np.uint8).reshape(-1, message.point_step)
+    return points[:, field.offset : field.offset + 4].copy().view(code).ravel()
+
+
+@pytest.mark.parametrize("classes", [1, 2, 3])
+def test_to_msg_keeps_the_contract_of_the_topic(classes):
+    message = adapter.to_msg(estimates(classes=classes), "map")
+    expected = [
+        *((name, F4) for name in ["x", "y", "z", "vx", "vy", "vz", "omega", "weight"]),
+        *((name, U4) for name in ["track_id", "class_id", "lag"]),
+        *((f"p_class_{index}", F4) for index in range(classes)),
+        *((name, F4) for name in COVARIANCE),
+    ]
+    assert [(f.name, f.datatype) for f in message.fields] == expected
+    assert [(f.offset, f.count) for f in message.fields] == [
+        (4 * index, 1) for index in range(len(expected))
+    ]
+    assert (message.height, message.width) == (1, 3)
+    assert message.point_step == 4 * len(expected)
+    assert message.row_step == 3 * message.point_step == len(message.data)
+    assert message.is_bigendian is False
+    assert message.header.frame_id == "map"
+    assert stamps.to_ns(message.header.stamp) == STAMP_NS
+
+
+def test_to_msg_takes_the_state_apart_as_x_vx_y_vy_omega():
+    given = estimates()
+    message = adapter.to_msg(given, "map")
+    for index, name in enumerate(["x", "vx", "y", "vy", "omega"]):
+        assert_array_equal(column(message, name), given.state[:, index])
+    for name in ("z", "vz"):
+        assert_array_equal(column(message, name), np.zeros(3))
+    assert_array_equal(column(message, "lag"), [5, 5, 5])
+    assert_array_equal(column(message, "cov_03"), given.covariance[:, 0, 3])
+    assert_array_equal(column(message, "cov_24"), given.covariance[:, 2, 4])
+
+
+@pytest.mark.parametrize("classes", [1, 2, 3])
+def test_estimates_survive_the_message_exactly(classes):
+    given = estimates(classes=classes)
+    found = adapter.from_msg(adapter.to_msg(given, "map"))
+    assert (found.stamp_ns, found.lag) == (given.stamp_ns, given.lag)
+    for name in ARRAYS:
+        assert_array_equal(getattr(found, name), getattr(given, name), err_msg=name)
+
+
+def test_estimates_survive_the_message_to_float32():
+    given = estimates()
+    rough = adapter.to_msg(
+        type(given)(
+            **{
+                **{name: getattr(given, name) for name in given.__dataclass_fields__},
+                "state": given.state / 3.0,
+                "covariance": given.covariance / 3.0,
+            }
+        ),
+        "map",
+    )
+    found = adapter.from_msg(rough)
+    assert_array_equal(found.state, (given.state / 3.0).astype(np.float32))
+    assert_array_equal(found.covariance, (given.covariance / 3.0).astype(np.float32))
+
+
+def test_from_msg_restores_a_symmetric_covariance():
+    found = adapter.from_msg(adapter.to_msg(estimates(), "map")).covariance
+    assert_array_equal(found, found.transpose(0, 2, 1))
+    assert (np.linalg.eigvalsh(found) > 0.0).all()
+
+
+@pytest.mark.parametrize("classes", [1, 3])
+def test_no_estimates_survive_the_message(classes):
+    message = adapter.to_msg(nothing(classes), "map")
+    assert (message.width, message.height, len(message.data)) == (0, 1, 0)
+    assert adapter.class_count(message) == classes
+    found = adapter.from_msg(message)
+    assert (len(found), found.lag, found.stamp_ns) == (0, 0, STAMP_NS)
+    assert found.class_probability.shape == (0, classes)
+    assert found.covariance.shape == (0, 5, 5)
+
+
+@pytest.mark.parametrize(
+    "name", ["x", "y", "vx", "vy", "omega", "weight", "track_id", "class_id", "lag", *COVARIANCE]
+)
+def test_from_msg_rejects_a_cloud_without_a_field(name):
+    message = adapter.to_msg(estimates(), "map")
+    message.fields = [field for field in message.fields if field.name != name]
+    with pytest.raises(RejectedMessageError, match=f"field '{name}' is missing") as caught:
+        adapter.from_msg(message)
+    assert caught.value.reason == "schema"
+
+
+def test_from_msg_rejects_a_cloud_without_class_probabilities():
+    message = adapter.to_msg(estimates(), "map")
+    message.fields = [field for field in message.fields if not field.name.startswith("p_")]
+    with pytest.raises(RejectedMessageError, match="'p_class_0' is missing") as caught:
+        adapter.from_msg(message)
+    assert caught.value.reason == "schema"
+
+
+def test_from_msg_rejects_class_probabilities_with_a_gap():
+    message = adapter.to_msg(estimates(classes=3), "map")
+    message.fields = [field for field in message.fields if field.name != "p_class_1"]
+    with pytest.raises(RejectedMessageError, match="'p_class_1' is missing"):
+        adapter.from_msg(message)
+
+
+@pytest.mark.parametrize("name", ["x", "y", "vx", "weight", "p_class_0", "cov_00"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_from_msg_refuses_what_is_not_finite(name, bad):
+    message = adapter.to_msg(estimates(), "map")
+    (field,) = (field for field in message.fields if field.name == name)
+    data = bytearray(message.data)
+    data[field.offset : field.offset + 4] = np.float32(bad).tobytes()
+    message.data = bytes(data)
+    with pytest.raises(RejectedMessageError):
+        adapter.from_msg(message)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "degrees"),
+    [((1.0, 0.0), 0.0), ((0.0, 2.0), 90.0), ((-3.0, 0.0), 180.0), ((1.0, -1.0), -45.0)],
+)
+def test_heading_turns_about_z_to_the_velocity(velocity, degrees):
+    found = adapter.heading(*velocity)
+    half = np.radians(degrees) / 2.0
+    assert_allclose(
+        [found.x, found.y, found.z, found.w], [0.0, 0.0, np.sin(half), np.cos(half)], atol=1e-15
+    )
+
+
+def test_to_pose_array_takes_one_class_and_faces_where_it_moves():
+    given = estimates()
+    message = adapter.to_pose_array(given, 0, "map")
+    rows = given.state[[0, 2]]
+    assert message.header == stamps.header(STAMP_NS, "map")
+    found = np.array([[p.position.x, p.position.y, p.position.z] for p in message.poses])
+    assert_array_equal(found, np.column_stack([rows[:, 0], rows[:, 2], np.zeros(2)]))
+    for pose, row in zip(message.poses, rows, strict=True):
+        q = pose.orientation
+        speed = np.hypot(row[1], row[3])
+        # The x axis turned by the quaternion.
+        facing = [1.0 - 2.0 * q.z**2, 2.0 * q.z * q.w]
+        assert_allclose(facing, [row[1] / speed, row[3] / speed], atol=1e-12)
+        assert_allclose(q.x**2 + q.y**2 + q.z**2 + q.w**2, 1.0)
+
+
+@pytest.mark.parametrize("class_id", [0, 1, 7])
+def test_to_pose_array_of_no_estimates_is_empty(class_id):
+    message = adapter.to_pose_array(nothing(), class_id, "map")
+    assert message.poses == []
+    assert stamps.to_ns(message.header.stamp) == STAMP_NS

@@ -1,0 +1,307 @@
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
+from samples import STAMP_NS, cloud
+from sensor_msgs.msg import PointCloud2, PointField
+
+from msg_adapters import detections, estimates, point_cloud, stamps, truth
+from msg_adapters.errors import RejectedMessageError
+
+F4, F8, U4 = PointField.FLOAT32, PointField.FLOAT64, PointField.UINT32
+WANTED = {"a": point_cloud.FLOATS, "n": point_cloud.UNSIGNED}
+ROWS = [(1.5, 7), (-2.25, 0), (3e5, 4_000_000_000), (0.0, 1)]
+COLUMNS = {"a": [1.5, -2.25, 3e5, 0.0], "n": [7, 0, 4_000_000_000, 1]}
+
+
+def good(**layout):
+    return cloud([("a", F4), ("n", U4)], ROWS, **layout)
+
+
+def assert_columns(found):
+    assert list(found) == list(COLUMNS)
+    for name, column in COLUMNS.items():
+        assert_array_equal(found[name], column)
+        assert found[name].dtype.isnative
+
+
+def rejection(message, wanted=None):
+    with pytest.raises(RejectedMessageError) as caught:
+        point_cloud.decode(message, WANTED if wanted is None else wanted)
+    assert "\n" not in str(caught.value)
+    return caught.value.reason, str(caught.value)
+
+
+def test_encode_survives_decode():
+    columns = {"a": np.array([1.5, -2.25]), "n": np.array([7, 4_000_000_000])}
+    found = point_cloud.decode(point_cloud.encode(STAMP_NS, "map", columns), WANTED)
+    assert_array_equal(found["a"], columns["a"])
+    assert_array_equal(found["n"], columns["n"])
+    assert (found["a"].dtype, found["n"].dtype) == (np.float32, np.uint32)
+
+
+def test_encode_lays_out_points_little_endian_in_one_row():
+    columns = {"a": np.array([1.0, -2.0]), "n": np.array([1, 258])}
+    found = point_cloud.encode(STAMP_NS, "map", columns)
+    assert bytes(found.data) == bytes.fromhex("0000803f 01000000 000000c0 02010000")
+    assert not found.is_bigendian
+    assert (found.height, found.width, found.point_step, found.row_step) == (1, 2, 8, 16)
+    assert stamps.to_ns(found.header.stamp) == STAMP_NS
+    assert found.header.frame_id == "map"
+    assert [(f.name, f.offset, f.datatype, f.count) for f in found.fields] == [
+        ("a", 0, F4, 1),
+        ("n", 4, U4, 1),
+    ]
+
+
+def test_encode_of_no_points_keeps_the_fields():
+    found = point_cloud.encode(STAMP_NS, "map", {"a": np.zeros(0), "n": np.zeros(0, dtype=int)})
+    assert (found.height, found.width, found.point_step, found.row_step) == (1, 0, 8, 0)
+    assert len(found.data) == 0
+    decoded = point_cloud.decode(found, WANTED)
+    assert [len(column) for column in decoded.values()] == [0, 0]
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        {},
+        {"big_endian": True},
+        {"row_padding": 5},
+        {"point_padding": 3},
+        {"height": 2},
+        {"height": 4, "row_padding": 1, "point_padding": 2, "big_endian": True},
+    ],
+    ids=str,
+)
+def test_decode_reads_every_legal_layout(layout):
+    assert_columns(point_cloud.decode(good(**layout), WANTED))
+
+
+@pytest.mark.parametrize("big_endian", [False, True])
+def test_decode_reads_wanted_fields_among_others(big_endian):
+    fields = [("flag", 2), ("a", F8), ("depth", 3), ("n", U4), ("rest", F8)]
+    rows = [(1, a, -5, n, np.nan) for a, n in ROWS]
+    assert_columns(point_cloud.decode(cloud(fields, rows, big_endian=big_endian), WANTED))
+
+
+def test_decode_keeps_the_precision_of_float64():
+    found = point_cloud.decode(cloud([("a", F8)], [(1.0 + 1e-15,)]), {"a": point_cloud.FLOATS})
+    assert found["a"][0] == 1.0 + 1e-15
+
+
+def test_decode_returns_writable_copies():
+    message = good()
+    point_cloud.decode(message, WANTED)["a"][:] = 0.0
+    assert_columns(point_cloud.decode(message, WANTED))
+
+
+@pytest.mark.parametrize(("height", "width"), [(1, 0), (0, 4), (0, 0), (3, 0)])
+def test_decode_of_an_empty_cloud_is_empty(height, width):
+    message = good()
+    message.height, message.width, message.data = height, width, b""
+    message.row_step = message.point_step * width
+    assert [len(column) for column in point_cloud.decode(message, WANTED).values()] == [0, 0]
+
+
+def test_decode_of_an_empty_cloud_with_an_absurd_step_is_empty_or_rejected():
+    message = good()
+    message.width, message.row_step, message.data = 0, 0, b""
+    message.point_step = 2**32 - 1
+    message.fields[0].offset = 2**32 - 8
+    try:
+        found = point_cloud.decode(message, WANTED)
+    except RejectedMessageError as error:
+        assert error.reason == "schema"
+    else:
+        assert [len(column) for column in found.values()] == [0, 0]
+
+
+def test_decode_rejects_a_missing_field_and_says_what_there_is():
+    reason, text = rejection(good(), {"a": point_cloud.FLOATS, "missing": point_cloud.FLOATS})
+    assert reason == "schema"
+    assert "'missing'" in text
+    assert "['a', 'n']" in text
+
+
+@pytest.mark.parametrize("datatype", [1, 2, 3, 4, 5, 6])
+def test_decode_rejects_an_integer_where_a_float_belongs(datatype):
+    message = cloud([("a", datatype), ("n", U4)], [(1, 1)])
+    reason, text = rejection(message)
+    assert reason == "schema"
+    assert "'a'" in text
+    assert "must be one of f4, f8, count 1" in text
+
+
+@pytest.mark.parametrize("datatype", [1, 2, 3, 4, 5, 7, 8])
+def test_decode_rejects_anything_but_uint32_where_an_identifier_belongs(datatype):
+    reason, text = rejection(cloud([("a", F4), ("n", datatype)], [(1, 1)]))
+    assert reason == "schema"
+    assert "'n'" in text
+    assert "must be one of u4, count 1" in text
+
+
+@pytest.mark.parametrize("datatype", [0, 9, 255])
+def test_decode_rejects_an_unknown_datatype(datatype):
+    message = good()
+    message.fields[0].datatype = datatype
+    reason, text = rejection(message)
+    assert reason == "schema"
+    assert "'a' has type unknown" in text
+
+
+@pytest.mark.parametrize("count", [0, 2, 2**32 - 1])
+def test_decode_rejects_a_count_other_than_one(count):
+    message = good()
+    message.fields[1].count = count
+    reason, text = rejection(message)
+    assert reason == "schema"
+    assert f"'n' has type u4, count {count}" in text
+
+
+@pytest.mark.parametrize("offset", [5, 8, 2**32 - 1])
+def test_decode_rejects_a_field_beyond_the_step(offset):
+    message = good()
+    message.fields[1].offset = offset
+    reason, text = rejection(message)
+    assert reason == "schema"
+    assert "'n'" in text
+    assert "step" in text
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"width": 5},
+        {"width": 3},
+        {"height": 2},
+        {"row_step": 31},
+        {"row_step": 33},
+        {"row_step": 0},
+        {"point_step": 9},
+        {"point_step": 2**32 - 1},
+        {"data": b"\0" * 31},
+        {"data": b"\0" * 33},
+        {"data": b""},
+    ],
+    ids=str,
+)
+def test_decode_rejects_steps_that_do_not_match_the_data(changes):
+    message = good()
+    for name, value in changes.items():
+        setattr(message, name, value)
+    if changes == {"width": 3}:
+        message.row_step = 24  # else the row is a padded one
+    reason, text = rejection(message)
+    assert reason == "schema"
+    assert f"{message.height} x {message.width} points" in text
+    assert f"{len(message.data)} bytes" in text
+
+
+@pytest.mark.parametrize(("height", "width"), [(1, 100_001), (2**32 - 1, 2**32 - 1), (317, 317)])
+def test_decode_rejects_more_points_than_allowed_before_it_looks_further(height, width):
+    message = good()
+    message.height, message.width, message.fields = height, width, []
+    reason, text = rejection(message)
+    assert reason == "oversize"
+    assert f"{height * width} points, at most 100000" in text
+
+
+def test_decode_takes_as_many_points_as_allowed():
+    message = point_cloud.encode(0, "map", {"a": np.zeros(point_cloud.MAX_POINTS)})
+    assert len(point_cloud.decode(message, {"a": point_cloud.FLOATS})["a"]) == 100_000
+
+
+U32 = st.one_of(st.integers(0, 40), st.sampled_from([2**31 - 1, 2**31, 2**32 - 1]))
+NAMES = st.sampled_from(
+    ["", "a", "n", "x", "y", "vx", "vy", "range", "azimuth", "amplitude", "p_class_0", "cov_00"]
+)
+FIELDS = st.builds(
+    PointField, name=NAMES, offset=U32, datatype=st.integers(0, 255) | st.integers(7, 8), count=U32
+)
+GOOD_FIELDS = st.builds(
+    PointField,
+    name=NAMES,
+    offset=st.integers(0, 20),
+    datatype=st.sampled_from([U4, F4, F8]),
+    count=st.just(1),
+)
+
+
+@st.composite
+def malformed(draw):
+    """Draw a cloud near a legal one: a known field list or any, sizes that fit or do not."""
+    kind = draw(st.integers(0, 3))
+    if kind == 0:
+        fields = [
+            PointField(name=n, offset=4 * i, datatype=d, count=1)
+            for i, (n, d) in enumerate(
+                [("a", F4), ("n", U4), ("range", F4), ("azimuth", F4), ("amplitude", F4)]
+            )
+        ]
+    else:
+        fields = draw(st.lists(FIELDS if kind == 1 else GOOD_FIELDS, max_size=6))
+    height = draw(st.integers(0, 3) | U32)
+    width = draw(st.integers(0, 3) | U32)
+    point_step = draw(st.integers(16, 28) | U32)
+    fits = min(width * point_step, 2**32 - 1)
+    row_step = draw(st.just(fits) | st.just(fits + 3 & 0xFFFFFFFF) | U32)
+    size = row_step * height
+    length = draw(st.just(size) | st.integers(0, 64)) if size < 500 else draw(st.integers(0, 64))
+    return PointCloud2(
+        header=stamps.header(draw(st.integers(0, 2**31 * 10**9 - 1)), "radar_1"),
+        height=height,
+        width=width,
+        fields=fields,
+        is_bigendian=draw(st.booleans()),
+        point_step=point_step,
+        row_step=row_step,
+        data=draw(st.binary(min_size=length, max_size=length)),
+        is_dense=True,
+    )
+
+
+FUZZ = settings(
+    max_examples=1000, deadline=None, suppress_health_check=[HealthCheck.data_too_large]
+)
+
+
+@FUZZ
+@given(malformed())
+def test_decode_of_any_cloud_is_right_in_size_or_a_rejection(message):
+    try:
+        found = point_cloud.decode(message, WANTED)
+    except RejectedMessageError as error:
+        assert error.reason in ("schema", "oversize")
+    else:
+        assert [len(c) for c in found.values()] == [message.width * message.height] * 2
+
+
+@pytest.mark.parametrize("amplitude_field", ["amplitude", ""])
+@pytest.mark.filterwarnings("error")
+@FUZZ
+@given(message=malformed())
+def test_detections_of_any_cloud_are_finite_or_a_rejection(amplitude_field, message):
+    from samples import radar
+
+    try:
+        report = detections.from_msg(message, radar(amplitude_field=amplitude_field))
+    except RejectedMessageError as error:
+        assert error.reason in ("schema", "oversize")
+    else:
+        assert np.isfinite(report.detections.measurement).all()
+        total = len(report.detections) + sum(report.dropped.values())
+        assert total == message.width * message.height
+
+
+@FUZZ
+@given(malformed())
+def test_truth_and_estimates_of_any_cloud_are_a_value_or_a_rejection(message):
+    for read in (truth.from_msg, estimates.from_msg):
+        try:
+            found = read(message)
+        except RejectedMessageError as error:
+            assert error.reason in ("schema", "oversize")
+        else:
+            assert len(found.state) == message.width * message.height

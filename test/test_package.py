@@ -1,0 +1,78 @@
+"""The package as a whole: versions, files and texts agree with each other."""
+
+import ast
+import re
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import pytest
+
+import phd_jdtc_ros
+from phd_jdtc_ros.__main__ import EXECUTABLES
+from phd_jdtc_ros.core import scenario
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.simulation import paper_scenario
+from phd_jdtc_ros.tools import params_file
+
+ROOT = Path(__file__).parents[1]
+
+
+def setup_arguments():
+    tree = ast.parse((ROOT / "setup.py").read_text())
+    call = next(
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "setup"
+    )
+    return {keyword.arg: keyword.value for keyword in call.keywords}
+
+
+def test_versions_are_equal():
+    manifest = ElementTree.parse(ROOT / "package.xml").getroot()
+    changes = (ROOT / "CHANGELOG.rst").read_text()
+    version = phd_jdtc_ros.__version__
+
+    assert manifest.findtext("version") == version
+    assert ast.literal_eval(setup_arguments()["version"]) == version
+    assert re.search(rf"^{re.escape(version)} ", changes, re.MULTILINE)
+
+
+def test_maintainers_and_licence_are_equal():
+    manifest = ElementTree.parse(ROOT / "package.xml").getroot()
+    arguments = setup_arguments()
+
+    assert ast.literal_eval(arguments["maintainer"]) == manifest.findtext("maintainer")
+    assert ast.literal_eval(arguments["maintainer_email"]) == manifest.find("maintainer").get(
+        "email"
+    )
+    assert ast.literal_eval(arguments["license"]) == manifest.findtext("license") == "Apache-2.0"
+
+
+def test_every_message_package_is_declared():
+    manifest = ElementTree.parse(ROOT / "package.xml").getroot()
+    declared = {element.text for element in manifest if "depend" in element.tag}
+    used = set()
+    for folder in ("phd_jdtc_ros", "msg_adapters"):
+        for path in (ROOT / folder).rglob("*.py"):
+            used |= set(re.findall(r"^from (\w+)\.(?:msg|srv) import", path.read_text(), re.M))
+
+    assert used <= declared
+
+
+@pytest.mark.parametrize("name", EXECUTABLES)
+def test_every_executable_is_installed(name):
+    assert f'"{name}"' in (ROOT / "setup.py").read_text()
+
+
+def test_reference_parameters_are_the_defaults():
+    written = params_file.load(ROOT / "config" / "paper_scenario.yaml")
+    defaults = resolve({}).values
+
+    assert written == defaults
+
+
+def test_reference_scenario_file_is_the_built_in_one():
+    radars = resolve({}).model.radars
+    document = params_file.load_yaml(ROOT / "config" / "scenarios" / "paper_scenario.yaml")
+
+    assert scenario.resolve(document, radars) == paper_scenario(radars)
