@@ -123,7 +123,7 @@ def test_clusters_round_the_mass_of_each_class():
     np.testing.assert_array_equal(found.class_id, [1])
 
 
-@pytest.mark.filterwarnings("ignore:One of the clusters is empty")
+@pytest.mark.filterwarnings("ignore:One of the clusters is empty", "ignore:invalid value")
 def test_clusters_survive_more_targets_than_particles():
     # All draws are of one point, so k-means must leave a cluster empty; it is no target.
     phd = intensity(np.ones((1, 5)), [3.0])

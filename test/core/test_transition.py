@@ -60,7 +60,7 @@ def stored_run(model, budget, stamps_s, seed, start=None):
     rng = np.random.default_rng(seed)
     scans = [scan for _, scan in simulate(short_scenario(len(stamps_s)), seed)]
     stored = [phd_filter.ParticlePHD.empty(5) if start is None else start]
-    intervals = np.diff(stamps_s, prepend=-6.0)
+    intervals = np.diff(stamps_s, prepend=-4.0)
     for index, (scan, dt) in enumerate(zip(scans, intervals, strict=True)):
         phd = phd_filter.predict(stored[-1], model, budget, dt, index, rng)
         phd = phd_filter.update_scan(phd, scan, model)
@@ -72,7 +72,7 @@ def wide_cloud():
     """Return a set about the first target so dense that each later row has many ancestors."""
     rng = np.random.default_rng(7)
     mode = rng.integers(0, 4, 200)
-    before = [-10e3 - 6.0 * 36.0, 36.0, 10e3 + 6.0 * 44.0, -44.0, 0.0]
+    before = [-10e3 - 4.0 * 36.0, 36.0, 10e3 + 4.0 * 44.0, -44.0, 0.0]
     state = gaussian_cloud(rng, 200, before, [10.0, 2.0, 10.0, 2.0, 5e-3])
     state[mode % 2 == 0, 4] = 0.0
     return intensity(state, np.full(200, 0.005), mode=mode)
@@ -80,10 +80,20 @@ def wide_cloud():
 
 @pytest.fixture(scope="module", params=["reference", "much-spawn", "wide-cloud"])
 def run(request):
-    rate = 0.2 if request.param == "much-spawn" else 0.01
-    config = small({**SPARSE_BUDGET, "spawn.rate": rate})
-    start = wide_cloud() if request.param == "wide-cloud" else None
-    # Scans do not come at exactly the nominal interval.
+    given, start = {}, None
+    if request.param == "much-spawn":
+        given = {"spawn.rate": 0.2}
+    if request.param == "wide-cloud":
+        # Births among the cloud, so that they have their share of its rows.
+        given = {
+            "start_1.velocity": [36.0, -44.0],
+            "start_1.position_std": 20.0,
+            "start_1.velocity_std": 4.0,
+            "start_1.rates": [0.5, 0.5],
+        }
+        start = wide_cloud()
+    config = small({**SPARSE_BUDGET, **given})
+    # Scans do not come at exactly the nominal interval, here 4, 6, 5 and 6.5 s.
     stamps_s = [0.0, 6.0, 11.0, 17.5]
     stored, intervals = stored_run(config.model, config.budget, stamps_s, seed=2, start=start)
     links = [

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from hypothesis import given
+from hypothesis import strategies as st
+from samples import STAMP_NS
+
+from msg_adapters import diagnostics, stamps
+from phd_jdtc_ros.core.evaluation import Evaluation, PointSet
+
+KEYS = ["ospa", "localization", "cardinality", "n_true", "n_est", "cutoff", "order"]
+
+
+def scored():
+    evaluation = Evaluation(classes=2, cutoff=1000.0, order=2.0)
+    truth = PointSet(np.array([[0.0, 0.0], [5e3, 0.0]]), np.array([0, 1]))
+    evaluation.add_truth(STAMP_NS, truth)
+    found = PointSet(np.array([[30.0, 40.0]]), np.array([0]))
+    (score,) = evaluation.add_estimates("smoothed", STAMP_NS, found)
+    return score
+
+
+def test_score_to_msg_keeps_the_contract_of_the_topic():
+    message = diagnostics.score_to_msg(scored(), 1000.0, 2.0)
+    assert stamps.to_ns(message.header.stamp) == STAMP_NS
+    assert [status.name for status in message.status] == [
+        "smoothed/all",
+        "smoothed/class_0",
+        "smoothed/class_1",
+    ]
+    for status in message.status:
+        assert [pair.key for pair in status.values] == KEYS
+        assert status.hardware_id == ""
+        assert status.level == DiagnosticStatus.OK
+
+
+def test_score_to_msg_values_read_back_exactly():
+    score = scored()
+    message = diagnostics.score_to_msg(score, 1000.0, 2.0)
+    for status, entry in zip(message.status, score.scores.values(), strict=True):
+        values = diagnostics.values_of(status)
+        assert float(values["ospa"]) == entry.ospa.distance
+        assert float(values["localization"]) == entry.ospa.localization
+        assert float(values["cardinality"]) == entry.ospa.cardinality
+        assert (int(values["n_true"]), int(values["n_est"])) == (entry.n_true, entry.n_est)
+        assert (float(values["cutoff"]), float(values["order"])) == (1000.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("index", "expected"),
+    [(0, (np.sqrt(502_500.0), 2, 1)), (1, (50.0, 1, 1)), (2, (1000.0, 1, 0))],
+)
+def test_score_to_msg_holds_the_score_of_each_set(index, expected):
+    status = diagnostics.score_to_msg(scored(), 1000.0, 2.0).status[index]
+    values = diagnostics.values_of(status)
+    found = float(values["ospa"]), int(values["n_true"]), int(values["n_est"])
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+@given(st.floats())
+def test_status_floats_read_back_exactly(value):
+    for written in (value, np.float64(value)):
+        text = diagnostics.values_of(diagnostics.status("name", {"key": written}))["key"]
+        assert np.array(float(text)).tobytes() == np.array(value).tobytes() or np.isnan(value)
+        assert np.isnan(float(text)) == np.isnan(value)
+
+
+@given(st.integers())
+def test_status_integers_read_back_exactly(value):
+    text = diagnostics.values_of(diagnostics.status("name", {"key": value}))["key"]
+    assert int(text) == value
+
+
+def test_status_carries_level_and_message():
+    found = diagnostics.status("name", {}, DiagnosticStatus.WARN, "silent")
+    assert (found.name, found.level, found.message) == ("name", DiagnosticStatus.WARN, "silent")
+    assert found.hardware_id == ""
+    assert found.values == []
+
+
+def test_array_has_no_frame():
+    message = diagnostics.array(
+        STAMP_NS, [diagnostics.status("a", {}), diagnostics.status("b", {})]
+    )
+    assert message.header == stamps.header(STAMP_NS, "")
+    assert [status.name for status in message.status] == ["a", "b"]

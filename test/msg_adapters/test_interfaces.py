@@ -1,0 +1,188 @@
+import os
+import random
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.serialization import deserialize_message, serialize_message
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from samples import FRAME, STAMP_NS
+from samples import detections as some_detections
+from samples import estimates as some_estimates
+from samples import truth as some_truth
+
+from msg_adapters import detections, diagnostics, estimates, interfaces, markers, names, truth
+from msg_adapters.errors import RejectedMessageError
+
+TYPES = [names.CLOUD, names.POSES, names.MARKERS, names.FIGURES]
+STORE = get_typestore(Stores.ROS2_JAZZY)
+
+
+def figures():
+    # Names of odd lengths leave gaps that are padded.
+    warning = diagnostics.status("odd", {"a": 0.1, "bcd": 3}, DiagnosticStatus.WARN, "why")
+    return diagnostics.array(STAMP_NS, [warning, diagnostics.status("", {})])
+
+
+MESSAGES = {
+    "detections": lambda: detections.to_msg(some_detections(), STAMP_NS, FRAME),
+    "truth": lambda: truth.to_msg(some_truth(), "map"),
+    "estimates": lambda: estimates.to_msg(some_estimates(), "map"),
+    "no_estimates": lambda: estimates.to_msg(some_estimates(0), "map"),
+    "poses": lambda: estimates.to_pose_array(some_estimates(), 0, "map"),
+    "markers": lambda: markers.to_msg(some_estimates(), "map", ("a", "bc")),
+    "figures": figures,
+}
+
+
+@pytest.fixture(params=MESSAGES)
+def message(request):
+    return MESSAGES[request.param]()
+
+
+def test_the_messages_here_are_of_every_type_that_is_spoken():
+    spoken = {interfaces.type_name(type(make())) for make in MESSAGES.values()}
+    assert spoken == set(TYPES) == set(names.published(2).values())
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_message_class_and_type_name_are_inverse(name):
+    assert interfaces.type_name(interfaces.message_class(name)) == name
+
+
+def test_encode_gives_the_same_bytes_every_time(message):
+    first = interfaces.encode(message)
+    noise = [bytes([0xFF]) * len(first) for _ in range(50)]
+    del noise  # leaves memory that is not zero behind
+    assert interfaces.encode(message) == first
+
+
+def test_encode_holds_what_the_middleware_decodes(message):
+    found = deserialize_message(interfaces.encode(message), type(message))
+    assert found == message
+
+
+def test_encode_differs_from_the_middleware_in_padding_alone(message):
+    ours, theirs = interfaces.encode(message), serialize_message(message)
+    assert ours[:2] == theirs[:2] == b"\x00\x01"
+    differing = [a for a, b in zip(ours[4:], theirs[4:], strict=False) if a != b]
+    assert set(differing) <= {0}
+    assert abs(len(ours) - len(theirs)) < 4
+
+
+def test_encode_pads_with_zeros():
+    cloud = truth.to_msg(some_truth(0), "ab")  # two letters and a zero, then an alignment gap
+    data = interfaces.encode(cloud)
+    assert data[:20] == (
+        b"\0\1\0\0" + serialize_message(cloud)[4:12] + b"\x03\0\0\0" + b"ab\0" + b"\0"
+    )
+
+
+def test_encode_is_read_by_an_independent_reader(message):
+    name = interfaces.type_name(type(message))
+    found = STORE.deserialize_cdr(interfaces.encode(message), name)
+    assert (
+        (found.header.stamp.sec, found.header.stamp.nanosec) == divmod(STAMP_NS, 10**9)
+        if hasattr(message, "header")
+        else len(found.markers) == len(message.markers)
+    )
+
+
+def test_decode_is_the_inverse_of_encode(message):
+    name = interfaces.type_name(type(message))
+    assert interfaces.decode(interfaces.encode(message), name) == message
+
+
+@pytest.mark.parametrize("name", TYPES)
+@pytest.mark.parametrize("data", [b"", b"\0", b"\0\1\0\0", b"\xff" * 64, b"text, no message"])
+def test_decode_rejects_garbage(name, data):
+    with pytest.raises(RejectedMessageError, match=f"no {name}") as caught:
+        interfaces.decode(data, name)
+    assert caught.value.reason == "schema"
+
+
+@pytest.mark.parametrize("name", ["no_such_msgs/msg/Type", "sensor_msgs/msg/NoSuchType", "garbage"])
+def test_decode_rejects_an_unknown_type(name):
+    with pytest.raises(RejectedMessageError, match=f"no {name}"):
+        interfaces.decode(b"\0\1\0\0", name)
+
+
+def test_decode_of_mutated_bytes_is_a_message_or_a_rejection(message):
+    rng = random.Random(7)
+    name = interfaces.type_name(type(message))
+    original = serialize_message(message)
+    rejected = 0
+    for _ in range(300):
+        data = bytearray(original[: rng.randint(0, len(original))])
+        for _ in range(rng.randint(0, 4)):
+            if data:
+                data[rng.randrange(len(data))] = rng.randrange(256)
+        try:
+            found = interfaces.decode(bytes(data), name)
+        except RejectedMessageError:
+            rejected += 1
+        else:
+            assert type(found) is type(message)
+    assert rejected > 0
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_type_hash_is_what_an_independent_library_computes(name):
+    assert interfaces.type_hash(name) == STORE.hash_rihs01(name)
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_definition_parses_with_all_it_depends_on(name):
+    found = get_types_from_msg(interfaces.definition(name), name)
+    assert name in found
+    assert {key: found[key] for key in found} == {key: STORE.fielddefs[key] for key in found}
+    needed = {
+        held[1] if kind == 1 else held[0][1]
+        for _, fields in found.values()
+        for _, (kind, held) in fields
+        if kind == 1 or held[0][0] == 1
+    }
+    assert needed <= found.keys()
+
+
+@pytest.mark.parametrize("name", TYPES)
+def test_definition_separates_parts_as_rosbag2_does(name):
+    head, *parts = interfaces.definition(name).split("\n" + "=" * 80 + "\n")
+    assert "MSG:" not in head
+    assert parts
+    for part in parts:
+        first, *_ = part.splitlines()
+        label, held = first.split(" ")
+        assert label == "MSG:"
+        assert len(held.split("/")) == 2
+
+
+def test_messages_pass_the_field_checks_of_ros():
+    script = """
+        import os
+        assert os.environ["ROS_PYTHON_CHECK_FIELDS"] == "1"
+        import pytest
+        from geometry_msgs.msg import Point
+        from rclpy.serialization import serialize_message
+        with pytest.raises(AssertionError):
+            Point(x=1)
+        from test_interfaces import MESSAGES
+        for name, make in MESSAGES.items():
+            serialize_message(make())
+            print(name)
+    """
+    here = str(Path(__file__).parent)
+    environment = {**os.environ, "ROS_PYTHON_CHECK_FIELDS": "1", "PYTHONPATH": here}
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stderr == ""
+    assert done.stdout.split() == list(MESSAGES)
+    assert done.returncode == 0

@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from samples import STAMP_NS, estimates, nothing
+from visualization_msgs.msg import Marker
+
+from msg_adapters import markers, stamps
+from msg_adapters.markers import ELLIPSE_SIGMA, PALETTE, VELOCITY_SECONDS
+
+NAMES = ("jet", "drone")
+KINDS = {
+    "ellipse": Marker.LINE_STRIP,
+    "velocity": Marker.ARROW,
+    "label": Marker.TEXT_VIEW_FACING,
+}
+
+
+def made(given=None, names=NAMES):
+    return markers.to_msg(estimates() if given is None else given, "map", names).markers
+
+
+def of_kind(kind):
+    return [marker for marker in made() if marker.ns.endswith(f"/{kind}")]
+
+
+def floats(marker):
+    points = [(p.x, p.y, p.z) for p in [*marker.points, marker.pose.position, marker.scale]]
+    q, c = marker.pose.orientation, marker.color
+    return [*np.ravel(points).tolist(), q.x, q.y, q.z, q.w, c.r, c.g, c.b, c.a]
+
+
+def test_to_msg_clears_first_and_only_once():
+    first, *rest = made()
+    assert first.action == Marker.DELETEALL
+    assert {marker.action for marker in rest} == {Marker.ADD}
+
+
+def test_to_msg_of_no_estimates_only_clears():
+    assert [marker.action for marker in made(nothing())] == [Marker.DELETEALL]
+
+
+def test_to_msg_gives_every_estimate_an_ellipse_a_velocity_and_a_label():
+    found = [(marker.ns, marker.type) for marker in made()[1:]]
+    expected = [
+        (f"{NAMES[class_id]}/{kind}", shape)
+        for class_id in estimates().class_id
+        for kind, shape in KINDS.items()
+    ]
+    assert found == expected
+
+
+def test_to_msg_names_no_marker_twice():
+    names = [(marker.ns, marker.id) for marker in made()[1:]]
+    assert len(set(names)) == len(names)
+
+
+def test_to_msg_stamps_every_marker_alike():
+    assert {(stamps.to_ns(m.header.stamp), m.header.frame_id) for m in made()} == {
+        (STAMP_NS, "map")
+    }
+
+
+def test_to_msg_holds_nothing_but_finite_floats():
+    for marker in made()[1:]:
+        values = floats(marker)
+        assert {type(value) for value in values} == {float}
+        assert np.isfinite(values).all()
+        assert all(0.0 <= part <= 1.0 for part in values[-4:])
+
+
+def test_to_msg_stays_finite_for_a_covariance_that_is_not_definite():
+    given = estimates()
+    bad = given.covariance.copy()
+    bad[:, 0, 0] = -1.0
+    broken = type(given)(**{**vars(given), "covariance": bad})
+    for marker in made(broken)[1:]:
+        assert np.isfinite(floats(marker)).all()
+
+
+def test_ellipses_are_the_closed_outline_of_the_covariance():
+    given = estimates()
+    for marker, state, covariance in zip(
+        of_kind("ellipse"), given.state, given.covariance, strict=True
+    ):
+        outline = np.array([(point.x, point.y) for point in marker.points])
+        assert_allclose(outline[0], outline[-1])
+        offset = outline - state[[0, 2]]
+        inverse = np.linalg.inv(covariance[np.ix_([0, 2], [0, 2])])
+        distance = np.sqrt(np.einsum("ni,ij,nj->n", offset, inverse, offset))
+        assert_allclose(distance, ELLIPSE_SIGMA, rtol=1e-6)
+        assert marker.scale.x > 0.0
+
+
+def test_velocities_point_where_the_targets_will_be():
+    for marker, state in zip(of_kind("velocity"), estimates().state, strict=True):
+        here, ahead = [(point.x, point.y) for point in marker.points]
+        assert here == (state[0], state[2])
+        assert_allclose(np.subtract(ahead, here), VELOCITY_SECONDS * state[[1, 3]])
+
+
+def test_labels_name_the_class_and_its_probability():
+    given = estimates()
+    expected = [
+        f"{NAMES[k]} {share[k]:.0%}"
+        for k, share in zip(given.class_id, given.class_probability, strict=True)
+    ]
+    assert [marker.text for marker in of_kind("label")] == expected
+
+
+@pytest.mark.parametrize("classes", [2, 7])
+def test_to_msg_colours_by_class(classes):
+    names = tuple(f"class_{index}" for index in range(classes))
+    given = estimates(count=classes, classes=classes)
+    colours = [(m.color.r, m.color.g, m.color.b) for m in made(given, names)[1::3]]
+    assert colours == [PALETTE[index % len(PALETTE)] for index in range(classes)]
