@@ -72,7 +72,7 @@ def detection_probability(threshold: float, snr_band: tuple[float, float]) -> fl
     if half_square == 0.0:
         return 1.0
     mass = (exp1(half_square / high) - exp1(half_square / low)) / np.log(high / low)
-    return float(mass)
+    return float(np.clip(mass, 0.0, 1.0))
 
 
 def snr_from_db(snr_db: float) -> float:

@@ -160,7 +160,7 @@ def _matrix_faults(name: str, flat: list[float], size: int) -> list[str]:
     matrix = _square(flat)
     if matrix is None or len(matrix) != size:
         return [f"{name}: {len(flat)} numbers given, must be {size}x{size}, row by row"]
-    if np.abs(matrix.sum(axis=1) - 1.0).max() > 1e-6:
+    if np.abs(matrix.sum(axis=1) - 1.0).max(initial=0.0) > 1e-6:
         return [f"{name}: {flat} given, every row must sum to 1"]
     return []
 
@@ -183,7 +183,8 @@ def _check_classes(values: Mapping[str, Any]) -> list[str]:
     faults = []
     for name in values["classes"]:
         low, high = values[f"{name}.snr_band_db"]
-        if not low < high:
+        # Compared as the likelihood does: with both far below 0 dB, 1 + d is 1 twice.
+        if not 1.0 + amplitude.snr_from_db(low) < 1.0 + amplitude.snr_from_db(high):
             faults.append(f"{name}.snr_band_db: [{low}, {high}] given, the second must be larger")
         motions = values[f"{name}.motions"]
         unknown = [motion for motion in motions if motion not in values["motions"]]
@@ -335,6 +336,7 @@ def _spawn(values: Mapping[str, Any], modes: ModeSpace) -> SpawnModel:
     else:
         to_mode = np.tile(mode_matrix, (classes, classes))
     transition = class_matrix[np.ix_(modes.class_of, modes.class_of)] * to_mode
+    transition /= transition.sum(axis=1, keepdims=True)
     return SpawnModel(
         rate=values["spawn.rate"],
         transition=transition,

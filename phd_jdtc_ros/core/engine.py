@@ -107,6 +107,7 @@ class FixedLagSmoother:
     death_term: DeathTerm
     extraction: Extraction
     seed: int
+    _latest: tuple[int, ParticlePHD] | None = field(init=False, repr=False)
     _stamps: list[int] = field(init=False, repr=False)
     _stored: list[ParticlePHD] = field(init=False, repr=False)
     _links: list[Transition] = field(init=False, repr=False)  # one between every two stored sets
@@ -118,6 +119,7 @@ class FixedLagSmoother:
 
     def reset(self) -> None:
         """Forget everything; the random generator starts from the seed again."""
+        self._latest = None  # stamp and stored set of the last scan; the window may be empty
         self._stamps, self._stored, self._links = [], [], []
         self._rng = np.random.default_rng(self.seed)
         self._scan_index = 0
@@ -131,15 +133,7 @@ class FixedLagSmoother:
             If the stamp is not later than the one before.
         """
         model, modes, rng = self.model, self.model.modes, self._rng
-        if self._stored:
-            earlier = self._stored[-1]
-            dt = (scan.stamp_ns - self._stamps[-1]) * 1e-9
-            if dt <= 0.0:
-                raise ValueError(
-                    f"scan.stamp_ns: {scan.stamp_ns} is not later than {self._stamps[-1]}"
-                )
-        else:
-            earlier, dt = ParticlePHD.empty(model.state_size), modes.interval_s
+        earlier, dt = self._earlier(scan.stamp_ns)
 
         predicted = phd_filter.predict(earlier, model, self.budget, dt, self._scan_index, rng)
         updated = phd_filter.update_scan(predicted, scan, model)
@@ -147,6 +141,7 @@ class FixedLagSmoother:
         stored = phd_filter.resample(updated, modes, self.budget, rng)
         if self._stored:
             self._links.append(transition.build(earlier, stored, model, dt))
+        self._latest = (scan.stamp_ns, stored)
         self._stamps.append(scan.stamp_ns)
         self._stored.append(stored)
         self._scan_index += 1
@@ -162,6 +157,15 @@ class FixedLagSmoother:
             effective_sample_size=stored.effective_sample_size,
             orphans=self._links[-1].orphans if self._links else 0,
         )
+
+    def _earlier(self, stamp_ns: int) -> tuple[ParticlePHD, float]:
+        """Return the stored set of the scan before and the interval since, in seconds."""
+        if self._latest is None:
+            return ParticlePHD.empty(self.model.state_size), self.model.modes.interval_s
+        latest_ns, stored = self._latest
+        if stamp_ns <= latest_ns:
+            raise ValueError(f"scan.stamp_ns: {stamp_ns} is not later than {latest_ns}")
+        return stored, (stamp_ns - latest_ns) * 1e-9
 
     def flush(self) -> tuple[Estimates, ...]:
         """Return the estimates of the window, smoothed as far as it goes, and reset."""

@@ -100,8 +100,10 @@ class ModeSpace:
     @cached_property
     def _nominal_transition(self) -> FloatArray:
         blocks = [model.mode_transition for model in self.classes]
-        matrix: FloatArray = read_only(linalg.block_diag(*blocks))
-        return matrix
+        matrix = linalg.block_diag(*blocks)
+        # Rows may miss one by rounding; the shortfall must not become a change of class.
+        normalised: FloatArray = read_only(matrix / matrix.sum(axis=1, keepdims=True))
+        return normalised
 
     @cached_property
     def _generator(self) -> FloatArray | None:

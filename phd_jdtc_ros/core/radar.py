@@ -18,8 +18,9 @@ GATE_SIGMA = 6.0
 
 def wrap_angle(angle: FloatArray) -> FloatArray:
     """Return `angle` in radians wrapped to (-pi, pi]; shape kept."""
-    wrapped: FloatArray = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
-    return wrapped
+    wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
+    inside: FloatArray = np.where(wrapped > -np.pi, wrapped, np.pi)  # rounding may reach -pi
+    return inside
 
 
 @dataclass(frozen=True)

@@ -110,8 +110,9 @@ class ScanGrouper:
 
     def _close(self, stamp_ns: int) -> Scan:
         reports = self._pending.pop(stamp_ns)
-        for radar in range(self.radars):
-            if radar not in reports:
+        for radar, last in enumerate(self._last_stamp):
+            # A radar whose newer report is already here is late for nothing.
+            if radar not in reports and (last is None or last < stamp_ns):
                 self._misses[radar] += 1
         self._closed_ns = stamp_ns
         return Scan(stamp_ns, tuple(reports.get(radar) for radar in range(self.radars)))

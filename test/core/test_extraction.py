@@ -81,7 +81,7 @@ def test_components_report_a_mass_above_one_and_a_half_once_and_count_it():
     assert found.unresolved == 1
 
 
-@pytest.mark.parametrize("method", EXTRACTIONS.values(), ids=EXTRACTIONS)
+@pytest.mark.parametrize("method", list(EXTRACTIONS.values()), ids=list(EXTRACTIONS))
 def test_extraction_of_an_empty_intensity_is_no_target_of_the_right_shapes(method):
     found = extract(ParticlePHD.empty(5), method, lag=3)
     assert (found.stamp_ns, found.lag, len(found)) == (42, 3, 0)
@@ -91,14 +91,14 @@ def test_extraction_of_an_empty_intensity_is_no_target_of_the_right_shapes(metho
     assert found.weight.shape == found.class_id.shape == found.track_id.shape == (0,)
 
 
-@pytest.mark.parametrize("method", EXTRACTIONS.values(), ids=EXTRACTIONS)
+@pytest.mark.parametrize("method", list(EXTRACTIONS.values()), ids=list(EXTRACTIONS))
 def test_extraction_of_an_unlikely_target_is_no_target_of_the_right_shapes(method):
     found = extract(two_clouds(weight=(0.3, 0.2)), method)
     assert len(found) == 0
     assert found.covariance.shape == (0, 5, 5)
 
 
-@pytest.mark.parametrize("method", EXTRACTIONS.values(), ids=EXTRACTIONS)
+@pytest.mark.parametrize("method", list(EXTRACTIONS.values()), ids=list(EXTRACTIONS))
 @pytest.mark.parametrize("mode", [(0, 2), (1, 1)], ids=["two-classes", "one-class"])
 def test_extraction_finds_two_separated_targets(method, mode):
     phd = two_clouds(mode=mode)

@@ -43,7 +43,7 @@ def grouper(radars=2):
     return ScanGrouper(radars, reset_threshold_s=10.0)
 
 
-@pytest.mark.parametrize("order", itertools.permutations(range(3)))
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
 def test_add_makes_one_scan_of_a_stamp_in_any_order(order):
     group = grouper(3)
     first = feed(group, *((radar, 0) for radar in order[:-1]))
@@ -164,7 +164,7 @@ def test_close_all_closes_what_waits():
     assert shape(feed(group, (1, 0))) == [Rejection.LATE]
 
 
-@pytest.mark.parametrize("slow_first", itertools.product([False, True], repeat=3))
+@pytest.mark.parametrize("slow_first", list(itertools.product([False, True], repeat=3)))
 def test_add_waits_for_a_radar_of_half_the_rate_whichever_arrives_first(slow_first):
     # Radar 1 reports every second stamp, so it never misses two in a row.
     stream = []

@@ -137,14 +137,14 @@ def test_backward_step_with_the_bernoulli_term_scales_each_component_death():
     np.testing.assert_allclose(smoothed.unexplained, FREE * (b + 1.0 - SURVIVAL), rtol=1e-13)
 
 
-@pytest.mark.parametrize("term", DEATH_TERMS.values(), ids=DEATH_TERMS)
+@pytest.mark.parametrize("term", list(DEATH_TERMS.values()), ids=list(DEATH_TERMS))
 def test_backward_step_leaves_the_filtered_set_alone(term):
     phd, _ = one_step(term)
     np.testing.assert_array_equal(phd.explained.toarray(), PARTS)
     np.testing.assert_array_equal(phd.unexplained, FREE)
 
 
-@pytest.mark.parametrize("term", DEATH_TERMS.values(), ids=DEATH_TERMS)
+@pytest.mark.parametrize("term", list(DEATH_TERMS.values()), ids=list(DEATH_TERMS))
 def test_backward_step_without_deaths_carries_only_the_survivors(term):
     phd, smoothed = one_step(term, survival=np.ones(4))
     np.testing.assert_allclose(smoothed.weight, phd.weight * (RATIO @ LATER), rtol=1e-14)

@@ -1,6 +1,8 @@
 """Values and messages that several test modules share."""
 
 import struct
+from array import array
+from dataclasses import fields, is_dataclass
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
@@ -18,15 +20,15 @@ CODES = {1: "b", 2: "B", 3: "h", 4: "H", 5: "i", 6: "I", 7: "f", 8: "d"}
 
 
 def cloud(
-    fields, points, *, big_endian=False, height=1, row_padding=0, point_padding=0, frame=FRAME
+    named, points, *, big_endian=False, height=1, row_padding=0, point_padding=0, frame=FRAME
 ):
     """Return a cloud packed with `struct`, independent of the code under test.
 
-    `fields` are (name, datatype) pairs in order, `points` rows of numbers.
+    `named` are (name, datatype) pairs in order, `points` rows of numbers.
     """
     order = ">" if big_endian else "<"
-    layout = order + "".join(CODES[datatype] for _, datatype in fields)
-    offsets = np.cumsum([0, *(SIZES[datatype] for _, datatype in fields)])
+    layout = order + "".join(CODES[datatype] for _, datatype in named)
+    offsets = np.cumsum([0, *(SIZES[datatype] for _, datatype in named)])
     packed = [struct.pack(layout, *point) + b"\xa5" * point_padding for point in points]
     width = len(packed) // height
     rows = [
@@ -40,7 +42,7 @@ def cloud(
         width=width,
         fields=[
             PointField(name=name, offset=int(offset), datatype=datatype, count=1)
-            for (name, datatype), offset in zip(fields, offsets, strict=False)
+            for (name, datatype), offset in zip(named, offsets, strict=False)
         ],
         is_bigendian=big_endian,
         point_step=step,
@@ -105,3 +107,16 @@ def estimates(count=3, classes=2, lag=5):
 def nothing(classes=2):
     """Return an empty set of estimates."""
     return estimates(0, classes, lag=0)
+
+
+def plain(value):
+    """Return a message of rclpy or of rosbags as nested dicts, lists and numbers."""
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if hasattr(value, "get_fields_and_field_types"):
+        return {n: plain(getattr(value, n)) for n in value.get_fields_and_field_types()}
+    if isinstance(value, bytes):  # the diagnostic level
+        return value[0]
+    if isinstance(value, (list, tuple, np.ndarray, array)):
+        return [plain(element) for element in value]
+    return value

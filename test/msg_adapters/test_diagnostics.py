@@ -48,7 +48,7 @@ def test_score_to_msg_values_read_back_exactly():
 
 @pytest.mark.parametrize(
     ("index", "expected"),
-    [(0, (np.sqrt(502_500.0), 2, 1)), (1, (50.0, 1, 1)), (2, (1000.0, 1, 0))],
+    [(0, (np.sqrt(501_250.0), 2, 1)), (1, (50.0, 1, 1)), (2, (1000.0, 1, 0))],
 )
 def test_score_to_msg_holds_the_score_of_each_set(index, expected):
     status = diagnostics.score_to_msg(scored(), 1000.0, 2.0).status[index]

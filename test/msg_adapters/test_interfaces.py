@@ -9,7 +9,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from samples import FRAME, STAMP_NS
+from samples import FRAME, STAMP_NS, plain
 from samples import detections as some_detections
 from samples import estimates as some_estimates
 from samples import truth as some_truth
@@ -61,8 +61,9 @@ def test_encode_gives_the_same_bytes_every_time(message):
 
 
 def test_encode_holds_what_the_middleware_decodes(message):
-    found = deserialize_message(interfaces.encode(message), type(message))
-    assert found == message
+    # Not compared with the message itself: its colours are rounded to float32 on the way.
+    sent = deserialize_message(serialize_message(message), type(message))
+    assert deserialize_message(interfaces.encode(message), type(message)) == sent
 
 
 def test_encode_differs_from_the_middleware_in_padding_alone(message):
@@ -83,17 +84,14 @@ def test_encode_pads_with_zeros():
 
 def test_encode_is_read_by_an_independent_reader(message):
     name = interfaces.type_name(type(message))
-    found = STORE.deserialize_cdr(interfaces.encode(message), name)
-    assert (
-        (found.header.stamp.sec, found.header.stamp.nanosec) == divmod(STAMP_NS, 10**9)
-        if hasattr(message, "header")
-        else len(found.markers) == len(message.markers)
-    )
+    sent = deserialize_message(serialize_message(message), type(message))
+    assert plain(STORE.deserialize_cdr(interfaces.encode(message), name)) == plain(sent)
 
 
 def test_decode_is_the_inverse_of_encode(message):
     name = interfaces.type_name(type(message))
-    assert interfaces.decode(interfaces.encode(message), name) == message
+    data = interfaces.encode(message)
+    assert interfaces.encode(interfaces.decode(data, name)) == data
 
 
 @pytest.mark.parametrize("name", TYPES)
@@ -134,18 +132,19 @@ def test_type_hash_is_what_an_independent_library_computes(name):
     assert interfaces.type_hash(name) == STORE.hash_rihs01(name)
 
 
+def test_definition_suffices_for_an_independent_reader(message):
+    name = interfaces.type_name(type(message))
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(interfaces.definition(name), name))
+    sent = deserialize_message(serialize_message(message), type(message))
+    assert plain(store.deserialize_cdr(bytes(serialize_message(message)), name)) == plain(sent)
+
+
 @pytest.mark.parametrize("name", TYPES)
-def test_definition_parses_with_all_it_depends_on(name):
+def test_definition_says_what_an_independent_library_knows(name):
     found = get_types_from_msg(interfaces.definition(name), name)
-    assert name in found
-    assert {key: found[key] for key in found} == {key: STORE.fielddefs[key] for key in found}
-    needed = {
-        held[1] if kind == 1 else held[0][1]
-        for _, fields in found.values()
-        for _, (kind, held) in fields
-        if kind == 1 or held[0][0] == 1
-    }
-    assert needed <= found.keys()
+    assert len(found) > 1
+    assert found == {held: STORE.fielddefs[held] for held in found}
 
 
 @pytest.mark.parametrize("name", TYPES)
