@@ -16,7 +16,8 @@ A scan's way through the core, with the module of each step::
     ParticlePHD at t, smoothed weights
       |------------- targets ---------------> extraction -> Estimates (smoothed)
 
-`engine` runs these steps and is the only place that holds state. `config` turns parameters into an
+`engine` runs these steps and is the only place that holds state (the last stored set and the
+random generator in its filter, the lag window in its smoother). `config` turns parameters into an
 engine. `simulation` makes scans with known truth; `metrics` and `evaluation` compare with it.
 
 The method is that of Y. Qin, "Joint Target Detection, Tracking and Classification with

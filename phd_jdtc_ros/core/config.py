@@ -14,7 +14,7 @@ import numpy as np
 
 from . import amplitude
 from .birth import BirthTerm
-from .engine import FixedLagSmoother, Lag
+from .engine import FixedLagSmoother, ForwardFilter, Lag
 from .extraction import EXTRACTIONS
 from .filter import ParticleBudget, TrackerModel
 from .modes import ClassModel, ModeSpace, markov_generator
@@ -94,6 +94,7 @@ class TrackerConfig:
     model : TrackerModel
     budget : ParticleBudget
     lag : Lag
+    seed : int
     """
 
     values: dict[str, Value]
@@ -102,6 +103,7 @@ class TrackerConfig:
     model: TrackerModel
     budget: ParticleBudget
     lag: Lag
+    seed: int
 
     @property
     def reset_threshold_s(self) -> float:
@@ -111,12 +113,10 @@ class TrackerConfig:
     def engine(self) -> FixedLagSmoother:
         """Return a new tracker."""
         return FixedLagSmoother(
-            model=self.model,
-            budget=self.budget,
+            forward=ForwardFilter(self.model, self.budget, self.seed),
             lag=self.lag,
             death_term=DEATH_TERMS[str(self.values["death_term"])],
             extraction=EXTRACTIONS[str(self.values["extraction"])],
-            seed=int(self.values["seed"]),  # type: ignore[arg-type]
         )
 
 
@@ -280,6 +280,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         model=model,
         budget=budget,
         lag=Lag(values["lag"], values["lag_s"] or None),
+        seed=values["seed"],
     )
 
 

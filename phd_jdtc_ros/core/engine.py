@@ -15,7 +15,7 @@ from . import filter as phd_filter
 from . import transition
 from .extraction import Extraction
 from .filter import ParticleBudget, TrackerModel
-from .smoother import DeathTerm, backward_step
+from .smoother import DeathTerm, backward_pass
 from .transition import Transition
 from .types import Estimates, FloatArray, ParticlePHD, Scan
 
@@ -86,31 +86,40 @@ class Lag:
         return stamps_ns[-1] - stamps_ns[0] >= self.seconds * 1e9
 
 
+@dataclass(frozen=True)
+class Filtered:
+    """What one scan made of the intensity.
+
+    Parameters
+    ----------
+    updated : ParticlePHD
+        After all radars; the filtered targets are read off it.
+    stored : ParticlePHD
+        Resampled.
+    link : Transition or None
+        From the stored set of the scan before; None on the first scan and where nobody smooths.
+    """
+
+    updated: ParticlePHD
+    stored: ParticlePHD
+    link: Transition | None
+
+
 @dataclass
-class FixedLagSmoother:
-    """SMC PHD filter with a fixed-lag backward smoother over the general mode.
+class ForwardFilter:
+    """The PHD filter over scans; keeps the last stored set and the random generator.
 
     Parameters
     ----------
     model : TrackerModel
     budget : ParticleBudget
-    lag : Lag
-    death_term : DeathTerm
-    extraction : Extraction
     seed : int
-        Same scans and same seed give the same estimates.
     """
 
     model: TrackerModel
     budget: ParticleBudget
-    lag: Lag
-    death_term: DeathTerm
-    extraction: Extraction
     seed: int
     _latest: tuple[int, ParticlePHD] | None = field(init=False, repr=False)
-    _stamps: list[int] = field(init=False, repr=False)
-    _stored: list[ParticlePHD] = field(init=False, repr=False)
-    _links: list[Transition] = field(init=False, repr=False)  # one between every two stored sets
     _rng: np.random.Generator = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
 
@@ -119,44 +128,28 @@ class FixedLagSmoother:
 
     def reset(self) -> None:
         """Forget everything; the random generator starts from the seed again."""
-        self._latest = None  # stamp and stored set of the last scan; the window may be empty
-        self._stamps, self._stored, self._links = [], [], []
+        self._latest = None
         self._rng = np.random.default_rng(self.seed)
         self._scan_index = 0
 
-    def step(self, scan: Scan) -> Step:
-        """Filter one scan and smooth the stamps whose lag is reached.
+    def step(self, scan: Scan, linked: bool) -> Filtered:
+        """Predict, update with every radar, resample; build the link backward if wanted.
 
         Raises
         ------
         ValueError
             If the stamp is not later than the one before.
         """
-        model, modes, rng = self.model, self.model.modes, self._rng
+        model, rng = self.model, self._rng
         earlier, dt = self._earlier(scan.stamp_ns)
-
         predicted = phd_filter.predict(earlier, model, self.budget, dt, self._scan_index, rng)
         updated = phd_filter.update_scan(predicted, scan, model)
-        filtered = self.extraction(updated, modes, scan.stamp_ns, 0, rng)
-        stored = phd_filter.resample(updated, modes, self.budget, rng)
-        if self._stored:
-            self._links.append(transition.build(earlier, stored, model, dt))
+        stored = phd_filter.resample(updated, model.modes, self.budget, rng)
+        first = self._latest is None
+        link = None if first or not linked else transition.build(earlier, stored, model, dt)
         self._latest = (scan.stamp_ns, stored)
-        self._stamps.append(scan.stamp_ns)
-        self._stored.append(stored)
         self._scan_index += 1
-
-        smoothed = []
-        while self.lag.reached(self._stamps):
-            smoothed.append(self._smooth_oldest())
-        return Step(
-            filtered=filtered,
-            smoothed=tuple(smoothed),
-            class_mass=updated.class_mass(modes.class_of, len(modes.classes)),
-            particles=len(stored),
-            effective_sample_size=stored.effective_sample_size,
-            orphans=self._links[-1].orphans if self._links else 0,
-        )
+        return Filtered(updated, stored, link)
 
     def _earlier(self, stamp_ns: int) -> tuple[ParticlePHD, float]:
         """Return the stored set of the scan before and the interval since, in seconds."""
@@ -166,6 +159,65 @@ class FixedLagSmoother:
         if stamp_ns <= latest_ns:
             raise ValueError(f"scan.stamp_ns: {stamp_ns} is not later than {latest_ns}")
         return stored, (stamp_ns - latest_ns) * 1e-9
+
+
+@dataclass
+class FixedLagSmoother:
+    """SMC PHD filter with a fixed-lag backward smoother over the general mode.
+
+    Parameters
+    ----------
+    forward : ForwardFilter
+    lag : Lag
+    death_term : DeathTerm
+    extraction : Extraction
+    """
+
+    forward: ForwardFilter
+    lag: Lag
+    death_term: DeathTerm
+    extraction: Extraction
+    _stamps: list[int] = field(init=False, repr=False)
+    _stored: list[ParticlePHD] = field(init=False, repr=False)
+    _links: list[Transition] = field(init=False, repr=False)  # one between every two stored sets
+    _rng: np.random.Generator = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything; the random generators start from the seed again."""
+        self.forward.reset()
+        self._stamps, self._stored, self._links = [], [], []
+        # Its own, so that the filter's draws do not depend on how targets are read off.
+        self._rng = np.random.default_rng([self.forward.seed, 1])
+
+    def step(self, scan: Scan) -> Step:
+        """Filter one scan and smooth the stamps whose lag is reached.
+
+        Raises
+        ------
+        ValueError
+            If the stamp is not later than the one before.
+        """
+        modes = self.forward.model.modes
+        found = self.forward.step(scan, linked=bool(self._stored))
+        filtered = self.extraction(found.updated, modes, scan.stamp_ns, 0, self._rng)
+        if found.link is not None:
+            self._links.append(found.link)
+        self._stamps.append(scan.stamp_ns)
+        self._stored.append(found.stored)
+        smoothed = []
+        while self.lag.reached(self._stamps):
+            smoothed.append(self._smooth_oldest())
+        return Step(
+            filtered=filtered,
+            smoothed=tuple(smoothed),
+            class_mass=found.updated.class_mass(modes.class_of, len(modes.classes)),
+            particles=len(found.stored),
+            effective_sample_size=found.stored.effective_sample_size,
+            orphans=found.link.orphans if found.link else 0,
+        )
 
     def flush(self) -> tuple[Estimates, ...]:
         """Return the estimates of the window, smoothed as far as it goes, and reset."""
@@ -177,9 +229,8 @@ class FixedLagSmoother:
 
     def _smooth_oldest(self) -> Estimates:
         """Smooth the oldest stored set with all that follow, and drop it from the window."""
-        smoothed = self._stored[-1]
-        for phd, link in zip(self._stored[-2::-1], self._links[::-1], strict=True):
-            smoothed = backward_step(phd, link, smoothed.weight, self.death_term)
+        *_, smoothed = backward_pass(self._stored, self._links, self.death_term)
         stamp_ns, lag = self._stamps[0], len(self._stored) - 1
         del self._stamps[0], self._stored[0], self._links[:1]
-        return self.extraction(smoothed, self.model.modes, stamp_ns, lag, self._rng)
+        modes = self.forward.model.modes
+        return self.extraction(smoothed, modes, stamp_ns, lag, self._rng)

@@ -108,7 +108,7 @@ def truth_at(scenario: Scenario, scan: int) -> Truth:
 
 def detect(
     truth: Truth, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
-) -> Detections:
+) -> tuple[Detections, IntArray]:
     """Return one radar's detections of `truth` among its clutter, in random order.
 
     Parameters
@@ -119,6 +119,13 @@ def detect(
         Linear.
     radar : RadarModel
     rng : numpy.random.Generator
+
+    Returns
+    -------
+    detections : Detections
+        M of them.
+    source : int array of shape (M,)
+        The track_id that each detection comes from; 0 for clutter.
 
     Notes
     -----
@@ -143,23 +150,33 @@ def detect(
     measurement[:, 0] = np.abs(measurement[:, 0])
     measurement[:, 1] = wrap_angle(measurement[:, 1])
     order = rng.permutation(len(measurement))
-    return Detections(
+    detections = Detections(
         measurement=measurement[order],
         amplitude=np.concatenate([envelope[seen], tail])[order],
     )
+    source = np.concatenate([truth.track_id[seen], np.zeros(count, dtype=np.int64)])
+    return detections, source[order]
 
 
 def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:
     """Return the truth and the scan of every stamp; the same for the same seed."""
+    return [(truth, scan) for truth, scan, _ in simulate_with_sources(scenario, seed)]
+
+
+def simulate_with_sources(
+    scenario: Scenario, seed: int
+) -> list[tuple[Truth, Scan, tuple[IntArray, ...]]]:
+    """Return what `simulate` does and, for every radar, where each detection comes from."""
     rng = np.random.default_rng(seed)
     snr_of = np.array([target.snr for target in scenario.targets])
     run = []
     for index in range(scenario.scans):
         truth = truth_at(scenario, index)
-        detections = tuple(
+        reports = [
             detect(truth, snr_of[truth.track_id - 1], radar, rng) for radar in scenario.radars
-        )
-        run.append((truth, Scan(truth.stamp_ns, detections)))
+        ]
+        scan = Scan(truth.stamp_ns, tuple(detections for detections, _ in reports))
+        run.append((truth, scan, tuple(source for _, source in reports)))
     return run
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -101,3 +102,23 @@ def backward_step(
         np.repeat(backward, entries) + np.repeat(death, entries) * factor[explained.indices]
     )
     return replace(phd, unexplained=phd.unexplained * (backward + death), explained=explained)
+
+
+def backward_pass(
+    stored: Sequence[ParticlePHD], links: Sequence[Transition], death_term: DeathTerm
+) -> Iterator[ParticlePHD]:
+    """Yield the smoothed sets of a window, the newest first: lag 0, lag 1 and so on.
+
+    Parameters
+    ----------
+    stored : sequence of ParticlePHD
+        Filtered sets, the oldest first.
+    links : sequence of Transition
+        One between every two of them.
+    death_term : DeathTerm
+    """
+    smoothed = stored[-1]
+    yield smoothed
+    for phd, link in zip(stored[-2::-1], links[::-1], strict=True):
+        smoothed = backward_step(phd, link, smoothed.weight, death_term)
+        yield smoothed

@@ -225,4 +225,4 @@ def test_engine_carries_the_configured_choices():
     engine = resolved.engine()
     assert engine.death_term.__name__ == "paper_death_term"
     assert engine.extraction.__name__ == "clusters"
-    assert engine.seed == 9
+    assert engine.forward.seed == 9

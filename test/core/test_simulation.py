@@ -5,7 +5,7 @@ import pytest
 from scenes import reference_scenario
 
 from phd_jdtc_ros.core.motion import STATE_SIZE
-from phd_jdtc_ros.core.simulation import Truth, detect, simulate, truth_at
+from phd_jdtc_ros.core.simulation import Truth, detect, simulate, simulate_with_sources, truth_at
 
 SCENE = reference_scenario()
 RADAR = SCENE.radars[1]
@@ -83,7 +83,7 @@ def test_simulate_gives_a_scan_a_stamp_of_every_radar():
 def test_detect_without_a_threshold_has_the_mean_square_of_the_snr(snr_db):
     snr, count = 10.0 ** (snr_db / 10.0), 40_000
     radar = replace(RADAR, threshold=0.0, clutter_rate=0.0)
-    found = detect(standing(count), np.full(count, snr), radar, np.random.default_rng(0))
+    found = detect(standing(count), np.full(count, snr), radar, np.random.default_rng(0))[0]
     assert len(found) == count
     # a^2 is exponential, so its standard deviation is its mean.
     expected = 2.0 * (1.0 + snr)
@@ -93,7 +93,7 @@ def test_detect_without_a_threshold_has_the_mean_square_of_the_snr(snr_db):
 def test_detect_reports_a_target_with_its_rayleigh_probability():
     snr, count = 10.0**1.5, 40_000
     radar = replace(RADAR, clutter_rate=0.0)
-    found = detect(standing(count), np.full(count, snr), radar, np.random.default_rng(0))
+    found = detect(standing(count), np.full(count, snr), radar, np.random.default_rng(0))[0]
     chance = 1e-3 ** (1.0 / (1.0 + snr))
     error = 4.5 * np.sqrt(chance * (1.0 - chance) / count)
     assert abs(len(found) / count - chance) < error
@@ -102,7 +102,7 @@ def test_detect_reports_a_target_with_its_rayleigh_probability():
 
 def test_detect_clutter_has_the_noise_tail():
     radar = replace(RADAR, clutter_rate=20_000.0)
-    found = detect(standing(0), np.zeros(0), radar, np.random.default_rng(0))
+    found = detect(standing(0), np.zeros(0), radar, np.random.default_rng(0))[0]
     # Above the threshold a^2 = tau^2 + an exponential of mean 2.
     excess = found.amplitude**2 - radar.threshold**2
     assert excess.min() >= 0.0
@@ -112,7 +112,7 @@ def test_detect_clutter_has_the_noise_tail():
 
 def test_detect_clutter_is_uniform_in_range_and_azimuth():
     radar = replace(RADAR, clutter_rate=20_000.0)
-    found = detect(standing(0), np.zeros(0), radar, np.random.default_rng(1)).measurement
+    found = detect(standing(0), np.zeros(0), radar, np.random.default_rng(1))[0].measurement
     for column, low, width in ((0, 0.0, 15e3), (1, -np.pi, 2.0 * np.pi)):
         share = np.histogram((found[:, column] - low) / width, bins=10, range=(0.0, 1.0))[0]
         assert share.sum() == len(found)
@@ -122,7 +122,7 @@ def test_detect_clutter_is_uniform_in_range_and_azimuth():
 def test_detect_clutter_count_is_poisson():
     rng = np.random.default_rng(2)
     trials = 2000
-    count = np.array([len(detect(standing(0), np.zeros(0), RADAR, rng)) for _ in range(trials)])
+    count = np.array([len(detect(standing(0), np.zeros(0), RADAR, rng)[0]) for _ in range(trials)])
     assert abs(count.mean() - 20.0) < 4.5 * np.sqrt(20.0 / trials)
     # Variance of a Poisson sample's variance: (2 m^2 + m) / n.
     assert abs(count.var() - 20.0) < 4.5 * np.sqrt((2.0 * 400.0 + 20.0) / trials)
@@ -131,7 +131,7 @@ def test_detect_clutter_count_is_poisson():
 def test_detect_noise_has_the_radar_covariance():
     count = 20_000
     radar = replace(RADAR, threshold=0.0, clutter_rate=0.0)
-    found = detect(standing(count), np.full(count, 1e4), radar, np.random.default_rng(3))
+    found = detect(standing(count), np.full(count, 1e4), radar, np.random.default_rng(3))[0]
     error = found.measurement - radar.measure(standing(1).state)
     assert (np.abs(error.mean(axis=0)) < 4.5 * radar.noise_std / np.sqrt(count)).all()
     np.testing.assert_allclose(error.std(axis=0), radar.noise_std, rtol=4.5 / np.sqrt(2 * count))
@@ -139,14 +139,14 @@ def test_detect_noise_has_the_radar_covariance():
 
 def test_detect_does_not_see_beyond_the_range():
     radar = replace(RADAR, max_range=9e3, clutter_rate=0.0)
-    found = detect(standing(100), np.full(100, 1e4), radar, np.random.default_rng(0))
+    found = detect(standing(100), np.full(100, 1e4), radar, np.random.default_rng(0))[0]
     assert len(found) == 0
 
 
 @pytest.mark.parametrize("position", [(-8e3, 0.0), (50.0, 0.0)], ids=["on-the-cut", "close"])
 def test_detect_measurements_stay_in_their_domains(position):
     truth = standing(2000, position)
-    found = detect(truth, np.full(2000, 1e4), RADAR, np.random.default_rng(0)).measurement
+    found = detect(truth, np.full(2000, 1e4), RADAR, np.random.default_rng(0))[0].measurement
     assert found[:, 0].min() >= 0.0
     assert found[:, 1].min() > -np.pi
     assert found[:, 1].max() <= np.pi
@@ -154,7 +154,7 @@ def test_detect_measurements_stay_in_their_domains(position):
 
 def test_detect_mixes_targets_and_clutter():
     truth = standing(50)
-    found = detect(truth, np.full(50, 1e4), RADAR, np.random.default_rng(0))
+    found = detect(truth, np.full(50, 1e4), RADAR, np.random.default_rng(0))[0]
     strong = np.flatnonzero(found.amplitude > 10.0)
     assert len(found) > len(strong) > 40
     assert strong.tolist() != list(range(len(strong)))
@@ -193,3 +193,19 @@ def test_paper_scenario_has_two_classes_inside_the_radars_range():
     first = SCENE.radars[0].measure(start)[:, 0]
     # The third target starts outside the clutter's disc but inside the range.
     assert 15e3 < first[2] < 15.3e3 < SCENE.radars[0].max_range
+
+
+def test_simulate_with_sources_says_where_each_detection_comes_from():
+    run = simulate_with_sources(SCENE, 0)
+    radar = SCENE.radars[0]
+    misses = []
+    for truth, scan, sources in run:
+        for number, state in zip(truth.track_id, truth.state, strict=True):
+            own = scan.detections[0].measurement[sources[0] == number]
+            assert len(own) <= 1
+            misses += [abs(row[0] - radar.measure(state[None])[0, 0]) for row in own]
+
+    assert run[0][1].stamp_ns == simulate(SCENE, 0)[0][1].stamp_ns
+    assert len(misses) > 150
+    # The mean of |N(0, sigma)| is 0.8 sigma.
+    assert np.mean(misses) == pytest.approx(0.8 * radar.range_std, rel=0.15)

@@ -112,7 +112,10 @@ def nothing(classes=2):
 def plain(value):
     """Return a message of rclpy or of rosbags as nested dicts, lists and numbers."""
     if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+        # rosbags keeps constants and the type beside the fields.
+        names = [field.name for field in fields(value) if field.name.islower()]
+        names = [name for name in names if name != "__msgtype__"]
+        return {name: plain(getattr(value, name)) for name in names}
     if hasattr(value, "get_fields_and_field_types"):
         return {n: plain(getattr(value, n)) for n in value.get_fields_and_field_types()}
     if isinstance(value, bytes):  # the diagnostic level

@@ -138,8 +138,7 @@ def test_from_msg_rejects_class_probabilities_with_a_gap():
         adapter.from_msg(message)
 
 
-@pytest.mark.parametrize("name", ["x", "y", "vx", "weight", "p_class_0", "cov_00"])
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize(("name", "bad"), [("x", np.nan), ("y", np.inf), ("cov_00", np.nan)])
 def test_from_msg_refuses_what_is_not_finite(name, bad):
     message = adapter.to_msg(estimates(), "map")
     (field,) = (field for field in message.fields if field.name == name)
