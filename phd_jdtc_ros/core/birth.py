@@ -44,7 +44,7 @@ class BirthTerm:
 
 
 @lru_cache(maxsize=8)
-def _sobol_points(dimension: int, count: int) -> FloatArray:
+def sobol_points(dimension: int, count: int) -> FloatArray:
     """Return `count` unscrambled Sobol points, shape (count, dimension); count a power of two."""
     points: FloatArray = qmc.Sobol(dimension, scramble=False).random_base2(count.bit_length() - 1)
     return points
@@ -70,7 +70,7 @@ def sample(
     mode : int array of shape (count,)
     """
     size = len(term.mean)
-    uniform = (_sobol_points(size + 1, count) + rng.random(size + 1)) % 1.0
+    uniform = (sobol_points(size + 1, count) + rng.random(size + 1)) % 1.0
     uniform = np.clip(uniform, 1e-12, 1.0 - 1e-12)
     share = np.cumsum(term.rate) / term.rate.sum()
     mode = np.minimum(np.searchsorted(share, uniform[:, 0], side="right"), len(share) - 1)

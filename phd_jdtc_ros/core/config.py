@@ -14,6 +14,7 @@ import numpy as np
 
 from . import amplitude
 from .birth import BirthTerm
+from .detection_birth import DetectionBirthModel
 from .engine import FixedLagSmoother, ForwardFilter, Lag
 from .extraction import EXTRACTIONS
 from .filter import ParticleBudget, TrackerModel
@@ -29,6 +30,7 @@ from .motion import (
 )
 from .parameters import BIRTH, GROUPS, RADAR, TOP, Value, schema
 from .radar import RadarModel
+from .signature import AmplitudeModel, Band, Ignored, Memory
 from .smoother import DEATH_TERMS
 from .spawn import SpawnModel
 from .types import FloatArray
@@ -224,9 +226,16 @@ def _check_spawn(values: Mapping[str, Any]) -> list[str]:
 
 def _check_rest(values: Mapping[str, Any]) -> list[str]:
     faults = []
-    count = values["particles_per_birth"]
-    if count & (count - 1):
-        faults.append(f"particles_per_birth: {count} given, must be a power of two")
+    for name in ("particles_per_birth", "detection_births.particles"):
+        count = values[name]
+        if count & (count - 1):
+            faults.append(f"{name}: {count} given, must be a power of two")
+    appearing = values["detection_births.rates"]
+    if appearing and len(appearing) != len(values["classes"]):
+        faults.append(
+            f"detection_births.rates: {appearing} given, must be empty or "
+            f"{len(values['classes'])} numbers, one a class"
+        )
     for name in values["births"]:
         rates = values[f"{name}.rates"]
         if len(rates) != len(values["classes"]) or sum(rates) <= 0.0:
@@ -265,7 +274,14 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
     model = TrackerModel(
         modes=modes,
         births=tuple(_birth(values, name, modes) for name in values["births"]),
+        detection_births=DetectionBirthModel(
+            rate=np.array(values["detection_births.rates"] or [0.0] * len(classes)),
+            velocity_std=values["detection_births.velocity_std"],
+            turn_rate_std=values["detection_births.turn_rate_std"],
+            particles=values["detection_births.particles"],
+        ),
         spawn=_spawn(values, modes),
+        amplitudes=_amplitudes(values),
         radars=tuple(_radar(values, name) for name in values["radars"]),
     )
     budget = ParticleBudget(
@@ -282,6 +298,12 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         lag=Lag(values["lag"], values["lag_s"] or None),
         seed=values["seed"],
     )
+
+
+def _amplitudes(values: Mapping[str, Any]) -> AmplitudeModel:
+    if values["amplitude"] == "memory":
+        return Memory(values["amplitude_jitter"])
+    return Band() if values["amplitude"] == "band" else Ignored()
 
 
 def _motion(values: Mapping[str, Any], name: str) -> MotionModel:

@@ -13,6 +13,7 @@ import numpy as np
 
 from . import filter as phd_filter
 from . import transition
+from .detection_birth import Newborn
 from .extraction import Extraction
 from .filter import ParticleBudget, TrackerModel
 from .smoother import DeathTerm, backward_pass
@@ -120,6 +121,7 @@ class ForwardFilter:
     budget: ParticleBudget
     seed: int
     _latest: tuple[int, ParticlePHD] | None = field(init=False, repr=False)
+    _found: tuple[Newborn, ...] = field(init=False, repr=False)
     _rng: np.random.Generator = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
 
@@ -129,6 +131,7 @@ class ForwardFilter:
     def reset(self) -> None:
         """Forget everything; the random generator starts from the seed again."""
         self._latest = None
+        self._found = ()
         self._rng = np.random.default_rng(self.seed)
         self._scan_index = 0
 
@@ -142,11 +145,16 @@ class ForwardFilter:
         """
         model, rng = self.model, self._rng
         earlier, dt = self._earlier(scan.stamp_ns)
-        predicted = phd_filter.predict(earlier, model, self.budget, dt, self._scan_index, rng)
-        updated = phd_filter.update_scan(predicted, scan, model)
+        found = self._found
+        predicted = phd_filter.predict(
+            earlier, model, self.budget, dt, self._scan_index, rng, found
+        )
+        updated, self._found = phd_filter.update_scan(predicted, scan, model, dt)
         stored = phd_filter.resample(updated, model.modes, self.budget, rng)
         first = self._latest is None
-        link = None if first or not linked else transition.build(earlier, stored, model, dt)
+        link = None
+        if linked and not first:
+            link = transition.build(earlier, stored, model, dt, found)
         self._latest = (scan.stamp_ns, stored)
         self._scan_index += 1
         return Filtered(updated, stored, link)

@@ -6,17 +6,22 @@ its Poisson part and one component a detection (see `ParticlePHD`), which the sm
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import sparse
 
-from . import birth, motion, resampling
+from . import birth, detection_birth, motion, resampling
 from .birth import BirthTerm
+from .detection_birth import DetectionBirthModel, Newborn
 from .modes import ModeSpace
 from .radar import RadarModel
+from .signature import AmplitudeModel
 from .spawn import SpawnModel
 from .types import Detections, FloatArray, IntArray, ParticlePHD, Scan, sum_by
+
+# Origins are numbered scan by scan; no scan founds more than this.
+ORIGINS_PER_SCAN = 1 << 24
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,9 @@ class TrackerModel:
 
     modes: ModeSpace
     births: tuple[BirthTerm, ...]
+    detection_births: DetectionBirthModel
     spawn: SpawnModel
+    amplitudes: AmplitudeModel
     radars: tuple[RadarModel, ...]
     state_size: int = motion.STATE_SIZE
 
@@ -59,6 +66,7 @@ def predict(
     dt: float,
     scan_index: int,
     rng: np.random.Generator,
+    found: tuple[Newborn, ...] = (),
 ) -> ParticlePHD:
     """Move the intensity over `dt` seconds: survivors, spawned targets, births.
 
@@ -73,6 +81,8 @@ def predict(
     scan_index : int
         Names the births' origins.
     rng : numpy.random.Generator
+    found : tuple of Newborn
+        What the detections of the scan before leave to this one.
 
     Returns
     -------
@@ -84,29 +94,26 @@ def predict(
     Sec. IV-C, Step 1, with the survivor and birth steps that are missing there and the spawn
     weight in full.
     """
-    parts = [
-        _survivors(phd, model.modes, dt, rng),
-        _spawned(phd, model, dt, rng),
-        *(
-            _born(term, model, budget.per_birth_term, dt, scan_index * len(model.births) + i, rng)
-            for i, term in enumerate(model.births)
-        ),
-    ]
-    weight = np.concatenate([part.unexplained for part in parts])
-    return ParticlePHD(
-        state=np.concatenate([part.state for part in parts]),
-        mode=np.concatenate([part.mode for part in parts]),
-        origin=np.concatenate([part.origin for part in parts]),
-        parent=np.concatenate([part.parent for part in parts]),
-        multiplicity=np.ones(len(weight), dtype=np.int64),
-        unexplained=weight,
-        explained=sparse.csr_array((len(weight), 0)),
-    )
+    parts = [_survivors(phd, model, dt, rng), _spawned(phd, model, dt, rng)]
+    origin = scan_index * ORIGINS_PER_SCAN
+    for term in model.births:
+        parts.append(_born(term, model, budget.per_birth_term, dt, origin, rng))
+        origin += 1
+    for one in found:
+        parts.append(_newborn(one, model, dt, origin, rng))
+        origin += len(one)
+    return _concatenate(parts)
 
 
 def _fresh(
-    state: FloatArray, mode: IntArray, origin: IntArray, parent: IntArray, weight: FloatArray
+    state: FloatArray,
+    mode: IntArray,
+    origin: IntArray,
+    parent: IntArray,
+    weight: FloatArray,
+    memory: FloatArray,
 ) -> ParticlePHD:
+    """Return single particles that no detection explains yet."""
     return ParticlePHD(
         state=state,
         mode=mode,
@@ -115,6 +122,18 @@ def _fresh(
         multiplicity=np.ones(len(weight), dtype=np.int64),
         unexplained=weight,
         explained=sparse.csr_array((len(weight), 0)),
+        memory=memory,
+    )
+
+
+def _concatenate(parts: list[ParticlePHD]) -> ParticlePHD:
+    return _fresh(
+        state=np.concatenate([part.state for part in parts]),
+        mode=np.concatenate([part.mode for part in parts]),
+        origin=np.concatenate([part.origin for part in parts]),
+        parent=np.concatenate([part.parent for part in parts]),
+        weight=np.concatenate([part.unexplained for part in parts]),
+        memory=np.concatenate([part.memory for part in parts]),
     )
 
 
@@ -127,17 +146,19 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
 
 
 def _survivors(
-    phd: ParticlePHD, modes: ModeSpace, dt: float, rng: np.random.Generator
+    phd: ParticlePHD, model: TrackerModel, dt: float, rng: np.random.Generator
 ) -> ParticlePHD:
+    modes = model.modes
     copy = np.repeat(np.arange(len(phd)), phd.multiplicity)
     source_mode = phd.mode[copy]
     weight = (phd.weight / np.maximum(phd.multiplicity, 1))[copy] * modes.survival(dt)[source_mode]
     mode = _draw_mode(modes.transition(dt), source_mode, rng)
     state = np.empty((len(copy), phd.state.shape[1]))
-    for index, model in enumerate(modes.motions):
+    for index, motion_model in enumerate(modes.motions):
         chosen = np.flatnonzero(mode == index)
-        state[chosen] = motion.sample(model, phd.state[copy[chosen]], dt, rng)
-    return _fresh(state, mode, phd.origin[copy], copy, weight)
+        state[chosen] = motion.sample(motion_model, phd.state[copy[chosen]], dt, rng)
+    memory = model.amplitudes.moved(phd.memory[copy], mode, modes, rng)
+    return _fresh(state, mode, phd.origin[copy], copy, weight, memory)
 
 
 def _spawned(
@@ -160,7 +181,8 @@ def _spawned(
         state[chosen] = centre
     rate = spawn.rate * dt / model.modes.interval_s
     weight = np.full(len(parent), rate * mass / max(count, 1))
-    return _fresh(state, mode, phd.origin[parent], parent, weight)
+    memory = model.amplitudes.born(mode, model.modes, rng)
+    return _fresh(state, mode, phd.origin[parent], parent, weight, memory)
 
 
 def _born(
@@ -179,12 +201,23 @@ def _born(
         np.full(count, origin),
         np.full(count, -1),
         np.full(count, expected / count),
+        model.amplitudes.born(mode, model.modes, rng),
     )
 
 
-def update(
-    phd: ParticlePHD, detections: Detections, radar: RadarModel, modes: ModeSpace
+def _newborn(
+    found: Newborn, model: TrackerModel, dt: float, origin: int, rng: np.random.Generator
 ) -> ParticlePHD:
+    state, mode, weight, detection = detection_birth.sample(
+        found, model.detection_births, model.modes, dt, rng
+    )
+    memory = model.amplitudes.born(mode, model.modes, rng)
+    return _fresh(state, mode, origin + detection, np.full(len(mode), -1), weight, memory)
+
+
+def update(
+    phd: ParticlePHD, detections: Detections, radar: RadarModel, model: TrackerModel, dt: float
+) -> tuple[ParticlePHD, Newborn | None]:
     """Update the intensity with one radar's detections.
 
     Parameters
@@ -193,12 +226,16 @@ def update(
     detections : Detections
         M of them; zero is a valid report.
     radar : RadarModel
-    modes : ModeSpace
+    model : TrackerModel
+    dt : float
+        True interval since the scan before, seconds.
 
     Returns
     -------
-    ParticlePHD
+    phd : ParticlePHD
         Earlier components multiplied by 1 - p_D, M components of this radar's added.
+    found : Newborn or None
+        What these detections leave to the next scan, where births come from detections.
 
     Notes
     -----
@@ -206,43 +243,50 @@ def update(
     is formed relative to the largest of its terms: above an amplitude of 38 the clutter density
     alone would underflow.
     """
+    detections = model.amplitudes.used(detections)
+    size = len(detections)
     predicted = radar.measure(phd.state)
-    target_class = modes.class_of[phd.mode]
     in_range = predicted[:, 0] <= radar.max_range
-    p_d = np.where(in_range, radar.class_detection_probability(modes.classes)[target_class], 0.0)
-    log_clutter = radar.log_clutter_intensity(detections)
-    log_class = radar.log_class_likelihood(detections, modes.classes)
-    scale = np.maximum(log_clutter, log_class.max(axis=0, initial=-np.inf))
-
     visible = np.flatnonzero(in_range)
     row, column, log_likelihood = radar.gated_pairs(predicted[visible], detections)
     row = visible[row]
-    weighted = phd.weight[row] * np.exp(
-        log_likelihood + log_class[target_class[row], column] - scale[column]
+    log_likelihood = log_likelihood + model.amplitudes.log_likelihood(
+        phd, detections, (row, column), radar, model.modes
     )
-    normaliser = np.exp(log_clutter - scale) + sum_by(column, weighted, len(detections))
+    log_other = radar.log_clutter_intensity(detections)[None]
+    if model.detection_births.enabled:
+        log_birth = model.detection_births.log_intensity(detections, radar, model.modes, dt)
+        log_other = np.concatenate([log_other, log_birth])
+    scale = log_other.max(axis=0)
+    np.maximum.at(scale, column, log_likelihood)
+
+    weighted = phd.weight[row] * np.exp(log_likelihood - scale[column])
+    other = np.exp(log_other - scale)
+    normaliser = other.sum(axis=0) + sum_by(column, weighted, size)
     normaliser = np.where(normaliser > 0.0, normaliser, 1.0)
-    part = sparse.csr_array(
-        (weighted / normaliser[column], (row, column)), shape=(len(phd), len(detections))
-    )
-    missed = 1.0 - p_d
-    return ParticlePHD(
-        state=phd.state,
-        mode=phd.mode,
-        origin=phd.origin,
-        parent=phd.parent,
-        multiplicity=phd.multiplicity,
+    part = sparse.csr_array((weighted / normaliser[column], (row, column)), shape=(len(phd), size))
+    p_d = model.amplitudes.detection_probability(phd, radar, model.modes)
+    missed = 1.0 - np.where(in_range, p_d, 0.0)
+    updated = replace(
+        phd,
         unexplained=phd.unexplained * missed,
         explained=sparse.hstack([scale_rows(phd.explained, missed), part], format="csr"),
     )
+    if not model.detection_births.enabled:
+        return updated, None
+    return updated, detection_birth.newborn(radar, detections, (other[1:] / normaliser).T)
 
 
-def update_scan(phd: ParticlePHD, scan: Scan, model: TrackerModel) -> ParticlePHD:
+def update_scan(
+    phd: ParticlePHD, scan: Scan, model: TrackerModel, dt: float
+) -> tuple[ParticlePHD, tuple[Newborn, ...]]:
     """Update with every radar that reported, in the configured order."""
+    found = []
     for radar, detections in zip(model.radars, scan.detections, strict=True):
         if detections is not None:
-            phd = update(phd, detections, radar, model.modes)
-    return phd
+            phd, one = update(phd, detections, radar, model, dt)
+            found.append(one)
+    return phd, tuple(one for one in found if one is not None)
 
 
 def scale_rows(matrix: sparse.csr_array, factor: FloatArray) -> sparse.csr_array:
@@ -293,4 +337,5 @@ def resample(
         multiplicity=copies[kept],
         unexplained=phd.unexplained[row] * factor,
         explained=scale_rows(phd.explained[row], factor),
+        memory=phd.memory[row],
     )

@@ -155,10 +155,31 @@ TOP = (
         "How targets are read off: by detection component, or by clustering as in the paper.",
         choices=tuple(EXTRACTIONS),
     ),
+    Parameter(
+        "amplitude",
+        "band",
+        "What amplitudes say: the class, by its band; the class and each target's own SNR, by "
+        "memory; nothing.",
+        choices=("band", "memory", "none"),
+    ),
+    Parameter("amplitude_jitter", 0.1, "Step of a remembered ln(1 + SNR) a scan.", 0.0, 10.0),
     Parameter("seed", 0, "Seed of the random generator.", 0, 2**31 - 1),
     Parameter("particles_per_target", 1000, "Particles a target is resampled to.", 10, 10**6),
     Parameter("least_particles", 200, "Particles the mass of one birth and class keeps.", 1, 10**5),
     Parameter("particles_per_birth", 2048, "Particles of a birth term; a power of two.", 2, 2**20),
+    Parameter(
+        "detection_births.rates",
+        [],
+        "Expected appearances anywhere in a radar's field an interval, a number for each class; "
+        "such targets are born where detections are. Empty for none.",
+        0.0,
+        1e3,
+    ),
+    Parameter("detection_births.velocity_std", 40.0, "m/s.", SMALL),
+    Parameter("detection_births.turn_rate_std", 1e-3, "rad/s.", SMALL),
+    Parameter(
+        "detection_births.particles", 256, "Particles a detection; a power of two.", 2, 2**16
+    ),
     Parameter("spawn.rate", 0.01, "Expected spawned targets a target and interval.", 0.0, 1.0),
     Parameter("spawn.position_std", 10.0, "Of a spawned position about its parent, m.", SMALL),
     Parameter("spawn.velocity_std", 1.0, "Of a spawned velocity about its parent, m/s.", SMALL),

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from . import birth
+from . import birth, detection_birth
+from .detection_birth import Newborn
 from .filter import TrackerModel
 from .motion import whitener
 from .neighbours import pairs_within
@@ -41,7 +42,13 @@ class Transition:
     orphans: int
 
 
-def build(earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: float) -> Transition:
+def build(
+    earlier: ParticlePHD,
+    later: ParticlePHD,
+    model: TrackerModel,
+    dt: float,
+    found: tuple[Newborn, ...] = (),
+) -> Transition:
     """Return the cached transition between two stored sets.
 
     Parameters
@@ -51,6 +58,8 @@ def build(earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: flo
     model : TrackerModel
     dt : float
         True interval between them, seconds.
+    found : tuple of Newborn
+        What the later set's prediction was given.
 
     Returns
     -------
@@ -69,6 +78,10 @@ def build(earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: flo
     mu += _spawn_intensity(earlier, later, model, dt)
     gamma = birth.intensity(model.births, model.modes, later.state, later.mode)
     mu += gamma * dt / model.modes.interval_s
+    for one in found:
+        mu += detection_birth.intensity(
+            one, model.detection_births, model.modes, dt, later.state, later.mode
+        )
 
     # A row without any explanation inside the gate goes to the row it was drawn from, which is
     # the limit of the quotient as the gate widens.

@@ -114,6 +114,8 @@ class ParticlePHD:
         Weight that no detection explains.
     explained : sparse array of shape (N, J)
         Weight that detection j explains.
+    memory : array of shape (N,)
+        What the amplitude model remembers; zeros where it remembers nothing.
     """
 
     state: FloatArray
@@ -123,9 +125,10 @@ class ParticlePHD:
     multiplicity: IntArray
     unexplained: FloatArray
     explained: SparseArray
+    memory: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("state", "unexplained"):
+        for name in ("state", "unexplained", "memory"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
         for name in ("mode", "origin", "parent", "multiplicity"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
@@ -169,6 +172,7 @@ class ParticlePHD:
             multiplicity=none,
             unexplained=np.zeros(0),
             explained=sparse.csr_array((0, 0)),
+            memory=np.zeros(0),
         )
 
 

@@ -63,6 +63,10 @@ class Tracker(Node):
         self.create_service(Trigger, "~/flush", self._on_flush)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_timer(1.0, self._publish_health)
+        if not self._config.model.births and not self._config.model.detection_births.enabled:
+            self.get_logger().warning(
+                "neither births nor detection_births.rates are set: no target can ever appear"
+            )
         self.get_logger().info(
             f"tracking {len(self._class_names)} classes with {len(self._config.inputs)} radars"
         )

@@ -59,6 +59,7 @@ def intensity(
         multiplicity=np.ones(count, dtype=int) if multiplicity is None else multiplicity,
         unexplained=np.asarray(weight, dtype=float),
         explained=sparse.csr_array(np.zeros((count, 0)) if explained is None else explained),
+        memory=np.zeros(count),
     )
 
 

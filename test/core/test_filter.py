@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.core import amplitude
 from phd_jdtc_ros.core import filter as phd_filter
-from phd_jdtc_ros.core.filter import ParticleBudget, predict, resample, update, update_scan
+from phd_jdtc_ros.core.filter import ParticleBudget, predict, resample, update_scan
 from phd_jdtc_ros.core.modes import ClassModel
 from phd_jdtc_ros.core.motion import OMEGA
 from phd_jdtc_ros.core.types import Detections, Scan
@@ -20,6 +20,11 @@ MODES = MODEL.modes
 RADARS = tuple(replace(radar, clutter_rate=200.0) for radar in MODEL.radars)
 RADAR = RADARS[1]  # at the world's origin
 TARGETS = np.array([[6e3, 8e3], [6.6e3, 8.2e3], [-9e3, 0.0]])
+
+
+def update(phd, detections, radar, modes):
+    updated, _ = phd_filter.update(phd, detections, radar, replace(MODEL, modes=modes), 6.0)
+    return updated
 
 
 def scattered(seed=0, count=300, mass=2.0):
@@ -146,7 +151,7 @@ def test_predict_names_births_after_term_and_scan():
     rng = np.random.default_rng(0)
     scans = [predict(empty, MODEL, CONFIG.budget, 6.0, index, rng) for index in (0, 1)]
     names = [set(scan.origin.tolist()) for scan in scans]
-    assert names == [{0, 1, 2, 3}, {4, 5, 6, 7}]
+    assert names == [{0, 1, 2, 3}, {phd_filter.ORIGINS_PER_SCAN + term for term in range(4)}]
     for term, (mean, _) in enumerate(zip(MODEL.births, range(4), strict=True)):
         near = scans[0].state[scans[0].origin == term]
         assert np.abs(near[:, 0] - mean.mean[0]).max() < 6.0 * 200.0
@@ -275,8 +280,8 @@ def test_update_scan_applies_the_radars_in_order_and_skips_the_silent():
     phd = scattered()
     model = replace(MODEL, radars=RADARS)
     first, second = (reports(radar=radar) for radar in RADARS)
-    both = update_scan(phd, Scan(1, (first, second)), model)
-    one = update_scan(phd, Scan(1, (None, second)), model)
+    both, _ = update_scan(phd, Scan(1, (first, second)), model, 6.0)
+    one, _ = update_scan(phd, Scan(1, (None, second)), model, 6.0)
     chained = update(update(phd, first, RADARS[0], MODES), second, RADARS[1], MODES)
     np.testing.assert_array_equal(both.weight, chained.weight)
     np.testing.assert_array_equal(one.weight, update(phd, second, RADARS[1], MODES).weight)

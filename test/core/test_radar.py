@@ -104,7 +104,7 @@ def test_gated_pairs_reach_across_the_cut():
 @pytest.mark.parametrize("turns", [-2, -1, 1, 3])
 def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
     model = small().model
-    radar, modes = model.radars[0], model.modes
+    radar = model.radars[0]
     rng = np.random.default_rng(3)
     state = np.zeros((200, 5))
     state[:, [0, 2]] = rng.normal([-9e3, 0.0], 300.0, (200, 2))  # on the cut
@@ -112,8 +112,8 @@ def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
     turned = measurement + np.array([0.0, turns * 2.0 * np.pi])
     phd = intensity(state, np.full(200, 0.01), mode=rng.integers(0, 4, 200))
     amplitudes = np.full(5, 20.0)
-    plain = update(phd, Detections(measurement, amplitudes), radar, modes)
-    shifted = update(phd, Detections(turned, amplitudes), radar, modes)
+    plain, _ = update(phd, Detections(measurement, amplitudes), radar, model, 6.0)
+    shifted, _ = update(phd, Detections(turned, amplitudes), radar, model, 6.0)
     assert plain.weight.sum() > 1.0
     np.testing.assert_allclose(shifted.weight, plain.weight, rtol=1e-9)
 

@@ -33,7 +33,7 @@ def forward(start, model, budget, scans, rng):
         predicted = start
         if index:
             predicted = phd_filter.predict(stored[-1], model, budget, DT, index, rng)
-        updated = phd_filter.update(predicted, detections, model.radars[0], model.modes)
+        updated, _ = phd_filter.update(predicted, detections, model.radars[0], model, DT)
         stored.append(phd_filter.resample(updated, model.modes, budget, rng))
     return stored
 

@@ -63,7 +63,7 @@ def stored_run(model, budget, stamps_s, seed, start=None):
     intervals = np.diff(stamps_s, prepend=-4.0)
     for index, (scan, dt) in enumerate(zip(scans, intervals, strict=True)):
         phd = phd_filter.predict(stored[-1], model, budget, dt, index, rng)
-        phd = phd_filter.update_scan(phd, scan, model)
+        phd, _ = phd_filter.update_scan(phd, scan, model, dt)
         stored.append(phd_filter.resample(phd, model.modes, budget, rng))
     return (stored[1:], intervals[1:]) if start is None else (stored, intervals)
 
