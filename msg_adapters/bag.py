@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import heapq
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -9,13 +11,14 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import yaml
-from mcap.reader import make_reader
-from mcap.records import Statistics
+from mcap.records import Message
 from mcap.writer import CompressionType, Writer
 
-from . import interfaces
+from . import chunks, interfaces
 
 _METADATA = "metadata.yaml"
+# A damaged byte costs one chunk.
+CHUNK_SIZE = 2**14
 _ENDLESS = {"sec": 9223372036, "nsec": 854775807}
 ROS_DISTRO = "jazzy"
 
@@ -114,7 +117,7 @@ class BagWriter:
             raise BagError(f"{directory}: already exists, a bag is not overwritten") from None
         except OSError as error:
             raise BagError(f"{directory}: cannot be written: {error.strerror}") from None
-        self._writer = Writer(self._stream, compression=CompressionType.NONE)
+        self._writer = Writer(self._stream, chunk_size=CHUNK_SIZE, compression=CompressionType.NONE)
         # The library's version is left out: bytes must depend on the content only.
         self._writer.start(profile="ros2", library="phd_jdtc_ros")
         self._channels: dict[str, int] = {}
@@ -149,13 +152,14 @@ class BagWriter:
 
     def write(self, topic: str, data: bytes, log_time_ns: int) -> None:
         """Write one message's CDR bytes."""
-        self._writer.add_message(
-            channel_id=self._channels[topic],
-            log_time=log_time_ns,
-            publish_time=log_time_ns,
-            sequence=self._counts[topic],
-            data=data,
-        )
+        with self._writing():
+            self._writer.add_message(
+                channel_id=self._channels[topic],
+                log_time=log_time_ns,
+                publish_time=log_time_ns,
+                sequence=self._counts[topic],
+                data=data,
+            )
         self._counts[topic] += 1
         first = self._first_ns
         self._first_ns = log_time_ns if first is None else min(first, log_time_ns)
@@ -163,10 +167,25 @@ class BagWriter:
 
     def close(self) -> None:
         """Finish the file and write the metadata."""
-        self._writer.finish()
-        self._stream.close()
-        text = yaml.safe_dump(self._metadata(), sort_keys=False)
-        (self._directory / _METADATA).write_text(text)
+        if self._stream.closed:
+            return
+        try:
+            with self._writing():
+                self._writer.finish()
+                text = yaml.safe_dump(self._metadata(), sort_keys=False)
+                (self._directory / _METADATA).write_text(text)
+        finally:
+            with contextlib.suppress(OSError):  # what was said of the first failure is enough
+                self._stream.close()
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                self._stream.close()
+            raise BagError(f"{self._directory}: cannot be written: {error.strerror}") from error
 
     def _metadata(self) -> dict[str, Any]:
         start = {"nanoseconds_since_epoch": self._first_ns or 0}
@@ -226,21 +245,18 @@ class BagReader:
         self.path = path
         self._file = _mcap_file(path)
         with self._guard(), self._file.open("rb") as stream:
-            summary = make_reader(stream, validate_crcs=True).get_summary()
-        if summary is None or summary.statistics is None:
-            raise BagError(f"{self._file}: has no summary, it is truncated", corrupt=True)
-        statistics: Statistics = summary.statistics
-        self.message_count = statistics.message_count
-        self.start_ns = statistics.message_start_time
-        self.end_ns = statistics.message_end_time
+            self._index = chunks.index(stream)
+        self.message_count = sum(self._index.counts.values())
+        self.start_ns, self.end_ns = self._index.start_ns, self._index.end_ns
         self.types: dict[str, str] = {}
         self.counts: Counter[str] = Counter()
-        for channel in summary.channels.values():
-            schema = summary.schemas.get(channel.schema_id)
+        for channel in self._index.channels.values():
+            schema = self._index.schemas.get(channel.schema_id)
             if channel.message_encoding == "cdr" and schema is not None:
                 self.types[channel.topic] = schema.name
-                count = statistics.channel_message_counts.get(channel.id, 0)
-                self.counts[channel.topic] += count
+                self.counts[channel.topic] += self._index.counts[channel.id]
+        if self._index.damage and not self.types:
+            raise BagError(f"{self._file}: is damaged: {self._index.damage}", corrupt=True)
 
     def require(self, needed: Mapping[str, str]) -> None:
         """Check that topics are there and of the type they should have.
@@ -264,12 +280,36 @@ class BagReader:
         Raises
         ------
         BagError
-            When a damaged part is reached.
+            At the end, if a part of the file was damaged; every whole chunk has been read then.
         """
+        damage, lost = self._index.damage, 0
         with self._guard(), self._file.open("rb") as stream:
-            reader = make_reader(stream, validate_crcs=True)
-            for _, channel, message in reader.iter_messages(topics=topics):
-                yield BagMessage(channel.topic, message.log_time, message.data)
+            # Chunks wait by their earliest message, and their messages by their own time.
+            queue: list[tuple[int, int, int, Any]] = [
+                (start, offset, -1, length) for start, offset, length in self._index.chunks
+            ]
+            heapq.heapify(queue)
+            while queue:
+                _, offset, place, held = heapq.heappop(queue)
+                if place >= 0:
+                    topic = self._index.channels[held.channel_id].topic
+                    yield BagMessage(topic, held.log_time, held.data)
+                    continue
+                try:
+                    records = chunks.unpack(stream, offset, held)
+                except chunks.DamageError as error:
+                    damage, lost = str(error), lost + 1
+                    continue
+                for position, record in enumerate(records):
+                    if isinstance(record, Message) and self._wanted(record, topics):
+                        heapq.heappush(queue, (record.log_time, offset, position, record))
+        if damage:
+            parts = f"; {lost} of {len(self._index.chunks)} chunks are lost" if lost else ""
+            raise BagError(f"{self._file}: is damaged: {damage}{parts}", corrupt=True)
+
+    def _wanted(self, message: Message, topics: list[str] | None) -> bool:
+        channel = self._index.channels[message.channel_id]
+        return channel.topic in self.types if topics is None else channel.topic in topics
 
     def _guard(self) -> _CorruptionGuard:
         return _CorruptionGuard(self._file)

@@ -83,7 +83,9 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
             "frame", f"frame_id {cloud.header.frame_id!r}, must be {radar.frame!r}"
         )
     wanted = [radar.range_field, radar.azimuth_field]
-    has_amplitude = radar.amplitude_field in point_cloud.field_names(cloud)
+    has_amplitude = bool(radar.amplitude_field) and (
+        radar.amplitude_field in point_cloud.field_names(cloud)
+    )
     if has_amplitude:
         wanted.append(radar.amplitude_field)
     columns = point_cloud.decode(cloud, dict.fromkeys(wanted, point_cloud.FLOATS))
@@ -91,11 +93,13 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     azimuth = columns[radar.azimuth_field].astype(np.float64)
     if radar.compass:
         azimuth = np.pi / 2.0 - azimuth
-    amplitude = np.zeros(len(distance))
+    amplitude = raw = np.zeros(len(distance))
     if has_amplitude:
-        amplitude = _linear_amplitude(columns[radar.amplitude_field].astype(np.float64), radar)
+        raw = columns[radar.amplitude_field].astype(np.float64)
+        amplitude = _linear_amplitude(raw, radar)
 
-    finite = np.isfinite(distance) & np.isfinite(azimuth) & ~np.isnan(amplitude)
+    # An infinite level is no number either, though -inf dB would be an envelope of zero.
+    finite = np.isfinite(distance) & np.isfinite(azimuth) & ~np.isnan(raw) & (raw != -np.inf)
     in_range = (distance >= 0.0) & (distance <= radar.max_range)
     possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
     kept = finite & in_range & possible

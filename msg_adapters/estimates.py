@@ -67,6 +67,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         dict.fromkeys(floats, point_cloud.FLOATS)
         | dict.fromkeys(("track_id", "class_id", "lag"), point_cloud.UNSIGNED),
     )
+    point_cloud.require_finite(columns)
     size = len(columns["x"])
     state = np.zeros((size, STATE_SIZE))
     for name, index in _STATE:

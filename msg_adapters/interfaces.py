@@ -79,8 +79,24 @@ def encode(message: Any) -> bytes:
     The middleware's own serialisation leaves its padding uninitialised, so two equal messages
     differ in their bytes; files that must be reproducible are written with this one.
     """
-    encoded: bytes = _encoder(type_name(type(message)))(message)
+    encoded: bytes = _encoder(type_name(type(message)))(_numbers(message))
     return encoded
+
+
+def _numbers(message: Any) -> Any:
+    """Return a message as the encoder takes it: fields of type ``byte`` as numbers."""
+    types = message.get_fields_and_field_types()
+    if not any(kind == "octet" or "/" in kind for kind in types.values()):
+        return message
+    return {name: _number(getattr(message, name)) for name in types}
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, bytes) and len(value) == 1:
+        return value[0]
+    if isinstance(value, list):
+        return [_number(entry) for entry in value]
+    return _numbers(value) if hasattr(value, "get_fields_and_field_types") else value
 
 
 def decode(data: bytes, type_name: str) -> Any:

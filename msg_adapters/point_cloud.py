@@ -14,6 +14,7 @@ from .errors import RejectedMessageError
 
 # A cloud beyond this is refused before its data is looked at.
 MAX_POINTS = 100_000
+MAX_OFFSET = 2**16
 
 _CODES = {
     PointField.INT8: "i1",
@@ -63,6 +64,13 @@ def encode(stamp_ns: int, frame: str, columns: Mapping[str, npt.NDArray[Any]]) -
     )
 
 
+def require_finite(columns: Mapping[str, npt.NDArray[Any]]) -> None:
+    """Raise `RejectedMessageError` if a column holds what is no finite number."""
+    for name, column in columns.items():
+        if not np.isfinite(column).all():
+            raise RejectedMessageError("schema", f"field {name!r} holds what is not finite")
+
+
 def field_names(cloud: PointCloud2) -> list[str]:
     """Return the names of a cloud's fields in order."""
     return [field.name for field in cloud.fields]
@@ -110,6 +118,10 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
             )
         if field.offset + np.dtype(code).itemsize > cloud.point_step:
             raise RejectedMessageError("schema", f"field {name!r} reaches beyond the point's step")
+        if field.offset > MAX_OFFSET:
+            raise RejectedMessageError(
+                "schema", f"field {name!r} begins at byte {field.offset}, at most {MAX_OFFSET}"
+            )
         formats.append(order + code)
         offsets.append(field.offset)
     if cloud.row_step < cloud.width * cloud.point_step or len(cloud.data) != (
@@ -125,7 +137,7 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
             "names": list(wanted),
             "formats": formats,
             "offsets": offsets,
-            "itemsize": max(cloud.point_step, 1),
+            # The strides alone say the step; numpy has no items of 2 GiB and more.
         }
     )
     points = np.ndarray(

@@ -43,6 +43,7 @@ def from_msg(cloud: PointCloud2) -> Truth:
     """
     wanted = dict.fromkeys(_FLOATS, point_cloud.FLOATS) | dict.fromkeys(_IDS, point_cloud.UNSIGNED)
     columns = point_cloud.decode(cloud, wanted)
+    point_cloud.require_finite(columns)
     state = np.zeros((len(columns["x"]), STATE_SIZE))
     for index, name in ((X, "x"), (VX, "vx"), (Y, "y"), (VY, "vy")):
         state[:, index] = columns[name]

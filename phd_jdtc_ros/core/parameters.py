@@ -91,7 +91,8 @@ class Parameter:
     def _coerce_number(self, value: Any) -> int | float | None:
         if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
             return None
-        if not math.isfinite(value) or not self.low <= value <= self.high:
+        # Bounds first: a whole number may be too large for a float.
+        if not max(self.low, -1e300) <= value <= min(self.high, 1e300):
             return None
         if isinstance(self.default, int):
             return int(value) if float(value).is_integer() else None

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from msg_adapters import interfaces
-from msg_adapters.bag import BagWriter, Topic
+from msg_adapters.bag import BagError, BagWriter, Topic
 
 # Deep enough that a burst waits in the queue instead of being lost.
 INPUT_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -30,7 +30,8 @@ class Recorder:
 
     def __init__(self, node: Node, directory: Path, topics: Mapping[str, str]) -> None:
         self._clock = node.get_clock()
-        self._bag = BagWriter(directory)
+        self._logger = node.get_logger()
+        self._bag: BagWriter | None = BagWriter(directory)
         for topic, type_name in topics.items():
             self._bag.add_topic(Topic(topic, type_name))
             node.create_subscription(
@@ -42,8 +43,19 @@ class Recorder:
             )
 
     def _write(self, topic: str, data: bytes) -> None:
-        self._bag.write(topic, data, self._clock.now().nanoseconds)
+        if self._bag is None:
+            return
+        try:
+            self._bag.write(topic, data, self._clock.now().nanoseconds)
+        except BagError as error:  # a full disk ends the recording, not the node
+            self._bag = None
+            self._logger.error(f"recording stopped: {error}")
 
     def close(self) -> None:
         """Finish the bag."""
-        self._bag.close()
+        if self._bag is None:
+            return
+        try:
+            self._bag.close()
+        except BagError as error:
+            self._logger.error(f"recording not finished: {error}")

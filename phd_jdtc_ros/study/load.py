@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,22 +38,29 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     """
     bag = BagReader(path)
     sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
-    bag.require(dict.fromkeys(sources, names.CLOUD))
+    figures = names.cardinality(tracker)
+    radars = [radar.topic for radar in config.inputs]
+    optional = {**dict.fromkeys([names.TRUTH, *radars], names.CLOUD), figures: names.FIGURES}
+    present = {topic: kind for topic, kind in optional.items() if topic in bag.types}
+    bag.require({**dict.fromkeys(sources, names.CLOUD), **present})
     found: dict[str, list[Any]] = defaultdict(list)
     classes = 0
-    figures = names.cardinality(tracker)
     try:
         for topic, message in _decoded(bag, [*sources, names.TRUTH, figures]):
             if topic == names.TRUTH:
                 found["truth"].append(truth.from_msg(message))
             elif topic == figures:
-                found["step_ms"].append(diagnostics.values_of(message.status[0])["step_ms"])
+                values = [diagnostics.values_of(status) for status in message.status]
+                found["step_ms"] += [v["step_ms"] for v in values if "step_ms" in v]
             else:
                 classes = max(classes, estimates.class_count(message))
                 found[sources[topic]].append(estimates.from_msg(message))
         for radar, model in zip(config.inputs, config.model.radars, strict=True):
-            for _, message in _decoded(bag, [radar.topic]):
-                found["plots"].append(_plot(message, radar, model))
+            for entry in bag.messages([radar.topic] if radar.topic in bag.types else []):
+                # What the tracker refuses and counts is not shown.
+                with contextlib.suppress(RejectedMessageError):
+                    message = interfaces.decode(entry.data, names.CLOUD)
+                    found["plots"].append(_plot(message, radar, model))
     except RejectedMessageError as error:
         raise BagError(f"{path}: {error}") from error
     return Record(

@@ -63,11 +63,21 @@ def load(path: Path) -> dict[str, Any]:
 def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[str, Any]:
     """Return parameters from files and ``name:=value`` assignments; the last one wins."""
     found: dict[str, Any] = {}
+    faults: list[str] = []
     for path in paths:
-        found.update(load(path))
+        try:
+            found.update(load(path))
+        except ConfigError as error:
+            faults += error.faults
     for assignment in assignments:
         name, separator, value = assignment.partition(":=")
         if not separator:
-            raise ConfigError([f"-p {assignment}: must be NAME:=VALUE"])
-        found[name] = yaml.safe_load(value)
+            faults.append(f"-p {assignment}: must be NAME:=VALUE")
+            continue
+        try:
+            found[name] = yaml.safe_load(value)
+        except yaml.YAMLError as error:
+            faults.append(f"-p {assignment}: is no YAML: {' '.join(str(error).split())}")
+    if faults:
+        raise ConfigError(faults)
     return found

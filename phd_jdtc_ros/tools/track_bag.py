@@ -7,6 +7,7 @@ are equal to the live ones, and two runs write the same bytes.
 from __future__ import annotations
 
 import argparse
+import struct
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import detections, estimates, interfaces, names
+from msg_adapters import detections, estimates, interfaces, names, stamps
 from msg_adapters.bag import BagError, BagMessage, BagReader, BagWriter, Topic
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.config import TrackerConfig
@@ -94,8 +95,8 @@ def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTra
         If the bag lacks a radar's topic or is damaged; what precedes the damage is tracked.
     """
     topics = [radar.topic for radar in config.inputs]
-    source.require(dict.fromkeys(topics, names.CLOUD))
     copied = [*topics, *([names.TRUTH] if names.TRUTH in source.types else [])]
+    source.require(dict.fromkeys(copied, names.CLOUD))
     with BagWriter(out) as bag:
         for topic in copied:
             bag.add_topic(Topic(topic, source.types[topic], depth=50))
@@ -106,12 +107,20 @@ def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTra
         console = Console(stderr=True)
         try:
             for entry in track(source.messages(copied), "tracking", total, console=console):
-                bag.write(entry.topic, entry.data, entry.log_time_ns)
+                bag.write(entry.topic, entry.data, _stamp_of(entry))
                 if entry.topic in topics:
                     tracker.add(entry)
         finally:
             tracker.finish()
     return tracker
+
+
+def _stamp_of(entry: BagMessage) -> int:
+    try:
+        stamp_ns = stamps.of_cdr(entry.data)
+    except (IndexError, struct.error):
+        return entry.log_time_ns
+    return stamp_ns if stamp_ns >= 0 else entry.log_time_ns
 
 
 def main(argv: Sequence[str]) -> int:
@@ -125,6 +134,8 @@ def main(argv: Sequence[str]) -> int:
     def work() -> int:
         config = command.tracker_config(arguments)
         status = OK
+        if arguments.out.exists():
+            raise BagError(f"{arguments.out}: already exists, a bag is not overwritten")
         try:
             tracker = track_bag(BagReader(arguments.bag), config, arguments.out)
             drops = ", ".join(f"{reason} {n}" for reason, n in sorted(tracker.dropped.items()))

@@ -1,9 +1,9 @@
 import random
-import resource
 import subprocess
 import sys
 import textwrap
 
+import lz4.frame
 import pytest
 import yaml
 import zstandard
@@ -59,7 +59,7 @@ def write(directory, entries, topics=TOPICS):
     return directory
 
 
-def chunked(directory, source, chunk_size=2000, compression=CompressionType.NONE):
+def chunked(directory, source, chunk_size=300, compression=CompressionType.NONE):
     """Write a bag's messages anew in small chunks, as other recorders do; return the file."""
     directory.mkdir()
     file = directory / "small_0.mcap"
@@ -332,7 +332,7 @@ def test_reader_yields_in_order_of_log_time_whatever_the_order_of_writing(tmp_pa
     random.Random(3).shuffle(shuffled)
     path = write(tmp_path / "recording", shuffled)
     assert read_all(path) == original
-    assert read_all(chunked(tmp_path / "small", path, 500)) == original
+    assert read_all(chunked(tmp_path / "small", path)) == original
 
 
 def test_reader_keeps_the_order_of_writing_within_one_log_time(tmp_path):
@@ -422,7 +422,8 @@ def hidden(source, data, original, file):
         return f"not called corrupt: {error}"
     if error is not None and "\n" in str(error):
         return f"more than a line: {error}"
-    if found != original[: len(found)]:
+    rest = iter(original)
+    if not all(entry in rest for entry in found):  # an ordered part of what was recorded
         return "other messages than recorded"
     if error is None and len(found) < len(original):
         return f"only {len(found)} of {len(original)} messages and no error"
@@ -501,8 +502,9 @@ def test_reader_yields_the_chunks_before_a_flipped_byte(small_chunks, original, 
     found, error = outcome(tmp_path / "flipped.mcap")
     assert error is not None
     assert error.corrupt
-    assert found == [entry for entry in original if entry.log_time_ns < middle.message_start_time]
-    assert found
+    whole = [entry for entry in original if entry.log_time_ns < middle.message_start_time]
+    assert len(whole) > 3
+    assert found[: len(whole)] == whole
 
 
 def test_reader_yields_the_whole_chunks_of_a_truncated_bag(small_chunks, original, tmp_path):
@@ -514,39 +516,53 @@ def test_reader_yields_the_whole_chunks_of_a_truncated_bag(small_chunks, origina
     assert error is not None
     assert error.corrupt
     whole = [entry for entry in original if entry.log_time_ns < middle.message_start_time]
+    assert len(whole) > 3
     assert found[: len(whole)] == whole
-    assert found == original[: len(found)]
 
 
-def bomb(file, size):
-    """Write a bag whose only chunk is a few kilobytes that decompress to `size` bytes."""
-    compressor = zstandard.ZstdCompressor(level=1)
-    block = bytes(2**20)
-    packer = compressor.compressobj(size=size)
-    data = b"".join(packer.compress(block) for _ in range(size // len(block))) + packer.flush()
+BOMB_SIZE = 2**29
+
+
+def packed(compression):
+    """Return `BOMB_SIZE` bytes, one record of an unknown kind, compressed."""
+    head = b"\x80" + (BOMB_SIZE - 9).to_bytes(8, "little")
+    if compression == "zstd":
+        packer = zstandard.ZstdCompressor(level=1).compressobj(size=BOMB_SIZE)
+        begin, pack, end = b"", packer.compress, packer.flush
+    else:
+        packer = lz4.frame.LZ4FrameCompressor()
+        begin, pack, end = packer.begin(), packer.compress, packer.flush
+    parts = [begin, pack(head + bytes(2**20 - 9))]
+    parts += [pack(bytes(2**20)) for _ in range(BOMB_SIZE // 2**20 - 1)]
+    return b"".join([*parts, end()])
+
+
+def bomb(file, compression, declared):
+    """Write a bag whose only chunk is small and unpacks to `BOMB_SIZE` bytes."""
+    data = packed(compression)
     with file.open("wb") as stream:
         writer = Writer(stream, use_chunking=False)
         writer.start("ros2")
         definition = interfaces.definition(names.CLOUD).encode()
         schema = writer.register_schema(names.CLOUD, "ros2msg", definition)
         writer.register_channel(RADAR, "cdr", schema)
-        stream.flush()
         offset = stream.tell()
         record = RecordBuilder()
-        Chunk("zstd", data, 2, 1, 0, size).write(record)
-        packed = record.end()
-        stream.write(packed)
+        Chunk(compression, data, 2, 1, 0, declared).write(record)
+        chunk = record.end()
+        stream.write(chunk)
         writer._Writer__chunk_indices.append(
-            ChunkIndex(len(packed), offset, "zstd", len(data), 2, 0, {}, 1, size)
+            ChunkIndex(len(chunk), offset, compression, len(data), 2, 0, {}, 1, declared)
         )
         writer.finish()
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="counts memory as Linux does")
-def test_reader_of_a_bomb_stays_within_its_memory(tmp_path):
+@pytest.mark.parametrize("declared", [BOMB_SIZE, 1000], ids=["honest", "lying"])
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_reader_of_a_bomb_stays_within_its_memory(tmp_path, compression, declared):
     file = tmp_path / "bomb.mcap"
-    bomb(file, 2**29)
-    assert file.stat().st_size < 200_000
+    bomb(file, compression, declared)
+    assert file.stat().st_size < BOMB_SIZE // 100
     script = """
         import resource, sys
         from pathlib import Path
@@ -557,14 +573,12 @@ def test_reader_of_a_bomb_stays_within_its_memory(tmp_path):
             print(error.corrupt)
         print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     """
-    limit = 2 * 2**30  # so that the test itself cannot exhaust the machine
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(script), str(file)],
         capture_output=True,
         text=True,
         check=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_DATA, (limit, limit)),
     )
     found, kilobytes = done.stdout.split()
-    assert found == "True"
     assert int(kilobytes) <= 256 * 1024
+    assert found == "True"

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from samples import FRAME, STAMP_NS, cloud, detections, polar, radar
@@ -104,8 +104,6 @@ def test_from_msg_rejects_a_cloud_without_a_coordinate(missing):
         ((17000.1, 0.1, 4.0), "range"),
         ((1e3, 0.1, -0.5), "amplitude"),
         ((1e3, 0.1, 1.1e6), "amplitude"),
-        ((1e3, 0.1, -INF), "amplitude"),
-        ((1e3, 0.1, INF), "amplitude"),
     ],
 )
 def test_from_msg_drops_a_bad_point_counts_it_and_keeps_the_others(bad, reason):
@@ -131,6 +129,7 @@ def test_from_msg_reports_only_reasons_that_occurred():
     assert list(read(GOOD).dropped) == []
 
 
+@settings(deadline=None)
 @given(st.floats(-3.14, 3.14), st.integers(-3, 3))
 def test_from_msg_wraps_an_azimuth_that_is_whole_turns_off(azimuth, turns):
     report = read([(1e3, azimuth + turns * 2.0 * np.pi, 4.0)])
@@ -146,6 +145,7 @@ def test_from_msg_of_azimuths_whole_turns_off_matches_to_the_precision_sent(azim
     assert_allclose(found, exact, rtol=0.0, atol=np.spacing(np.float32(16.0)))
 
 
+@settings(deadline=None)
 @given(st.floats(allow_nan=False, allow_infinity=False), st.booleans())
 def test_from_msg_azimuths_are_above_minus_pi_and_at_most_pi(azimuth, compass):
     (found,) = read([(1e3, azimuth, 4.0)], compass=compass).detections.measurement[:, 1]
@@ -191,7 +191,7 @@ def test_from_msg_scales_a_linear_envelope_by_the_offset():
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("snr_db", [4000.0, 1e300, 120.0, INF])
+@pytest.mark.parametrize("snr_db", [4000.0, 1e300, 120.0])
 def test_from_msg_drops_an_absurd_level(snr_db):
     report = read([GOOD[0], (1e3, 0.0, snr_db)], amplitude_in_db=True)
     assert report.dropped == {"amplitude": 1}
@@ -199,11 +199,12 @@ def test_from_msg_drops_an_absurd_level(snr_db):
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("snr_db", [NAN, -INF])
-def test_from_msg_drops_a_level_that_is_no_number(snr_db):
-    report = read([GOOD[0], (1e3, 0.0, snr_db)], amplitude_in_db=True)
+@pytest.mark.parametrize("in_db", [False, True])
+@pytest.mark.parametrize("bad", [NAN, INF, -INF])
+def test_from_msg_drops_an_amplitude_that_is_no_number(bad, in_db):
+    report = read([GOOD[0], (1e3, 0.0, bad)], amplitude_in_db=in_db)
     assert sum(report.dropped.values()) == 1
-    assert len(report.detections) == 1
+    assert report.detections.measurement.tolist() == [[1000.0, 0.5]]
 
 
 def test_from_msg_reads_renamed_fields():

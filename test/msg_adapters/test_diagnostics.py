@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from samples import STAMP_NS
 
@@ -57,6 +57,7 @@ def test_score_to_msg_holds_the_score_of_each_set(index, expected):
     assert found == pytest.approx(expected, rel=1e-12)
 
 
+@settings(deadline=None)
 @given(st.floats())
 def test_status_floats_read_back_exactly(value):
     for written in (value, np.float64(value)):
@@ -65,6 +66,7 @@ def test_status_floats_read_back_exactly(value):
         assert np.isnan(float(text)) == np.isnan(value)
 
 
+@settings(deadline=None)
 @given(st.integers())
 def test_status_integers_read_back_exactly(value):
     text = diagnostics.values_of(diagnostics.status("name", {"key": value}))["key"]

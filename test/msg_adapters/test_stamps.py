@@ -2,7 +2,7 @@ import struct
 
 import pytest
 from builtin_interfaces.msg import Time
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from samples import STAMP_NS, cloud
@@ -12,6 +12,7 @@ from msg_adapters import stamps
 SECONDS = 1_000_000_000
 
 
+@settings(deadline=None)
 @given(st.integers(-(2**31) * SECONDS, 2**31 * SECONDS - 1))
 def test_stamps_survive_the_message_to_the_nanosecond(stamp_ns):
     message = stamps.from_ns(stamp_ns)
@@ -38,6 +39,7 @@ def test_of_cdr_reads_what_the_middleware_wrote():
 
 
 @pytest.mark.parametrize(("kind", "order"), [(b"\0\0", ">"), (b"\0\1", "<")])
+@settings(deadline=None)
 @given(st.integers(-(2**31), 2**31 - 1), st.integers(0, SECONDS - 1))
 def test_of_cdr_reads_either_byte_order(kind, order, sec, nanosec):
     data = kind + b"\0\0" + struct.pack(order + "iI", sec, nanosec) + b"\0\0\0\0"

@@ -168,3 +168,18 @@ def test_replay_fails_where_the_flush_service_is_missing(processes):
 
     assert status == 1
     assert "/nobody/flush does not exist" in text
+
+
+def test_replay_plays_what_is_whole_of_a_damaged_bag_and_reports_it(processes, peer, tmp_path):
+    whole = next(BAG.glob("*.mcap")).read_bytes()
+    broken = tmp_path / "broken.mcap"
+    broken.write_bytes(whole[: len(whole) // 2])
+    listener = Listener(peer)
+    process = processes.start("sensor_replay", broken, "--rate", "1000", *QUIET)
+    assert peer.spin_until(lambda: process.poll() is not None)
+    text = process.log.read_text()
+
+    assert process.returncode == 3
+    assert 30 <= listener.scans < 80
+    assert "broken.mcap: is damaged" in text
+    assert "Traceback" not in text

@@ -1,0 +1,119 @@
+import pytest
+
+from phd_jdtc_ros.core.config import ConfigError
+from phd_jdtc_ros.tools import params_file
+
+NESTED = {"a": 1, "b": {"c": [1, 2], "d": {"e": "f"}}, "g.h": None}
+
+
+def write(path, text):
+    path.write_text(text)
+    return path
+
+
+def faults(read, *arguments):
+    with pytest.raises(ConfigError) as caught:
+        read(*arguments)
+    assert all("\n" not in fault for fault in caught.value.faults)
+    return list(caught.value.faults)
+
+
+def test_flatten_joins_names_with_dots():
+    expected = [("a", 1), ("b.c", [1, 2]), ("b.d.e", "f"), ("g.h", None)]
+    assert list(params_file.flatten(NESTED)) == expected
+
+
+def test_flatten_of_nothing_is_nothing():
+    assert list(params_file.flatten({})) == []
+
+
+@pytest.mark.parametrize("section", ["/**", "tracker", "/tracker", "/**/tracker"])
+def test_load_reads_the_sections_that_apply_to_the_tracker(tmp_path, section):
+    text = f"{section}:\n  ros__parameters:\n    lag: 3\n    radar_1: {{range_std: 50.0}}\n"
+    found = params_file.load(write(tmp_path / "p.yaml", text))
+    assert found == {"lag": 3, "radar_1.range_std": 50.0}
+
+
+def test_load_takes_dotted_names_as_they_are(tmp_path):
+    text = "/**:\n  ros__parameters:\n    radar_1.range_std: 50.0\n"
+    assert params_file.load(write(tmp_path / "p.yaml", text)) == {"radar_1.range_std": 50.0}
+
+
+def test_load_prefers_the_narrower_section_and_skips_other_nodes(tmp_path):
+    text = (
+        "tracker: {ros__parameters: {lag: 2}}\n"
+        "/**: {ros__parameters: {lag: 1, seed: 7}}\n"
+        "evaluator: {ros__parameters: {cutoff: 5.0}}\n"
+    )
+    assert params_file.load(write(tmp_path / "p.yaml", text)) == {"lag": 2, "seed": 7}
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "- 1\n", "text", "lag: 3\n", "tracker: {lag: 3}\n", "tracker: {ros__parameters: 3}\n"],
+)
+def test_load_refuses_a_file_without_parameters_of_the_tracker(tmp_path, text):
+    (fault,) = faults(params_file.load, write(tmp_path / "p.yaml", text))
+    assert fault.startswith(f"{tmp_path / 'p.yaml'}: has no ros__parameters under any of /**")
+
+
+def test_load_refuses_what_it_cannot_read(tmp_path):
+    (missing,) = faults(params_file.load, tmp_path / "none.yaml")
+    assert missing == f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory"
+    (directory,) = faults(params_file.load, tmp_path)
+    assert directory == f"{tmp_path}: cannot be read: Is a directory"
+
+
+@pytest.mark.parametrize(
+    "content", [b"a: [1,", b"\xff\xfe", b"!!python/object:os.system {}", b"\t"]
+)
+def test_load_refuses_what_is_no_yaml(tmp_path, content):
+    path = tmp_path / "p.yaml"
+    path.write_bytes(content)
+    (fault,) = faults(params_file.load, path)
+    assert fault.startswith(f"{path}: is no YAML: ")
+
+
+def test_from_arguments_lets_the_last_one_win(tmp_path):
+    one = write(tmp_path / "1.yaml", "tracker: {ros__parameters: {lag: 1, seed: 1}}\n")
+    two = write(tmp_path / "2.yaml", "tracker: {ros__parameters: {lag: 2, lag_s: 2.5}}\n")
+    found = params_file.from_arguments([one, two], ["seed:=3", "seed:=4"])
+    assert found == {"lag": 2, "seed": 4, "lag_s": 2.5}
+
+
+@pytest.mark.parametrize(
+    ("assignment", "expected"),
+    [
+        ("a:=1", {"a": 1}),
+        ("a:=1.5", {"a": 1.5}),
+        ("a:=true", {"a": True}),
+        ("a:=text", {"a": "text"}),
+        ("a:='1'", {"a": "1"}),
+        ("a:=[1, 2.5]", {"a": [1, 2.5]}),
+        ("a.b:=/topic", {"a.b": "/topic"}),
+        ("a:=b:=c", {"a": "b:=c"}),
+    ],
+)
+def test_from_arguments_reads_values_as_yaml(assignment, expected):
+    assert params_file.from_arguments([], [assignment]) == expected
+
+
+@pytest.mark.parametrize("assignment", ["lag", "lag=3", "lag:3", ""])
+def test_from_arguments_refuses_what_is_no_assignment(assignment):
+    found = faults(params_file.from_arguments, [], [assignment])
+    assert found == [f"-p {assignment}: must be NAME:=VALUE"]
+
+
+@pytest.mark.parametrize("assignment", ["lag:=[1,", "lag:={", "lag:=a: b: c", "lag:=\t"])
+def test_from_arguments_refuses_a_value_that_is_no_yaml(assignment):
+    (fault,) = faults(params_file.from_arguments, [], [assignment])
+    assert fault.startswith(f"-p {assignment}")
+
+
+def test_from_arguments_lists_every_fault(tmp_path):
+    found = faults(params_file.from_arguments, [tmp_path / "none.yaml"], ["lag", "seed=1"])
+    assert found == [
+        f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory",
+        "-p lag: must be NAME:=VALUE",
+        "-p seed=1: must be NAME:=VALUE",
+    ]

@@ -1,0 +1,221 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msg_adapters import detections, interfaces, names, stamps, truth
+from msg_adapters.bag import BagReader
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.core.config import resolve
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = ROOT / "bags" / "paper_scenario"
+RADARS = [names.detections("radar_1"), names.detections("radar_2")]
+
+
+def clouds(path, topic):
+    return [
+        interfaces.decode(entry.data, names.CLOUD) for entry in BagReader(path).messages([topic])
+    ]
+
+
+def test_simulate_writes_every_radar_and_the_truth(short_bag):
+    reader = BagReader(short_bag)
+    assert reader.types == dict.fromkeys([*RADARS, names.TRUTH], names.CLOUD)
+    assert reader.counts == dict.fromkeys([*RADARS, names.TRUTH], 8)
+    expected = [(1000 + 6 * scan) * 10**9 for scan in range(8)]
+    for topic in reader.types:
+        entries = list(reader.messages([topic]))
+        assert [entry.log_time_ns for entry in entries] == expected
+        assert [stamps.of_cdr(entry.data) for entry in entries] == expected
+
+
+def test_simulate_writes_the_truth_of_the_scenario(short_bag):
+    found = [truth.from_msg(cloud) for cloud in clouds(short_bag, names.TRUTH)]
+    assert [t.track_id.tolist() for t in found] == [[1]] * 2 + [[1, 2]] * 4 + [[1]] * 2
+    assert [t.class_id.tolist() for t in found] == [[0]] * 2 + [[0, 1]] * 4 + [[0]] * 2
+    np.testing.assert_array_equal(found[3].state[0], [-10e3 + 18 * 36, 36, 10e3 - 18 * 44, -44, 0])
+    np.testing.assert_array_equal(found[3].state[1], [-10e3 + 6 * 36, 36, -10e3 + 6 * 44, 44, 0])
+
+
+def test_simulate_writes_detections_that_nothing_is_dropped_of(short_bag):
+    config = resolve({})
+    for radar, frame in zip(config.inputs, ("radar_1", "radar_2"), strict=True):
+        found = clouds(short_bag, radar.topic)
+        assert {cloud.header.frame_id for cloud in found} == {frame}
+        reports = [detections.from_msg(cloud, radar) for cloud in found]
+        assert not any(report.dropped for report in reports)
+        # 20 false ones a scan, and seldom less than one of the two targets.
+        assert 120 < sum(len(report.detections) for report in reports) < 220
+
+
+def test_simulate_says_what_it_wrote(simulate, capsys):
+    status, out = simulate("--seed", 3)
+    assert status == 0
+    assert capsys.readouterr() == (f"{out}: 8 scans, 2 radars, seed 3\n", "")
+
+
+def test_simulate_without_a_scenario_writes_the_reference_one(simulate, same_files):
+    status, out = simulate(out="paper_scenario", scenario=None)
+    assert status == 0
+    assert same_files(out, SHIPPED)
+
+
+def test_simulate_of_the_shipped_scenario_file_writes_the_shipped_bag(simulate, same_files):
+    scenario = ROOT / "config" / "scenarios" / "paper_scenario.yaml"
+    status, out = simulate(out="paper_scenario", scenario=scenario)
+    assert status == 0
+    assert same_files(out, SHIPPED)
+
+
+def test_simulate_writes_the_same_bytes_for_the_same_seed(simulate, same_files):
+    _, one = simulate("--seed", 5, out="a/bag")
+    _, other = simulate("--seed", 5, out="b/bag")
+    assert same_files(one, other)
+
+
+def test_simulate_of_another_seed_differs_in_the_detections_alone(simulate):
+    _, one = simulate("--seed", 1, out="one")
+    _, other = simulate("--seed", 2, out="other")
+    assert clouds(one, names.TRUTH) == clouds(other, names.TRUTH)
+    for topic in RADARS:
+        assert clouds(one, topic) != clouds(other, topic)
+
+
+def test_simulate_takes_radars_from_the_parameters(simulate):
+    _, out = simulate(
+        "-p", "radars:=[front]", "-p", "front.topic:=/front/plots", "-p", "front.frame:=mast",
+        "-p", "world_frame:=odom",
+    )  # fmt: skip
+    assert BagReader(out).counts == {"/front/plots": 8, names.TRUTH: 8}
+    assert {cloud.header.frame_id for cloud in clouds(out, "/front/plots")} == {"mast"}
+    assert {cloud.header.frame_id for cloud in clouds(out, names.TRUTH)} == {"odom"}
+
+
+def test_simulate_of_nothing_writes_empty_scans(simulate, tmp_path):
+    (tmp_path / "empty.yaml").write_text("scans: 3\n")
+    status, out = simulate(
+        "-p", "radar_1.clutter_rate:=0", "-p", "radar_2.clutter_rate:=0",
+        scenario=tmp_path / "empty.yaml",
+    )  # fmt: skip
+    assert status == 0
+    for topic in [*RADARS, names.TRUTH]:
+        assert [cloud.width for cloud in clouds(out, topic)] == [0, 0, 0]
+
+
+def test_simulate_writes_stamps_up_to_the_end_of_ros_time(simulate, tmp_path):
+    (tmp_path / "late.yaml").write_text("start_s: 2147483000.0\nscans: 2\n")
+    status, out = simulate(scenario=tmp_path / "late.yaml")
+    assert status == 0
+    assert [c.header.stamp.sec for c in clouds(out, names.TRUTH)] == [2147483000, 2147483006]
+
+
+def faults_of(capsys):
+    out, err = capsys.readouterr()
+    assert out == ""
+    lines = err.splitlines()
+    assert all(line.startswith("simulate: ") for line in lines)
+    return [line.removeprefix("simulate: ") for line in lines]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "start_s: 2147483648.0\nscans: 1",
+        "start_s: 2147483640.0\nscans: 3",
+        "scans: 1000000\ninterval_s: 1.0e6",
+    ],
+)
+def test_simulate_refuses_stamps_that_ros_cannot_hold(simulate, tmp_path, capsys, text):
+    (tmp_path / "late.yaml").write_text(text)
+    status, out = simulate(scenario=tmp_path / "late.yaml")
+    assert status == 2
+    assert len(faults_of(capsys)) == 1
+    assert not out.exists()
+
+
+def test_simulate_refuses_to_overwrite(simulate, tmp_path, capsys):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine").write_text("kept")
+    status, out = simulate()
+    assert status == 2
+    assert faults_of(capsys) == [f"{out}: already exists, a bag is not overwritten"]
+    assert [path.name for path in out.iterdir()] == ["mine"]
+
+
+def test_simulate_says_that_it_cannot_write(simulate, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    status, out = simulate(out="file/bag")
+    assert status == 2
+    assert faults_of(capsys) == [f"{out}: cannot be written: Not a directory"]
+
+
+def test_simulate_of_a_missing_scenario_says_so(simulate, tmp_path, capsys):
+    status, out = simulate(scenario=tmp_path / "none.yaml")
+    assert status == 2
+    assert faults_of(capsys) == [
+        f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory"
+    ]
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("content", [b"targets: [1,", b"\xff\xfe\x00", b"a: b: c"])
+def test_simulate_of_a_scenario_that_is_no_yaml_says_so(simulate, tmp_path, capsys, content):
+    (tmp_path / "bad.yaml").write_bytes(content)
+    status, out = simulate(scenario=tmp_path / "bad.yaml")
+    assert status == 2
+    (fault,) = faults_of(capsys)
+    assert fault.startswith(f"{tmp_path / 'bad.yaml'}: is no YAML: ")
+    assert not out.exists()
+
+
+def test_simulate_lists_every_fault_of_a_scenario(simulate, tmp_path, capsys):
+    (tmp_path / "bad.yaml").write_text("scans: 0\nspeed: 1\ntargets: [{class_id: -1}]\n")
+    status, out = simulate(scenario=tmp_path / "bad.yaml")
+    assert status == 2
+    found = faults_of(capsys)
+    for name in (
+        "scans: 0",
+        "speed: unknown",
+        "targets[0].class_id: -1",
+        "targets[0].snr_db: missing",
+    ):
+        assert sum(fault.startswith(name) for fault in found) == 1
+    assert len(found) == 8
+    assert not out.exists()
+
+
+def test_simulate_lists_every_fault_of_the_parameters(simulate, capsys):
+    status, out = simulate(
+        "-p", "lag:=-1", "-p", "no_such:=1", "-p", "radar_2.max_range:=far", "-p", "seed:=.nan",
+    )  # fmt: skip
+    assert status == 2
+    assert sorted(faults_of(capsys)) == [
+        "lag: -1 given, must be a whole number, at least 0, at most 100",
+        "no_such: unknown parameter",
+        "radar_2.max_range: 'far' given, must be a finite number, at least 1e-09",
+        "seed: nan given, must be a whole number, at least 0, at most 2.14748e+09",
+    ]
+    assert not out.exists()
+
+
+def test_simulate_refuses_a_negative_seed(simulate, capsys):
+    status, out = simulate("--seed", -1)
+    assert status == 2
+    (fault,) = faults_of(capsys)
+    assert "seed" in fault
+    assert "-1" in fault
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [([], "--out"), (["--out", "x", "--seed", "one"], "--seed"), (["--out", "x", "--no"], "--no")],
+)
+def test_simulate_refuses_wrong_arguments_with_its_usage(capsys, arguments, complaint):
+    with pytest.raises(SystemExit) as caught:
+        run("simulate", arguments)
+    assert caught.value.code == 2
+    text = capsys.readouterr().err
+    assert text.startswith("usage: simulate")
+    assert complaint in text.splitlines()[-1]

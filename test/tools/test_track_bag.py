@@ -1,0 +1,415 @@
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
+
+from msg_adapters import detections, estimates, interfaces, names, stamps
+from msg_adapters.bag import BagReader, BagWriter, Topic
+from phd_jdtc_ros.core.config import resolve
+
+RADARS = [names.detections("radar_1"), names.detections("radar_2")]
+FILTERED, SMOOTHED = names.estimates("filtered"), names.estimates("smoothed")
+POSES = "geometry_msgs/msg/PoseArray"
+
+
+def clouds(path, topic):
+    return [
+        interfaces.decode(entry.data, names.CLOUD) for entry in BagReader(path).messages([topic])
+    ]
+
+
+def found(path, topic):
+    return [estimates.from_msg(cloud) for cloud in clouds(path, topic)]
+
+
+def rewrite(source, out, change=lambda entry: [entry], types=None):
+    """Write a bag anew, each message replaced by what `change` makes of it."""
+    reader = BagReader(source)
+    kinds = {**reader.types, **(types or {})}
+    with BagWriter(out) as bag:
+        for topic, kind in kinds.items():
+            bag.add_topic(Topic(topic, kind))
+        for entry in reader.messages():
+            for topic, data, log_time in change((entry.topic, entry.data, entry.log_time_ns)):
+                bag.write(topic, data, log_time)
+    return out
+
+
+def foreign(file, topic, kind):
+    """Write an MCAP file whose topic is of a type that is installed nowhere."""
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2")
+        schema = writer.register_schema(kind, "ros2msg", b"float64 x\n")
+        writer.register_channel(topic, "cdr", schema)
+        for radar in RADARS:
+            definition = interfaces.definition(names.CLOUD).encode()
+            schema = writer.register_schema(names.CLOUD, "ros2msg", definition)
+            if radar != topic:
+                writer.register_channel(radar, "cdr", schema)
+        writer.finish()
+    return file
+
+
+@pytest.fixture
+def faults(capsys):
+    """Return a function that returns the complaints on stderr; progress is not one."""
+
+    def read():
+        lines = capsys.readouterr().err.splitlines()
+        assert not any("Traceback" in line for line in lines)
+        return [
+            line.removeprefix("track_bag: ")
+            for line in lines
+            if line.strip() and not line.startswith("tracking ")
+        ]
+
+    return read
+
+
+def test_track_bag_writes_both_estimates_of_every_scan(short_bag, tracked):
+    expected = [(1000 + 6 * scan) * 10**9 for scan in range(8)]
+    for topic, lags in ((FILTERED, [0] * 8), (SMOOTHED, [5, 5, 5, 4, 3, 2, 1, 0])):
+        run_of = found(tracked, topic)
+        assert [e.stamp_ns for e in run_of] == expected
+        assert [e.lag for e in run_of if len(e)] == [
+            lag for lag, e in zip(lags, run_of, strict=True) if len(e)
+        ]
+        assert {cloud.header.frame_id for cloud in clouds(tracked, topic)} == {"map"}
+
+
+def test_track_bag_copies_detections_and_truth_as_they_are(short_bag, tracked):
+    topics = [*RADARS, names.TRUTH]
+    assert list(BagReader(tracked).messages(topics)) == list(BagReader(short_bag).messages(topics))
+
+
+def test_track_bag_writes_nothing_else(tracked):
+    topics = [*RADARS, names.TRUTH, FILTERED, SMOOTHED]
+    assert BagReader(tracked).types == dict.fromkeys(topics, names.CLOUD)
+    assert BagReader(tracked).counts == dict.fromkeys(topics, 8)
+
+
+def test_track_bag_logs_everything_at_its_stamp(tracked):
+    for entry in BagReader(tracked).messages():
+        assert entry.log_time_ns == stamps.of_cdr(entry.data)
+
+
+def test_track_bag_logs_everything_at_its_stamp_wherever_it_was_logged(short_bag, track, tmp_path):
+    later = 3600 * 10**9  # as when recorded from a driver whose clock differs
+    rewrite(short_bag, tmp_path / "late", lambda e: [(e[0], e[1], e[2] + later)])
+    status, out = track(tmp_path / "late")
+    assert status == 0
+    for entry in BagReader(out).messages():
+        assert entry.log_time_ns == stamps.of_cdr(entry.data)
+
+
+def test_track_bag_finds_the_targets(tracked):
+    last = found(tracked, SMOOTHED)[4]
+    position = last.state[:, [0, 2]]
+    for target in ([-10e3 + 24 * 36, 10e3 - 24 * 44], [-10e3 + 12 * 36, -10e3 + 12 * 44]):
+        assert np.hypot(*(position - target).T).min() < 1000.0
+
+
+def test_track_bag_writes_the_same_bytes_every_time(short_bag, track, tracked, same_files):
+    status, again = track(short_bag, out="again/out")
+    assert status == 0
+    assert same_files(again, tracked)
+
+
+def test_track_bag_takes_a_file_as_well_as_a_directory(short_bag, track, tracked, same_files):
+    status, out = track(short_bag / "short_0.mcap")
+    assert status == 0
+    assert same_files(out, tracked)
+
+
+def test_track_bag_of_another_seed_differs(short_bag, track, tracked):
+    _, out = track(short_bag, "-p", "seed:=1")
+    states = [np.concatenate([e.state for e in found(path, FILTERED)]) for path in (out, tracked)]
+    assert states[0].shape != states[1].shape or (states[0] != states[1]).any()
+
+
+def test_track_bag_obeys_parameter_files(short_bag, track, tmp_path):
+    text = "tracker: {ros__parameters: {lag: 0, world_frame: odom}}\n"
+    (tmp_path / "p.yaml").write_text(text)
+    status, out = track(short_bag, "--params-file", tmp_path / "p.yaml")
+    assert status == 0
+    assert {cloud.header.frame_id for cloud in clouds(out, SMOOTHED)} == {"odom"}
+    assert [e.lag for e in found(out, SMOOTHED)] == [0] * 8
+
+
+def test_track_bag_prints_what_it_tracked_and_the_scores(short_bag, track, capsys):
+    status, out = track(short_bag)
+    printed = capsys.readouterr().out
+    assert status == 0
+    assert printed.startswith(f"{out}: 8 scans tracked, dropped: none\n")
+    assert "means over 8 scans (OSPA: p = 2, c = 1000 m)" in printed
+
+
+def test_track_bag_without_truth_prints_no_scores(short_bag, track, tmp_path, capsys):
+    with BagWriter(tmp_path / "blind") as bag:
+        for topic in RADARS:
+            bag.add_topic(Topic(topic, names.CLOUD))
+        for entry in BagReader(short_bag).messages(RADARS):
+            bag.write(entry.topic, entry.data, entry.log_time_ns)
+    status, out = track(tmp_path / "blind")
+    assert status == 0
+    assert capsys.readouterr().out == f"{out}: 8 scans tracked, dropped: none\n"
+    assert BagReader(out).counts == dict.fromkeys([*RADARS, FILTERED, SMOOTHED], 8)
+
+
+def test_track_bag_of_the_order_of_radars_within_a_stamp_is_the_same(short_bag, track, tmp_path):
+    held = []
+
+    def swap(entry):
+        if entry[0] != RADARS[0]:
+            return [entry, *(held.pop() for _ in held[:1])] if entry[0] == RADARS[1] else [entry]
+        held.append(entry)
+        return []
+
+    rewrite(short_bag, tmp_path / "swapped", swap)
+    _, swapped = track(tmp_path / "swapped", out="swapped_out")
+    _, usual = track(short_bag, out="usual_out")
+    for topic in (FILTERED, SMOOTHED):
+        assert clouds(swapped, topic) == clouds(usual, topic)
+        assert len(clouds(swapped, topic)) == 8
+
+
+def edited(edit, scan=3, topic=RADARS[0]):
+    """Return a change that edits one radar's cloud of one scan."""
+
+    def change(entry):
+        if entry[0] != topic or entry[2] != (1000 + 6 * scan) * 10**9:
+            return [entry]
+        cloud = interfaces.decode(entry[1], names.CLOUD)
+        edit(cloud)
+        return [(entry[0], interfaces.encode(cloud), entry[2])]
+
+    return change
+
+
+def rename_frame(cloud):
+    cloud.header.frame_id = "elsewhere"
+
+
+def drop_field(cloud):
+    cloud.fields = [field for field in cloud.fields if field.name != "range"]
+
+
+def shorten(cloud):
+    cloud.data = bytes(cloud.data)[:-1]
+
+
+@pytest.mark.parametrize(
+    ("edit", "reason"), [(rename_frame, "frame"), (drop_field, "schema"), (shorten, "schema")]
+)
+def test_track_bag_tracks_on_without_a_bad_scan(short_bag, track, tmp_path, capsys, edit, reason):
+    rewrite(short_bag, tmp_path / "bad", edited(edit))
+    status, out = track(tmp_path / "bad")
+    printed = capsys.readouterr()
+    assert printed.out.startswith(f"{out}: 8 scans tracked, dropped: {reason} 1\n")
+    assert len(found(out, SMOOTHED)) == 8
+    assert "means over 8 scans" in printed.out
+    assert status == 0
+
+
+def test_track_bag_tracks_on_without_bytes_that_are_no_message(short_bag, track, tmp_path, capsys):
+    def spoil(entry):
+        chosen = entry[0] == RADARS[1] and entry[2] == 1018 * 10**9
+        return [(entry[0], b"\0\1\0\0", entry[2])] if chosen else [entry]
+
+    rewrite(short_bag, tmp_path / "bad", spoil)
+    status, out = track(tmp_path / "bad")
+    assert "8 scans tracked, dropped: schema 1\n" in capsys.readouterr().out
+    assert len(found(out, SMOOTHED)) == 8
+    assert status == 0
+
+
+def test_track_bag_counts_dropped_points(short_bag, track, tmp_path, capsys):
+    radar = resolve({}).inputs[0]
+
+    def spoil(cloud):
+        given = detections.from_msg(cloud, radar).detections
+        bad = given.measurement.copy()
+        bad[0, 0], bad[1, 0] = np.nan, -1.0
+        spoiled = detections.to_msg(type(given)(bad, given.amplitude), 0, "radar_1")
+        cloud.data = bytes(spoiled.data)
+
+    rewrite(short_bag, tmp_path / "bad", edited(spoil))
+    status, _ = track(tmp_path / "bad")
+    assert status == 0
+    assert "8 scans tracked, dropped: not_finite 1, range 1\n" in capsys.readouterr().out
+
+
+def test_track_bag_counts_duplicates(short_bag, track, tmp_path, capsys):
+    rewrite(short_bag, tmp_path / "twice", lambda e: [e, e] if e[0] == RADARS[0] else [e])
+    status, out = track(tmp_path / "twice")
+    assert status == 0
+    assert "8 scans tracked, dropped: duplicate 8\n" in capsys.readouterr().out
+    assert len(found(out, FILTERED)) == 8
+
+
+# -------------------------------------------------------------------------- what it refuses
+
+
+def test_track_bag_of_a_missing_bag_says_so(track, tmp_path, faults):
+    status, out = track(tmp_path / "none")
+    assert status == 2
+    assert faults() == [f"{tmp_path / 'none'}: no such bag"]
+    assert not out.exists()
+
+
+def test_track_bag_refuses_to_overwrite(short_bag, track, tmp_path, faults):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine").write_text("kept")
+    status, out = track(short_bag)
+    assert status == 2
+    assert faults() == [f"{out}: already exists, a bag is not overwritten"]
+    assert [path.name for path in out.iterdir()] == ["mine"]
+
+
+def test_track_bag_of_a_bag_without_a_radar_names_the_topic(short_bag, track, faults):
+    status, out = track(short_bag, "-p", "radar_2.topic:=/other")
+    assert status == 2
+    assert faults() == [f"{short_bag}: /other is missing, must be {names.CLOUD}"]
+    assert not out.exists()
+
+
+def test_track_bag_of_a_radar_of_another_type_names_topic_and_type(track, tmp_path, faults):
+    bag = foreign(tmp_path / "foreign.mcap", RADARS[0], "radar_msgs/msg/RadarScan")
+    status, out = track(bag)
+    assert status == 2
+    assert faults() == [f"{bag}: {RADARS[0]} is radar_msgs/msg/RadarScan, must be {names.CLOUD}"]
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("kind", [POSES, "radar_msgs/msg/RadarTracks"])
+def test_track_bag_of_a_truth_of_another_type_names_topic_and_type(track, tmp_path, faults, kind):
+    bag = foreign(tmp_path / "foreign.mcap", names.TRUTH, kind)
+    status, out = track(bag)
+    assert status == 2
+    assert faults() == [f"{bag}: {names.TRUTH} is {kind}, must be {names.CLOUD}"]
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"no bag", b"\0" * 500])
+def test_track_bag_of_a_corrupt_bag_says_so(track, tmp_path, faults, content):
+    (tmp_path / "bad.mcap").write_bytes(content)
+    status, out = track(tmp_path / "bad.mcap")
+    assert status == 3
+    (fault,) = faults()
+    assert fault.startswith(f"{tmp_path / 'bad.mcap'}: ")
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("content", ["nothing", "bag"])
+def test_track_bag_of_a_corrupt_bag_leaves_an_older_output_out_of_it(
+    short_bag, track, tmp_path, capsys, content
+):
+    (tmp_path / "bad.mcap").write_bytes(b"no bag")
+    if content == "bag":
+        assert track(short_bag)[0] == 0
+    else:
+        (tmp_path / "out").mkdir()
+    capsys.readouterr()
+    status, _ = track(tmp_path / "bad.mcap")
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert len(err.splitlines()) == 1
+    assert status in (2, 3)  # whichever of the two faults is seen first
+
+
+def test_track_bag_lists_every_fault_of_the_parameters(short_bag, track, faults):
+    status, out = track(
+        short_bag, "-p", "lag:=101", "-p", "extraction:=best", "-p", "radar_3.yaw_deg:=0.0",
+    )  # fmt: skip
+    assert status == 2
+    listed = faults()
+    assert len(listed) == 3
+    assert listed[0] == "lag: 101 given, must be a whole number, at least 0, at most 100"
+    assert listed[1].startswith("extraction: 'best' given, must be one of ")
+    assert listed[2] == "radar_3.yaw_deg: unknown parameter"
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("value", ["[1,", "1" + "0" * 400, "{a: 1}", "", "1e400"])
+def test_track_bag_refuses_a_value_that_is_none_in_one_line(short_bag, track, faults, value):
+    status, out = track(short_bag, "-p", f"lag_s:={value}")
+    assert status == 2
+    (fault,) = faults()
+    assert "lag_s" in fault
+    assert not out.exists()
+
+
+# -------------------------------------------------------------------------- damage
+
+
+def small_chunks(source, file):
+    """Write a bag anew with about one chunk a scan."""
+    reader = BagReader(source)
+    with file.open("wb") as stream:
+        writer = Writer(stream, chunk_size=2000, compression=CompressionType.NONE)
+        writer.start("ros2")
+        definition = interfaces.definition(names.CLOUD).encode()
+        schema = writer.register_schema(names.CLOUD, "ros2msg", definition)
+        channels = {topic: writer.register_channel(topic, "cdr", schema) for topic in reader.types}
+        for entry in reader.messages():
+            writer.add_message(
+                channels[entry.topic], entry.log_time_ns, entry.data, entry.log_time_ns
+            )
+        writer.finish()
+    with file.open("rb") as stream:
+        return make_reader(stream).get_summary().chunk_indexes
+
+
+def assert_tracks_what_precedes(status, out, end_ns, tracked):
+    assert status == 3
+    expected = [e for e in found(tracked, FILTERED) if e.stamp_ns < end_ns]
+    assert len(expected) >= 3
+    survivors = found(out, FILTERED)
+    assert len(expected) <= len(survivors) <= 8
+    assert len(found(out, SMOOTHED)) == len(survivors)
+    for one, other in zip(expected, survivors, strict=False):
+        assert one.stamp_ns == other.stamp_ns
+        np.testing.assert_array_equal(one.state, other.state)
+
+
+def test_track_bag_of_a_bag_cut_in_the_middle_tracks_what_precedes(
+    short_bag, track, tracked, tmp_path, faults
+):
+    chunks = small_chunks(short_bag, tmp_path / "whole.mcap")
+    middle = chunks[len(chunks) // 2]
+    cut = middle.chunk_start_offset + middle.chunk_length // 2
+    bag = tmp_path / "cut.mcap"
+    bag.write_bytes((tmp_path / "whole.mcap").read_bytes()[:cut])
+    status, out = track(bag)
+    (fault,) = faults()
+    assert fault.startswith(f"{bag}: ")
+    assert_tracks_what_precedes(status, out, middle.message_start_time, tracked)
+
+
+def test_track_bag_of_a_bag_with_a_flipped_byte_tracks_what_precedes(
+    short_bag, track, tracked, tmp_path, faults
+):
+    chunks = small_chunks(short_bag, tmp_path / "whole.mcap")
+    middle = chunks[len(chunks) // 2]
+    data = bytearray((tmp_path / "whole.mcap").read_bytes())
+    data[middle.chunk_start_offset + middle.chunk_length // 2] ^= 1
+    bag = tmp_path / "flipped.mcap"
+    bag.write_bytes(data)
+    status, out = track(bag)
+    (fault,) = faults()
+    assert fault.startswith(f"{bag}: is damaged: ")
+    assert_tracks_what_precedes(status, out, middle.message_start_time, tracked)
+
+
+@pytest.mark.parametrize("kept", [5, 20, 1000, 0.5, 0.99])
+def test_track_bag_of_a_cut_bag_ends_with_one_line_and_status_3(
+    short_bag, track, tmp_path, faults, kept
+):
+    whole = (short_bag / "short_0.mcap").read_bytes()
+    bag = tmp_path / "cut.mcap"
+    bag.write_bytes(whole[: kept if kept > 1 else int(kept * len(whole))])
+    status, _ = track(bag)
+    assert status == 3
+    (fault,) = faults()
+    assert fault.startswith(f"{bag}: ")
