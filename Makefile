@@ -63,9 +63,14 @@ format: $(VENV)/.ready-test
 	$(RUN) -m ruff check --fix
 	$(RUN) -m ruff format
 
+SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes
+
 bags: $(VENV)/.ready
-	rm -rf bags/paper_scenario
-	$(RUN) -m phd_jdtc_ros simulate --seed 0 --out bags/paper_scenario
+	@for name in $(SCENARIOS); do \
+	    rm -rf bags/$$name && \
+	    $(RUN) -m phd_jdtc_ros simulate --scenario config/scenarios/$$name.yaml --out bags/$$name \
+	    || exit 1; \
+	done
 
 parameters: $(VENV)/.ready
 	$(RUN) -m phd_jdtc_ros.tools.parameter_reference > docs/parameters.md

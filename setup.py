@@ -26,7 +26,7 @@ setup(
         (f"share/{PACKAGE}/launch", glob("launch/*.py")),
         (f"share/{PACKAGE}/config", glob("config/*.yaml")),
         (f"share/{PACKAGE}/config/scenarios", glob("config/scenarios/*.yaml")),
-        (f"share/{PACKAGE}/bags/paper_scenario", glob("bags/paper_scenario/*")),
+        *((f"share/{PACKAGE}/{bag}", glob(f"{bag}*")) for bag in sorted(glob("bags/*/"))),
     ],
     python_requires=">=3.10",
     install_requires=[

@@ -2,19 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from .amplitude import snr_from_db
-from .motion import POSITION, STATE_SIZE, VELOCITY
+from .motion import OMEGA, POSITION, STATE_SIZE, VELOCITY, CoordinatedTurn
 from .radar import RadarModel, wrap_angle
 from .types import Detections, FloatArray, IntArray, Scan, read_only
+
+# The truth moves as this model's mean does; turn rate 0 is a straight line.
+NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A stretch of a target's life in which its velocity rotates.
+
+    Parameters
+    ----------
+    first_scan, last_scan : int
+        From the stamp of the one to the stamp of the other; on the last it flies straight again.
+    turn_rate : float
+        Radians per second, counter-clockwise.
+    """
+
+    first_scan: int
+    last_scan: int
+    turn_rate: float
 
 
 @dataclass(frozen=True)
 class TargetScript:
-    """One target that moves straight at constant velocity.
+    """One target that moves straight at constant velocity, but for its turns.
 
     Parameters
     ----------
@@ -24,9 +45,11 @@ class TargetScript:
     position : tuple of two floats
         At its first scan, world frame, metres.
     velocity : tuple of two floats
-        Metres per second.
+        At its first scan, metres per second.
     first_scan, last_scan : int
         The scans it lives, both included.
+    turns : tuple of Turn
+        One after the other, from its first scan on.
     """
 
     class_id: int
@@ -35,6 +58,42 @@ class TargetScript:
     velocity: tuple[float, float]
     first_scan: int
     last_scan: int
+    turns: tuple[Turn, ...] = ()
+
+    def __post_init__(self) -> None:
+        edges = [self.first_scan, *(e for t in self.turns for e in (t.first_scan, t.last_scan))]
+        if edges != sorted(edges):
+            raise ValueError(f"turns: {self.turns}, expected one after the other")
+
+    def state_at(self, scan: int, interval_s: float) -> FloatArray:
+        """Return the exact state at a scan, its turn rate that of the turn in progress, shape (D,).
+
+        Parameters
+        ----------
+        scan : int
+            At least `first_scan`.
+        interval_s : float
+            Between scans.
+        """
+        state = np.zeros((1, STATE_SIZE))
+        state[0, list(POSITION)] = self.position
+        state[0, list(VELOCITY)] = self.velocity
+        for scans, turn_rate in self._legs(scan):
+            state[0, OMEGA] = turn_rate
+            state = NOISE_FREE.mean(state, scans * interval_s)
+        now = [turn.turn_rate for turn in self.turns if turn.first_scan <= scan < turn.last_scan]
+        state[0, OMEGA] = sum(now)
+        exact: FloatArray = state[0]
+        return exact
+
+    def _legs(self, scan: int) -> Iterator[tuple[int, float]]:
+        """Yield the length in scans and the turn rate of every stretch up to a scan."""
+        reached = self.first_scan
+        for turn in self.turns:
+            for until, turn_rate in ((turn.first_scan, 0.0), (turn.last_scan, turn.turn_rate)):
+                yield min(until, scan) - min(reached, scan), turn_rate
+                reached = until
+        yield scan - min(reached, scan), 0.0
 
 
 @dataclass(frozen=True)
@@ -94,10 +153,8 @@ def truth_at(scenario: Scenario, scan: int) -> Truth:
         if target.first_scan <= scan <= target.last_scan
     ]
     state = np.zeros((len(alive), STATE_SIZE))
-    for row, (_, target) in zip(state, alive, strict=True):
-        elapsed = (scan - target.first_scan) * scenario.interval_s
-        row[list(POSITION)] = np.asarray(target.position) + elapsed * np.asarray(target.velocity)
-        row[list(VELOCITY)] = target.velocity
+    for row, (_, target) in enumerate(alive):
+        state[row] = target.state_at(scan, scenario.interval_s)
     return Truth(
         stamp_ns=scenario.stamp_ns(scan),
         state=state,

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from msg_adapters.bag import BagError
 from phd_jdtc_ros.core.config import ConfigError, TrackerConfig, resolve
@@ -31,6 +32,11 @@ def guarded(name: str, work: Callable[[], int]) -> int:
 def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that set tracker parameters."""
     parser.add_argument(
+        "--scenario",
+        type=Path,
+        help="scenario file, whose parameters are used; the reference scenario if absent",
+    )
+    parser.add_argument(
         "--params-file", type=Path, action="append", default=[], help="ROS parameter file"
     )
     parser.add_argument(
@@ -40,5 +46,8 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
 
 def tracker_config(arguments: argparse.Namespace) -> TrackerConfig:
     """Return the configuration that the parameter arguments ask for."""
+    given: dict[str, Any] = {}
+    if arguments.scenario is not None:
+        given = params_file.scenario_parameters(params_file.load_yaml(arguments.scenario))
     paths: Sequence[Path] = arguments.params_file
-    return resolve(params_file.from_arguments(paths, arguments.assignments))
+    return resolve({**given, **params_file.from_arguments(paths, arguments.assignments)})

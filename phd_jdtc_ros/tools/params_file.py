@@ -60,6 +60,26 @@ def load(path: Path) -> dict[str, Any]:
     return found
 
 
+def scenario_parameters(document: Any) -> dict[str, Any]:
+    """Return the parameters in a scenario document, by dotted name.
+
+    Parameters
+    ----------
+    document : mapping
+        Its ``parameters``, nested or dotted, say in what the radars and the tracker differ from
+        their defaults; none where the key is absent.
+
+    Raises
+    ------
+    ConfigError
+        If they are no mapping.
+    """
+    given = document.get("parameters", {}) if isinstance(document, Mapping) else {}
+    if not isinstance(given, Mapping):
+        raise ConfigError(["parameters: must be a mapping"])
+    return dict(flatten(given))
+
+
 def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[str, Any]:
     """Return parameters from files and ``name:=value`` assignments; the last one wins."""
     found: dict[str, Any] = {}

@@ -9,7 +9,7 @@ from pathlib import Path
 from msg_adapters import detections, interfaces, names, truth
 from msg_adapters.bag import BagWriter, Topic
 from phd_jdtc_ros.core import scenario, simulation
-from phd_jdtc_ros.core.config import RadarInput
+from phd_jdtc_ros.core.config import ConfigError, RadarInput
 from phd_jdtc_ros.core.simulation import Scenario
 from phd_jdtc_ros.exits import OK
 
@@ -38,19 +38,19 @@ def write_bag(
 def main(argv: Sequence[str]) -> int:
     """Run the simulation tool."""
     parser = argparse.ArgumentParser("simulate", description=__doc__)
-    parser.add_argument("--scenario", type=Path, help="scenario file; the reference one if absent")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:
+        if arguments.seed < 0:
+            raise ConfigError([f"--seed: {arguments.seed} given, must be at least 0"])
+        path: Path | None = arguments.scenario
+        document = params_file.load_yaml(path) if path else None
         config = command.tracker_config(arguments)
         radars = config.model.radars
-        if arguments.scenario is None:
-            run = simulation.paper_scenario(radars)
-        else:
-            run = scenario.resolve(params_file.load_yaml(arguments.scenario), radars)
+        run = scenario.resolve(document, radars) if path else simulation.paper_scenario(radars)
         write_bag(arguments.out, run, config.inputs, config.world_frame, arguments.seed)
         print(f"{arguments.out}: {run.scans} scans, {len(radars)} radars, seed {arguments.seed}")
         return OK

@@ -1,0 +1,142 @@
+"""The scenario files that are shipped, and their bags."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msg_adapters import names
+from msg_adapters.bag import BagReader
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.core import scenario
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.simulation import simulate, truth_at
+from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.tools.params_file import scenario_parameters
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((ROOT / "config" / "scenarios").glob("*.yaml"))
+LARGEST_BAG = 500_000
+
+
+def resolved(path, **changes):
+    """Return a file's tracker configuration, changed, and its scenario."""
+    document = params_file.load_yaml(path)
+    config = resolve({**scenario_parameters(document), **changes})
+    return config, scenario.resolve(document, config.model.radars)
+
+
+each = pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+
+
+def test_the_shipped_scenarios_are_these():
+    assert [path.stem for path in FILES] == [
+        "clutter_50",
+        "manoeuvring",
+        "one_radar",
+        "paper_scenario",
+        "three_classes",
+    ]
+
+
+@each
+def test_a_scenario_file_resolves_with_its_parameters(path):
+    config, found = resolved(path)
+    classes = config.model.modes.classes
+    assert {target.class_id for target in found.targets} == set(range(len(classes)))
+    for target in found.targets:
+        low, high = classes[target.class_id].snr_band
+        assert low < target.snr < high
+
+
+@each
+def test_a_scenario_keeps_its_targets_in_sight_of_every_radar(path):
+    _, found = resolved(path)
+    for scan in range(found.scans):
+        for radar in found.radars:
+            distance = radar.measure(truth_at(found, scan).state)[:, 0]
+            assert ((distance > 300.0) & (distance < radar.max_range)).all()
+
+
+@each
+def test_a_target_appears_at_a_birth_of_its_class(path):
+    config, found = resolved(path)
+    for target in found.targets:
+        mean = np.array([birth.mean[[0, 2]] for birth in config.model.births])
+        (here,) = np.flatnonzero((mean == target.position).all(axis=1))
+        of_class = config.model.modes.class_of == target.class_id
+        assert config.model.births[here].rate[of_class].sum() > 0.0
+
+
+@each
+def test_a_shipped_bag_is_its_scenario_of_seed_0(path, tmp_path):
+    shipped, fresh = ROOT / "bags" / path.stem, tmp_path / path.stem
+    assert run("simulate", ["--scenario", str(path), "--out", str(fresh)]) == 0
+    assert sorted(p.name for p in shipped.iterdir()) == sorted(p.name for p in fresh.iterdir())
+    for file in fresh.iterdir():
+        assert (shipped / file.name).read_bytes() == file.read_bytes()
+
+
+@each
+def test_a_shipped_bag_is_small_and_whole(path):
+    config, found = resolved(path)
+    bag = ROOT / "bags" / path.stem
+    assert sum(file.stat().st_size for file in bag.iterdir()) < LARGEST_BAG
+    topics = [names.TRUTH, *(radar.topic for radar in config.inputs)]
+    assert BagReader(bag).counts == dict.fromkeys(topics, found.scans)
+
+
+@each
+def test_a_scenario_is_tracked_with_its_parameters(path):
+    config, found = resolved(path, particles_per_target=300, particles_per_birth=512)
+    engine = config.engine()
+    numbers = []
+    for truth, scan in simulate(found, 1)[:25]:
+        numbers.append(len(engine.step(scan).filtered) - len(truth.state))
+    # Births take a few scans; after them few targets are missed and few invented.
+    assert abs(np.mean(numbers[12:])) < 0.7
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["radar_1: {clutter_rate: 0.0}", "radar_1.clutter_rate: 0.0"],
+    ids=["nested", "dotted"],
+)
+def test_simulate_takes_the_parameters_of_the_scenario(text, tmp_path):
+    path = tmp_path / "quiet.yaml"
+    path.write_text(f"scans: 3\nparameters:\n  {text}\n  radars: [radar_1]\n")
+    assert run("simulate", ["--scenario", str(path), "--out", str(tmp_path / "bag")]) == 0
+    topic = names.detections("radar_1")
+    bag = BagReader(tmp_path / "bag")
+    assert bag.counts == {topic: 3, names.TRUTH: 3}
+    config, found = resolved(path)
+    assert config.model.radars[0].clutter_rate == 0.0
+    assert [len(scan.detections[0]) for _, scan in simulate(found, 0)] == [0, 0, 0]
+
+
+def test_simulate_puts_parameter_arguments_over_those_of_the_scenario(tmp_path):
+    path, file = tmp_path / "scene.yaml", tmp_path / "params.yaml"
+    path.write_text("scans: 2\nparameters: {radars: [one], one.topic: /a, one.frame: mast}\n")
+    file.write_text("/**: {ros__parameters: {one: {topic: /b}}}\n")
+    arguments = ["--scenario", str(path), "--params-file", str(file)]
+    assert run("simulate", [*arguments, "--out", str(tmp_path / "first")]) == 0
+    assert BagReader(tmp_path / "first").counts == {"/b": 2, names.TRUTH: 2}
+    arguments += ["-p", "one.topic:=/c"]
+    assert run("simulate", [*arguments, "--out", str(tmp_path / "second")]) == 0
+    assert BagReader(tmp_path / "second").counts == {"/c": 2, names.TRUTH: 2}
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("parameters: [1]", "parameters: must be a mapping"),
+        ("parameters: {lag: -1}", "lag: -1 given, must be "),
+        ("parameters: {radar_9: {yaw_deg: 1.0}}", "radar_9.yaw_deg: unknown parameter"),
+    ],
+)
+def test_simulate_refuses_wrong_parameters_in_a_scenario(text, fault, tmp_path, capsys):
+    (tmp_path / "bad.yaml").write_text(text)
+    out = tmp_path / "out"
+    assert run("simulate", ["--scenario", str(tmp_path / "bad.yaml"), "--out", str(out)]) == 2
+    assert capsys.readouterr().err.startswith(f"simulate: {fault}")
+    assert not out.exists()
