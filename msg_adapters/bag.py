@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import heapq
+import struct
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ import yaml
 from mcap.records import Message
 from mcap.writer import CompressionType, Writer
 
-from . import chunks, interfaces
+from . import chunks, interfaces, stamps
 
 _METADATA = "metadata.yaml"
 # A damaged byte costs one chunk.
@@ -89,6 +90,15 @@ class BagMessage:
     topic: str
     log_time_ns: int
     data: bytes
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the message's header; the log time where that cannot be read."""
+        try:
+            stamp_ns = stamps.of_cdr(self.data)
+        except (IndexError, struct.error):
+            return self.log_time_ns
+        return stamp_ns if stamp_ns >= 0 else self.log_time_ns
 
 
 class BagWriter:

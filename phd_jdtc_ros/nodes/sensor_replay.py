@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from enum import Enum, auto
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
@@ -26,6 +25,7 @@ from phd_jdtc_ros.core.parameters import Parameter
 from phd_jdtc_ros.exits import FAILED, OK, fail
 
 from . import parameters, runtime
+from .playback import Playback, ProgressBar
 
 OUTPUT_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
 CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -115,11 +115,10 @@ class SensorReplay(Node):
         self._since = time.monotonic()
         self._ready_since: float | None = None
         self._now_ns = self._bag.start_ns
-        self._damage: BagError | None = None
-        self._rewind()
-        if self._upcoming is None:
-            raise self._damage or BagError(f"{self._bag.path}: holds nothing in the chosen part")
-        self._bar = _ProgressBar(bool(self._values["progress"]))
+        self._playback = Playback(
+            self._bag, list(self._types), self._values["start_s"], self._values["duration_s"]
+        )
+        self._bar = ProgressBar(bool(self._values["progress"]))
         for name, callback in (
             ("pause", self._on_pause),
             ("resume", self._on_resume),
@@ -132,31 +131,6 @@ class SensorReplay(Node):
     @property
     def _lock_step(self) -> bool:
         return bool(self._values["rate"] == 0.0)
-
-    def _rewind(self) -> None:
-        """Go to the first scan of the chosen part."""
-        self._source = self._scans()
-        self._upcoming = next(self._source, None)
-
-    def _scans(self) -> Iterator[list[BagMessage]]:
-        """Yield the chosen part of the bag, stamp by stamp, up to any damage."""
-        first_ns = self._bag.start_ns + round(self._values["start_s"] * 1e9)
-        last_ns = self._bag.end_ns
-        if self._values["duration_s"]:
-            last_ns = first_ns + round(self._values["duration_s"] * 1e9)
-        scan: list[BagMessage] = []
-        try:
-            for message in self._bag.messages(list(self._types)):
-                if not first_ns <= message.log_time_ns <= last_ns:
-                    continue
-                if scan and stamps.of_cdr(message.data) != stamps.of_cdr(scan[0].data):
-                    yield scan
-                    scan = []
-                scan.append(message)
-        except BagError as error:
-            self._damage = error
-        if scan:
-            yield scan
 
     def close(self) -> None:
         """Stop the progress bar."""
@@ -196,33 +170,26 @@ class SensorReplay(Node):
     def _restart_clock(self) -> None:
         """Make the next scan due now."""
         self._wall_start = time.monotonic()
-        if self._upcoming is not None:
-            self._bag_start_ns = self._upcoming[0].log_time_ns
+        if self._playback.upcoming is not None:
+            self._bag_start_ns = self._playback.upcoming[0].log_time_ns
 
     def _play(self) -> None:
-        while self._upcoming is not None:
+        while (scan := self._playback.upcoming) is not None:
             if self._paused and self._steps == 0:
                 return
-            if not (self._may_follow() if self._lock_step else self._is_due(self._upcoming)):
+            if not (self._may_follow() if self._lock_step else self._is_due(scan)):
                 return
-            self._publish_scan(self._upcoming)
-            self._upcoming = next(self._source, None)
+            self._publish_scan(scan)
+            self._playback.advance()
             self._steps = max(0, self._steps - 1)
-            self._bar.show(self._progress())
+            self._bar.show(self._playback.progress)
         if self._values["loop"]:
-            self._rewind()
+            self._playback.rewind()
             self._outstanding.clear()
             self._estimate_ns = None
             self._restart_clock()
         else:
             self._enter(State.DRAINING)
-
-    def _progress(self) -> float:
-        """Return how much of the bag has been played, 0 to 1."""
-        if self._upcoming is None:
-            return 1.0
-        length = max(1, self._bag.end_ns - self._bag.start_ns)
-        return (self._now_ns - self._bag.start_ns) / length
 
     def _is_due(self, scan: list[BagMessage]) -> bool:
         if self._steps:
@@ -252,7 +219,7 @@ class SensorReplay(Node):
         for message in scan:
             self._outputs[message.topic].publish(message.data)
         if self._lock_step:
-            self._outstanding.append(stamps.of_cdr(scan[0].data))
+            self._outstanding.append(scan[0].stamp_ns)
             if len(self._outstanding) == 1:
                 self._since = time.monotonic()
 
@@ -279,8 +246,8 @@ class SensorReplay(Node):
 
     def _end(self) -> None:
         self._bar.stop()
-        if self._damage is not None:
-            self.exit_status = fail("sensor_replay", self._damage)
+        if self._playback.damage is not None:
+            self.exit_status = fail("sensor_replay", self._playback.damage)
         else:
             self.exit_status = OK
 
@@ -309,30 +276,6 @@ class SensorReplay(Node):
         self._paused = True
         self._steps += 1
         return _done(response, "one stamp")
-
-
-class _ProgressBar:
-    """A bar on the terminal over the length of the bag, or nothing."""
-
-    def __init__(self, shown: bool) -> None:
-        self._progress = Progress(
-            TextColumn("replay"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TextColumn("{task.fields[scans]} scans"),
-            TimeElapsedColumn(),
-            disable=not shown,
-        )
-        self._scans = 0
-        self._task = self._progress.add_task("replay", total=1.0, scans=0)
-        self._progress.start()
-
-    def show(self, completed: float) -> None:
-        self._scans += 1
-        self._progress.update(self._task, completed=completed, scans=self._scans)
-
-    def stop(self) -> None:
-        self._progress.stop()
 
 
 def _done(response: Trigger.Response, text: str) -> Trigger.Response:

@@ -7,7 +7,6 @@ are equal to the live ones, and two runs write the same bytes.
 from __future__ import annotations
 
 import argparse
-import struct
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import detections, estimates, interfaces, names, stamps
+from msg_adapters import detections, estimates, interfaces, names
 from msg_adapters.bag import BagError, BagMessage, BagReader, BagWriter, Topic
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.config import TrackerConfig
@@ -107,20 +106,12 @@ def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTra
         console = Console(stderr=True)
         try:
             for entry in track(source.messages(copied), "tracking", total, console=console):
-                bag.write(entry.topic, entry.data, _stamp_of(entry))
+                bag.write(entry.topic, entry.data, entry.stamp_ns)
                 if entry.topic in topics:
                     tracker.add(entry)
         finally:
             tracker.finish()
     return tracker
-
-
-def _stamp_of(entry: BagMessage) -> int:
-    try:
-        stamp_ns = stamps.of_cdr(entry.data)
-    except (IndexError, struct.error):
-        return entry.log_time_ns
-    return stamp_ns if stamp_ns >= 0 else entry.log_time_ns
 
 
 def main(argv: Sequence[str]) -> int:

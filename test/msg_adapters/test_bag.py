@@ -264,8 +264,8 @@ def test_writer_finishes_the_bag_when_its_block_fails(tmp_path):
 
 
 def test_writer_turns_a_full_disk_into_one_error(tmp_path):
-    script = r"""
-        import re, sys
+    script = """
+        import resource, sys
         from pathlib import Path
         from msg_adapters.bag import BagError, BagWriter, Topic
         resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
