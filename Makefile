@@ -9,18 +9,20 @@ ifdef ROS_DISTRO
 VENV_FLAGS := --system-site-packages
 PIP_FLAGS  := -c constraints-ros.txt
 EXTRAS     :=
-TEST_EXTRAS := [test,dev]
+TEST_EXTRAS := [test,study,docs,dev]
 else
 VENV_FLAGS :=
 PIP_FLAGS  := -c constraints.txt
 EXTRAS     := [ros]
-TEST_EXTRAS := [ros,test,dev]
+TEST_EXTRAS := [ros,test,study,docs,dev]
 endif
 
-.PHONY: help setup demo test check format bags parameters clean
+.PHONY: help setup demo study docs test check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo"
+	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=6 for a quick one), into out/study"
+	@echo "make docs    the documentation as a site, into out/docs"
 	@echo "make test    run the tests"
 	@echo "make check   linters and types"
 	@echo "make format  format the code"
@@ -48,8 +50,22 @@ $(VENV)/.ready-test: $(VENV)/.ready
 	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.$(TEST_EXTRAS)'
 	@touch $@
 
+$(VENV)/.ready-study: $(VENV)/.ready
+	@echo "installing what studies and documentation need into $(VENV) ..."
+	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[study,peers,docs]'
+	@touch $@
+
 demo: $(VENV)/.ready
 	@$(RUN) -m phd_jdtc_ros demo
+
+RUNS ?= 50
+
+study: $(VENV)/.ready-study
+	@$(RUN) -m phd_jdtc_ros monte_carlo --runs $(RUNS)
+
+docs: $(VENV)/.ready-study
+	@$(RUN) -m mkdocs build --quiet --strict
+	@echo "out/docs/index.html"
 
 test: $(VENV)/.ready-test
 	$(RUN) -m pytest

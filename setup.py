@@ -10,6 +10,7 @@ EXECUTABLES = (
     "track_bag",
     "simulate",
     "report",
+    "monte_carlo",
     "demo",
 )
 
@@ -25,6 +26,7 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", glob("launch/*.py")),
         (f"share/{PACKAGE}/config", glob("config/*.yaml")),
+        (f"share/{PACKAGE}/config/studies", glob("config/studies/*.yaml")),
         (f"share/{PACKAGE}/config/scenarios", glob("config/scenarios/*.yaml")),
         *((f"share/{PACKAGE}/{bag}", glob(f"{bag}*")) for bag in sorted(glob("bags/*/"))),
     ],
@@ -42,6 +44,9 @@ setup(
     extras_require={
         "ros": ROS_WHEELS,
         "test": ["pytest", "pytest-timeout", "hypothesis", "rosbags"],
+        "study": ["dask", "distributed"],
+        "peers": ["stonesoup"],
+        "docs": ["mkdocs"],
         "dev": ["ruff", "mypy", "types-PyYAML", "pre-commit"],
     },
     zip_safe=True,

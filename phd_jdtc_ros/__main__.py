@@ -17,6 +17,10 @@ EXECUTABLES = {
     "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
     "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
     "report": ("phd_jdtc_ros.tools.report", "a bag with estimates to a page and pictures"),
+    "monte_carlo": (
+        "phd_jdtc_ros.tools.monte_carlo",
+        "many seeded runs to tables, figures and a summary",
+    ),
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
 
@@ -52,6 +56,7 @@ evaluator = partial(run, "evaluator")
 track_bag = partial(run, "track_bag")
 simulate = partial(run, "simulate")
 report = partial(run, "report")
+monte_carlo = partial(run, "monte_carlo")
 demo = partial(run, "demo")
 
 if __name__ == "__main__":

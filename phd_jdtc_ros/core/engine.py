@@ -20,6 +20,9 @@ from .smoother import DeathTerm, backward_pass
 from .transition import Transition
 from .types import Estimates, FloatArray, ParticlePHD, Scan
 
+# Second words of the seeds, so that what is drawn for one purpose says nothing of another.
+EXTRACTION_STREAM, FILTER_STREAM = 1, 2
+
 
 @dataclass(frozen=True)
 class Step:
@@ -132,7 +135,8 @@ class ForwardFilter:
         """Forget everything; the random generator starts from the seed again."""
         self._latest = None
         self._found = ()
-        self._rng = np.random.default_rng(self.seed)
+        # Marked as the filter's: a simulation of the same seed must not share its draws.
+        self._rng = np.random.default_rng([self.seed, FILTER_STREAM])
         self._scan_index = 0
 
     def step(self, scan: Scan, linked: bool) -> Filtered:
@@ -198,7 +202,7 @@ class FixedLagSmoother:
         self.forward.reset()
         self._stamps, self._stored, self._links = [], [], []
         # Its own, so that the filter's draws do not depend on how targets are read off.
-        self._rng = np.random.default_rng([self.forward.seed, 1])
+        self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
 
     def step(self, scan: Scan) -> Step:
         """Filter one scan and smooth the stamps whose lag is reached.

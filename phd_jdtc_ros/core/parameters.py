@@ -9,7 +9,7 @@ says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -298,6 +298,15 @@ REFERENCE: dict[str, Value] = {
     "start_3.position": [-10e3, -10.5e3],
     "start_4.position": [1.4e3, 8e3],
 }
+
+
+def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the leaves of nested mappings with dotted names."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
 
 
 def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:

@@ -25,7 +25,7 @@ from phd_jdtc_ros.exits import FAILED, OK
 
 from . import command, report
 
-STOP_S = 10.0
+START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.
 FINISH_S = 30.0
 ARTEFACTS = ("estimates", "logs", "metrics.json", "report.html", "*.png")
@@ -75,6 +75,16 @@ class Processes:
                 line, stdout=None if shown else log, stderr=log, env=self._environment
             )
 
+    def wait_for(self, name: str, text: str) -> bool:
+        """Wait until a node has said `text`; return whether it did."""
+        deadline = time.monotonic() + START_S
+        while text not in (self._logs / f"{name}.log").read_text():
+            if self._running[name].poll() is not None or time.monotonic() > deadline:
+                print(f"demo: {name} did not start\n{self._tail(name)}", file=sys.stderr)
+                return False
+            time.sleep(0.05)
+        return True
+
     def wait(self, name: str, timeout_s: float | None = None) -> bool:
         """Wait for a node to end well, as long as the others run; return whether it did."""
         deadline = time.monotonic() + timeout_s if timeout_s else None
@@ -111,6 +121,10 @@ def run_nodes(bag: Path, out: Path) -> bool:
     with Processes(out / "logs") as nodes:
         nodes.start("evaluator", [], reporting)
         nodes.start("tracker", [], reliable)
+        # The replay knows when it is heard itself, but not when the tracker is: that one gets the
+        # time that the replay takes to start.
+        if not (nodes.wait_for("evaluator", "waiting") and nodes.wait_for("tracker", "tracking")):
+            return False
         nodes.start("sensor_replay", [str(bag), "--rate", "0"], flushing, shown=True)
         return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
 

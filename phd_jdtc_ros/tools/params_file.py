@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from phd_jdtc_ros.core.config import ConfigError
+from phd_jdtc_ros.core.parameters import flatten
 
 # Sections of a parameter file that apply to the tracker.
 _SECTIONS = ("/**", "/**/tracker", "tracker", "/tracker")
@@ -29,15 +30,6 @@ def load_yaml(path: Path) -> Any:
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         reason = " ".join(str(error).split())
         raise ConfigError([f"{path}: is no YAML: {reason}"]) from error
-
-
-def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield the leaves of nested mappings with dotted names."""
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            yield from flatten(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
 
 
 def load(path: Path) -> dict[str, Any]:

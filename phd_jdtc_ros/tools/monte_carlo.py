@@ -1,0 +1,193 @@
+"""A Monte Carlo study: many seeded runs, in parallel, to tables, figures and a summary."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from phd_jdtc_ros.core import scenario
+from phd_jdtc_ros.core.config import ConfigError
+from phd_jdtc_ros.exits import FAILED, OK
+from phd_jdtc_ros.study import monte_carlo, study_figures
+from phd_jdtc_ros.study.monte_carlo import Outcome, Plan, Scene, Store, Study, Task
+
+from . import command, params_file
+
+PUBLISHED = Path("config/studies/published.yaml")
+
+
+def published_study() -> Path:
+    """Return the published study's file, of the checkout or of the installed package."""
+    if PUBLISHED.exists():
+        return PUBLISHED
+    try:
+        from ament_index_python.packages import get_package_share_directory
+
+        return Path(get_package_share_directory("phd_jdtc_ros")) / PUBLISHED
+    except (ImportError, LookupError):  # no ROS installation, or the package is not in it
+        return PUBLISHED
+
+
+def load_study(path: Path, assigned: Mapping[str, Any]) -> Study:
+    """Return a checked study; scenario files are named from where the study's file is."""
+    return monte_carlo.resolve(
+        params_file.load_yaml(path), partial(_load_scene, path.parent), assigned
+    )
+
+
+def _load_scene(directory: Path, name: str) -> Scene:
+    document = params_file.load_yaml(directory / name)
+    return params_file.scenario_parameters(document), partial(scenario.resolve, document)
+
+
+def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> int:
+    """Run what is not stored yet, write the results and print the tables.
+
+    Parameters
+    ----------
+    study : Study
+    plan : Plan
+        Of the study.
+    out : Path
+        Gets ``parts``, ``results.csv``, ``summary.json``, ``table.md`` and ``figures``.
+    backend : callable of (tasks, report)
+        Runs the tasks.
+
+    Returns
+    -------
+    int
+        Exit status: failed if a task did.
+    """
+    console = Console()
+    store = Store(out / "parts")
+    tasks = monte_carlo.remaining(plan.tasks, store)
+    for note in plan.notes:
+        console.print(note, style="yellow", markup=False, highlight=False)
+    failures: list[Outcome] = []
+    if tasks:
+        console.print(
+            f"{len(plan.tasks)} tasks, {len(plan.tasks) - len(tasks)} of them done before"
+        )
+        with _progress(console, len(tasks), store, failures) as report:
+            backend(tasks, report)
+    write_results(study, plan, out, failures, console)
+    for outcome in failures:
+        console.print(f"failed: {outcome.task.label}\n{outcome.error}", style="red", markup=False)
+    return FAILED if failures else OK
+
+
+@contextlib.contextmanager
+def _progress(
+    console: Console, total: int, store: Store, failures: list[Outcome]
+) -> Iterator[monte_carlo.Report]:
+    """Yield what takes the outcomes: it stores scores at once and moves the bar."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with Progress(*columns, console=console) as progress:
+        bar = progress.add_task("runs", total=total)
+
+        def report(outcome: Outcome) -> None:
+            for variant in outcome.task.variants:
+                if variant.name in outcome.scores:
+                    store.write(outcome.task, variant, outcome.scores[variant.name])
+            if outcome.error:
+                failures.append(outcome)
+                console.print(f"failed: {outcome.task.label}", style="red", markup=False)
+            progress.advance(bar)
+
+        yield report
+
+
+def write_results(
+    study: Study, plan: Plan, out: Path, failures: Sequence[Outcome], console: Console
+) -> None:
+    """Write everything that follows from the stored scores, and print the tables."""
+    store = Store(out / "parts")
+    results = monte_carlo.collect(plan.tasks, store)
+    ordered = sorted(failures, key=lambda outcome: outcome.task.label)
+    summary = monte_carlo.summarise(study, results, plan.notes, ordered)
+    out.mkdir(parents=True, exist_ok=True)
+    monte_carlo.write_csv(out / "results.csv", plan.tasks, store)
+    text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+    monte_carlo.write_atomically(out / "summary.json", text.encode())
+    monte_carlo.write_atomically(out / "table.md", study_figures.markdown(summary).encode())
+    study_figures.write_all(results, out / "figures")
+    for table in study_figures.tables(summary):
+        console.print(table)
+    console.print(f"results: {out}", markup=False, highlight=False)
+
+
+def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:
+    """Return the study that the arguments ask for, and its tasks."""
+    bounds = (
+        ("--runs", arguments.runs, 1),
+        ("--first-seed", arguments.first_seed, 0),
+        ("--workers", arguments.workers, 1),
+    )
+    faults = [
+        f"{name}: {value} given, must be at least {low}"
+        for name, value, low in bounds
+        if value < low
+    ]
+    if faults:
+        raise ConfigError(faults)
+    assigned = params_file.from_arguments([], arguments.assignments)
+    study = load_study(arguments.study, assigned).select(arguments.case, arguments.variant)
+    seeds = range(arguments.first_seed, arguments.first_seed + arguments.runs)
+    return study, monte_carlo.plan(study, seeds)
+
+
+def _backend(arguments: argparse.Namespace) -> Callable[..., None]:
+    """Return what runs the tasks, given them and a report."""
+
+    def on_dask(tasks: Sequence[Task], report: monte_carlo.Report) -> None:
+        monte_carlo.run_on_dask(tasks, arguments.dask, report)
+
+    def on_processes(tasks: Sequence[Task], report: monte_carlo.Report) -> None:
+        monte_carlo.run_on_processes(tasks, arguments.workers, report)
+
+    return on_dask if arguments.dask else on_processes
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the study tool."""
+    parser = argparse.ArgumentParser("monte_carlo", description=__doc__)
+    parser.add_argument("--study", type=Path, default=published_study(), help="study file")
+    parser.add_argument("--runs", type=int, default=50, help="seeds a case (%(default)s)")
+    parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--out", type=Path, default=Path("out/study"), help="%(default)s")
+    place = parser.add_mutually_exclusive_group()
+    cpus = len(os.sched_getaffinity(0))
+    place.add_argument("--workers", type=int, default=cpus, help="local processes (%(default)s)")
+    place.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster")
+    parser.add_argument("--case", action="append", default=[], help="only this; may be repeated")
+    parser.add_argument("--variant", action="append", default=[], help="only this; may be repeated")
+    parser.add_argument(
+        "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
+    )
+    arguments = parser.parse_args(argv)
+
+    def work() -> int:
+        study, plan = _plan(arguments)
+        # Who ends the study ends its processes too.
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+        try:
+            return run(study, plan, arguments.out, _backend(arguments))
+        finally:
+            signal.signal(signal.SIGTERM, before)
+
+    return command.guarded("monte_carlo", work)

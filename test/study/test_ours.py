@@ -1,0 +1,101 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.motion import POSITION
+from phd_jdtc_ros.core.simulation import paper_scenario
+from phd_jdtc_ros.study.ours import Reading, track
+from phd_jdtc_ros.study.runs import simulated_run
+
+SCANS = 9
+SEED = 3
+GIVEN = {
+    "particles_per_target": 150,
+    "least_particles": 30,
+    "particles_per_birth": 128,
+    "spawn.particles_per_target": 20,
+    "seed": SEED,
+}
+DEFAULT = Reading("default", "bernoulli", "components")
+PRINTED = Reading("printed", "paper", "clusters")
+
+
+@pytest.fixture(scope="module")
+def config():
+    return resolve(GIVEN)
+
+
+@pytest.fixture(scope="module")
+def run(config):
+    scenario = replace(paper_scenario(config.model.radars), scans=SCANS)
+    return simulated_run(scenario, SEED)
+
+
+@pytest.fixture(scope="module")
+def tracks(run, config):
+    return track(run, config, [DEFAULT, PRINTED], [0, 1, 3, 20])
+
+
+def engine_positions(run, lag):
+    """Return what the engine's own smoother finds, filtered and smoothed, a scan each."""
+    engine = resolve({**GIVEN, "lag": lag}).engine()
+    steps = [engine.step(scan) for scan in run.scans]
+    smoothed = [found for step in steps for found in step.smoothed] + list(engine.flush())
+    return [
+        [(found.state[:, list(POSITION)], found.class_id) for found in estimates]
+        for estimates in ([step.filtered for step in steps], smoothed)
+    ]
+
+
+def assert_equal(points, expected):
+    assert len(points) == len(expected) == SCANS
+    for point, (position, class_id) in zip(points, expected, strict=True):
+        np.testing.assert_array_equal(point.position, position)
+        np.testing.assert_array_equal(point.class_id, class_id)
+
+
+def same(one, other):
+    return all(
+        np.array_equal(a.position, b.position) and np.array_equal(a.class_id, b.class_id)
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def test_track_at_lag_0_is_the_engines_filter(run, tracks):
+    assert_equal(tracks["default"][0], engine_positions(run, 3)[0])
+
+
+# A lag beyond the run's length has all of the run.
+@pytest.mark.parametrize("lag", [1, 3, 20])
+def test_track_is_the_engines_smoother_with_its_flush(run, tracks, lag):
+    assert_equal(tracks["default"][lag], engine_positions(run, lag)[1])
+
+
+def test_track_finds_targets(tracks):
+    assert sum(len(points) for points in tracks["default"][3]) > SCANS
+
+
+def test_track_readings_do_not_depend_on_each_other(run, config, tracks):
+    alone = track(run, config, [PRINTED], [3])
+
+    assert alone.keys() == {"printed"}
+    assert alone["printed"].keys() == {3}
+    assert same(alone["printed"][3], tracks["printed"][3])
+
+
+def test_track_readings_differ(tracks):
+    assert not same(tracks["default"][3], tracks["printed"][3])
+
+
+def test_track_without_smoothing_needs_lag_0_only(run, config, tracks):
+    alone = track(run, config, [DEFAULT], [0])
+
+    assert same(alone["default"][0], tracks["default"][0])
+
+
+def test_track_follows_the_runs_seed(run, config, tracks):
+    other = track(replace(run, seed=SEED + 1), config, [DEFAULT], [0])
+
+    assert not same(other["default"][0], tracks["default"][0])

@@ -1,0 +1,167 @@
+import io
+import math
+import struct
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from phd_jdtc_ros.study import study_figures
+from phd_jdtc_ros.study.monte_carlo import (
+    VALUES,
+    Mean,
+    Result,
+    Scores,
+    Study,
+    Variant,
+    summarise,
+)
+from phd_jdtc_ros.study.ours import Reading
+from phd_jdtc_ros.study.study_figures import markdown, tables, write_all
+
+SCANS = 6
+OVER_TIME = {
+    "ospa_over_time",
+    "parts_over_time",
+    "number_error_over_time",
+    "class_accuracy_over_time",
+}
+
+
+def variant_of(name, kind="ours", lags=(0, 2, 5)):
+    reading = Reading(name, "bernoulli", "components") if kind == "ours" else None
+    return Variant(name, kind, reading, {}, ("quiet",), lags)
+
+
+def result_of(variant, runs=3, scans=SCANS, sets=("all", "class_0", "class_1"), case="quiet"):
+    """Random scores around 100 m."""
+    rng = np.random.default_rng(len(variant.name))
+    values = rng.uniform(80.0, 120.0, (runs, len(variant.lags), scans, len(sets), len(VALUES)))
+    for name, number in (("n_true", 2), ("n_est", 3), ("pairs", 2), ("right_class", 1)):
+        values[..., VALUES.index(name)] = number
+    scores = Scores(variant.lags, sets, 6.0 * np.arange(scans), values)
+    return Result(case, variant, tuple(range(runs)), scores)
+
+
+def everything(**options):
+    return [
+        result_of(variant_of("corrected"), **options),
+        result_of(variant_of("as printed"), **options),
+        result_of(variant_of("reference", "reference"), **options),
+        result_of(variant_of("GNN", "gnn", (0,)), **{**options, "sets": ("all",)}),
+    ]
+
+
+def summary_of(results):
+    return summarise(Study((), (), (), {}), results, [], [])
+
+
+def names(pictures):
+    return {picture.path.stem for picture in pictures}
+
+
+@pytest.mark.parametrize("options", [{}, {"runs": 1}, {"scans": 1}])
+def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, options):
+    pictures = write_all(everything(**options), tmp_path / "new")
+
+    assert names(pictures) == {"ospa_against_lag"} | OVER_TIME
+    for picture in pictures:
+        data = picture.path.read_bytes()
+        assert data[:8] == b"\x89PNG\r\n\x1a\n"
+        assert struct.unpack(">II", data[16:24])[0] == 1200
+        assert picture.path.parent.name == "quiet"
+
+
+def test_write_all_has_a_directory_for_each_case(tmp_path):
+    one = variant_of("corrected")
+    write_all([result_of(one), result_of(one, case="clutter 20")], tmp_path)
+
+    assert {path.name for path in tmp_path.iterdir()} == {"quiet", "clutter_20"}
+
+
+def test_write_all_draws_no_time_without_our_tracker(tmp_path):
+    pictures = write_all([result_of(variant_of("GNN", "gnn", (0,)), sets=("all",))], tmp_path)
+
+    assert names(pictures) == {"ospa_against_lag"}
+
+
+def test_write_all_draws_a_filter_alone(tmp_path):
+    result = result_of(variant_of("corrected", lags=(0,)))
+
+    assert names(write_all([result], tmp_path)) == {"ospa_against_lag"} | OVER_TIME
+
+
+def test_write_all_draws_a_run_without_targets(tmp_path):
+    result = result_of(variant_of("corrected"))
+    result.scores.values[...] = 0.0
+
+    assert names(write_all([result], tmp_path)) == {"ospa_against_lag"} | OVER_TIME
+
+
+def test_over_time_has_a_row_for_each_class_and_one_for_all():
+    rows = study_figures.ospa_over_time(everything()).axes
+
+    titles = [axes.get_title(loc="left") for axes in rows]
+    assert titles == ["class 0", "class 1", "all classes"]
+
+
+def test_over_time_draws_filter_and_lag_5_of_the_first_variant():
+    results = everything()
+    filtered, smoothed = study_figures.ospa_over_time(results).axes[-1].lines
+
+    for line, lag in ((filtered, 0), (smoothed, 5)):
+        mean = results[0].value("ospa", lag).mean(axis=0)
+        np.testing.assert_allclose(line.get_ydata(), mean)
+
+
+def test_number_error_is_absolute():
+    results = everything()
+    results[0].scores.values[..., VALUES.index("n_est")] = 1
+
+    lines = study_figures.number_error_over_time(results).axes[0].lines
+
+    assert [set(line.get_ydata()) for line in lines] == [{1.0}, {1.0}]
+
+
+def test_against_lag_draws_every_variant():
+    (axes,) = study_figures.ospa_against_lag(everything()).axes
+
+    assert axes.get_legend_handles_labels()[1] == ["corrected", "as printed", "reference", "GNN"]
+
+
+def test_band_is_the_interval_of_the_mean():
+    runs = np.random.default_rng(0).normal(size=(5, 3))
+    runs[0, 0] = math.nan
+    runs[1:, 1] = math.nan
+    mean, half_width = study_figures._band(runs)
+
+    for column in (0, 2):
+        expected = Mean.of(runs[:, column])
+        assert (mean[column], half_width[column]) == pytest.approx(tuple(expected))
+    assert (mean[1], half_width[1]) == (runs[0, 1], 0.0)
+
+
+def test_markdown_has_a_row_for_each_variant():
+    text = markdown(summary_of(everything()))
+    rows = [line for line in text.splitlines() if line.startswith("| ")]
+
+    assert rows[0] == "| variant | runs | 0 | 2 | 5 |"
+    assert [row.split(" | ")[0] for row in rows[2:6]] == [
+        "| corrected",
+        "| as printed",
+        "| reference",
+        "| GNN",
+    ]
+    assert "±" in rows[2]
+    assert rows[5].endswith("| - | - |")
+
+
+def test_tables_show_every_variant():
+    console = Console(width=80, record=True, file=io.StringIO())
+    for table in tables(summary_of(everything())):
+        console.print(table)
+    text = console.export_text()
+
+    assert "quiet: mean OSPA in m, by lag in scans" in text
+    for name in ("corrected", "as printed", "reference", "GNN"):
+        assert name in text
