@@ -45,7 +45,7 @@ setup(
         "ros": ROS_WHEELS,
         "test": ["pytest", "pytest-timeout", "hypothesis", "rosbags"],
         "study": ["dask", "distributed"],
-        "peers": ["stonesoup"],
+        "peers": ["stonesoup>=1.9,<2"],
         "docs": ["mkdocs"],
         "dev": ["ruff", "mypy", "types-PyYAML", "pre-commit"],
     },

@@ -1,0 +1,149 @@
+import math
+from dataclasses import replace
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.metrics import assign
+from phd_jdtc_ros.core.motion import POSITION
+from phd_jdtc_ros.core.simulation import paper_scenario
+from phd_jdtc_ros.study import peers
+from phd_jdtc_ros.study.runs import simulated_run
+
+pytest.importorskip("stonesoup")
+
+SCANS = 12
+LAG = 3
+# Scans that a tracker may take to confirm what it sees.
+SETTLED = 3
+NEAR_M = 500.0
+CONTENDERS = {
+    "gm_phd": peers.gm_phd,
+    "gnn": partial(peers.gnn, lags=(0, LAG)),
+    "jpda": peers.jpda,
+}
+every_peer = pytest.mark.parametrize("contender", CONTENDERS.values(), ids=CONTENDERS)
+
+
+def short_run(clutter_rate=1.0, yaws_deg=(0.0, 0.0), targets=slice(3), seed=1):
+    radars = [
+        replace(radar, clutter_rate=clutter_rate, yaw=math.radians(yaw))
+        for radar, yaw in zip(resolve({}).model.radars, yaws_deg, strict=True)
+    ]
+    scenario = paper_scenario(tuple(radars))
+    return simulated_run(
+        replace(scenario, scans=SCANS, targets=scenario.targets[targets]), seed=seed
+    )
+
+
+def missed(run, points):
+    """Number of targets, over the settled scans, without an estimate near them."""
+    total = 0
+    for truth, found in list(zip(run.truth, points, strict=True))[SETTLED:]:
+        near, _ = assign(truth.state[:, list(POSITION)], found.position, NEAR_M)
+        total += len(truth.state) - len(near)
+    return total
+
+
+@pytest.fixture(scope="module")
+def run():
+    return short_run()
+
+
+@every_peer
+def test_peer_finds_the_targets(contender, run):
+    for points in contender(run).values():
+        assert missed(run, points) <= 1
+        # At most one false target in a few scans.
+        assert sum(map(len, points)) <= SCANS * len(run.truth[0].state) + 3
+
+
+@every_peer
+def test_peer_reports_unclassified_points_of_every_scan(contender, run):
+    tracks = contender(run)
+    assert 0 in tracks
+    for points in tracks.values():
+        assert len(points) == SCANS
+        for found in points:
+            assert found.position.shape == (len(found), 2)
+            assert found.position.dtype == np.float64
+            np.testing.assert_array_equal(found.class_id, np.zeros(len(found)))
+
+
+@every_peer
+def test_peer_follows_a_target_along_the_cut_of_the_bearings(contender):
+    # Target 1 flies towards the radars, whose x axes point away from it.
+    run = short_run(yaws_deg=(-41.0, -44.0), targets=slice(1))
+    azimuth = np.concatenate([d.measurement[:, 1] for s in run.scans for d in s.detections])
+    assert np.count_nonzero(azimuth > 3.1) > SCANS // 2
+    assert np.count_nonzero(azimuth < -3.1) > SCANS // 2
+    for points in contender(run).values():
+        assert missed(run, points) == 0
+
+
+@every_peer
+def test_peer_takes_scans_without_detections(contender):
+    run = short_run(clutter_rate=0.0, targets=slice(0))
+    for points in contender(run).values():
+        assert [len(found) for found in points] == [0] * SCANS
+
+
+def test_nearest_turn_is_less_than_half_a_turn_from_the_prediction():
+    soup = peers.require()
+    kitchen = peers.Kitchen.of(short_run())
+    stamp, looks = next(kitchen.scans())
+    sensor = peers.measurement_model(soup, looks[0][0])
+    place = soup.GaussianState([-9000.0, 0.0, -1.0, 0.0], np.eye(4), timestamp=stamp)
+    hypothesis = SimpleNamespace()
+    hypothesis.measurement_prediction = kitchen.updater.predict_measurement(place, sensor)
+    hypothesis.measurement = peers.detection(soup, np.array([1e4, 3.1]), stamp, sensor)
+    moved = peers.nearest_turn(soup, hypothesis).state_vector
+    np.testing.assert_allclose(
+        np.asarray(moved, dtype=float)[:, 0], [3.1 - 2.0 * np.pi, 1e4], rtol=1e-12
+    )
+
+
+def test_gnn_smoothing_reduces_the_error(run):
+    tracks = peers.gnn(run, lags=(0, LAG))
+
+    def error(points):
+        distance = []
+        for truth, found in list(zip(run.truth, points, strict=True))[SETTLED:]:
+            position = truth.state[:, list(POSITION)]
+            target, estimate = assign(position, found.position, NEAR_M)
+            offset = position[target] - found.position[estimate]
+            distance.extend(np.hypot(offset[:, 0], offset[:, 1]))
+        return np.mean(distance)
+
+    assert error(tracks[LAG]) < error(tracks[0])
+
+
+def test_gnn_starts_tracks_anywhere_when_told(run):
+    found = peers.gnn(run, (LAG,), peers.LOUD)[LAG]
+    assert missed(run, found) <= 1
+
+
+def test_raised_threshold_drops_weak_detections_and_their_clutter():
+    run = short_run(clutter_rate=20.0)
+    loud = peers.raised_threshold(run, 5.0)
+    for scan, sources in zip(loud.scans, loud.sources, strict=True):
+        for report, source in zip(scan.detections, sources, strict=True):
+            assert np.all(report.amplitude > 5.0)
+            assert len(source) == len(report)
+    false = sum(np.count_nonzero(s == 0) for sources in loud.sources for s in sources)
+    expected = loud.scenario.radars[0].clutter_rate * SCANS * len(loud.scenario.radars)
+    assert abs(false - expected) < 4.0 * np.sqrt(expected) + 1.0
+
+
+def test_raised_threshold_refuses_a_lower_one():
+    with pytest.raises(ValueError, match=r"threshold: 1\.0 given"):
+        peers.raised_threshold(short_run(), 1.0)
+
+
+def test_peers_say_what_to_install(monkeypatch):
+    monkeypatch.setattr(peers, "PARTS", {"no_such_part": ("Anything",)})
+    with pytest.raises(ImportError, match="pip install 'stonesoup"):
+        peers.gm_phd(short_run())
