@@ -21,8 +21,9 @@ from scipy import stats
 
 from phd_jdtc_ros.core.types import FloatArray
 
-from .figures import COLOURS, DPI, FAINT, GREY, INK, LINES, MARKERS, WIDTH_IN, Picture
+from .figures import Picture
 from .monte_carlo import ALL, CUTOFF, ORDER, OURS, REFERENCE, Mean, Result, slug
+from .style import COLOURS, DPI, GREY, INK, LINES, MARKERS, WIDTH_IN, plain_axes
 
 # The lag over time is this one, or the largest below it that the study has.
 SHOWN_LAG = 5
@@ -136,7 +137,7 @@ def ospa_against_lag(results: Sequence[Result]) -> Figure:
     """Draw the mean OSPA of all targets against the lag, a line for each variant."""
     figure = Figure(figsize=(WIDTH_IN, 5.2), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
-    _plain(axes)
+    plain_axes(axes)
     styles = _styles(results)
     for result in results:
         lags = result.scores.lags
@@ -428,7 +429,7 @@ def _rows(result: Result, keys: Sequence[str], label: str) -> tuple[Figure, list
     figure = Figure(figsize=(WIDTH_IN, 0.7 + 1.75 * len(keys)), dpi=DPI, layout="constrained")
     column = figure.subplots(len(keys), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     for axes in column:
-        _plain(axes)
+        plain_axes(axes)
         axes.set_ylabel(label)
     count = len(result.seeds)
     column[-1].set_xlabel(
@@ -438,12 +439,6 @@ def _rows(result: Result, keys: Sequence[str], label: str) -> tuple[Figure, list
     span = max(float(result.scores.time_s[-1]), 1.0)
     column[-1].set_xlim(-0.01 * span, 1.01 * span)
     return figure, list(column)
-
-
-def _plain(axes: Axes) -> None:
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color=FAINT, linewidth=0.6)
-    axes.set_axisbelow(True)
 
 
 def _from_zero(rows: Sequence[Axes]) -> None:

@@ -9,7 +9,8 @@ from phd_jdtc_ros.core.motion import POSITION, STATE_SIZE
 from phd_jdtc_ros.core.simulation import Truth
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.study import figures
-from phd_jdtc_ros.study.figures import Clock, write_all
+from phd_jdtc_ros.study.clock import Clock
+from phd_jdtc_ros.study.figures import write_all
 from phd_jdtc_ros.study.record import Plot, Record
 
 START_NS = 1_700_000_000_000_000_000

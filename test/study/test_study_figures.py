@@ -7,15 +7,9 @@ import pytest
 from rich.console import Console
 
 from phd_jdtc_ros.study import study_figures
-from phd_jdtc_ros.study.monte_carlo import (
-    VALUES,
-    Mean,
-    Result,
-    Scores,
-    Study,
-    Variant,
-    summarise,
-)
+from phd_jdtc_ros.study.monte_carlo import Mean, Result, Study, summarise
+from phd_jdtc_ros.study.monte_carlo.definition import Variant
+from phd_jdtc_ros.study.monte_carlo.scores import VALUES, Scores
 from phd_jdtc_ros.study.ours import Reading
 from phd_jdtc_ros.study.study_figures import markdown, tables, write_all
 

@@ -1,0 +1,60 @@
+"""A Monte Carlo study: many seeded runs of several trackers on several scenarios, and their scores.
+
+A study's way through the package, with the module of each step::
+
+    study file (YAML, read elsewhere)
+      |  resolve: all faults at once         document
+    Study: cases x variants, goals           definition
+      |  plan                                tasks
+    Task ...                                 tasks
+      |  remaining: those not stored yet     store
+      |  run_on_processes, run_on_dask:      execution
+      |    lost workers' tasks again
+      |  perform: simulate, track, score     tasks, kinds, scores
+    Outcome                                  tasks
+      |  write                               store
+    Store: tidy rows by case, variant, seed  store
+      |  collect, write_csv, summarise       results
+    results.csv, summary.json
+
+A task is a case, variants that share a filter, and a seed. The data of a run depend on case and
+seed alone, so that all variants of a case see the same scans and differences between them are
+paired. What a stored score depends on is part of its file's name, the code of its kind of tracker
+too (`kinds`).
+"""
+
+from .definition import Study
+from .document import Scene, resolve
+from .execution import Report, run_on_dask, run_on_processes
+from .kinds import OURS, REFERENCE
+from .results import Mean, Result, collect, summarise, write_csv
+from .scores import ALL, CUTOFF, ORDER
+from .store import Store, remaining, slug, write_atomically
+from .tasks import Outcome, Plan, Task, plan
+
+__all__ = [
+    "ALL",
+    "CUTOFF",
+    "ORDER",
+    "OURS",
+    "REFERENCE",
+    "Mean",
+    "Outcome",
+    "Plan",
+    "Report",
+    "Result",
+    "Scene",
+    "Store",
+    "Study",
+    "Task",
+    "collect",
+    "plan",
+    "remaining",
+    "resolve",
+    "run_on_dask",
+    "run_on_processes",
+    "slug",
+    "summarise",
+    "write_atomically",
+    "write_csv",
+]

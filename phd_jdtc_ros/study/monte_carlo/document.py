@@ -1,0 +1,248 @@
+"""The study document: from what a YAML file says to a checked study, with all faults at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeAlias
+
+from phd_jdtc_ros.core import config as tracker_config
+from phd_jdtc_ros.core.config import ConfigError
+from phd_jdtc_ros.core.extraction import EXTRACTIONS
+from phd_jdtc_ros.core.parameters import Parameter, flatten
+from phd_jdtc_ros.core.radar import RadarModel
+from phd_jdtc_ros.core.simulation import Scenario, paper_scenario
+from phd_jdtc_ros.core.smoother import DEATH_TERMS
+
+from ..ours import Reading
+from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
+from .kinds import KINDS, OURS
+
+BUILT_IN_SCENARIO = "paper_scenario"
+OURS_ONLY = ("death_term", "extraction", "parameters")
+LAG = Parameter("lag", 0, "", 0, 100)
+BOUND = Parameter("bound", 0.0, "")
+
+# A scenario file's parameters by dotted name, and its scenario given the radars.
+Scene: TypeAlias = "tuple[Mapping[str, Any], Callable[[tuple[RadarModel, ...]], Scenario]]"
+
+
+def resolve(
+    document: Any, load_scene: Callable[[str], Scene], assigned: Mapping[str, Any]
+) -> Study:
+    """Check a study document and build what it describes.
+
+    Parameters
+    ----------
+    document : mapping
+        ``lags``, ``cases``, ``variants`` and ``goals``, as in `config/studies/published.yaml`.
+    load_scene : callable of str
+        Reads a scenario file as the document names it.
+    assigned : mapping
+        Tracker parameters over all others.
+
+    Raises
+    ------
+    ConfigError
+        With every fault.
+    """
+    if not isinstance(document, Mapping):
+        raise ConfigError(["study: must be a mapping"])
+    faults = _unknown_keys(document, "", ("lags", "cases", "variants", "goals"))
+    faults += _own_faults("-p ", assigned)
+    lags = _lags(document.get("lags"), "lags", faults)
+    found = [
+        _case(name, given, load_scene, assigned, faults)
+        for name, given in _entries(document, "cases", faults)
+    ]
+    names = [name for name, _ in _entries(document, "cases", [])]
+    variants = [
+        _variant(name, given, names, lags, faults)
+        for name, given in _entries(document, "variants", faults)
+    ]
+    goals = [
+        _goal(given, f"goals[{index}].", names, variants, faults)
+        for index, given in enumerate(_list(document, "goals", faults))
+    ]
+    cases = tuple(case for case in found if case is not None)
+    study = Study(cases, tuple(variants), tuple(goals), dict(assigned))
+    faults += _tracker_faults(study)
+    if faults:
+        raise ConfigError(list(dict.fromkeys(faults)))
+    return study
+
+
+def _case(
+    name: str,
+    given: Mapping[str, Any],
+    load_scene: Callable[[str], Scene],
+    assigned: Mapping[str, Any],
+    faults: list[str],
+) -> Case | None:
+    """Return a checked case, or None after adding what is wrong to `faults`."""
+    prefix = f"cases.{name}."
+    faults += _unknown_keys(given, prefix, ("scenario", "parameters"))
+    own = _parameters(given, prefix, faults)
+    where = given.get("scenario")
+    if not isinstance(where, str):
+        faults.append(
+            f"{prefix}scenario: {where!r} given, must be {BUILT_IN_SCENARIO} or a scenario file"
+        )
+        return None
+    try:
+        in_file, build = ({}, paper_scenario) if where == BUILT_IN_SCENARIO else load_scene(where)
+        parameters = merged(in_file, own, assigned)
+        model = tracker_config.resolve(parameters).model
+        scenario, classes = build(model.radars), len(model.modes.classes)
+        highest = max((target.class_id for target in scenario.targets), default=0)
+        if highest >= classes:
+            raise ConfigError([f"class {highest} of a target, must be below {classes}"])
+        return Case(name, scenario, parameters, classes)
+    except ConfigError as error:
+        for fault in error.faults:
+            name = fault.split(":")[0]
+            faults.append(
+                f"-p {fault}"
+                if name in assigned
+                else f"{prefix}parameters.{fault}"
+                if name in own
+                else f"{prefix}scenario: {fault}"
+            )
+        return None
+
+
+def _variant(
+    name: str,
+    given: Mapping[str, Any],
+    cases: Sequence[str],
+    lags: tuple[int, ...],
+    faults: list[str],
+) -> Variant:
+    """Return a variant; add what is wrong to `faults`."""
+    prefix = f"variants.{name}."
+    faults += _unknown_keys(given, prefix, ("kind", "cases", "lags", *OURS_ONLY))
+    kind = _choice(given, "kind", prefix, KINDS, None, faults)
+    if kind != OURS:
+        faults += [f"{prefix}{key}: only for kind {OURS}" for key in OURS_ONLY if key in given]
+        reading = None
+    else:
+        death_term = _choice(given, "death_term", prefix, DEATH_TERMS, "bernoulli", faults)
+        extraction = _choice(given, "extraction", prefix, EXTRACTIONS, "components", faults)
+        reading = Reading(name, death_term, extraction)
+    chosen = given.get("cases", list(cases))
+    if not isinstance(chosen, list) or not chosen or not set(map(str, chosen)) <= set(cases):
+        faults.append(f"{prefix}cases: {chosen!r} given, must be a list of {', '.join(cases)}")
+        chosen = []
+    return Variant(
+        name=name,
+        kind=kind,
+        reading=reading,
+        parameters=_parameters(given, prefix, faults),
+        cases=tuple(chosen),
+        lags=_lags(given["lags"], f"{prefix}lags", faults) if "lags" in given else lags,
+    )
+
+
+def _goal(
+    given: Any, prefix: str, cases: Sequence[str], variants: Sequence[Variant], faults: list[str]
+) -> Goal:
+    """Return a goal; add what is wrong to `faults`."""
+    if not isinstance(given, Mapping):
+        faults.append(f"{prefix[:-1]}: must be a mapping")
+        given = {}
+    keys = ("name", "case", "variant", "lag", "figure", "at_most", "at_least", "relative_to")
+    faults += _unknown_keys(given, prefix, keys)
+    names = [variant.name for variant in variants]
+    bounds = [key for key in ("at_most", "at_least") if key in given]
+    if len(bounds) != 1 or BOUND.coerce(given[bounds[0]]) is None:
+        faults.append(f"{prefix}at_most: must be a number, or at_least be one, not both")
+    lag = LAG.coerce(given.get("lag"))
+    if lag is None:
+        faults.append(f"{prefix}lag: {given.get('lag')!r} given, must be {LAG.allowed}")
+    relative = given.get("relative_to")
+    if relative is not None:
+        _choice(given, "relative_to", prefix, names, None, faults)
+    return Goal(
+        name=str(given.get("name", prefix)),
+        case=_choice(given, "case", prefix, cases, None, faults),
+        variant=_choice(given, "variant", prefix, names, None, faults),
+        lag=lag if isinstance(lag, int) else 0,
+        figure=_choice(given, "figure", prefix, FIGURES, None, faults),
+        bound=given[bounds[0]] if bounds else math.nan,
+        at_most=bounds == ["at_most"],
+        relative_to=relative,
+    )
+
+
+def _tracker_faults(study: Study) -> Iterator[str]:
+    """Yield what is wrong with the parameters of each variant at each of its cases."""
+    for variant in study.variants:
+        for case in study.cases:
+            if variant.kind == OURS and case.name in variant.cases and variant.parameters:
+                try:
+                    tracker_config.resolve(study.parameters(case, variant))
+                except ConfigError as error:
+                    for fault in error.faults:
+                        yield f"variants.{variant.name}.parameters.{fault}"
+
+
+def _parameters(given: Mapping[str, Any], prefix: str, faults: list[str]) -> dict[str, Any]:
+    value = given.get("parameters", {})
+    if not isinstance(value, Mapping):
+        faults.append(f"{prefix}parameters: must be a mapping")
+        return {}
+    parameters = dict(flatten(value))
+    faults += _own_faults(f"{prefix}parameters.", parameters)
+    return parameters
+
+
+def _own_faults(prefix: str, parameters: Mapping[str, Any]) -> list[str]:
+    return [f"{prefix}{name}: the study says it itself" for name in OWN if name in parameters]
+
+
+def _entries(
+    document: Mapping[str, Any], key: str, faults: list[str]
+) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return the named mappings under a key."""
+    value = document.get(key)
+    if not isinstance(value, Mapping) or not value:
+        faults.append(f"{key}: must be a mapping of at least one name")
+        return []
+    for name, given in value.items():
+        if not isinstance(name, str) or not isinstance(given, Mapping):
+            faults.append(f"{key}.{name}: must be a mapping with a string for a name")
+    return [(n, g) for n, g in value.items() if isinstance(n, str) and isinstance(g, Mapping)]
+
+
+def _list(document: Mapping[str, Any], key: str, faults: list[str]) -> list[Any]:
+    value = document.get(key, [])
+    if isinstance(value, list):
+        return value
+    faults.append(f"{key}: must be a list")
+    return []
+
+
+def _lags(value: Any, name: str, faults: list[str]) -> tuple[int, ...]:
+    lags = [LAG.coerce(entry) for entry in value] if isinstance(value, list) else []
+    if not lags or None in lags or len(set(lags)) < len(lags):
+        faults.append(f"{name}: {value!r} given, must be a list, none twice: {LAG.allowed}")
+        return ()
+    return tuple(sorted(lag for lag in lags if isinstance(lag, int)))
+
+
+def _choice(
+    given: Mapping[str, Any],
+    key: str,
+    prefix: str,
+    allowed: Iterable[str],
+    default: str | None,
+    faults: list[str],
+) -> str:
+    value = given.get(key, default)
+    if not isinstance(value, str) or value not in allowed:
+        faults.append(f"{prefix}{key}: {value!r} given, must be one of {', '.join(allowed)}")
+    return str(value)
+
+
+def _unknown_keys(given: Mapping[str, Any], prefix: str, known: Iterable[str]) -> list[str]:
+    return [f"{prefix}{name}: unknown key" for name in given if name not in known]

@@ -1,0 +1,174 @@
+"""Many tasks at a time, on processes of this machine or on a Dask cluster."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import TypeAlias
+
+from phd_jdtc_ros.core.config import ConfigError
+
+from .tasks import Outcome, Task, perform
+
+# How often a task may take its worker with it.
+TRIES = 3
+DASK_TIMEOUT_S = 10
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+Report: TypeAlias = Callable[[Outcome], None]
+Work: TypeAlias = Callable[[Task], Outcome]
+
+
+def run_on_processes(
+    tasks: Iterable[Task], workers: int, report: Report, work: Work = perform
+) -> None:
+    """Run tasks on processes of this machine.
+
+    Parameters
+    ----------
+    tasks : iterable of Task
+    workers : int
+    report : callable of Outcome
+        Called here, as the tasks end.
+    work : callable
+        What a worker does with a task.
+
+    Notes
+    -----
+    When a process dies, whatever ran at that time is run again, one by one so that the guilty task
+    is told from its neighbours; one that takes its process with it `TRIES` times has failed.
+    """
+    waiting = deque((task, 0) for task in tasks)
+    suspects: deque[tuple[Task, int]] = deque()
+    while waiting or suspects:
+        queue, at_once = (suspects, 1) if suspects else (waiting, workers)
+        with _pool(at_once) as pool:
+            lost = _feed(pool, queue, at_once, report, work)
+        for task, tries in lost:
+            if tries + 1 < TRIES:
+                suspects.append((task, tries + 1))
+            else:
+                report(Outcome(task, error=f"the worker process died, {TRIES} times"))
+
+
+@contextlib.contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Yield a pool whose processes compute in one thread each and end with it, whatever happens."""
+    before = set(multiprocessing.active_children())
+    settings = {name: os.environ.get(name) for name in THREAD_VARIABLES}
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
+    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        yield pool
+    except BaseException:
+        for process in set(multiprocessing.active_children()) - before:
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+        for name, value in settings.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _feed(
+    pool: ProcessPoolExecutor,
+    queue: deque[tuple[Task, int]],
+    at_once: int,
+    report: Report,
+    work: Work,
+) -> list[tuple[Task, int]]:
+    """Work through a queue until it is empty or a process dies; return what was lost with it.
+
+    No more is handed out than runs, so that little is suspected.
+    """
+    running: dict[Future[Outcome], tuple[Task, int]] = {}
+    while queue or running:
+        broken = False
+        while queue and len(running) < at_once and not broken:
+            try:
+                running[_submit(pool, work, queue[0][0])] = queue[0]
+                queue.popleft()
+            except BrokenProcessPool:
+                broken = True
+        ended, _ = wait(running, return_when=FIRST_COMPLETED)
+        lost = [_end(future, running, report) for future in ended]
+        if broken or any(lost):
+            # A broken pool ends all its futures.
+            wait(running)
+            lost += [_end(future, running, report) for future in list(running)]
+            return [entry for entry in lost if entry is not None]
+    return []
+
+
+def _end(
+    future: Future[Outcome], running: dict[Future[Outcome], tuple[Task, int]], report: Report
+) -> tuple[Task, int] | None:
+    """Report how a future ended; return its entry if its process died."""
+    entry = running.pop(future)
+    try:
+        outcome = future.result()
+    except BrokenProcessPool:
+        return entry
+    report(outcome)
+    return None
+
+
+def _submit(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Outcome]:
+    """Submit a task; a process that this starts never sees an interrupt from the keyboard."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return pool.submit(work, task)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work = perform) -> None:
+    """Run tasks on a Dask cluster.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+    address : str
+        Of the scheduler.
+    report : callable of Outcome
+        Called here, as the tasks end.
+    work : callable
+        What a worker does with a task.
+
+    Raises
+    ------
+    ConfigError
+        If Dask is not installed or nobody answers at the address.
+
+    Notes
+    -----
+    The scheduler itself runs a lost worker's tasks again, and gives up on one that takes several
+    workers with it.
+    """
+    try:
+        from distributed import Client, as_completed
+    except ImportError as error:
+        raise ConfigError(["--dask: needs the package distributed (the extra study)"]) from error
+    try:
+        client = Client(address, timeout=DASK_TIMEOUT_S)
+    except (OSError, ValueError) as error:
+        raise ConfigError([f"--dask: {address!r} given, nobody answers: {error}"]) from error
+    with client:
+        futures = {client.submit(work, task, pure=False): task for task in tasks}
+        for future in as_completed(futures):
+            try:
+                outcome = future.result()
+            except Exception as error:
+                outcome = Outcome(futures[future], error=f"{type(error).__name__}: {error}")
+            report(outcome)
+            # Lets the cluster forget the result.
+            future.release()

@@ -1,0 +1,202 @@
+"""The results of a study: all runs of each variant, their means over runs, and the goals."""
+
+from __future__ import annotations
+
+import contextlib
+import gzip
+import math
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from phd_jdtc_ros.core.types import FloatArray
+
+from .definition import FIGURES, Goal, Study, Variant
+from .scores import ALL, CUTOFF, ORDER, VALUES, Scores
+from .store import HEADER, Store
+from .tasks import Outcome, Task
+
+
+@dataclass(frozen=True)
+class Result:
+    """All runs of a variant at a case.
+
+    Parameters
+    ----------
+    case : str
+    variant : Variant
+    seeds : tuple of int
+    scores : Scores
+        Values of shape (runs, lags, scans, sets, VALUES).
+    """
+
+    case: str
+    variant: Variant
+    seeds: tuple[int, ...]
+    scores: Scores
+
+    def value(self, name: str, lag: int, of_set: str = ALL) -> FloatArray:
+        """Return one of `VALUES`, shape (runs, scans)."""
+        row, column = self.scores.lags.index(lag), self.scores.sets.index(of_set)
+        found: FloatArray = self.scores.values[:, row, :, column, VALUES.index(name)]
+        return found
+
+    def figure(self, name: str, lag: int, of_set: str = ALL) -> FloatArray | None:
+        """Return one of `FIGURES` of every run, shape (runs,); None if it has no meaning."""
+        if name == "cardinality_abs_error":
+            error = self.value("n_est", lag, of_set) - self.value("n_true", lag, of_set)
+            return np.abs(error).mean(axis=1)
+        if name == "class_accuracy":
+            pairs = self.value("pairs", lag, of_set).sum(axis=1)
+            right = self.value("right_class", lag, of_set).sum(axis=1)
+            return np.divide(right, pairs, out=np.full(len(pairs), np.nan), where=pairs > 0)
+        if name == "reduction":
+            if lag == 0 or 0 not in self.scores.lags:
+                return None
+            after, before = (self.value("ospa", k, of_set).mean(axis=1) for k in (lag, 0))
+            ratio = np.divide(after, before, out=np.full(len(after), np.nan), where=before > 0.0)
+            return 1.0 - ratio
+        return self.value(name, lag, of_set).mean(axis=1)
+
+
+class Mean(NamedTuple):
+    """A mean over runs and half the width of its 95 % interval; NaN where not known."""
+
+    mean: float
+    half_width: float
+
+    @staticmethod
+    def of(runs: FloatArray | None) -> Mean:
+        """Return the mean of independent runs, by Student's t; NaNs do not count."""
+        known = np.zeros(0) if runs is None else runs[np.isfinite(runs)]
+        count = len(known)
+        if count < 2:
+            return Mean(float(known[0]) if count else math.nan, math.nan)
+        error = known.std(ddof=1) / math.sqrt(count)
+        return Mean(float(known.mean()), float(stats.t.ppf(0.975, count - 1) * error))
+
+    def as_json(self) -> dict[str, Any] | None:
+        """Return the mean and its interval; None stands for what is not known."""
+        if math.isnan(self.mean):
+            return None
+        low, high = self.mean - self.half_width, self.mean + self.half_width
+        interval = None if math.isnan(self.half_width) else [low, high]
+        return {"mean": self.mean, "interval_95": interval}
+
+
+def collect(tasks: Iterable[Task], store: Store) -> list[Result]:
+    """Return all stored results of a plan's tasks, by case and then variant."""
+    results = []
+    for (case, _), entries in _stored(tasks).items():
+        runs = [(task.seed, store.read(task, variant)) for task, variant in entries]
+        known = [(seed, scores) for seed, scores in runs if scores is not None]
+        if known:
+            values = np.stack([scores.values for _, scores in known])
+            scores = known[0][1]._replace(values=values)
+            seeds = tuple(seed for seed, _ in known)
+            results.append(Result(case, entries[0][1], seeds, scores))
+    return results
+
+
+def write_csv(path: Path, tasks: Iterable[Task], store: Store) -> None:
+    """Write all stored rows of a plan's tasks into one file, by case, variant and seed."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    with temporary.open("wb") as file:
+        file.write((",".join(HEADER) + "\n").encode())
+        for entries in _stored(tasks).values():
+            for task, variant in entries:
+                with contextlib.suppress(FileNotFoundError):
+                    rows = gzip.decompress(store.path(task, variant).read_bytes())
+                    file.write(rows.partition(b"\n")[2])
+    os.replace(temporary, path)
+
+
+def _stored(tasks: Iterable[Task]) -> dict[tuple[str, str], list[tuple[Task, Variant]]]:
+    """Return what may be stored of a plan, by the names of case and variant."""
+    found: dict[tuple[str, str], list[tuple[Task, Variant]]] = {}
+    for task in tasks:
+        for variant in task.variants:
+            found.setdefault((task.case, variant.name), []).append((task, variant))
+    return found
+
+
+def summarise(
+    study: Study, results: Sequence[Result], notes: Sequence[str], failures: Sequence[Outcome]
+) -> dict[str, Any]:
+    """Return a study's figures, as `summary.json` holds them.
+
+    Parameters
+    ----------
+    study : Study
+    results : sequence of Result
+    notes : sequence of str
+        What was left out.
+    failures : sequence of Outcome
+        What failed.
+
+    Returns
+    -------
+    dict
+        ``cases`` by case, variant, lag and set: the mean over runs of each of `FIGURES` with its
+        95 % interval, None where it has no meaning. ``reduction`` is that of the mean OSPA against
+        lag 0 of the same variant and seed.
+    """
+    cases: dict[str, Any] = {}
+    for result in results:
+        cases.setdefault(result.case, {})[result.variant.name] = {
+            "runs": len(result.seeds),
+            "seeds": list(result.seeds),
+            "lags": {
+                str(lag): {
+                    key: {f: Mean.of(result.figure(f, lag, key)).as_json() for f in FIGURES}
+                    for key in result.scores.sets
+                }
+                for lag in result.scores.lags
+            },
+        }
+    return {
+        "p": ORDER,
+        "c": CUTOFF,
+        "cases": cases,
+        "goals": [_judged(goal, results) for goal in study.goals],
+        "notes": list(notes),
+        "failed": [
+            {
+                "case": outcome.task.case,
+                "variants": [variant.name for variant in outcome.task.variants],
+                "seed": outcome.task.seed,
+                "error": outcome.error.strip().splitlines()[-1],
+            }
+            for outcome in failures
+        ],
+    }
+
+
+def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
+    """Return a goal with what was reached; None where the study has no such figure."""
+    value = _mean(goal, goal.variant, results)
+    bound = goal.bound
+    if goal.relative_to is not None:
+        bound *= _mean(goal, goal.relative_to, results)
+    reached = value <= bound if goal.at_most else value >= bound
+    known = math.isfinite(value) and math.isfinite(bound)
+    return {
+        "name": goal.name,
+        "value": value if math.isfinite(value) else None,
+        "goal": bound if math.isfinite(bound) else None,
+        "at_most": goal.at_most,
+        "reached": reached if known else None,
+    }
+
+
+def _mean(goal: Goal, variant: str, results: Sequence[Result]) -> float:
+    for result in results:
+        here = (result.case, result.variant.name) == (goal.case, variant)
+        if here and goal.lag in result.scores.lags:
+            return Mean.of(result.figure(goal.figure, goal.lag)).mean
+    return math.nan

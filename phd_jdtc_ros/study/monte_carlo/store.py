@@ -1,0 +1,118 @@
+"""The scores on disk: a file of tidy rows for each case, variant and seed."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import math
+import os
+import re
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .definition import Variant
+from .scores import VALUES, Scores
+from .tasks import Task
+
+HEADER = ("case", "variant", "lag", "seed", "scan", "time_s", "set", *VALUES)
+COUNTS = ("n_true", "n_est", "pairs", "right_class")
+
+
+@dataclass(frozen=True)
+class Store:
+    """Scores on disk, a file for each case, variant and seed.
+
+    Parameters
+    ----------
+    directory : Path
+        Made if it does not exist.
+    """
+
+    directory: Path
+
+    def path(self, task: Task, variant: Variant) -> Path:
+        """Return the file of a variant's scores; its name tells what they depend on."""
+        digest = task.digests[variant.name]
+        name = f"{slug(task.case)}.{slug(variant.name)}.{task.seed}.{digest}.csv.gz"
+        return self.directory / name
+
+    def write(self, task: Task, variant: Variant, scores: Scores) -> None:
+        """Write scores; a file is there as a whole or not at all."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(HEADER)
+        writer.writerows(_rows(task, variant, scores))
+        self.directory.mkdir(parents=True, exist_ok=True)
+        # Without a time, so that equal scores are equal bytes.
+        write_atomically(
+            self.path(task, variant), gzip.compress(text.getvalue().encode(), 6, mtime=0)
+        )
+
+    def read(self, task: Task, variant: Variant) -> Scores | None:
+        """Return stored scores, or None if there are none or they cannot be read."""
+        try:
+            with gzip.open(self.path(task, variant), "rt", newline="") as file:
+                header, *rows = csv.reader(file)
+        except (OSError, EOFError, ValueError):
+            return None
+        return _scores(rows) if tuple(header) == HEADER else None
+
+
+def _rows(task: Task, variant: Variant, scores: Scores) -> Iterator[list[Any]]:
+    """Yield scores as tidy rows in the order of the header."""
+    for lag, of_lag in zip(scores.lags, scores.values, strict=True):
+        for scan, (time, of_scan) in enumerate(zip(scores.time_s, of_lag, strict=True)):
+            for name, values in zip(scores.sets, of_scan, strict=True):
+                fixed = [task.case, variant.name, lag, task.seed, scan, round(time, 9), name]
+                yield [*fixed, *map(_cell, VALUES, values.tolist())]
+
+
+def _cell(name: str, value: float) -> str:
+    if math.isnan(value):
+        return ""
+    return f"{value:.0f}" if name in COUNTS else repr(value)
+
+
+def _scores(rows: Sequence[Sequence[str]]) -> Scores:
+    """Return what `_rows` made rows of."""
+    lags = tuple(dict.fromkeys(int(row[2]) for row in rows))
+    times = list(dict.fromkeys(row[5] for row in rows))
+    sets = tuple(dict.fromkeys(row[6] for row in rows))
+    values = np.array([[float(cell or "nan") for cell in row[7:]] for row in rows])
+    shape = (len(lags), len(times), len(sets), len(VALUES))
+    return Scores(lags, sets, np.array(times, dtype=float), values.reshape(shape))
+
+
+def remaining(tasks: Iterable[Task], store: Store) -> list[Task]:
+    """Return the tasks, each without the variants whose scores are stored."""
+    rest = []
+    for task in tasks:
+        todo = tuple(v for v in task.variants if store.read(task, v) is None)
+        if todo:
+            rest.append(replace(task, variants=todo))
+    return rest
+
+
+def slug(name: str) -> str:
+    """Return a name that any file system takes."""
+    return re.sub(r"[^\w]+", "_", name)
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file so that it is there as a whole or not at all."""
+    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+        # mkstemp keeps others out; a result is for all who may read the directory.
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise

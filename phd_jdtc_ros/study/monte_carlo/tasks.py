@@ -1,0 +1,179 @@
+"""The tasks of a study: what each depends on, and how one is run."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import traceback
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import phd_jdtc_ros
+from phd_jdtc_ros.core import config as tracker_config
+from phd_jdtc_ros.core.simulation import Scenario
+
+from ..ours import track
+from ..runs import SimulatedRun, Tracks, simulated_run
+from .definition import OWN, Case, Study, Variant
+from .kinds import GNN, OURS, REFERENCE, code_of, missing, module_of
+from .scores import CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER, Scores, score
+
+# A change of what a stored row means changes this.
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Task:
+    """One seeded run of variants that share their data and, if they are ours, one filter.
+
+    Parameters
+    ----------
+    case : str
+    scenario : Scenario
+    classes : int
+    variants : tuple of Variant
+        Of one kind.
+    parameters : dict
+        The tracker's.
+    seed : int
+    code : str
+        Digest of the code that is to run, see `code_of`.
+    digests : dict
+        By the name of the variant: of all that its scores depend on, but for the seed.
+    """
+
+    case: str
+    scenario: Scenario
+    classes: int
+    variants: tuple[Variant, ...]
+    parameters: dict[str, Any]
+    seed: int
+    code: str
+    digests: dict[str, str]
+
+    @property
+    def kind(self) -> str:
+        """The variants' kind."""
+        return self.variants[0].kind
+
+    @property
+    def label(self) -> str:
+        """What the task is, in words."""
+        return f"{self.case}, {' + '.join(v.name for v in self.variants)}, seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a task.
+
+    Parameters
+    ----------
+    task : Task
+    scores : dict
+        By the name of the variant; empty if it failed.
+    error : str
+        Empty if it did not.
+    """
+
+    task: Task
+    scores: dict[str, Scores] = field(default_factory=dict)
+    error: str = ""
+
+
+class Plan(NamedTuple):
+    """What a study amounts to.
+
+    Parameters
+    ----------
+    tasks : list of Task
+        Seed by seed, so that a study that is stopped has something of everything.
+    notes : list of str
+        What is left out, and why.
+    """
+
+    tasks: list[Task]
+    notes: list[str]
+
+
+def plan(study: Study, seeds: Sequence[int]) -> Plan:
+    """Return every task of a study."""
+    gone = {v.name: reason for v in study.variants if (reason := missing(v.kind)) is not None}
+    notes = [f"{name}: left out, {reason}" for name, reason in gone.items()]
+    first_seed = []
+    for case in study.cases:
+        groups: dict[str, list[Variant]] = {}
+        for variant in study.variants:
+            if case.name in variant.cases and variant.name not in gone:
+                # Others than ours have nothing to share.
+                own = "" if variant.kind == OURS else variant.name
+                key = json.dumps([variant.kind, own, variant.parameters], sort_keys=True)
+                groups.setdefault(key, []).append(variant)
+        first_seed += [_task(study, case, tuple(group)) for group in groups.values()]
+    return Plan([replace(task, seed=seed) for seed in seeds for task in first_seed], notes)
+
+
+def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
+    """Return the task of a case and variants that share their data, for seed 0."""
+    parameters = study.parameters(case, variants[0])
+    code = code_of(variants[0].kind)
+    shared = {
+        "format": FORMAT,
+        "version": phd_jdtc_ros.__version__,
+        "code": code,
+        "case": case.name,
+        "scenario": asdict(case.scenario),
+        "classes": case.classes,
+        "kind": variants[0].kind,
+        "parameters": _in_force(parameters) if variants[0].kind == OURS else {},
+        "ospa": [CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER],
+    }
+    digests = {
+        v.name: _digest({**shared, "name": v.name, "reading": v.reading, "lags": v.lags})
+        for v in variants
+    }
+    return Task(case.name, case.scenario, case.classes, variants, parameters, 0, code, digests)
+
+
+def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return every parameter that a tracker has, the defaults too."""
+    values = tracker_config.resolve(parameters).values
+    return {name: value for name, value in values.items() if name not in OWN}
+
+
+def _digest(definition: Mapping[str, Any]) -> str:
+    text = json.dumps(definition, sort_keys=True, default=np.ndarray.tolist)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def perform(task: Task) -> Outcome:
+    """Run a task; a failure is part of the outcome."""
+    try:
+        if code_of(task.kind) != task.code:
+            raise RuntimeError("the worker has other code than the study; start the study anew")
+        run = simulated_run(task.scenario, task.seed)
+        tracks = _tracks(task, run)
+        scores = {
+            variant.name: score(run, tracks[variant.name], variant, task.classes)
+            for variant in task.variants
+        }
+    except Exception:
+        return Outcome(task, error=traceback.format_exc())
+    return Outcome(task, scores)
+
+
+def _tracks(task: Task, run: SimulatedRun) -> dict[str, Tracks]:
+    """Return the estimates by the name of the variant."""
+    lags = sorted({lag for variant in task.variants for lag in variant.lags})
+    if task.kind == OURS:
+        readings = [variant.reading for variant in task.variants if variant.reading is not None]
+        return track(run, tracker_config.resolve(task.parameters), readings, lags)
+    if task.kind == REFERENCE:
+        tracks = module_of(REFERENCE).known_association(run, lags)
+    elif task.kind == GNN:
+        tracks = module_of(GNN).gnn(run, lags)
+    else:
+        tracks = getattr(module_of(task.kind), task.kind)(run)
+    return {variant.name: tracks for variant in task.variants}

@@ -1,0 +1,78 @@
+import copy
+
+import pytest
+import yaml
+
+from phd_jdtc_ros.study import monte_carlo
+from phd_jdtc_ros.tools.monte_carlo import load_study
+
+SCENARIO = """
+scans: 6
+parameters:
+  particles_per_target: 100
+  radar_1: {clutter_rate: 3.0}
+targets:
+  - {class_id: 0, snr_db: 45.0, position: [-10000.0, 10000.0], velocity: [36.0, -44.0],
+     first_scan: 0, last_scan: 5}
+  - {class_id: 1, snr_db: 25.0, position: [-10000.0, -10000.0], velocity: [36.0, 44.0],
+     first_scan: 1, last_scan: 4}
+"""
+FEW = {"particles_per_birth": 64, "least_particles": 20, "spawn.particles_per_target": 10}
+STUDY = {
+    "lags": [0, 2],
+    "cases": {
+        "quiet": {"scenario": "short.yaml", "parameters": {**FEW, "radar_2.clutter_rate": 3.0}}
+    },
+    "variants": {
+        "corrected": {"kind": "ours"},
+        "as printed": {"kind": "ours", "death_term": "paper", "extraction": "clusters"},
+        "fewer": {"kind": "ours", "parameters": {"particles_per_target": 50}, "lags": [0, 1]},
+        "reference": {"kind": "reference"},
+    },
+    "goals": [
+        {
+            "name": "localisation",
+            "case": "quiet",
+            "variant": "corrected",
+            "lag": 2,
+            "figure": "localization",
+            "at_most": 100.0,
+            "relative_to": "reference",
+        }
+    ],
+}
+
+
+@pytest.fixture
+def study_file(tmp_path):
+    """Return a function that writes a study, changed by a function, and returns its path."""
+    (tmp_path / "short.yaml").write_text(SCENARIO)
+
+    def write(change=lambda document: None):
+        document = copy.deepcopy(STUDY)
+        change(document)
+        path = tmp_path / "study.yaml"
+        path.write_text(yaml.safe_dump(document, sort_keys=False))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def study(study_file):
+    return load_study(study_file(), {})
+
+
+@pytest.fixture
+def tasks(study):
+    """The tasks of two runs of one variant."""
+    return monte_carlo.plan(study.select([], ["corrected"]), range(2)).tasks
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as running:
+        yield running.scheduler_address

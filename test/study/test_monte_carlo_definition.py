@@ -1,0 +1,153 @@
+from pathlib import Path
+
+import pytest
+
+from phd_jdtc_ros.core.config import ConfigError
+from phd_jdtc_ros.study import monte_carlo
+from phd_jdtc_ros.study.monte_carlo.definition import merged
+from phd_jdtc_ros.study.monte_carlo.kinds import KINDS
+from phd_jdtc_ros.tools.monte_carlo import load_study
+
+ROOT = Path(__file__).parents[2]
+
+
+def faults(study_file, change, assigned=None):
+    with pytest.raises(ConfigError) as caught:
+        load_study(study_file(change), assigned or {})
+    return list(caught.value.faults)
+
+
+def test_resolve_takes_the_published_study():
+    study = load_study(ROOT / "config" / "studies" / "published.yaml", {})
+
+    assert [case.name for case in study.cases] == [
+        "clutter 20",
+        "clutter 10",
+        "clutter 50",
+        "one_radar",
+        "manoeuvring",
+        "three_classes",
+    ]
+    assert {variant.kind for variant in study.variants} == set(KINDS)
+
+
+def test_resolve_lists_every_fault(study_file):
+    def spoil(document):
+        document["lags"] = [0, -1]
+        document["colour"] = "red"
+        document["cases"]["quiet"]["parameters"]["radar_1.clutter_rate"] = -3.0
+        document["cases"]["nowhere"] = {"scenario": "absent.yaml"}
+        document["cases"]["nothing"] = {}
+        document["variants"]["wrong"] = {"kind": "theirs", "cases": ["loud"], "size": 1}
+        document["variants"]["reference"]["parameters"] = {}
+        document["variants"]["corrected"] |= {"death_term": "none", "lags": "all"}
+        document["variants"]["as printed"]["parameters"] = {"lag": 3}
+        document["goals"][0] |= {"figure": "beauty", "at_least": 1.0}
+
+    found = faults(study_file, spoil)
+
+    assert sorted(fault.split(": ")[0] for fault in found) == [
+        "cases.nothing.scenario",
+        "cases.nowhere.scenario",
+        "cases.quiet.parameters.radar_1.clutter_rate",
+        "colour",
+        "goals[0].at_most",
+        "goals[0].figure",
+        "lags",
+        "variants.as printed.parameters.lag",
+        "variants.corrected.death_term",
+        "variants.corrected.lags",
+        "variants.reference.parameters",
+        "variants.wrong.cases",
+        "variants.wrong.kind",
+        "variants.wrong.size",
+    ]
+
+
+def test_resolve_lists_faults_of_the_variants_parameters(study_file):
+    def spoil(document):
+        document["variants"]["fewer"]["parameters"] = {"particles_per_target": 0, "nonsense": 1}
+
+    found = faults(study_file, spoil)
+
+    assert [fault.split(": ")[0] for fault in found] == [
+        "variants.fewer.parameters.particles_per_target",
+        "variants.fewer.parameters.nonsense",
+    ]
+
+
+def test_resolve_refuses_targets_of_a_class_that_the_tracker_does_not_have(study_file):
+    def spoil(document):
+        document["cases"]["quiet"]["parameters"] |= {
+            "classes": ["only"],
+            "spawn.class_transition": [],
+            **{f"start_{k}.rates": [0.01] for k in range(1, 5)},
+        }
+
+    found = faults(study_file, spoil)
+
+    assert found == ["cases.quiet.scenario: class 1 of a target, must be below 1"]
+
+
+def test_resolve_names_the_command_line_for_its_faults(study_file):
+    found = faults(study_file, lambda _: None, {"nonsense": 1, "seed": 3})
+
+    assert [fault.split(": ")[0] for fault in found] == ["-p seed", "-p nonsense"]
+
+
+@pytest.mark.parametrize("document", [None, [], "study"])
+def test_resolve_refuses_what_is_no_mapping(document):
+    with pytest.raises(ConfigError, match="study: must be a mapping"):
+        monte_carlo.resolve(document, None, {})
+
+
+@pytest.mark.parametrize("key", ["lags", "cases", "variants"])
+def test_resolve_refuses_a_study_without_a_part(study_file, key):
+    found = faults(study_file, lambda document: document.pop(key))
+
+    assert any(fault.startswith(f"{key}: ") for fault in found)
+
+
+def test_resolve_merges_scenario_case_variant_and_command_line(study_file):
+    def change(document):
+        document["cases"]["quiet"]["parameters"]["particles_per_target"] = 80
+
+    study = load_study(study_file(change), {"spawn.rate": 0.02})
+    (case,) = study.cases
+    corrected, _, fewer, _ = (study.parameters(case, variant) for variant in study.variants)
+
+    assert corrected["radar_1.clutter_rate"] == corrected["radar_2.clutter_rate"] == 3.0
+    assert (corrected["particles_per_target"], fewer["particles_per_target"]) == (80, 50)
+    assert corrected["spawn.rate"] == fewer["spawn.rate"] == 0.02
+
+
+def test_merged_forgets_the_parts_that_a_later_layer_leaves_out():
+    found = merged(
+        {"births": ["east", "west"], "east.rates": [1.0], "west.rates": [2.0], "lag": 3},
+        {"births": ["west"]},
+    )
+
+    assert found == {"births": ["west"], "west.rates": [2.0], "lag": 3}
+
+
+def test_merged_forgets_default_parts_too():
+    assert merged({"start_1.rates": [1.0]}, {"births": []}) == {"births": []}
+
+
+def test_resolve_keeps_the_data_the_cases(study_file):
+    def change(document):
+        document["variants"]["fewer"]["parameters"] = {"radar_1.clutter_rate": 9.0}
+
+    plan = monte_carlo.plan(load_study(study_file(change), {}), [0])
+
+    assert {task.scenario.radars[0].clutter_rate for task in plan.tasks} == {3.0}
+
+
+def test_select_lists_every_unknown_name(study):
+    with pytest.raises(ConfigError) as caught:
+        study.select(["loud"], ["corrected", "best"])
+
+    assert [fault.split(" given")[0] for fault in caught.value.faults] == [
+        "--case: 'loud'",
+        "--variant: 'best'",
+    ]
