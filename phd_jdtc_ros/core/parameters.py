@@ -107,8 +107,10 @@ class Parameter:
         if self.element is str:
             valid = all(isinstance(entry, str) and entry for entry in entries)
             return entries if valid and len(set(entries)) == len(entries) else None
-        numbers = [Parameter("", 0.0, "", self.low, self.high).coerce(entry) for entry in entries]
-        return None if any(n is None for n in numbers) else [float(n) for n in numbers]  # type: ignore[arg-type]
+        number = Parameter("", 0.0, "", self.low, self.high)
+        found = [number._coerce_number(entry) for entry in entries]
+        valid_numbers = [float(value) for value in found if value is not None]
+        return valid_numbers if len(valid_numbers) == len(entries) else None
 
 
 SMALL = 1e-9
@@ -317,7 +319,9 @@ def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
     table = {parameter.name: parameter for parameter in TOP}
     for group, members in GROUPS.items():
         names = table[group].coerce(given.get(group, table[group].default))
-        for name in names if isinstance(names, list) else table[group].default:  # type: ignore[union-attr]
+        if names is None:
+            names = table[group].default
+        for name in names if isinstance(names, list) else []:
             for member in members:
                 full = f"{name}.{member.name}"
                 default = REFERENCE.get(full, member.default)

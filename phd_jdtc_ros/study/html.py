@@ -15,7 +15,7 @@ from typing import Any
 
 from phd_jdtc_ros.core.evaluation import FILTERED, SMOOTHED, SOURCES
 
-NO_VALUE = "–"  # noqa: RUF001  An en dash is what a table shows for no value.
+NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
 # Heading, key in a set's scores, decimals.
 COLUMNS = (

@@ -136,7 +136,7 @@ def test_write_report_shows_a_dash_for_what_is_not_known(tmp_path):
     text = page(tmp_path, nothing_known())
 
     assert "None" not in text
-    assert text.count("<td>–</td>") == 16  # noqa: RUF001
+    assert text.count("<td>\N{EN DASH}</td>") == 16
     assert "there are no scores" in text
 
 

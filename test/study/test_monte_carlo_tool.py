@@ -85,7 +85,10 @@ def test_main_gives_the_same_bytes_however_it_is_run(start):
 
 def test_main_reports_failures_and_goes_on(start, monkeypatch, capsys):
     code_of = tasks.code_of
-    wrong = lambda kind: "other" if kind == "ours" else code_of(kind)  # noqa: E731
+
+    def wrong(kind):
+        return "other" if kind == "ours" else code_of(kind)
+
     monkeypatch.setattr(tasks, "code_of", wrong)
     status, out = start("--variant", "corrected", "--variant", "reference")
 

@@ -46,7 +46,7 @@ def code_of(kind: str) -> str:
         for node in ast.walk(tree):
             body = getattr(node, "body", None)
             if isinstance(body, list):
-                node.body = [n for n in body if not _is_text(n)]  # type: ignore[attr-defined]
+                node.body = [n for n in body if not _is_text(n)]
         digest.update(f"{path.name} {ast.dump(tree)}".encode())
     if kind in PEERS and missing(kind) is None:
         digest.update(metadata.version(PEERS_PACKAGE).encode())
