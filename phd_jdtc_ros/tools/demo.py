@@ -164,7 +164,7 @@ def main(argv: Sequence[str]) -> int:
         if not run_nodes(arguments.bag, out):
             return FAILED
         summary = json.loads((out / "metrics.json").read_text())
-        report.write(out / "estimates", out, resolve({}), summary)
+        report.write(out / "estimates", out, resolve({}), arguments.bag.resolve().name, summary)
         return OK
 
     return command.guarded("demo", work)

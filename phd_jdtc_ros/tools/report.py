@@ -17,7 +17,9 @@ from phd_jdtc_ros.study.table import metrics, ospa_table
 from . import command
 
 
-def write(bag: Path, out: Path, config: TrackerConfig, summary: dict[str, Any] | None) -> None:
+def write(
+    bag: Path, out: Path, config: TrackerConfig, title: str, summary: dict[str, Any] | None
+) -> None:
     """Write a bag's report into a directory and print its table.
 
     Parameters
@@ -27,6 +29,7 @@ def write(bag: Path, out: Path, config: TrackerConfig, summary: dict[str, Any] |
         Gets ``report.html`` and the PNGs.
     config : TrackerConfig
         Names the radars of the bag.
+    title : str
     summary : dict or None
         The run's figures where they are known; otherwise they are computed from the bag.
     """
@@ -36,7 +39,7 @@ def write(bag: Path, out: Path, config: TrackerConfig, summary: dict[str, Any] |
         summary = metrics(evaluation, run.step_ms)
     out.mkdir(parents=True, exist_ok=True)
     pictures = figures.write_all(run, evaluation, out)
-    html.write_report(out / "report.html", bag.name, summary, pictures)
+    html.write_report(out / "report.html", title, summary, pictures)
     console = Console()
     if summary["scans"]:
         console.print(ospa_table(summary))
@@ -48,12 +51,13 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser("report", description=__doc__)
     parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file with estimates")
     parser.add_argument("--out", type=Path, required=True, help="directory of the report")
+    parser.add_argument("--title", help="of the page; the bag's name if absent")
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:
         config = command.tracker_config(arguments)
-        write(arguments.bag, arguments.out, config, None)
+        write(arguments.bag, arguments.out, config, arguments.title or arguments.bag.name, None)
         return OK
 
     return command.guarded("report", work)
