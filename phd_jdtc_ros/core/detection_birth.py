@@ -16,7 +16,7 @@ from scipy.special import ndtri
 from .birth import sobol_points
 from .modes import ModeSpace
 from .motion import OMEGA, POSITION, STATE_SIZE, VELOCITY
-from .radar import RadarModel, wrap_angle
+from .radar import RadarModel
 from .types import Detections, FloatArray, IntArray, read_only, sum_by
 
 # Newborn targets are not evaluated at speeds or turn rates beyond this many standard deviations.
@@ -161,9 +161,7 @@ def intensity(
     before = state[rows].copy()
     before[:, list(POSITION)] -= dt * before[:, list(VELOCITY)]
     predicted = found.radar.measure(before)
-    report = Detections(
-        np.stack([found.measurement[:, 0], wrap_angle(found.measurement[:, 1])], axis=1), None
-    )
+    report = Detections(found.measurement, None)
     row, column, log_density = found.radar.gated_pairs(predicted, report)
     scaled = before[row][:, list(VELOCITY)] / model.velocity_std
     log_density -= 0.5 * (scaled**2).sum(axis=1)
