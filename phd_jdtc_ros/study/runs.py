@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -41,4 +41,3 @@ def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:
 
 # Estimates of every scan, by lag in scans: 0 is the filter.
 Tracks: TypeAlias = Mapping[int, list[PointSet]]
-Contender: TypeAlias = Callable[[SimulatedRun], Tracks]
