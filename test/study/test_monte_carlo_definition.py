@@ -31,6 +31,17 @@ def test_resolve_takes_the_published_study():
     assert {variant.kind for variant in study.variants} == set(KINDS)
 
 
+def test_resolve_finds_every_published_goal_among_what_is_run():
+    """A goal of a variant, case or lag that is not run would never be judged."""
+    study = load_study(ROOT / "config" / "studies" / "published.yaml", {})
+    variants = {variant.name: variant for variant in study.variants}
+
+    for goal in study.goals:
+        for name in (goal.variant, goal.relative_to or goal.variant):
+            assert goal.case in variants[name].cases
+            assert goal.lag in variants[name].lags
+
+
 def test_resolve_lists_every_fault(study_file):
     def spoil(document):
         document["lags"] = [0, -1]

@@ -1,9 +1,10 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.evaluation import PointSet
+from phd_jdtc_ros.core.evaluation import FILTERED, Evaluation, PointSet
 from phd_jdtc_ros.core.motion import POSITION
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Mean, Result
@@ -59,6 +60,108 @@ def test_score_refuses_a_tracker_without_the_wanted_lags(run):
         score(run, {0: exact(run)}, variant_of("jpda", (3,)), 2)
 
 
+def value(scores, name, key="all"):
+    """Return a value over the scans, of lag 0."""
+    return scores.values[0, :, scores.sets.index(key), VALUES.index(name)]
+
+
+@pytest.fixture
+def pair(run):
+    """A run of two targets a kilometre and more apart, of other classes, one from the third scan
+    on; twelve scans."""
+    early, late = run.scenario.targets
+    early = replace(early, position=(0.0, 0.0), velocity=(0.0, 0.0), first_scan=0, last_scan=11)
+    late = replace(late, position=(5e3, 0.0), velocity=(0.0, 0.0), first_scan=2, last_scan=11)
+    scenario = replace(run.scenario, scans=12, targets=(early, late))
+    return simulated_run(scenario, 0)
+
+
+def scored(run, *found):
+    """Return the scores of estimates (x, class), scan by scan."""
+    points = [
+        PointSet(
+            np.array([[x, 0.0] for x, _ in scan]).reshape(-1, 2),
+            np.array([class_id for _, class_id in scan], dtype=int),
+        )
+        for scan in found
+    ]
+    return score(run, {0: points}, variant_of("ours"), 2)
+
+
+def test_score_after_5_leaves_out_young_targets_and_their_estimates(pair):
+    # The first target is found 10 m off, the other one 200 m off.
+    found = scored(pair, *[[(10.0, 0)]] * 2, *[[(5200.0, 1), (10.0, 0)]] * 10)
+
+    expected = [math.nan] * 5 + [10.0] * 2 + [141.598] * 5
+    np.testing.assert_allclose(value(found, "ospa_after_5"), expected)
+    np.testing.assert_allclose(value(found, "ospa_after_5", "class_0"), [math.nan] * 5 + [10.0] * 7)
+    expected = [0.0] * 2 + [math.nan] * 5 + [200.0] * 5
+    np.testing.assert_allclose(value(found, "ospa_after_5", "class_1"), expected)
+
+
+def test_score_after_5_forgives_young_targets_that_are_missed(pair):
+    found = scored(pair, *[[(0.0, 0)]] * 12)
+
+    assert value(found, "ospa_after_5")[5:].tolist() == [0.0] * 2 + [707.107] * 5
+
+
+def test_score_after_5_does_not_forgive_false_estimates(pair):
+    found = scored(pair, *[[(0.0, 0), (-9e3, 0)]] * 12)
+
+    assert value(found, "ospa_after_5")[5:7].tolist() == [707.107] * 2
+
+
+def test_score_counts_gaps_where_they_end(pair):
+    both = [(0.0, 0), (5e3, 1)]
+    late = [(5e3, 1)]
+    # Target 1 is missed in two scans, and from then on in the last; the other one once.
+    seen = [both, late, late, *[both] * 4, both[:1], *[both] * 3, late]
+    found = scored(pair, *seen)
+
+    assert value(found, "gaps").tolist() == [0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 1]
+    assert value(found, "gaps", "class_1").tolist() == [0] * 8 + [1] + [0] * 3
+    assert value(found, "long_gaps").tolist() == [0] * 3 + [1] + [0] * 8
+    assert value(found, "missed_in_long_gaps").tolist() == [0] * 3 + [2] + [0] * 8
+    assert value(found, "longest_gap_s").tolist() == [0] * 3 + [18.0] + [0] * 4 + [12.0, 0, 0, 6.0]
+
+
+def test_score_says_what_targets_are_taken_for(pair):
+    found = scored(pair, *[[(0.0, 1)]] * 2, *[[(5e3, 1)]] * 10)
+
+    assert found.taken_for[0].sum(axis=0).tolist() == [[0, 2], [0, 10]]
+    assert score(pair, {0: exact(pair)}, variant_of("jpda"), 2).taken_for is None
+
+
+def test_figures_of_a_study_are_those_of_the_evaluator(pair):
+    rng = np.random.default_rng(1)
+    evaluation = Evaluation(2, 1000.0, 2.0)
+    tracks = []
+    for truth in pair.truth:
+        position, class_id = truth.state[:, list(POSITION)], truth.class_id
+        seen = rng.random(len(position)) < 0.6
+        near = position[seen] + rng.normal(0.0, 400.0, (seen.sum(), 2))
+        false = rng.uniform(-9e3, 9e3, (rng.integers(0, 2), 2))
+        estimate = PointSet(
+            np.concatenate([near, false]), rng.integers(0, 2, len(near) + len(false))
+        )
+        tracks.append(estimate)
+        evaluation.add_truth(truth.stamp_ns, PointSet(position, class_id, truth.track_id))
+        evaluation.add_estimates(FILTERED, truth.stamp_ns, estimate)
+    live = evaluation.summary()[FILTERED]
+    scores = score(pair, {0: tracks}, variant_of("ours"), 2)
+    values, taken_for = scores.values[None], scores.taken_for[None]
+    result = Result(
+        "", variant_of("ours"), (0,), scores._replace(values=values, taken_for=taken_for)
+    )
+
+    assert live["all"]["long_gap_share"] > 0.0
+    assert result.confusion(0)[0].tolist() == live["all"].pop("confusion")
+    del live["all"]["ospa2"]
+    for key, figures in live.items():
+        found = {name: result.figure(name, 0, key)[0] for name in figures}
+        assert found == pytest.approx(figures, abs=0.02)
+
+
 # --- summaries ------------------------------------------------------------------------------------
 
 
@@ -104,17 +207,87 @@ def test_result_figures():
     np.testing.assert_array_equal(result.figure("class_accuracy", 2), [0.5, np.nan])
 
 
-@pytest.mark.parametrize(("value", "reached"), [(90.0, True), (110.0, False)])
-def test_summarise_judges_goals(study, value, reached):
+def test_result_gospa_follows_from_ospa_and_what_is_missed():
+    # Two targets and one estimate 30 m off, then 2 km off.
+    result = result_of(
+        variant_of("ours"),
+        n_true=[[2, 2]] * 2,
+        n_est=[[1, 1]] * 2,
+        missed=[[1, 2]] * 2,
+        localization=[[30.0 / math.sqrt(2.0), 1000.0 / math.sqrt(2.0)]] * 2,
+    )
+    found = {
+        n: [result.figure(n, lag)[0] for lag in (0, 2)] for n in ("gospa_localization", "false")
+    }
+
+    assert found["gospa_localization"] == pytest.approx([30.0, 0.0])
+    assert found["false"] == [0.0, 1.0]
+    assert result.figure("gospa", 0)[0] == pytest.approx(math.sqrt(900.0 + 1e6 / 2.0))
+    assert result.figure("gospa", 2)[0] == pytest.approx(math.sqrt(3e6 / 2.0))
+
+
+def test_result_position_figures():
+    result = result_of(
+        variant_of("ours"),
+        n_true=[[2, 2], [0, 2]],
+        pairs=[[1, 2], [0, 1]],
+        position_rms=[[30.0, 40.0], [np.nan, 50.0]],
+    )
+
+    np.testing.assert_array_equal(result.figure("position_detection", 0), [0.5, np.nan])
+    np.testing.assert_array_equal(result.figure("position_rms", 0), [30.0, np.nan])
+    np.testing.assert_array_equal(result.figure("position_rms", 2), [40.0, 50.0])
+
+
+def test_result_gap_figures():
+    result = result_of(
+        variant_of("ours"),
+        n_true=[[4, 4], [4, 4]],
+        gaps=[[4, 0], [2, 1]],
+        long_gaps=[[1, 0], [1, 1]],
+        missed_in_long_gaps=[[2, 0], [1, 3]],
+        longest_gap_s=[[18.0, 0.0], [24.0, 30.0]],
+    )
+
+    assert result.figure("long_gap_share", 0).tolist() == [0.25, 0.5]
+    assert result.figure("long_gap_share", 2).tolist() == [0.0, 1.0]
+    assert result.figure("long_gap_misses", 2).tolist() == [0.0, 0.75]
+    assert result.figure("longest_gap_s", 2).tolist() == [0.0, 30.0]
+
+
+def test_result_ospa_after_5_is_the_mean_of_the_scans_that_have_one():
+    result = result_of(variant_of("ours"), ospa_after_5=[[10.0, np.nan], [20.0, 30.0]])
+
+    np.testing.assert_array_equal(result.figure("ospa_after_5", 2), [np.nan, 30.0])
+
+
+def test_summarise_holds_the_confusion_of_each_class(study, pair):
+    corrected = study.variants[0]
+    scores = scored(pair, *[[(0.0, 1)]] * 3, *[[(0.0, 0), (5e3, 1), (9e3, 0)]] * 9)
+    values, taken_for = scores.values[None], scores.taken_for[None]
+    result = Result("quiet", corrected, (0,), scores._replace(values=values, taken_for=taken_for))
+
+    found = monte_carlo.summarise(study, [result], [], [])["cases"]["quiet"]["corrected"]["lags"][
+        "0"
+    ]
+
+    assert found["all"]["confusion"] == [[9.0, 3.0, 0.0], [0.0, 9.0, 1.0], [9.0, 0.0, 0.0]]
+    shares = {name: share["mean"] for name, share in found["class_0"]["confusion"].items()}
+    assert shares == {"class_0": 0.75, "class_1": 0.25, "missed": 0.0}
+    assert found["class_1"]["confusion"]["missed"]["mean"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("number", "reached"), [(90.0, True), (110.0, False)])
+def test_summarise_judges_goals(study, number, reached):
     corrected, *_, reference = study.variants
     results = [
-        result_of(corrected, localization=[[0.0, value]] * 2),
+        result_of(corrected, localization=[[0.0, number]] * 2),
         result_of(reference, localization=[[0.0, 1.0]] * 2),
     ]
 
     (goal,) = monte_carlo.summarise(study, results, [], [])["goals"]
 
-    assert (goal["value"], goal["goal"], goal["reached"]) == (value, 100.0, reached)
+    assert (goal["value"], goal["goal"], goal["reached"]) == (number, 100.0, reached)
 
 
 def test_summarise_does_not_judge_what_it_does_not_have(study):

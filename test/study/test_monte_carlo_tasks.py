@@ -41,6 +41,7 @@ def test_store_reads_back_what_it_wrote(tasks, tmp_path):
     assert found[:2] == outcome.scores[variant.name][:2]
     np.testing.assert_array_equal(found.time_s, 6.0 * np.arange(6))
     np.testing.assert_array_equal(found.values, outcome.scores[variant.name].values)
+    np.testing.assert_array_equal(found.taken_for, outcome.scores[variant.name].taken_for)
     assert [path.name for path in store.directory.iterdir()] == [store.path(tasks[0], variant).name]
 
 

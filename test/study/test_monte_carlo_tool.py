@@ -55,7 +55,7 @@ def test_main_writes_everything(start, study):
     assert (corrected["runs"], corrected["seeds"]) == (2, [0, 1])
     assert corrected["lags"].keys() == {"0", "2"}
     assert corrected["lags"]["2"].keys() == {"all", "class_0", "class_1"}
-    assert corrected["lags"]["2"]["all"].keys() == set(FIGURES)
+    assert corrected["lags"]["2"]["all"].keys() == {*FIGURES, "confusion"}
     assert corrected["lags"]["0"]["all"]["reduction"] is None
     assert summary["goals"][0]["reached"] is True
     assert "| corrected | 2 |" in (out / "table.md").read_text()

@@ -11,6 +11,12 @@ from phd_jdtc_ros.core.metrics import assign
 from phd_jdtc_ros.core.motion import POSITION
 from phd_jdtc_ros.core.simulation import paper_scenario
 from phd_jdtc_ros.study import peers
+from phd_jdtc_ros.study.peers import soup
+from phd_jdtc_ros.study.peers.conversion import detection, measurement_model
+from phd_jdtc_ros.study.peers.mixture_phd import nearest_turn
+from phd_jdtc_ros.study.peers.problem import Problem
+from phd_jdtc_ros.study.peers.settings import LOUD_THRESHOLD
+from phd_jdtc_ros.study.peers.threshold import raised_threshold
 from phd_jdtc_ros.study.runs import simulated_run
 
 pytest.importorskip("stonesoup")
@@ -23,6 +29,8 @@ NEAR_M = 500.0
 CONTENDERS = {
     "gm_phd": peers.gm_phd,
     "gnn": partial(peers.gnn, lags=(0, LAG)),
+    "gnn_loud": partial(peers.gnn_loud, lags=(0, LAG)),
+    "gnn_anywhere": partial(peers.gnn_anywhere, lags=(0, LAG)),
     "jpda": peers.jpda,
 }
 every_peer = pytest.mark.parametrize("contender", CONTENDERS.values(), ids=CONTENDERS)
@@ -92,15 +100,14 @@ def test_peer_takes_scans_without_detections(contender):
 
 
 def test_nearest_turn_is_less_than_half_a_turn_from_the_prediction():
-    soup = peers.require()
-    kitchen = peers.Kitchen.of(short_run())
-    stamp, looks = next(kitchen.scans())
-    sensor = peers.measurement_model(soup, looks[0][0])
-    place = soup.GaussianState([-9000.0, 0.0, -1.0, 0.0], np.eye(4), timestamp=stamp)
+    problem = Problem.of(short_run())
+    stamp, looks = next(problem.scans())
+    sensor = measurement_model(problem.soup, looks[0][0])
+    place = problem.soup.GaussianState([-9000.0, 0.0, -1.0, 0.0], np.eye(4), timestamp=stamp)
     hypothesis = SimpleNamespace()
-    hypothesis.measurement_prediction = kitchen.updater.predict_measurement(place, sensor)
-    hypothesis.measurement = peers.detection(soup, np.array([1e4, 3.1]), stamp, sensor)
-    moved = peers.nearest_turn(soup, hypothesis).state_vector
+    hypothesis.measurement_prediction = problem.updater.predict_measurement(place, sensor)
+    hypothesis.measurement = detection(problem.soup, np.array([1e4, 3.1]), stamp, sensor)
+    moved = nearest_turn(problem.soup, hypothesis).state_vector
     np.testing.assert_allclose(
         np.asarray(moved, dtype=float)[:, 0], [3.1 - 2.0 * np.pi, 1e4], rtol=1e-12
     )
@@ -121,14 +128,37 @@ def test_gnn_smoothing_reduces_the_error(run):
     assert error(tracks[LAG]) < error(tracks[0])
 
 
-def test_gnn_starts_tracks_anywhere_when_told(run):
-    found = peers.gnn(run, (LAG,), peers.LOUD)[LAG]
-    assert missed(run, found) <= 1
+@pytest.fixture(scope="module")
+def run_from_elsewhere():
+    """A run whose target appears kilometres from all birth places."""
+    scenario = short_run(targets=slice(1)).scenario
+    away = replace(scenario.targets[0], position=(8e3, -6e3))
+    return simulated_run(replace(scenario, targets=(away,)), seed=1)
+
+
+@pytest.mark.parametrize("contender", [peers.gnn_loud, peers.gnn_anywhere])
+def test_gnn_variants_start_tracks_anywhere(contender, run_from_elsewhere):
+    assert missed(run_from_elsewhere, contender(run_from_elsewhere, (LAG,))[LAG]) <= 1
+
+
+def test_gnn_starts_tracks_at_birth_places_alone(run_from_elsewhere):
+    (points,) = peers.gnn(run_from_elsewhere, (LAG,)).values()
+    assert [len(found) for found in points] == [0] * SCANS
+
+
+def test_gnn_loud_takes_strong_detections_alone():
+    run = short_run(clutter_rate=20.0)
+    (whole,), (strong,) = (
+        peers.gnn_loud(given).values() for given in (run, raised_threshold(run, LOUD_THRESHOLD))
+    )
+    for found, expected in zip(whole, strong, strict=True):
+        # Stone Soup's sets have no order.
+        assert set(map(tuple, found.position)) == set(map(tuple, expected.position))
 
 
 def test_raised_threshold_drops_weak_detections_and_their_clutter():
     run = short_run(clutter_rate=20.0)
-    loud = peers.raised_threshold(run, 5.0)
+    loud = raised_threshold(run, 5.0)
     for scan, sources in zip(loud.scans, loud.sources, strict=True):
         for report, source in zip(scan.detections, sources, strict=True):
             assert np.all(report.amplitude > 5.0)
@@ -140,10 +170,10 @@ def test_raised_threshold_drops_weak_detections_and_their_clutter():
 
 def test_raised_threshold_refuses_a_lower_one():
     with pytest.raises(ValueError, match=r"threshold: 1\.0 given"):
-        peers.raised_threshold(short_run(), 1.0)
+        raised_threshold(short_run(), 1.0)
 
 
 def test_peers_say_what_to_install(monkeypatch):
-    monkeypatch.setattr(peers, "PARTS", {"no_such_part": ("Anything",)})
+    monkeypatch.setattr(soup, "PARTS", {"no_such_part": ("Anything",)})
     with pytest.raises(ImportError, match="pip install 'stonesoup"):
         peers.gm_phd(short_run())

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from phd_jdtc_ros.study import study_figures
 from phd_jdtc_ros.study.monte_carlo import Mean, Result, Study, summarise
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.scores import VALUES, Scores
 from phd_jdtc_ros.study.ours import Reading
-from phd_jdtc_ros.study.study_figures import markdown, tables, write_all
+from phd_jdtc_ros.study.study_figures import markdown, over_lag, over_time, tables, write_all
+from phd_jdtc_ros.study.study_figures.rows import band
 
 SCANS = 6
 OVER_TIME = {
@@ -93,7 +93,7 @@ def test_write_all_draws_a_run_without_targets(tmp_path):
 
 
 def test_over_time_has_a_row_for_each_class_and_one_for_all():
-    rows = study_figures.ospa_over_time(everything()).axes
+    rows = over_time.ospa_over_time(everything()).axes
 
     titles = [axes.get_title(loc="left") for axes in rows]
     assert titles == ["class 0", "class 1", "all classes"]
@@ -101,7 +101,7 @@ def test_over_time_has_a_row_for_each_class_and_one_for_all():
 
 def test_over_time_draws_filter_and_lag_5_of_the_first_variant():
     results = everything()
-    filtered, smoothed = study_figures.ospa_over_time(results).axes[-1].lines
+    filtered, smoothed = over_time.ospa_over_time(results).axes[-1].lines
 
     for line, lag in ((filtered, 0), (smoothed, 5)):
         mean = results[0].value("ospa", lag).mean(axis=0)
@@ -112,13 +112,13 @@ def test_number_error_is_absolute():
     results = everything()
     results[0].scores.values[..., VALUES.index("n_est")] = 1
 
-    lines = study_figures.number_error_over_time(results).axes[0].lines
+    lines = over_time.number_error_over_time(results).axes[0].lines
 
     assert [set(line.get_ydata()) for line in lines] == [{1.0}, {1.0}]
 
 
 def test_against_lag_draws_every_variant():
-    (axes,) = study_figures.ospa_against_lag(everything()).axes
+    (axes,) = over_lag.ospa_against_lag(everything()).axes
 
     assert axes.get_legend_handles_labels()[1] == ["corrected", "as printed", "reference", "GNN"]
 
@@ -127,7 +127,7 @@ def test_band_is_the_interval_of_the_mean():
     runs = np.random.default_rng(0).normal(size=(5, 3))
     runs[0, 0] = math.nan
     runs[1:, 1] = math.nan
-    mean, half_width = study_figures._band(runs)
+    mean, half_width = band(runs)
 
     for column in (0, 2):
         expected = Mean.of(runs[:, column])

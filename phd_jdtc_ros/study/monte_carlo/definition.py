@@ -19,6 +19,16 @@ FIGURES = (
     "cardinality_abs_error",
     "class_accuracy",
     "reduction",
+    "ospa_after_5",
+    "gospa",
+    "gospa_localization",
+    "missed",
+    "false",
+    "position_rms",
+    "position_detection",
+    "longest_gap_s",
+    "long_gap_share",
+    "long_gap_misses",
 )
 # Parameters that the study says itself.
 OWN = ("lag", "lag_s", "seed", "death_term", "extraction")

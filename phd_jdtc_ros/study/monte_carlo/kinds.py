@@ -1,4 +1,8 @@
-"""The kinds of tracker that a study compares: where each is, whether it is here, and its code."""
+"""The kinds of tracker that a study compares: where each is, whether it is here, and its code.
+
+A kind is a tracker as it is tuned: a peer with other settings is a kind of its own, named as the
+function of `peers` that runs it.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +14,11 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
-OURS, REFERENCE, GM_PHD, GNN, JPDA = KINDS = ("ours", "reference", "gm_phd", "gnn", "jpda")
-PEERS = (GM_PHD, GNN, JPDA)
+OURS, REFERENCE, GNN = "ours", "reference", "gnn"
+# These smooth too.
+NEAREST_NEIGHBOUR = (GNN, "gnn_loud", "gnn_anywhere")
+PEERS = ("gm_phd", *NEAREST_NEIGHBOUR, "jpda")
+KINDS = (OURS, REFERENCE, *PEERS)
 PEERS_PACKAGE = "stonesoup"
 
 
@@ -31,23 +38,34 @@ def missing(kind: str) -> str | None:
     return None
 
 
+def sources_of(kind: str) -> list[Path]:
+    """Return the files that a kind's scores depend on: of its tracker, of tasks and of scoring."""
+    package = Path(__file__).parents[2]
+    study = package / "study"
+    own = study / _module_name(kind)
+    return [
+        *sorted((package / "core").glob("*.py")),
+        study / "runs.py",
+        study / "monte_carlo" / "scores.py",
+        study / "monte_carlo" / "tasks.py",
+        *(sorted(own.glob("*.py")) if own.is_dir() else [own.with_suffix(".py")]),
+    ]
+
+
 @cache
 def code_of(kind: str) -> str:
-    """Return a digest of the code that a kind's estimates depend on.
+    """Return a digest of the code that a kind's scores depend on.
 
     Comments and docstrings do not count, so that editing them keeps stored results.
     """
-    study = Path(__file__).parents[1]
-    own = study / f"{_module_name(kind)}.py"
-    paths = [*sorted((study.parent / "core").glob("*.py")), study / "runs.py", own]
     digest = hashlib.sha256()
-    for path in paths:
+    for path in sources_of(kind):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         for node in ast.walk(tree):
             body = getattr(node, "body", None)
             if isinstance(body, list):
                 node.body = [n for n in body if not _is_text(n)]
-        digest.update(f"{path.name} {ast.dump(tree)}".encode())
+        digest.update(f"{path.parent.name}/{path.name} {ast.dump(tree)}".encode())
     if kind in PEERS and missing(kind) is None:
         digest.update(metadata.version(PEERS_PACKAGE).encode())
     return digest.hexdigest()

@@ -7,7 +7,6 @@ import gzip
 import math
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,51 +16,10 @@ from scipy import stats
 from phd_jdtc_ros.core.types import FloatArray
 
 from .definition import FIGURES, Goal, Study, Variant
-from .scores import ALL, CUTOFF, ORDER, VALUES, Scores
+from .result import Result, ratio
+from .scores import ALL, CUTOFF, ORDER
 from .store import HEADER, Store
 from .tasks import Outcome, Task
-
-
-@dataclass(frozen=True)
-class Result:
-    """All runs of a variant at a case.
-
-    Parameters
-    ----------
-    case : str
-    variant : Variant
-    seeds : tuple of int
-    scores : Scores
-        Values of shape (runs, lags, scans, sets, VALUES).
-    """
-
-    case: str
-    variant: Variant
-    seeds: tuple[int, ...]
-    scores: Scores
-
-    def value(self, name: str, lag: int, of_set: str = ALL) -> FloatArray:
-        """Return one of `VALUES`, shape (runs, scans)."""
-        row, column = self.scores.lags.index(lag), self.scores.sets.index(of_set)
-        found: FloatArray = self.scores.values[:, row, :, column, VALUES.index(name)]
-        return found
-
-    def figure(self, name: str, lag: int, of_set: str = ALL) -> FloatArray | None:
-        """Return one of `FIGURES` of every run, shape (runs,); None if it has no meaning."""
-        if name == "cardinality_abs_error":
-            error = self.value("n_est", lag, of_set) - self.value("n_true", lag, of_set)
-            return np.abs(error).mean(axis=1)
-        if name == "class_accuracy":
-            pairs = self.value("pairs", lag, of_set).sum(axis=1)
-            right = self.value("right_class", lag, of_set).sum(axis=1)
-            return np.divide(right, pairs, out=np.full(len(pairs), np.nan), where=pairs > 0)
-        if name == "reduction":
-            if lag == 0 or 0 not in self.scores.lags:
-                return None
-            after, before = (self.value("ospa", k, of_set).mean(axis=1) for k in (lag, 0))
-            ratio = np.divide(after, before, out=np.full(len(after), np.nan), where=before > 0.0)
-            return 1.0 - ratio
-        return self.value(name, lag, of_set).mean(axis=1)
 
 
 class Mean(NamedTuple):
@@ -97,7 +55,9 @@ def collect(tasks: Iterable[Task], store: Store) -> list[Result]:
         known = [(seed, scores) for seed, scores in runs if scores is not None]
         if known:
             values = np.stack([scores.values for _, scores in known])
-            scores = known[0][1]._replace(values=values)
+            taken = [s.taken_for for _, s in known if s.taken_for is not None]
+            taken_for = np.stack(taken) if taken else None
+            scores = known[0][1]._replace(values=values, taken_for=taken_for)
             seeds = tuple(seed for seed, _ in known)
             results.append(Result(case, entries[0][1], seeds, scores))
     return results
@@ -144,7 +104,9 @@ def summarise(
     dict
         ``cases`` by case, variant, lag and set: the mean over runs of each of `FIGURES` with its
         95 % interval, None where it has no meaning. ``reduction`` is that of the mean OSPA against
-        lag 0 of the same variant and seed.
+        lag 0 of the same variant and seed. ``confusion`` of a class says which share of its
+        targets were taken for each class or missed, that of all the mean over runs of the
+        confusion matrix, counted over the scans.
     """
     cases: dict[str, Any] = {}
     for result in results:
@@ -153,7 +115,10 @@ def summarise(
             "seeds": list(result.seeds),
             "lags": {
                 str(lag): {
-                    key: {f: Mean.of(result.figure(f, lag, key)).as_json() for f in FIGURES}
+                    key: {
+                        **{f: Mean.of(result.figure(f, lag, key)).as_json() for f in FIGURES},
+                        "confusion": _confusion(result, lag, key),
+                    }
                     for key in result.scores.sets
                 }
                 for lag in result.scores.lags
@@ -175,6 +140,19 @@ def summarise(
             for outcome in failures
         ],
     }
+
+
+def _confusion(result: Result, lag: int, of_set: str) -> Any:
+    """Return what a summary says of a set's row of the confusion matrix, or of all of it."""
+    matrix = result.confusion(lag)
+    if matrix is None:
+        return None
+    if of_set == ALL:
+        return matrix.mean(axis=0).tolist()
+    row = matrix[:, int(of_set.removeprefix("class_"))]
+    names = [*result.scores.sets[1:], "missed"]
+    shares = {name: ratio(row[:, k], row.sum(axis=1)) for k, name in enumerate(names)}
+    return {name: Mean.of(share).as_json() for name, share in shares.items()}
 
 
 def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:

@@ -20,8 +20,18 @@ from .definition import Variant
 from .scores import VALUES, Scores
 from .tasks import Task
 
-HEADER = ("case", "variant", "lag", "seed", "scan", "time_s", "set", *VALUES)
-COUNTS = ("n_true", "n_est", "pairs", "right_class")
+# The last column holds a class's row of `Scores.taken_for`, numbers with blanks between.
+HEADER = ("case", "variant", "lag", "seed", "scan", "time_s", "set", *VALUES, "taken_for")
+COUNTS = (
+    "n_true",
+    "n_est",
+    "pairs",
+    "right_class",
+    "missed",
+    "gaps",
+    "long_gaps",
+    "missed_in_long_gaps",
+)
 
 
 @dataclass(frozen=True)
@@ -66,11 +76,16 @@ class Store:
 
 def _rows(task: Task, variant: Variant, scores: Scores) -> Iterator[list[Any]]:
     """Yield scores as tidy rows in the order of the header."""
-    for lag, of_lag in zip(scores.lags, scores.values, strict=True):
-        for scan, (time, of_scan) in enumerate(zip(scores.time_s, of_lag, strict=True)):
-            for name, values in zip(scores.sets, of_scan, strict=True):
+    for row, lag in enumerate(scores.lags):
+        for scan, time in enumerate(scores.time_s):
+            taken = [] if scores.taken_for is None else scores.taken_for[row, scan].tolist()
+            # The first set is that of all targets.
+            texts = ["", *(" ".join(map(str, counts)) for counts in taken)]
+            for name, values, text in zip(
+                scores.sets, scores.values[row, scan], texts, strict=True
+            ):
                 fixed = [task.case, variant.name, lag, task.seed, scan, round(time, 9), name]
-                yield [*fixed, *map(_cell, VALUES, values.tolist())]
+                yield [*fixed, *map(_cell, VALUES, values.tolist()), text]
 
 
 def _cell(name: str, value: float) -> str:
@@ -84,9 +99,14 @@ def _scores(rows: Sequence[Sequence[str]]) -> Scores:
     lags = tuple(dict.fromkeys(int(row[2]) for row in rows))
     times = list(dict.fromkeys(row[5] for row in rows))
     sets = tuple(dict.fromkeys(row[6] for row in rows))
-    values = np.array([[float(cell or "nan") for cell in row[7:]] for row in rows])
+    values = np.array([[float(cell or "nan") for cell in row[7:-1]] for row in rows])
     shape = (len(lags), len(times), len(sets), len(VALUES))
-    return Scores(lags, sets, np.array(times, dtype=float), values.reshape(shape))
+    classes = len(sets) - 1
+    taken_for = None
+    if classes:
+        counts = [[int(cell) for cell in row[-1].split()] for row in rows if row[-1]]
+        taken_for = np.array(counts).reshape(len(lags), len(times), classes, classes)
+    return Scores(lags, sets, np.array(times, dtype=float), values.reshape(shape), taken_for)
 
 
 def remaining(tasks: Iterable[Task], store: Store) -> list[Task]:

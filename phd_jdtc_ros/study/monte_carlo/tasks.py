@@ -18,11 +18,11 @@ from phd_jdtc_ros.core.simulation import Scenario
 from ..ours import track
 from ..runs import SimulatedRun, Tracks, simulated_run
 from .definition import OWN, Case, Study, Variant
-from .kinds import GNN, OURS, REFERENCE, code_of, missing, module_of
+from .kinds import NEAREST_NEIGHBOUR, OURS, REFERENCE, code_of, missing, module_of
 from .scores import CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # A change of what a stored row means changes this.
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -172,8 +172,8 @@ def _tracks(task: Task, run: SimulatedRun) -> dict[str, Tracks]:
         return track(run, tracker_config.resolve(task.parameters), readings, lags)
     if task.kind == REFERENCE:
         tracks = module_of(REFERENCE).known_association(run, lags)
-    elif task.kind == GNN:
-        tracks = module_of(GNN).gnn(run, lags)
+    elif task.kind in NEAREST_NEIGHBOUR:
+        tracks = getattr(module_of(task.kind), task.kind)(run, lags)
     else:
         tracks = getattr(module_of(task.kind), task.kind)(run)
     return {variant.name: tracks for variant in task.variants}

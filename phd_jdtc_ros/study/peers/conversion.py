@@ -1,0 +1,53 @@
+"""Radars, detections and states: from this package's to Stone Soup's, and back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from datetime import datetime
+
+import numpy as np
+
+from phd_jdtc_ros.core.evaluation import PointSet
+from phd_jdtc_ros.core.motion import VX, VY, X, Y
+from phd_jdtc_ros.core.radar import RadarModel
+from phd_jdtc_ros.core.types import FloatArray
+
+from .soup import Part, Soup
+
+# Stone Soup's state is [x, vx, y, vy]; these are its members in ours, and its positions.
+STATE = [X, VX, Y, VY]
+POSITION = [0, 2]
+# Stone Soup wants calendar times; only differences matter.
+EPOCH = datetime(2000, 1, 1)
+
+
+def measurement_model(soup: Soup, radar: RadarModel) -> Part:
+    """Return Stone Soup's model of a radar: (bearing, range)."""
+    return soup.CartesianToBearingRange(
+        ndim_state=len(STATE),
+        mapping=POSITION,
+        noise_covar=np.diag([radar.azimuth_std**2, radar.range_std**2]),
+        translation_offset=soup.StateVector(radar.position),
+        rotation_offset=soup.StateVector([0.0, 0.0, radar.yaw]),
+    )
+
+
+def detection(soup: Soup, measurement: FloatArray, stamp: datetime, sensor: Part) -> Part:
+    """Return Stone Soup's detection of a (range, azimuth)."""
+    radius, azimuth = measurement
+    return soup.Detection(
+        soup.StateVector([soup.Bearing(azimuth), radius]), timestamp=stamp, measurement_model=sensor
+    )
+
+
+def clutter_density(radar: RadarModel) -> float:
+    """Return false detections a radian and metre; a trace of them where there are none."""
+    rate = max(radar.clutter_rate, 1e-9)
+    return rate / (2.0 * math.pi * radar.clutter_max_range)
+
+
+def point_set(states: Iterable[Part]) -> PointSet:
+    """Return the positions of Stone Soup's states, of class 0."""
+    rows = [np.asarray(state.state_vector, dtype=float)[POSITION, 0] for state in states]
+    return PointSet(np.reshape(rows, (-1, 2)), np.zeros(len(rows), dtype=np.int64))

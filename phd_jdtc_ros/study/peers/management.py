@@ -1,0 +1,92 @@
+"""How tracks start and end: Stone Soup's M-of-N initiator, and what it is given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from .conversion import STATE
+from .problem import Problem
+from .settings import TrackSettings
+from .soup import Part, Soup
+
+
+def initiator(problem: Problem, settings: TrackSettings) -> Part:
+    """Return Stone Soup's M-of-N initiator over tracks started as the settings say."""
+    soup = problem.soup
+    # Where tracks start anywhere, the velocity is a birth term's; the position is the detection's.
+    velocity = np.diag(problem.model.births[0].std[STATE] ** 2)
+    gate = settings.birth_gate
+    return soup.MultiMeasurementInitiator(
+        prior_state=soup.GaussianState(np.zeros((len(STATE), 1)), velocity),
+        deleter=LooksMissed(soup, settings.tentative_looks),
+        data_associator=soup.GNNWith2DAssignment(problem.hypothesiser(settings.gate)),
+        updater=problem.updater,
+        min_points=settings.points,
+        initiator=None if gate is None else BirthPlaces(problem, gate),
+    )
+
+
+@dataclass(frozen=True)
+class BirthPlaces:
+    """An initiator for Stone Soup: detections near a birth place start a track from its prior.
+
+    Parameters
+    ----------
+    problem : Problem
+    gate : float
+        Standard deviations of the innovation.
+    """
+
+    problem: Problem
+    gate: float
+
+    def initiate(self, detections: set[Part], timestamp: datetime) -> set[Part]:
+        """Return new tracks."""
+        soup, updater = self.problem.soup, self.problem.updater
+        measure = soup.SquaredMahalanobis()
+        places = self.problem.places(timestamp)
+        tracks: set[Part] = set()
+        for seen in detections:
+            distance = [
+                measure(updater.predict_measurement(place, seen.measurement_model), seen)
+                for place in places
+            ]
+            nearest = int(np.argmin(distance))
+            if distance[nearest] < self.gate**2:
+                start = soup.SinglePointInitiator(places[nearest], updater=updater)
+                tracks |= start.initiate({seen}, timestamp)
+        return tracks
+
+
+@dataclass(frozen=True)
+class Nobody:
+    """An initiator for Stone Soup that starts no tracks."""
+
+    def initiate(self, detections: set[Part], timestamp: datetime) -> set[Part]:
+        """Return no tracks."""
+        return set()
+
+
+@dataclass(frozen=True)
+class LooksMissed:
+    """A deleter for Stone Soup: tracks end when so many looks in a row have missed them.
+
+    Parameters
+    ----------
+    soup : Soup
+    looks : int
+    """
+
+    soup: Soup
+    looks: int
+
+    def delete_tracks(self, tracks: set[Part]) -> set[Part]:
+        """Return those of `tracks` that end."""
+        return {
+            track
+            for track in tracks
+            if not any(isinstance(s, self.soup.Update) for s in track.states[-self.looks :])
+        }

@@ -1,0 +1,81 @@
+"""The Gaussian-mixture PHD filter."""
+
+from __future__ import annotations
+
+import math
+
+from ..runs import SimulatedRun, Tracks
+from .conversion import clutter_density, point_set
+from .problem import Problem
+from .settings import GM_PHD, PhdSettings
+from .soup import Part, Soup
+
+
+def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
+    """Return the estimates of Stone Soup's Gaussian-mixture PHD filter, at lag 0.
+
+    Parameters
+    ----------
+    run : SimulatedRun
+    settings : PhdSettings
+
+    Returns
+    -------
+    Tracks
+        Components of weight above ``settings.extract``; all of class 0.
+
+    Raises
+    ------
+    ImportError
+        Without Stone Soup.
+
+    Notes
+    -----
+    Stone Soup applies survival in its updater, which would be once a radar: here only the first
+    radar of a scan does. It also drops components tagged as births when the first radar misses
+    them; ours are not tagged so, and their weight makes up for the survival applied to them.
+    """
+    problem = Problem.of(run)
+    soup = problem.soup
+    hypothesiser = soup.GaussianMixtureHypothesiser(
+        problem.hypothesiser(settings.gate), order_by_detection=True
+    )
+    reducer = soup.GaussianMixtureReducer(
+        prune_threshold=settings.prune,
+        merge_threshold=settings.merge,
+        max_number_components=settings.most,
+    )
+    mixture: list[Part] = []
+    reports = []
+    for stamp, looks in problem.scans():
+        mixture = mixture + problem.births(stamp)
+        survival = problem.survival_probability
+        for radar, detections in looks:
+            updater = soup.PHDUpdater(
+                updater=problem.updater,
+                clutter_spatial_density=clutter_density(radar),
+                prob_detection=problem.detection_probability(radar),
+                prob_survival=survival,
+            )
+            hypotheses = hypothesiser.hypothesise(mixture, detections, stamp)
+            for hypothesis in (h for multiple in hypotheses[:-1] for h in multiple):
+                hypothesis.measurement = nearest_turn(soup, hypothesis)
+            mixture = reducer.reduce(list(updater.update(hypotheses).components))
+            survival = 1.0
+        reports.append(point_set(c for c in mixture if c.weight > settings.extract))
+    return {0: reports}
+
+
+def nearest_turn(soup: Soup, hypothesis: Part) -> Part:
+    """Return a hypothesis' detection, its bearing a plain number less than pi from the predicted.
+
+    The prediction is Stone Soup's, in [-pi, pi); the bearing returned may lie outside.
+    """
+    seen = hypothesis.measurement
+    predicted = float(hypothesis.measurement_prediction.state_vector[0, 0])
+    off = math.remainder(float(seen.state_vector[0, 0]) - predicted, 2.0 * math.pi)
+    return soup.Detection(
+        soup.StateVector([predicted + off, seen.state_vector[1, 0]]),
+        timestamp=seen.timestamp,
+        measurement_model=seen.measurement_model,
+    )

@@ -1,0 +1,87 @@
+"""Global nearest neighbour tracking with a Rauch-Tung-Striebel smoother, in three variants."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ..runs import SimulatedRun, Tracks
+from .problem import Problem
+from .settings import ANYWHERE, AT_BIRTH_PLACES, LOUD, LOUD_THRESHOLD, TrackSettings
+from .threshold import raised_threshold
+from .tracks import at_lag, follow
+
+
+def gnn(
+    run: SimulatedRun, lags: Iterable[int] = (0,), settings: TrackSettings = AT_BIRTH_PLACES
+) -> Tracks:
+    """Return the estimates of global nearest neighbour tracking, smoothed where the lag asks.
+
+    Parameters
+    ----------
+    run : SimulatedRun
+    lags : iterable of int
+        0 is the extended Kalman filter; L above is Stone Soup's `ExtendedKalmanSmoother`
+        (Rauch-Tung-Striebel) over the L scans that follow, fewer at the end of the run.
+    settings : TrackSettings
+
+    Returns
+    -------
+    Tracks
+        See `at_lag` for which tracks are reported when; all of class 0.
+
+    Raises
+    ------
+    ImportError
+        Without Stone Soup.
+    """
+    problem = Problem.of(run)
+    soup = problem.soup
+    associator = soup.GNNWith2DAssignment(problem.hypothesiser(settings.gate))
+    history = follow(problem, soup.MultiTargetTracker, lambda _: associator, settings)
+    return {lag: at_lag(problem, history, lag) for lag in lags}
+
+
+def gnn_loud(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
+    """Return the estimates of `gnn` from strong detections alone, with tracks started anywhere.
+
+    The threshold leaves so little clutter that no birth places are needed.
+
+    Parameters
+    ----------
+    run : SimulatedRun
+    lags : iterable of int
+
+    Returns
+    -------
+    Tracks
+        See `gnn`.
+
+    Raises
+    ------
+    ImportError
+        Without Stone Soup.
+    ValueError
+        For radars whose own threshold is above `LOUD_THRESHOLD`.
+    """
+    return gnn(raised_threshold(run, LOUD_THRESHOLD), lags, LOUD)
+
+
+def gnn_anywhere(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
+    """Return the estimates of `gnn` with tracks started anywhere, at birth places or not.
+
+    Parameters
+    ----------
+    run : SimulatedRun
+    lags : iterable of int
+
+    Returns
+    -------
+    Tracks
+        See `gnn`.
+
+    Raises
+    ------
+    ImportError
+        Without Stone Soup.
+    """
+    return gnn(run, lags, ANYWHERE)

@@ -1,0 +1,55 @@
+"""Joint probabilistic data association."""
+
+from __future__ import annotations
+
+import math
+
+from phd_jdtc_ros.core.radar import RadarModel
+
+from ..runs import SimulatedRun, Tracks
+from .conversion import clutter_density
+from .problem import Problem
+from .settings import AT_BIRTH_PLACES, TrackSettings
+from .soup import Part
+from .tracks import at_lag, follow
+
+
+def jpda(run: SimulatedRun, settings: TrackSettings = AT_BIRTH_PLACES) -> Tracks:
+    """Return the estimates of joint probabilistic data association, at lag 0.
+
+    Parameters
+    ----------
+    run : SimulatedRun
+    settings : TrackSettings
+
+    Returns
+    -------
+    Tracks
+        See `at_lag` for which tracks are reported when; all of class 0.
+
+    Raises
+    ------
+    ImportError
+        Without Stone Soup.
+
+    Notes
+    -----
+    The association probabilities are exact (`JPDAwithEHM`). Tentative tracks are held by nearest
+    neighbour, as Stone Soup's examples do.
+    """
+    problem = Problem.of(run)
+    soup = problem.soup
+
+    def associator(radar: RadarModel) -> Part:
+        return soup.JPDAwithEHM(
+            soup.PDAHypothesiser(
+                predictor=problem.predictor,
+                updater=problem.updater,
+                clutter_spatial_density=clutter_density(radar),
+                prob_detect=problem.detection_probability(radar),
+                prob_gate=1.0 - math.exp(-0.5 * settings.gate**2),
+            )
+        )
+
+    history = follow(problem, soup.MultiTargetMixtureTracker, associator, settings)
+    return {0: at_lag(problem, history, 0)}

@@ -1,0 +1,65 @@
+"""How the peers are tuned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PhdSettings:
+    """How the GM-PHD is tuned.
+
+    Parameters
+    ----------
+    gate : float
+        Standard deviations of the innovation.
+    prune : float
+        Least weight of a component.
+    merge : float
+        Squared Mahalanobis distance below which components merge.
+    most : int
+        Components kept.
+    extract : float
+        Weight above which a component is a target.
+    """
+
+    gate: float
+    prune: float
+    merge: float
+    most: int
+    extract: float
+
+
+@dataclass(frozen=True)
+class TrackSettings:
+    """How a tracker that keeps tracks is tuned.
+
+    A look is one radar's report of one scan.
+
+    Parameters
+    ----------
+    gate : float
+        Standard deviations of the innovation.
+    points : int
+        Detections that confirm a tentative track.
+    tentative_looks, looks : int
+        A tentative and a confirmed track end when so many looks in a row have missed them.
+    birth_gate : float or None
+        A detection starts a track within so many standard deviations of a birth place; None for
+        anywhere.
+    """
+
+    gate: float
+    points: int
+    tentative_looks: int
+    looks: int
+    birth_gate: float | None
+
+
+GM_PHD = PhdSettings(gate=5.0, prune=1e-5, merge=4.0, most=100, extract=0.5)
+AT_BIRTH_PLACES = TrackSettings(gate=3.5, points=4, tentative_looks=2, looks=5, birth_gate=4.0)
+# For those who do not know where targets appear: later to confirm, several times slower.
+ANYWHERE = TrackSettings(gate=3.0, points=6, tentative_looks=2, looks=3, birth_gate=None)
+# The same above a threshold on the amplitude that leaves hardly any clutter.
+LOUD_THRESHOLD = 5.0
+LOUD = TrackSettings(gate=4.0, points=2, tentative_looks=2, looks=4, birth_gate=None)

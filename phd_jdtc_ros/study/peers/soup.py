@@ -1,0 +1,60 @@
+"""The parts of Stone Soup that the peers are put together from."""
+
+from __future__ import annotations
+
+import warnings
+from importlib import import_module
+from types import SimpleNamespace
+from typing import Any, TypeAlias
+
+REQUIREMENT = "stonesoup>=1.9,<2"
+PARTS = {
+    "dataassociator.neighbour": ("GNNWith2DAssignment",),
+    "dataassociator.probability": ("JPDAwithEHM",),
+    "hypothesiser.distance": ("DistanceHypothesiser",),
+    "hypothesiser.gaussianmixture": ("GaussianMixtureHypothesiser",),
+    "hypothesiser.probability": ("PDAHypothesiser",),
+    "initiator.simple": ("MultiMeasurementInitiator", "SinglePointInitiator"),
+    "measures": ("SquaredMahalanobis",),
+    "mixturereducer.gaussianmixture": ("GaussianMixtureReducer",),
+    "models.measurement.nonlinear": ("CartesianToBearingRange",),
+    "models.transition.linear": ("CombinedLinearGaussianTransitionModel", "ConstantVelocity"),
+    "predictor.kalman": ("ExtendedKalmanPredictor",),
+    "smoother.kalman": ("ExtendedKalmanSmoother",),
+    "tracker.simple": ("MultiTargetMixtureTracker", "MultiTargetTracker"),
+    "types.angle": ("Bearing",),
+    "types.array": ("StateVector",),
+    "types.detection": ("Detection",),
+    "types.state": ("GaussianState", "TaggedWeightedGaussianState"),
+    "types.track": ("Track",),
+    "types.update": ("Update",),
+    "updater.kalman": ("ExtendedKalmanUpdater",),
+    "updater.pointprocess": ("PHDUpdater",),
+}
+
+# Stone Soup ships no types; the aliases say what is meant.
+Soup: TypeAlias = SimpleNamespace
+Part: TypeAlias = Any
+
+
+def require() -> Soup:
+    """Return the parts of Stone Soup that are used, by their own names.
+
+    Raises
+    ------
+    ImportError
+        Where Stone Soup is missing, or too old or new to have them.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about a search tree that is not used here
+            parts = {
+                name: getattr(import_module(f"stonesoup.{module}"), name)
+                for module, names in PARTS.items()
+                for name in names
+            }
+    except (ImportError, AttributeError) as error:
+        raise ImportError(
+            f"the peers need Stone Soup ({error}): pip install '{REQUIREMENT}'"
+        ) from error
+    return Soup(**parts)

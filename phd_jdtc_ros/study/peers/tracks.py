@@ -1,0 +1,103 @@
+"""Trackers that keep tracks: their way through a run, and what they know at a lag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+
+from phd_jdtc_ros.core.evaluation import PointSet
+from phd_jdtc_ros.core.radar import RadarModel
+
+from .conversion import point_set
+from .management import LooksMissed, Nobody, initiator
+from .problem import Problem
+from .settings import TrackSettings
+from .soup import Part, Soup
+
+
+@dataclass(frozen=True)
+class History:
+    """Which tracks a tracker has confirmed.
+
+    Parameters
+    ----------
+    stamps : list of datetime, one a scan
+    confirmed : dict
+        Track to the scan that confirmed it.
+    """
+
+    stamps: list[datetime]
+    confirmed: dict[Part, int]
+
+
+def follow(
+    problem: Problem,
+    tracker_type: Part,
+    associator: Callable[[RadarModel], Part],
+    settings: TrackSettings,
+) -> History:
+    """Run one of Stone Soup's trackers.
+
+    Parameters
+    ----------
+    problem : Problem
+    tracker_type : Part
+        `MultiTargetTracker` or `MultiTargetMixtureTracker`.
+    associator : callable
+        The data associator for a radar.
+    settings : TrackSettings
+    """
+    tracker = tracker_type(
+        initiator=Nobody(),
+        deleter=LooksMissed(problem.soup, settings.looks),
+        detector=None,
+        data_associator=None,
+        updater=problem.updater,
+    )
+    start = initiator(problem, settings)
+    history = History([], {})
+    for scan, (stamp, looks) in enumerate(problem.scans()):
+        for radar, detections in looks:
+            tracker.data_associator = associator(radar)
+            tracker.update_tracker(stamp, detections)
+            claimed = {claim(problem.soup, track) for track in tracker.tracks}
+            tracker.tracks.update(start.initiate(detections - claimed, stamp))
+        history.stamps.append(stamp)
+        for track in tracker.tracks:
+            history.confirmed.setdefault(track, scan)
+    return history
+
+
+def claim(soup: Soup, track: Part) -> Part | None:
+    """Return the detection that most probably is the track's, or None after a miss."""
+    if not isinstance(track.state, soup.Update):
+        return None
+    hypothesis = track.state.hypothesis
+    if hasattr(hypothesis, "measurement"):
+        return hypothesis.measurement
+    return max(hypothesis, key=lambda one: one.probability).measurement
+
+
+def at_lag(problem: Problem, history: History, lag: int) -> list[PointSet]:
+    """Return every scan's tracks as they are known `lag` scans later.
+
+    A track is reported from its first to its last detection, once it is confirmed: not while it
+    coasts towards deletion, but across a gap that a later detection has closed. What is known
+    later includes tracks confirmed, and gaps closed, in between.
+    """
+    soup, stamps = problem.soup, history.stamps
+    smoother = soup.ExtendedKalmanSmoother(problem.predictor.transition_model)
+    reports = []
+    for scan, stamp in enumerate(stamps):
+        until = min(scan + lag, len(stamps) - 1)
+        known = [track for track, since in history.confirmed.items() if since <= until]
+        found = []
+        for track in known:
+            states = [s for s in track.states if s.timestamp <= stamps[until]]
+            seen = [s.timestamp for s in states if isinstance(s, soup.Update)]
+            if seen[0] <= stamp <= seen[-1]:
+                before = sum(s.timestamp <= stamp for s in states) - 1
+                found.append(smoother.smooth(soup.Track(states[before:])).states[0])
+        reports.append(point_set(found))
+    return reports
