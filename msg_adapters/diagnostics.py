@@ -38,7 +38,7 @@ def values_of(message: DiagnosticStatus) -> dict[str, str]:
 
 
 def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArray:
-    """Return a scan's OSPA: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
+    """Return a scan's OSPA and GOSPA: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
     return array(
         score.stamp_ns,
         [
@@ -48,6 +48,10 @@ def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArr
                     "ospa": entry.ospa.distance,
                     "localization": entry.ospa.localization,
                     "cardinality": entry.ospa.cardinality,
+                    "gospa": entry.gospa.distance,
+                    "gospa_localization": entry.gospa.localization,
+                    "missed": entry.gospa.missed,
+                    "false": entry.gospa.false,
                     "n_true": entry.n_true,
                     "n_est": entry.n_est,
                     "cutoff": cutoff,

@@ -2,20 +2,28 @@
 
 What surveillance asks for beside the miss distance of one scan in `metrics`. An estimate belongs
 to a target where `metrics.assign` pairs them, closer than the cutoff and each with one at most.
+Scans are taken in one by one, and nothing is kept but what later ones need: a window of labelled
+positions, and for each living target when it was last seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from .metrics import Ospa, assign, ospa_of_distances
+from .metrics import Ospa, ospa_of_distances
 from .types import FloatArray, IntArray
 
 BoolArray = npt.NDArray[np.bool_]
+
+# A gap that lasts longer is long: ED-142 en route, as the evaluation tool COMPASS codes it. It is
+# two updates of 8 s and a little.
+LONG_GAP_S = 16.4
 
 
 @dataclass(frozen=True)
@@ -36,12 +44,6 @@ class TrackSet:
 
     def __len__(self) -> int:
         return len(self.exists)
-
-    def window(self, first: int, last: int) -> TrackSet:
-        """Return the tracks that exist in the scans from `first` up to `last`, excluded."""
-        exists = self.exists[:, first:last]
-        some = exists.any(axis=1)
-        return TrackSet(self.track_id[some], self.position[some, first:last], exists[some])
 
 
 def track_set(ids: Sequence[IntArray], positions: Sequence[FloatArray]) -> TrackSet:
@@ -131,198 +133,193 @@ def ospa2(
     return ospa_of_distances(track_distances(truth, estimate, cutoff, track_order), cutoff, order)
 
 
-def ospa2_over_time(
-    truth: TrackSet,
-    estimate: TrackSet,
-    window: int,
-    cutoff: float,
-    order: float,
-    track_order: float = 1.0,
-) -> list[Ospa]:
-    """Return the OSPA(2) distance of every scan's window: that scan and those just before it.
+class LabelledPoints(NamedTuple):
+    """One scan's positions with their labels.
 
     Parameters
     ----------
-    truth, estimate : TrackSet
-        Over the same K scans.
-    window : int
-        Length in scans, at least 1; the windows of the first scans are shorter. With 1 it is
-        OSPA.
-    cutoff, order, track_order : float
-        Of `ospa2`.
+    label : int array of shape (T,)
+        Of the track that each belongs to; 0 is none.
+    position : array of shape (T, 2)
+        Metres.
     """
-    ends = range(1, truth.exists.shape[1] + 1)
-    spans = [(max(0, end - window), end) for end in ends]
-    return [
-        ospa2(truth.window(*span), estimate.window(*span), cutoff, order, track_order)
-        for span in spans
-    ]
+
+    label: IntArray
+    position: FloatArray
+
+
+class TrackWindow:
+    """The labelled positions of the newest scans, for an OSPA(2) distance that goes with time.
+
+    Parameters
+    ----------
+    scans : int
+        Length of the window, at least 1; with 1 its OSPA(2) is OSPA.
+    """
+
+    def __init__(self, scans: int) -> None:
+        self._scans: deque[tuple[LabelledPoints, LabelledPoints]] = deque(maxlen=scans)
+
+    def add(self, truth: LabelledPoints, estimate: LabelledPoints) -> None:
+        """Take in the next scan; the oldest one leaves a full window."""
+        self._scans.append((truth, estimate))
+
+    def clear(self) -> None:
+        """Forget every scan."""
+        self._scans.clear()
+
+    def ospa2(self, cutoff: float, order: float, track_order: float = 1.0) -> Ospa:
+        """Return the distance over the window, see `ospa2`.
+
+        Raises
+        ------
+        ValueError
+            If a scan has a label twice.
+        """
+        truth, estimate = (
+            track_set([points.label for points in side], [points.position for points in side])
+            for side in zip(*self._scans, strict=True)
+        )
+        return ospa2(truth, estimate, cutoff, order, track_order)
 
 
 def confusion_matrix(
-    truth: FloatArray,
-    truth_class: IntArray,
-    estimate: FloatArray,
-    estimate_class: IntArray,
-    cutoff: float,
-    classes: int,
+    pairs: tuple[IntArray, IntArray], truth: IntArray, estimate: IntArray, classes: int
 ) -> IntArray:
     """Return how often a target of each class was taken for each class, in one scan.
 
     Parameters
     ----------
-    truth : array of shape (T, 2)
-    truth_class : int array of shape (T,)
-    estimate : array of shape (E, 2)
-    estimate_class : int array of shape (E,)
-    cutoff : float
-        Metres.
+    pairs : tuple of two int arrays of shape (P,)
+        Of `metrics.assign`, by position alone.
+    truth : int array of shape (T,)
+        Classes of the targets.
+    estimate : int array of shape (E,)
+        Classes of the estimates.
     classes : int
-        C.
+        C; targets and estimates of other classes than 0 to C - 1 are left out.
 
     Returns
     -------
     int array of shape (C + 1, C + 1)
-        [true class, estimated class], of pairs assigned by position alone. The last column counts
-        missed targets, the last row false estimates. Scans add up.
+        [true class, estimated class]. The last column counts missed targets, the last row false
+        estimates. Scans add up.
     """
-    target, found = assign(truth, estimate, cutoff)
-    missed = np.delete(truth_class, target)
-    false = np.delete(estimate_class, found)
+    target, found = pairs
+    missed, false = np.delete(truth, target), np.delete(estimate, found)
+    true = np.concatenate([truth[target], missed, np.full(len(false), classes)])
+    taken = np.concatenate([estimate[found], np.full(len(missed), classes), false])
+    known = (true <= classes) & (taken <= classes)
     matrix = np.zeros((classes + 1, classes + 1), dtype=np.int64)
-    np.add.at(matrix, (truth_class[target], estimate_class[found]), 1)
-    np.add.at(matrix, (missed, np.full(len(missed), classes)), 1)
-    np.add.at(matrix, (np.full(len(false), classes), false), 1)
+    np.add.at(matrix, (true[known], taken[known]), 1)
     return matrix
 
 
-def position_errors(truth: FloatArray, estimate: FloatArray, cutoff: float) -> FloatArray:
-    """Return the distances of a scan's assigned pairs in metres, shape (pairs,).
+class Gap(NamedTuple):
+    """A time in which a target had no estimate.
 
     Parameters
     ----------
-    truth : array of shape (T, 2)
-    estimate : array of shape (E, 2)
-    cutoff : float
-        Metres.
-    """
-    target, found = assign(truth, estimate, cutoff)
-    distance: FloatArray = np.linalg.norm(truth[target] - estimate[found], axis=1)
-    return distance
-
-
-def position_rms(
-    truth: Sequence[FloatArray], estimate: Sequence[FloatArray], cutoff: float
-) -> float | None:
-    """Return the root mean square distance of a run's assigned pairs, metres.
-
-    Parameters
-    ----------
-    truth, estimate : sequences of arrays of shape (T, 2) and (E, 2), one a scan
-    cutoff : float
-        Metres.
-
-    Returns
-    -------
-    float or None
-        None without a pair.
-    """
-    scans = zip(truth, estimate, strict=True)
-    errors = np.concatenate([np.zeros(0), *(position_errors(t, e, cutoff) for t, e in scans)])
-    return float(np.sqrt(np.mean(errors**2))) if len(errors) else None
-
-
-def detected(truth: FloatArray, estimate: FloatArray, cutoff: float) -> BoolArray:
-    """Return which targets of a scan have an estimate, shape (T,).
-
-    Its mean is the scan's probability of position detection.
-
-    Parameters
-    ----------
-    truth : array of shape (T, 2)
-    estimate : array of shape (E, 2)
-    cutoff : float
-        Metres.
-    """
-    found = np.zeros(len(truth), dtype=np.bool_)
-    found[assign(truth, estimate, cutoff)[0]] = True
-    return found
-
-
-def detection_history(
-    ids: Sequence[IntArray],
-    truth: Sequence[FloatArray],
-    estimate: Sequence[FloatArray],
-    cutoff: float,
-) -> dict[int, BoolArray]:
-    """Return for every target whether it has an estimate, scan by scan of its life.
-
-    Parameters
-    ----------
-    ids : sequence of int arrays of shape (T,), one a scan
-        Labels of the targets.
-    truth, estimate : sequences of arrays of shape (T, 2) and (E, 2), one a scan
-    cutoff : float
-        Metres.
-    """
-    history: dict[int, list[bool]] = {}
-    for labels, targets, points in zip(ids, truth, estimate, strict=True):
-        for label, found in zip(labels.tolist(), detected(targets, points, cutoff), strict=True):
-            history.setdefault(label, []).append(bool(found))
-    return {label: np.array(found, dtype=np.bool_) for label, found in history.items()}
-
-
-def gap_lengths(found: BoolArray) -> IntArray:
-    """Return the lengths of the runs of False in the order of time, scans.
-
-    Parameters
-    ----------
-    found : bool array of shape (K,)
-        Of `detection_history`. A run at either end counts as well.
-    """
-    padded = np.concatenate([[True], found, [True]]).astype(np.int8)
-    change = np.diff(padded)
-    lengths: IntArray = (np.flatnonzero(change == 1) - np.flatnonzero(change == -1)).astype(
-        np.int64
-    )
-    return lengths
-
-
-@dataclass(frozen=True)
-class Gaps:
-    """A target's gaps.
-
-    Parameters
-    ----------
-    longest_s : float
-        Seconds; 0 without a gap.
-    long_share : float
-        Share of its gaps that last longer than the threshold; 0 without a gap.
+    class_id : int
+        The target's.
+    duration_s : float
+        From the estimate before to the one after; where there is none, from the target's first
+        stamp or to its last.
+    missed : int
+        Scans without an estimate.
     """
 
-    longest_s: float
-    long_share: float
+    class_id: int
+    duration_s: float
+    missed: int
 
 
-def gaps(found: BoolArray, interval_s: float, threshold_s: float) -> Gaps:
-    """Return a target's longest gap and how many of its gaps are long.
+@dataclass
+class _Life:
+    """What is known of a living target: when it was last seen, and what was missed since."""
 
-    Parameters
-    ----------
-    found : bool array of shape (K,)
-        Of `detection_history`.
-    interval_s : float
-        Between scans. A gap of n scans lasts n intervals; between the estimates before and after
-        it there is one more.
-    threshold_s : float
-        Above it a gap is long.
+    class_id: int
+    seen_ns: int
+    newest_ns: int
+    missed: int = 0
+
+    def gap(self, end_ns: int) -> Gap:
+        return Gap(self.class_id, (end_ns - self.seen_ns) * 1e-9, self.missed)
+
+
+class GapFinder:
+    """Finds the gaps of targets, scan by scan; of a target that has gone it keeps nothing.
 
     References
     ----------
-    "EUROCONTROL specification for ATM surveillance system performance", EUROCONTROL-SPEC-147,
-    counts the positions missed in long gaps in the same spirit.
+    The detection requirements of the evaluation tool COMPASS (github.com/hpuhr/COMPASS) also go by
+    the time between updates, with the ends of the reference in the place of missing ones.
     """
-    duration = gap_lengths(found) * interval_s
-    if not len(duration):
-        return Gaps(0.0, 0.0)
-    return Gaps(float(duration.max()), float(np.mean(duration > threshold_s)))
+
+    def __init__(self) -> None:
+        self._lives: dict[int, _Life] = {}
+        self._newest_ns: int | None = None
+
+    def add(
+        self, stamp_ns: int, track_id: IntArray, class_id: IntArray, found: BoolArray
+    ) -> list[Gap]:
+        """Take in the next scan; return the gaps that ended with it, or before it with a target.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            An earlier one than that of the scan before ends all lives.
+        track_id, class_id : int arrays of shape (T,)
+            Of the targets that exist; no track_id twice.
+        found : bool array of shape (T,)
+            Whether each has an estimate.
+        """
+        back = self._newest_ns is not None and stamp_ns < self._newest_ns
+        self._newest_ns = stamp_ns
+        there = set() if back else set(track_id.tolist())
+        gone = [self._lives.pop(label) for label in list(self._lives) if label not in there]
+        ended = [life.gap(life.newest_ns) for life in gone if life.missed]
+        targets = zip(track_id.tolist(), class_id.tolist(), found.tolist(), strict=True)
+        for label, number, seen in targets:
+            life = self._lives.setdefault(label, _Life(number, stamp_ns, stamp_ns))
+            life.newest_ns = stamp_ns
+            if not seen:
+                life.missed += 1
+                continue
+            if life.missed:
+                ended.append(life.gap(stamp_ns))
+            life.seen_ns, life.missed = stamp_ns, 0
+        return ended
+
+    def under_way(self) -> list[Gap]:
+        """Return the gaps that have not ended, as if all targets' lives had."""
+        return [life.gap(life.newest_ns) for life in self._lives.values() if life.missed]
+
+
+class Gaps(NamedTuple):
+    """What some gaps amount to.
+
+    Parameters
+    ----------
+    number, long : int
+        All of them, and those longer than `LONG_GAP_S`.
+    missed_in_long : int
+        Scans without an estimate in the long ones.
+    longest_s : float
+        0 without a gap.
+    """
+
+    number: int = 0
+    long: int = 0
+    missed_in_long: int = 0
+    longest_s: float = 0.0
+
+    def plus(self, gaps: Iterable[Gap]) -> Gaps:
+        """Return what these gaps and some more amount to."""
+        number, long, missed, longest = self
+        for gap in gaps:
+            is_long = gap.duration_s > LONG_GAP_S
+            number, long = number + 1, long + is_long
+            missed += gap.missed * is_long
+            longest = max(longest, gap.duration_s)
+        return Gaps(number, long, missed, longest)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import deque
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -19,8 +20,6 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import diagnostics, estimates, names, truth
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.evaluation import (
-    FILTERED,
-    SMOOTHED,
     SOURCES,
     Evaluation,
     PointSet,
@@ -39,6 +38,8 @@ OUTPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 WARNING_PERIOD_S = 5.0
 # Once the last score is in, what else is on its way to the recording gets this long.
 LINGER_S = 0.5
+# Of a node that may run for months: scans that a late cloud may still belong to, and step times.
+KEPT_SCANS, KEPT_STEPS = 1000, 100_000
 
 TABLE = (
     Parameter("tracker", names.TRACKER, "Full name of the tracker node."),
@@ -72,9 +73,9 @@ class Evaluator(Node):
         self._values = parameters.resolve(self, TABLE, {})
         self.exit_status: int | None = None
         self._evaluation = Evaluation(
-            self._values["classes"], self._values["cutoff"], self._values["order"]
+            self._values["classes"], self._values["cutoff"], self._values["order"], KEPT_SCANS
         )
-        self._step_ms: list[float] = []
+        self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
         self._complete_since: float | None = None
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
         self._recorder = self._make_recorder()
@@ -123,7 +124,8 @@ class Evaluator(Node):
         except RejectedMessageError as error:
             self._warn(f"{self._values['truth_topic']}: {error}")
             return
-        points = PointSet(targets.state[:, list(POSITION)], targets.class_id)
+        position = targets.state[:, list(POSITION)]
+        points = PointSet(position, targets.class_id, targets.track_id)
         self._publish(self._evaluation.add_truth(targets.stamp_ns, points))
 
     def _on_estimates(self, source: str, cloud: PointCloud2) -> None:
@@ -132,7 +134,7 @@ class Evaluator(Node):
         except RejectedMessageError as error:
             self._warn(f"{source} estimates: {error}")
             return
-        points = PointSet(found.state[:, list(POSITION)], found.class_id)
+        points = PointSet(found.state[:, list(POSITION)], found.class_id, found.track_id)
         self._publish(self._evaluation.add_estimates(source, found.stamp_ns, points))
 
     def _on_figures(self, message: DiagnosticArray) -> None:
@@ -150,8 +152,7 @@ class Evaluator(Node):
     def _check_complete(self) -> None:
         """End once the wanted number of stamps has both scores and the rest has arrived."""
         wanted = self._values["exit_after_scans"]
-        scored = self._evaluation.scores
-        if not wanted or len(scored[SMOOTHED]) < wanted or len(scored[FILTERED]) < wanted:
+        if not wanted or min(self._evaluation.scored.values()) < wanted:
             return
         now = time.monotonic()
         self._complete_since = self._complete_since or now

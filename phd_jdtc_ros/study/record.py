@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from phd_jdtc_ros.core.evaluation import FILTERED, SMOOTHED, Evaluation, PointSet
+from phd_jdtc_ros.core.evaluation import FILTERED, SMOOTHED, SOURCES, Evaluation, PointSet
 from phd_jdtc_ros.core.motion import POSITION
 from phd_jdtc_ros.core.simulation import Truth
 from phd_jdtc_ros.core.types import Estimates, FloatArray
@@ -31,6 +31,14 @@ class Plot:
 
 
 @dataclass(frozen=True)
+class RadarSite:
+    """Where a radar stands in the world frame, metres."""
+
+    name: str
+    position: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Record:
     """A run, each part ordered by stamp.
 
@@ -40,9 +48,11 @@ class Record:
         Empty where the truth is not known.
     plots : tuple of Plot
     filtered, smoothed : tuple of Estimates
+        Empty where they were not recorded.
     classes : int
     step_ms : array of shape (scans,)
         CPU time of each step; empty where it was not measured.
+    radars : tuple of RadarSite
     """
 
     truth: tuple[Truth, ...]
@@ -51,15 +61,21 @@ class Record:
     smoothed: tuple[Estimates, ...]
     classes: int
     step_ms: FloatArray
+    radars: tuple[RadarSite, ...] = ()
+
+    def of_source(self, source: str) -> tuple[Estimates, ...]:
+        """Return the ``filtered`` or the ``smoothed`` estimates."""
+        return {FILTERED: self.filtered, SMOOTHED: self.smoothed}[source]
 
     def evaluate(self, cutoff: float, order: float) -> Evaluation:
         """Return the scores of the run; `cutoff` in metres."""
         evaluation = Evaluation(self.classes, cutoff, order)
         for truth in self.truth:
-            points = PointSet(truth.state[:, list(POSITION)], truth.class_id)
+            points = PointSet(truth.state[:, list(POSITION)], truth.class_id, truth.track_id)
             evaluation.add_truth(truth.stamp_ns, points)
-        for source, run in ((FILTERED, self.filtered), (SMOOTHED, self.smoothed)):
-            for estimates in run:
-                points = PointSet(estimates.state[:, list(POSITION)], estimates.class_id)
+        for source in SOURCES:
+            for estimates in self.of_source(source):
+                position = estimates.state[:, list(POSITION)]
+                points = PointSet(position, estimates.class_id, estimates.track_id)
                 evaluation.add_estimates(source, estimates.stamp_ns, points)
         return evaluation

@@ -1,16 +1,38 @@
-"""The scores of a run as numbers for a file and as a table for the terminal."""
+"""The scores of a run as numbers for a file and as tables for the terminal."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
+from rich.console import Group
 from rich.table import Table
 
 from phd_jdtc_ros.core.evaluation import FILTERED, SMOOTHED, Evaluation
 from phd_jdtc_ros.core.types import FloatArray
 
-_COLUMNS = ("ospa", "localization", "cardinality", "cardinality_abs_error")
+# Heading, key in a set's figures, and how its values are written.
+Columns: TypeAlias = "Sequence[tuple[str, str, str]]"
+OSPA = (
+    ("OSPA", "ospa", "{:.1f} m"),
+    ("localisation", "localization", "{:.1f} m"),
+    ("cardinality", "cardinality", "{:.1f} m"),
+    ("number error", "cardinality_abs_error", "{:.3f}"),
+)
+GOSPA = (
+    ("GOSPA", "gospa", "{:.1f} m"),
+    ("localisation", "gospa_localization", "{:.1f} m"),
+    ("missed", "missed", "{:.3f}"),
+    ("false", "false", "{:.3f}"),
+)
+SURVEILLANCE = (
+    ("position RMS", "position_rms", "{:.1f} m"),
+    ("position detected", "position_detection", "{:.2%}"),
+    ("longest gap", "longest_gap_s", "{:.1f} s"),
+    ("long gaps", "long_gap_share", "{:.1%}"),
+    ("missed in them", "long_gap_misses", "{:.2%}"),
+)
 
 
 def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:
@@ -31,40 +53,93 @@ def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:
     return summary
 
 
-def ospa_table(summary: dict[str, Any]) -> Table:
-    """Return the means of filter and smoother, for all targets and for each class.
+def ospa_table(summary: dict[str, Any]) -> Group:
+    """Return the figures of filter and smoother, for all targets and for each class, as tables.
 
     Parameters
     ----------
     summary : dict
         Of `metrics`.
+
+    Returns
+    -------
+    rich.console.Group
+        OSPA, GOSPA, the surveillance figures, and which class was taken for which.
     """
-    table = Table(
-        title=f"means over {summary['scans']} scans "
-        f"(OSPA: p = {summary['p']:g}, c = {summary['c']:g} m)",
-        caption=_headline(summary),
-    )
-    table.add_column("targets")
-    table.add_column("source")
-    for heading in ("OSPA", "localisation", "cardinality", "number error"):
-        table.add_column(heading, justify="right")
+    distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
+    gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_ospa2(summary)}"
+    tables = [
+        _reduced(OSPA, summary, f"means over {summary['scans']} scans (OSPA: {distance})"),
+        _plain(GOSPA, summary, f"means over the scans (GOSPA: {distance})", None),
+        _plain(SURVEILLANCE, summary, "surveillance figures", gaps),
+    ]
+    if summary[SMOOTHED]["all"]["confusion"] is not None:
+        tables.append(_confusion(summary[SMOOTHED]["all"]["confusion"]))
+    return Group(*[part for table in tables for part in ("", table)][1:])
+
+
+def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:
+    """Return a table of both sources and of what smoothing took off."""
+    table = _table(columns, title, _headline(summary))
     for key, before in summary[FILTERED].items():
         after = summary[SMOOTHED][key]
-        table.add_row(key.replace("_", " "), "filter", *map(_figure, _COLUMNS, _values(before)))
-        table.add_row("", "smoother", *map(_figure, _COLUMNS, _values(after)))
-        change = map(_reduction, _values(before), _values(after))
+        table.add_row(_name(key), "filter", *_cells(columns, before))
+        table.add_row("", "smoother", *_cells(columns, after))
+        change = [_reduction(before[column], after[column]) for _, column, _ in columns]
         table.add_row("", "reduction", *change, style="bold", end_section=True)
     return table
 
 
-def _values(means: dict[str, float | None]) -> list[float | None]:
-    return [means[column] for column in _COLUMNS]
+def _plain(columns: Columns, summary: dict[str, Any], title: str, caption: str | None) -> Table:
+    """Return a table of both sources."""
+    table = _table(columns, title, caption)
+    for key, before in summary[FILTERED].items():
+        after = summary[SMOOTHED][key]
+        table.add_row(_name(key), "filter", *_cells(columns, before))
+        table.add_row("", "smoother", *_cells(columns, after), end_section=True)
+    return table
 
 
-def _figure(column: str, value: float | None) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.3f}" if column == "cardinality_abs_error" else f"{value:.1f} m"
+def _ospa2(summary: dict[str, Any]) -> str:
+    before, after = (summary[source]["all"]["ospa2"] for source in (FILTERED, SMOOTHED))
+    if before is None and after is None:
+        return "no OSPA(2): the estimates carry no track ids"
+    filtered, smoothed = ("-" if v is None else f"{v:.1f} m" for v in (before, after))
+    scans = summary["ospa2_window"]
+    return f"OSPA(2) over {scans} scans: filter {filtered}, smoother {smoothed}"
+
+
+def _confusion(matrix: Sequence[Sequence[int]]) -> Table:
+    """Return the smoother's confusion matrix, counts over the run."""
+    classes = len(matrix) - 1
+    table = Table(title="smoother: true against estimated class")
+    table.add_column("target")
+    for heading in (*(f"class {k}" for k in range(classes)), "missed"):
+        table.add_column(heading, justify="right")
+    for k, row in enumerate(matrix):
+        false = k == classes
+        counts = [str(count) for count in row[:classes]] + ["" if false else str(row[classes])]
+        table.add_row("none (false)" if false else f"class {k}", *counts)
+    return table
+
+
+def _table(columns: Columns, title: str, caption: str | None) -> Table:
+    """Return a table without rows."""
+    table = Table(title=title, caption=caption)
+    table.add_column("targets", no_wrap=True)
+    table.add_column("source", no_wrap=True)
+    for heading, _, _ in columns:
+        table.add_column(heading.replace(" ", "\n", 1), justify="right", no_wrap=True)
+    return table
+
+
+def _name(key: str) -> str:
+    return key.replace("_", " ")
+
+
+def _cells(columns: Columns, figures: dict[str, Any]) -> list[str]:
+    values = [(figures.get(key), text) for _, key, text in columns]
+    return ["-" if value is None else text.format(value) for value, text in values]
 
 
 def _reduction(before: float | None, after: float | None) -> str:

@@ -5,17 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from phd_jdtc_ros.core.metrics import gospa, ospa
+from phd_jdtc_ros.core.metrics import assign, gospa, ospa
 from phd_jdtc_ros.core.surveillance import (
+    Gap,
+    GapFinder,
+    Gaps,
+    LabelledPoints,
+    TrackWindow,
     confusion_matrix,
-    detected,
-    detection_history,
-    gap_lengths,
-    gaps,
     ospa2,
-    ospa2_over_time,
-    position_errors,
-    position_rms,
     track_distances,
     track_set,
 )
@@ -35,15 +33,31 @@ track = st.lists(
 track_lists = st.lists(track, max_size=3)
 
 
-def gathered(tracks):
-    """Return a list of tracks, each a list of positions or None, as a track set."""
-    length = len(tracks[0]) if tracks else SCANS
-    ids, positions = [], []
-    for scan in range(length):
+def scans_of(tracks):
+    """Return a list of tracks, each a list of positions or None, scan by scan."""
+    scans = []
+    for scan in range(len(tracks[0]) if tracks else SCANS):
         seen = [(n, t[scan]) for n, t in enumerate(tracks, start=1) if t[scan] is not None]
-        ids.append(np.array([number for number, _ in seen], dtype=np.int64))
-        positions.append(np.array([point for _, point in seen], dtype=float).reshape(-1, 2))
-    return track_set(ids, positions)
+        label = np.array([number for number, _ in seen], dtype=np.int64)
+        position = np.array([point for _, point in seen], dtype=float).reshape(-1, 2)
+        scans.append(LabelledPoints(label, position))
+    return scans
+
+
+def gathered(tracks):
+    """Return such tracks as a track set."""
+    scans = scans_of(tracks)
+    return track_set([points.label for points in scans], [points.position for points in scans])
+
+
+def over_time(truth, estimate, window, order):
+    """Return the OSPA(2) of every scan's window."""
+    newest = TrackWindow(window)
+    found = []
+    for pair in zip(scans_of(truth), scans_of(estimate), strict=True):
+        newest.add(*pair)
+        found.append(newest.ospa2(CUTOFF, order).distance)
+    return found
 
 
 track_sets = track_lists.map(gathered)
@@ -136,13 +150,6 @@ def test_track_set_refuses_a_label_twice_in_a_scan():
         track_set([np.array([1]), np.array([2, 2])], [np.zeros((1, 2)), np.zeros((2, 2))])
 
 
-def test_track_set_window_drops_tracks_that_do_not_exist_in_it():
-    found = gathered([[(0, 0), None, None, None], [None, (1, 1), (2, 2), None]]).window(1, 3)
-    assert found.track_id.tolist() == [2]
-    assert found.exists.tolist() == [[True, True]]
-    assert found.position.tolist() == [[[1.0, 1.0], [2.0, 2.0]]]
-
-
 def test_track_distances_average_over_the_scans_in_which_either_exists():
     one = gathered([[(0, 0), (0, 0), (0, 0), None]])
     other = gathered([[None, (30, 40), (0, 500), None]])
@@ -174,15 +181,11 @@ def test_ospa2_obeys_the_triangle_inequality(a, b, c, order, base):
 
 @settings(deadline=None, max_examples=40)
 @given(a=track_lists, b=track_lists, order=orders)
-def test_ospa2_over_windows_of_one_scan_is_ospa(a, b, order):
-    found = ospa2_over_time(gathered(a), gathered(b), 1, CUTOFF, order)
-    for scan in range(SCANS):
-        points = [
-            np.array([t[scan] for t in tracks if t[scan] is not None], dtype=float).reshape(-1, 2)
-            for tracks in (a, b)
-        ]
-        expected = ospa(*points, CUTOFF, order).distance
-        assert found[scan].distance == pytest.approx(expected, abs=1e-9)
+def test_track_window_of_one_scan_is_ospa(a, b, order):
+    found = over_time(a, b, 1, order)
+    pairs = zip(scans_of(a), scans_of(b), strict=True)
+    expected = [ospa(t.position, e.position, CUTOFF, order).distance for t, e in pairs]
+    assert found == pytest.approx(expected, abs=1e-9)
 
 
 def test_ospa2_counts_a_broken_track():
@@ -202,11 +205,27 @@ def test_ospa2_counts_swapped_labels():
     assert ospa2(truth, truth, CUTOFF, 2.0).distance == 0.0
 
 
-def test_ospa2_over_time_forgets_what_the_window_has_left():
-    whole = gathered([[(0, 0)] * 4])
-    broken = gathered([[(0, 0), None, None, None], [None, (0, 0), (0, 0), (0, 0)]])
-    found = [o.distance for o in ospa2_over_time(whole, broken, 2, CUTOFF, 1.0)]
-    assert found == [pytest.approx(d) for d in (0.0, 75.0, 0.0, 0.0)]
+def test_track_window_forgets_what_it_has_left():
+    whole = [[(0, 0)] * 4]
+    broken = [[(0, 0), None, None, None], [None, (0, 0), (0, 0), (0, 0)]]
+    assert over_time(whole, broken, 2, 1.0) == pytest.approx([0.0, 75.0, 0.0, 0.0])
+
+
+def test_track_window_of_all_scans_is_ospa2():
+    whole = [[(0, 0)] * 4]
+    broken = [[(0, 0), None, None, None], [None, (0, 0), (0, 0), (0, 0)]]
+    expected = ospa2(gathered(whole), gathered(broken), CUTOFF, 2.0).distance
+    assert over_time(whole, broken, 4, 2.0)[-1] == pytest.approx(expected)
+
+
+def test_track_window_starts_anew_once_cleared():
+    there = LabelledPoints(np.array([1]), np.zeros((1, 2)))
+    nothing = LabelledPoints(np.array([], dtype=int), NONE)
+    window = TrackWindow(4)
+    window.add(there, nothing)
+    window.clear()
+    window.add(there, there)
+    assert window.ospa2(CUTOFF, 1.0).distance == 0.0
 
 
 def test_ospa2_of_no_tracks_is_zero_and_of_one_side_the_cutoff():
@@ -215,83 +234,111 @@ def test_ospa2_of_no_tracks_is_zero_and_of_one_side_the_cutoff():
     assert ospa2(empty, gathered([[(0, 0)] * SCANS]), CUTOFF, 2.0).distance == CUTOFF
 
 
+def confusion(truth, true_class, estimate, estimated_class, classes):
+    pairs = assign(truth, estimate, CUTOFF)
+    return confusion_matrix(pairs, np.array(true_class), np.array(estimated_class), classes)
+
+
 def test_confusion_matrix_counts_pairs_misses_and_false_ones():
     truth = np.array([[0.0, 0.0], [1000.0, 0.0], [2000.0, 0.0], [3000.0, 0.0]])
     estimate = np.array([[1010.0, 0.0], [0.0, 20.0], [9000.0, 0.0], [3000.0, 5.0]])
-    found = confusion_matrix(
-        truth, np.array([0, 1, 1, 0]), estimate, np.array([0, 0, 1, 0]), CUTOFF, 2
-    )
+    found = confusion(truth, [0, 1, 1, 0], estimate, [0, 0, 1, 0], 2)
     assert found.tolist() == [[2, 0, 0], [1, 0, 1], [0, 1, 0]]
+
+
+def test_confusion_matrix_leaves_out_classes_that_it_does_not_have():
+    truth = np.array([[0.0, 0.0], [1000.0, 0.0], [2000.0, 0.0]])
+    found = confusion(truth, [0, 5, 0], truth, [0, 0, 7], 2)
+    assert found.tolist() == [[1, 0, 0], [0, 0, 0], [0, 0, 0]]
 
 
 @settings(deadline=None, max_examples=40)
 @given(a=point_sets, b=point_sets)
 def test_confusion_matrix_counts_every_target_and_estimate_once(a, b):
-    found = confusion_matrix(a, np.arange(len(a)) % 3, b, np.arange(len(b)) % 3, CUTOFF, 3)
+    found = confusion(a, np.arange(len(a)) % 3, b, np.arange(len(b)) % 3, 3)
     assert found[:3].sum() == len(a)
     assert found[:, :3].sum() == len(b)
     assert found[3, 3] == 0
 
 
-def test_position_errors_are_those_of_the_pairs_within_the_cutoff():
-    truth = np.array([[0.0, 0.0], [1000.0, 0.0]])
-    estimate = np.array([[1000.0, 500.0], [30.0, 40.0]])
-    assert position_errors(truth, estimate, CUTOFF).tolist() == [50.0]
+SECOND = 1_000_000_000
 
 
-def test_position_rms_pools_the_scans():
-    truth = [np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((1, 2))]
-    estimate = [np.array([[30.0, 0.0]]), NONE, np.array([[0.0, 40.0], [900.0, 0.0]])]
-    assert position_rms(truth, estimate, CUTOFF) == pytest.approx(np.sqrt(2500.0 / 2.0))
+def gaps_of(finder, time_s, *targets):
+    """Take in a scan of targets (label, class, whether found)."""
+    label, number, found = np.array(targets, dtype=np.int64).reshape(-1, 3).T
+    return finder.add(round(time_s * SECOND), label, number, found.astype(bool))
 
 
-def test_position_rms_without_a_pair_is_none():
-    assert position_rms([], [], CUTOFF) is None
-    assert position_rms([np.zeros((1, 2))], [NONE], CUTOFF) is None
-
-
-def test_detected_gives_an_estimate_to_one_target_only():
-    truth = np.array([[0.0, 0.0], [10.0, 0.0], [500.0, 0.0]])
-    assert detected(truth, np.array([[2.0, 0.0]]), CUTOFF).tolist() == [True, False, False]
-    assert detected(truth, NONE, CUTOFF).tolist() == [False, False, False]
-    assert detected(NONE, truth, CUTOFF).tolist() == []
-
-
-def test_detection_history_follows_each_target_through_its_life():
-    here, there = np.array([[0.0, 0.0]]), np.array([[500.0, 0.0]])
-    both = np.concatenate([there, here])
-    found = detection_history(
-        [np.array([1]), np.array([2, 1]), np.array([2])], [here, both, there], [here, there, here],
-        CUTOFF,
-    )  # fmt: skip
-    assert {number: seen.tolist() for number, seen in found.items()} == {
-        1: [True, False],
-        2: [True, False],
-    }
+def found_like(pattern, interval_s=6.0):
+    """Return all gaps of one target that is found where the pattern has 1."""
+    finder = GapFinder()
+    gaps = []
+    for scan, letter in enumerate(pattern):
+        gaps += gaps_of(finder, scan * interval_s, (1, 0, letter == "1"))
+    return gaps + finder.under_way()
 
 
 @pytest.mark.parametrize(
-    ("found", "expected"),
+    ("pattern", "expected"),
     [
         ("", []),
         ("111", []),
-        ("000", [3]),
-        ("0110", [1, 1]),
-        ("1001011", [2, 1]),
+        # Between estimates there is an interval more than scans were missed.
+        ("101", [(12.0, 1)]),
+        ("1001011", [(18.0, 2), (12.0, 1)]),
+        # Before the first estimate and after the last one there is not.
+        ("01", [(6.0, 1)]),
+        ("100", [(12.0, 2)]),
+        ("000", [(12.0, 3)]),
     ],
 )
-def test_gap_lengths_are_the_runs_without_an_estimate(found, expected):
-    assert gap_lengths(np.array([c == "1" for c in found], dtype=bool)).tolist() == expected
+def test_gap_finder_finds_the_time_between_estimates(pattern, expected):
+    assert [(gap.duration_s, gap.missed) for gap in found_like(pattern)] == expected
 
 
-def test_gaps_of_a_worked_example():
-    # Gaps of 2, 1, 1 and 4 scans, 6 s each; above 10 s are two of the four.
-    found = np.array([c == "1" for c in "10011010110000"])
-    assert gaps(found, 6.0, 10.0).longest_s == 24.0
-    assert gaps(found, 6.0, 10.0).long_share == 0.5
-    assert gaps(found, 6.0, 12.0).long_share == 0.25
+def test_gap_finder_goes_by_stamps():
+    finder = GapFinder()
+    gaps_of(finder, 0.0, (1, 0, True))
+    gaps_of(finder, 6.0, (1, 0, False))
+    assert gaps_of(finder, 100.0, (1, 0, True)) == [Gap(0, 100.0, 1)]
 
 
-def test_gaps_without_a_gap_are_zero():
-    found = gaps(np.ones(5, dtype=bool), 6.0, 0.0)
-    assert (found.longest_s, found.long_share) == (0.0, 0.0)
+def test_gap_finder_follows_each_target_by_its_label():
+    finder = GapFinder()
+    gaps_of(finder, 0.0, (1, 0, True), (2, 1, False))
+    assert gaps_of(finder, 6.0, (2, 1, True), (1, 0, False)) == [Gap(1, 6.0, 1)]
+    assert finder.under_way() == [Gap(0, 6.0, 1)]
+
+
+def test_gap_finder_ends_the_gap_of_a_target_that_has_gone():
+    finder = GapFinder()
+    gaps_of(finder, 0.0, (1, 0, True))
+    gaps_of(finder, 6.0, (1, 0, False))
+    assert gaps_of(finder, 12.0) == [Gap(0, 6.0, 1)]
+    # Back again, it is another life.
+    assert gaps_of(finder, 18.0, (1, 0, True)) == []
+
+
+def test_gap_finder_ends_all_lives_when_time_goes_back():
+    finder = GapFinder()
+    gaps_of(finder, 60.0, (1, 0, True))
+    gaps_of(finder, 66.0, (1, 0, False))
+    assert gaps_of(finder, 0.0, (1, 0, True)) == [Gap(0, 6.0, 1)]
+    assert finder.under_way() == []
+
+
+def test_gap_finder_keeps_nothing_of_targets_that_have_gone():
+    finder = GapFinder()
+    for scan in range(100):
+        gaps_of(finder, 6.0 * scan, (scan + 1, 0, scan % 2))
+    assert len(finder._lives) == 1
+
+
+def test_gaps_add_up():
+    found = Gaps().plus([Gap(0, 12.0, 1), Gap(0, 18.0, 2)]).plus([Gap(1, 16.4, 3)])
+    assert found == Gaps(number=3, long=1, missed_in_long=2, longest_s=18.0)
+
+
+def test_gaps_of_none_are_zero():
+    assert Gaps().plus([]) == (0, 0, 0, 0.0)

@@ -8,7 +8,11 @@ from samples import STAMP_NS
 from msg_adapters import diagnostics, stamps
 from phd_jdtc_ros.core.evaluation import Evaluation, PointSet
 
-KEYS = ["ospa", "localization", "cardinality", "n_true", "n_est", "cutoff", "order"]
+KEYS = [
+    *("ospa", "localization", "cardinality"),
+    *("gospa", "gospa_localization", "missed", "false"),
+    *("n_true", "n_est", "cutoff", "order"),
+]
 
 
 def scored():
@@ -42,6 +46,8 @@ def test_score_to_msg_values_read_back_exactly():
         assert float(values["ospa"]) == entry.ospa.distance
         assert float(values["localization"]) == entry.ospa.localization
         assert float(values["cardinality"]) == entry.ospa.cardinality
+        assert float(values["gospa"]) == entry.gospa.distance
+        assert float(values["gospa_localization"]) == entry.gospa.localization
         assert (int(values["n_true"]), int(values["n_est"])) == (entry.n_true, entry.n_est)
         assert (float(values["cutoff"]), float(values["order"])) == (1000.0, 2.0)
 
@@ -54,6 +60,21 @@ def test_score_to_msg_holds_the_score_of_each_set(index, expected):
     status = diagnostics.score_to_msg(scored(), 1000.0, 2.0).status[index]
     values = diagnostics.values_of(status)
     found = float(values["ospa"]), int(values["n_true"]), int(values["n_est"])
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("index", "expected"),
+    [
+        (0, (np.sqrt(502_500.0), 50.0, 1, 0)),
+        (1, (50.0, 50.0, 0, 0)),
+        (2, (np.sqrt(5e5), 0.0, 1, 0)),
+    ],
+)
+def test_score_to_msg_holds_gospa_and_its_parts(index, expected):
+    status = diagnostics.score_to_msg(scored(), 1000.0, 2.0).status[index]
+    values = diagnostics.values_of(status)
+    found = [float(values[key]) for key in ("gospa", "gospa_localization", "missed", "false")]
     assert found == pytest.approx(expected, rel=1e-12)
 
 

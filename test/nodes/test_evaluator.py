@@ -20,7 +20,7 @@ def targets(stamp_ns, positions, classes):
     return Truth(stamp_ns, state, np.arange(1, len(positions) + 1), np.array(classes))
 
 
-def found(stamp_ns, positions, classes):
+def found(stamp_ns, positions, classes, labels=None):
     size = len(positions)
     state = np.zeros((size, STATE_SIZE))
     state[:, [0, 2]] = np.reshape(positions, (-1, 2))
@@ -32,7 +32,7 @@ def found(stamp_ns, positions, classes):
         weight=np.ones(size),
         class_probability=np.eye(2)[classes] if size else np.zeros((0, 2)),
         class_id=np.array(classes, dtype=int),
-        track_id=np.zeros(size, dtype=int),
+        track_id=np.zeros(size, dtype=int) if labels is None else np.array(labels),
     )
 
 
@@ -84,12 +84,46 @@ def test_evaluator_publishes_scores_and_writes_the_report(processes, peer, tmp_p
     assert (statuses["filtered/all"]["n_true"], statuses["filtered/all"]["n_est"]) == ("2", "1")
     assert float(statuses["smoothed/class_0"]["localization"]) == pytest.approx(50.0, rel=1e-6)
     assert set(statuses["filtered/all"]) == {
-        *("ospa", "localization", "cardinality", "n_true", "n_est", "cutoff", "order")
+        *("ospa", "localization", "cardinality", "n_true", "n_est", "cutoff", "order"),
+        *("gospa", "gospa_localization", "missed", "false"),
     }
+    # One pair 300 m apart and one missed target.
+    expected_gospa = np.sqrt(300.0**2 + 1000.0**2 / 2.0)
+    assert float(statuses["filtered/all"]["gospa"]) == pytest.approx(expected_gospa, rel=1e-6)
+    assert (statuses["filtered/all"]["missed"], statuses["filtered/all"]["false"]) == ("1", "0")
     assert metrics["scans"] == 2
     assert metrics["filtered"]["all"]["ospa"] == pytest.approx(expected / 2.0, rel=1e-6)
+    assert metrics["filtered"]["all"]["gospa"] == pytest.approx(expected_gospa / 2.0, rel=1e-6)
+    assert metrics["filtered"]["all"]["position_detection"] == 0.5
+    assert metrics["filtered"]["all"]["confusion"] == [[1, 0, 0], [0, 0, 1], [0, 0, 0]]
+    # The missed target's one scan; without track ids there is no OSPA(2).
+    assert metrics["filtered"]["class_1"]["long_gap_misses"] == 0.0
+    assert metrics["filtered"]["all"]["ospa2"] is None
+    assert "GOSPA" in evaluator.log.read_text()
     assert metrics["class_accuracy"] == 1.0
     assert metrics["smoothed"]["all"]["cardinality_abs_error"] == 0.0
+
+
+def test_evaluator_follows_track_ids(processes, peer, tmp_path):
+    report = tmp_path / "metrics.json"
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
+    source = Source(peer)
+    for second, label in ((1, 7), (2, 8)):
+        source.send(
+            second * SECOND,
+            ([(0.0, 0.0)], [0]),
+            ([(0.0, 0.0)], [0], [7]),
+            ([(0.0, 0.0)], [0], [label]),
+        )
+    assert peer.spin_until(lambda: len(source.scores) == 4)
+    evaluator.send_signal(signal.SIGINT)
+    assert evaluator.wait(10.0) == 0
+    metrics = json.loads(report.read_text())
+
+    assert metrics["filtered"]["all"]["ospa2"] == 0.0
+    # In the second scan a track that is half right, and half a one too much.
+    expected = np.sqrt((500.0**2 + 1000.0**2) / 2.0) / 2.0
+    assert metrics["smoothed"]["all"]["ospa2"] == pytest.approx(expected, rel=1e-6)
 
 
 def test_evaluator_ends_by_itself_after_the_wanted_scans(processes, peer, tmp_path):
