@@ -17,11 +17,12 @@ EXTRAS     := [ros]
 TEST_EXTRAS := [ros,test,study,peers,docs,dev]
 endif
 
-.PHONY: help setup demo study docs test check format bags parameters clean
+.PHONY: help setup demo study bench docs test check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=6 for a quick one), into out/study"
+	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
 	@echo "make docs    the documentation as a site, into out/docs"
 	@echo "make test    run the tests"
 	@echo "make check   linters and types"
@@ -55,6 +56,11 @@ $(VENV)/.ready-study: $(VENV)/.ready
 	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[study,peers,docs]'
 	@touch $@
 
+$(VENV)/.ready-bench: $(VENV)/.ready
+	@echo "installing what the benchmark needs into $(VENV) ..."
+	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[study,peers,fast]'
+	@touch $@
+
 demo: $(VENV)/.ready
 	@$(RUN) -m phd_jdtc_ros demo
 
@@ -62,6 +68,9 @@ RUNS ?= 50
 
 study: $(VENV)/.ready-study
 	@$(RUN) -m phd_jdtc_ros monte_carlo --runs $(RUNS)
+
+bench: $(VENV)/.ready-bench
+	@$(RUN) -m benchmarks $(BENCH)
 
 docs: $(VENV)/.ready-study
 	@$(RUN) -m mkdocs build --quiet --strict

@@ -1,0 +1,13 @@
+"""``python -m benchmarks``: one thread, which has to be said before numpy is loaded."""
+
+import os
+import sys
+
+os.environ["OMP_NUM_THREADS"] = "1"
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+os.environ["MKL_NUM_THREADS"] = "1"
+os.environ["NUMBA_NUM_THREADS"] = "1"
+
+from .command import main
+
+sys.exit(main(sys.argv[1:]))

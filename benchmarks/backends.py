@@ -1,0 +1,42 @@
+"""The implementations of the neighbour search's inner loop that are installed.
+
+`phd_jdtc_ros.core.neighbours` chooses one when it is imported. A comparison in one process has to
+change that choice, and only this module does.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from phd_jdtc_ros.core import neighbours
+
+NUMPY = "NumPy"
+NUMBA = "numba"
+
+
+@functools.cache
+def available() -> tuple[str, ...]:
+    """Return the names of the installed ones, the reference first."""
+    try:
+        neighbours.backend(NUMBA)
+    except ImportError:
+        return (NUMPY,)
+    return (NUMPY, NUMBA)
+
+
+def reason_missing(backend: str) -> str:
+    """Return why a backend is not among the available ones."""
+    return f"{backend} is not installed: pip install '.[fast]'"
+
+
+@contextmanager
+def using(backend: str) -> Iterator[None]:
+    """Build transitions with one of them for as long as the block lasts."""
+    chosen = neighbours.BACKEND
+    neighbours.BACKEND = neighbours.backend(backend.lower())
+    try:
+        yield
+    finally:
+        neighbours.BACKEND = chosen

@@ -1,0 +1,75 @@
+"""The benchmark as a command: measure, judge, print, write."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from . import goals, growth, live, machine, messages, peers, plots, report, smoothing, steps
+
+# The live part comes first: the machine is coolest, and this process smallest, then.
+PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
+    "live": live.measure,
+    "messages": messages.measure,
+    "peers": peers.measure,
+    "steps": steps.measure,
+    "growth": growth.measure,
+    "smoother": smoothing.measure,
+}
+
+
+def run(quick: bool, parts: Sequence[str], console: Console) -> dict[str, Any]:
+    """Return the summary of the parts asked for, each of which is said to begin."""
+    begin = time.monotonic()
+    summary: dict[str, Any] = {"quick": quick, "machine": machine.description()}
+    for name, measure in PARTS.items():
+        if name in parts:
+            console.print(f"{time.monotonic() - begin:4.0f} s  {name} ...", highlight=False)
+            summary[name] = measure(quick)
+    summary["figures"] = goals.judged(summary)
+    summary["elapsed_s"] = time.monotonic() - begin
+    return summary
+
+
+def write(summary: Mapping[str, Any], directory: Path) -> list[Path]:
+    """Write the summary, the tables and, where growth was measured, the pictures; return where."""
+    directory.mkdir(parents=True, exist_ok=True)
+    path = directory / "summary.json"
+    path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    text = directory / "table.md"
+    text.write_text(report.markdown(report.tables(summary)))
+    if "growth" not in summary:
+        return [path, text]
+    return [path, text, *plots.write_all(summary["growth"], directory)]
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser("python -m benchmarks", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="small sizes, under a minute")
+    parser.add_argument("--out", type=Path, default=Path("out/bench"), help="%(default)s")
+    parser.add_argument(
+        "--part", action="append", choices=list(PARTS), help="only this; may be repeated"
+    )
+    arguments = parser.parse_args(argv)
+    console = Console()
+    summary = run(arguments.quick, arguments.part or list(PARTS), console)
+    for table in report.tables(summary):
+        console.print(table)
+    for path in write(summary, arguments.out):
+        console.print(path, highlight=False)
+    console.print(f"{summary['elapsed_s']:.0f} s; {_on(summary['machine'])}", highlight=False)
+    return 0
+
+
+def _on(found: Mapping[str, Any]) -> str:
+    return (
+        f"{found['cpu']}, {found['cpus']} CPUs, load {found['load_average']:.1f}, "
+        f"Python {found['python']}, NumPy {found['numpy']}"
+    )

@@ -1,0 +1,245 @@
+"""The smoother as it was before: the paper's dense form, and a k-d tree's. Baselines and reference.
+
+Both take the particles as a resampler hands them out, every copy a row of its own (`copies`).
+
+- The dense form evaluates K and mu between all particles in float64, whole arrays at a time, one
+  block for each destination mode. As the paper writes it, Step 4 is carried out at every lag, so
+  the kernels are evaluated anew every time. Nothing is gated: it is also the reference that the
+  product's gate is judged by.
+- The k-d tree form keeps the pairs within the product's gate, found by
+  `scipy.spatial.cKDTree.sparse_distance_matrix` over all whitened coordinates.
+
+Neither shares code with `phd_jdtc_ros.core.transition`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import sparse
+from scipy.linalg import solve_triangular
+from scipy.spatial import cKDTree
+
+from phd_jdtc_ros.core.filter import TrackerModel, scale_rows
+from phd_jdtc_ros.core.smoother import DeathTerm, backward_step
+from phd_jdtc_ros.core.transition import GATE_SIGMA, Transition
+from phd_jdtc_ros.core.types import FloatArray, IntArray, ParticlePHD
+
+Link = Callable[[ParticlePHD, ParticlePHD, TrackerModel, float], Transition]
+
+
+def copies(phd: ParticlePHD) -> ParticlePHD:
+    """Return the set with every copy of a particle as a row of its own."""
+    row = np.repeat(np.arange(len(phd)), phd.multiplicity)
+    share = 1.0 / phd.multiplicity[row]
+    return replace(
+        phd,
+        state=phd.state[row],
+        mode=phd.mode[row],
+        origin=phd.origin[row],
+        parent=phd.parent[row],
+        multiplicity=np.ones(len(row), dtype=np.int64),
+        unexplained=phd.unexplained[row] * share,
+        explained=scale_rows(phd.explained[row], share),
+        memory=phd.memory[row],
+    )
+
+
+def smooth(
+    stored: Sequence[ParticlePHD],
+    model: TrackerModel,
+    dt: float,
+    death_term: DeathTerm,
+    link: Link,
+) -> ParticlePHD:
+    """Return the oldest set smoothed over all later ones, every kernel evaluated on the way.
+
+    Parameters
+    ----------
+    stored : sequence of ParticlePHD
+        The oldest first.
+    model : TrackerModel
+    dt : float
+        Between each two, seconds.
+    death_term : DeathTerm
+    link : callable
+        `dense` or `k_d_tree`.
+    """
+    smoothed = stored[-1]
+    for earlier, later in zip(stored[-2::-1], stored[:0:-1], strict=True):
+        smoothed = backward_step(
+            earlier, link(earlier, later, model, dt), smoothed.weight, death_term
+        )
+    return smoothed
+
+
+def dense(earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: float) -> Transition:
+    """Return the transition with K and mu between all particles.
+
+    Notes
+    -----
+    Sec. IV-C, Step 4. The matrix is dense, of 8 bytes for every pair of particles of a class.
+    """
+    survival = model.modes.survival(dt)[earlier.mode]
+    born = _born(later, model, dt)
+    blocks = []
+    for mode, rows in _destinations(later, model):
+        sources, share = _survivors(earlier, model, mode, dt)
+        kernel = share * _dense_gaussian(
+            *_pair(earlier, later, model, mode, rows, sources, dt), _motion_noise(model, mode, dt)
+        )
+        mu = born[rows] + kernel @ earlier.weight[sources]
+        parents, rate = _parents(earlier, model, mode, dt)
+        if len(parents):
+            spawned = _dense_gaussian(
+                *_pair(earlier, later, model, mode, rows, parents, dt), _spawn_noise(model, mode)
+            )
+            mu += spawned @ (rate * earlier.weight[parents])
+        kernel /= np.where(mu > 0.0, mu, 1.0)[:, None]
+        blocks.append((sources, rows, kernel))
+    return Transition(ratio=_Blocks(len(earlier), blocks), survival=survival, orphans=0)
+
+
+def k_d_tree(
+    earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: float
+) -> Transition:
+    """Return the transition with the pairs within the gate, found by k-d trees."""
+    survival = model.modes.survival(dt)[earlier.mode]
+    mu = _born(later, model, dt)
+    row, column, value = [], [], []
+    for mode, rows in _destinations(later, model):
+        sources, share = _survivors(earlier, model, mode, dt)
+        near, source, density = _near_gaussian(
+            *_pair(earlier, later, model, mode, rows, sources, dt), _motion_noise(model, mode, dt)
+        )
+        kernel = share[source] * density
+        np.add.at(mu, rows[near], kernel * earlier.weight[sources[source]])
+        row.append(sources[source])
+        column.append(rows[near])
+        value.append(kernel)
+        sources, rate = _parents(earlier, model, mode, dt)
+        if len(sources):
+            near, source, density = _near_gaussian(
+                *_pair(earlier, later, model, mode, rows, sources, dt), _spawn_noise(model, mode)
+            )
+            np.add.at(mu, rows[near], rate[source] * density * earlier.weight[sources[source]])
+    columns = np.concatenate(column)
+    share = np.concatenate(value) / np.where(mu > 0.0, mu, 1.0)[columns]
+    ratio = sparse.csr_array(
+        (share, (np.concatenate(row), columns)), shape=(len(earlier), len(later))
+    )
+    return Transition(ratio=ratio, survival=survival, orphans=0)
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """A matrix of dense blocks: (rows, columns, transposed values) of each."""
+
+    size: int
+    blocks: list[tuple[IntArray, IntArray, FloatArray]]
+
+    def __matmul__(self, weight: FloatArray) -> FloatArray:
+        product = np.zeros(self.size)
+        for row, column, value in self.blocks:
+            product[row] += weight[column] @ value
+        return product
+
+
+def _destinations(later: ParticlePHD, model: TrackerModel) -> Iterator[tuple[int, IntArray]]:
+    """Yield every flat mode and the rows of the later set that are in it."""
+    for mode in range(len(model.modes)):
+        yield mode, np.flatnonzero(later.mode == mode)
+
+
+def _survivors(
+    earlier: ParticlePHD, model: TrackerModel, mode: int, dt: float
+) -> tuple[IntArray, FloatArray]:
+    """Return the rows that can survive into a flat mode, and P_s h of each."""
+    share = (model.modes.transition(dt) * model.modes.survival(dt)[:, None])[earlier.mode, mode]
+    sources = np.flatnonzero(share > 0.0)
+    return sources, share[sources]
+
+
+def _parents(
+    earlier: ParticlePHD, model: TrackerModel, mode: int, dt: float
+) -> tuple[IntArray, FloatArray]:
+    """Return the rows that can spawn into a flat mode, and the rate of each."""
+    rate = model.spawn.rate * dt / model.modes.interval_s
+    share = rate * model.spawn.transition[earlier.mode, mode]
+    sources = np.flatnonzero(share > 0.0)
+    return sources, share[sources]
+
+
+def _born(later: ParticlePHD, model: TrackerModel, dt: float) -> FloatArray:
+    """Return the birth intensity at every row, without a gate, shape (N,)."""
+    total = np.zeros(len(later))
+    for mode, rows in _destinations(later, model):
+        support = list(model.modes.motions[mode].support)
+        for term in model.births:
+            offset = (later.state[rows] - term.mean)[:, support] / term.std[support]
+            scale = np.prod(np.sqrt(2.0 * np.pi) * term.std[support])
+            total[rows] += term.rate[mode] / scale * np.exp(-0.5 * (offset**2).sum(axis=1))
+    return total * dt / model.modes.interval_s
+
+
+def _motion_noise(model: TrackerModel, mode: int, dt: float) -> FloatArray:
+    return model.modes.motions[mode].noise_covariance(dt)
+
+
+def _spawn_noise(model: TrackerModel, mode: int) -> FloatArray:
+    return np.diag(model.spawn.std[list(model.modes.motions[mode].support)] ** 2)
+
+
+def _pair(
+    earlier: ParticlePHD,
+    later: ParticlePHD,
+    model: TrackerModel,
+    mode: int,
+    rows: IntArray,
+    sources: IntArray,
+    dt: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return later states and earlier ones' noise-free successors on a flat mode's support."""
+    motion = model.modes.motions[mode]
+    support = list(motion.support)
+    successor = motion.mean(earlier.state[sources], dt)
+    return later.state[rows][:, support], successor[:, support]
+
+
+def _whitened(
+    state: FloatArray, mean: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return both in coordinates of unit covariance, and the density's factor."""
+    factor = np.linalg.cholesky(covariance)
+    scale = 1.0 / np.prod(np.sqrt(2.0 * np.pi) * np.diag(factor))
+    return (
+        solve_triangular(factor, state.T, lower=True),
+        solve_triangular(factor, mean.T, lower=True),
+        float(scale),
+    )
+
+
+def _dense_gaussian(state: FloatArray, mean: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return N(state; mean, covariance) of all pairs, shape (states, means)."""
+    state, mean, scale = _whitened(state, mean, covariance)
+    square = np.zeros((state.shape[1], mean.shape[1]))
+    for of_state, of_mean in zip(state, mean, strict=True):
+        square += (of_state[:, None] - of_mean) ** 2
+    density: FloatArray = scale * np.exp(-0.5 * square)
+    return density
+
+
+def _near_gaussian(
+    state: FloatArray, mean: FloatArray, covariance: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the pairs within the gate, and their N(state; mean, covariance)."""
+    state, mean, scale = _whitened(state, mean, covariance)
+    if state.shape[1] == 0 or mean.shape[1] == 0:
+        none = np.zeros(0, dtype=np.int64)
+        return none, none, np.zeros(0)
+    pairs = cKDTree(state.T).sparse_distance_matrix(
+        cKDTree(mean.T), GATE_SIGMA, output_type="ndarray"
+    )
+    return pairs["i"], pairs["j"], scale * np.exp(-0.5 * pairs["v"] ** 2)

@@ -1,0 +1,174 @@
+"""The figures that the tracker is to reach, each with what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from . import backends
+from .backends import NUMBA, NUMPY
+from .steps import PAPER
+
+
+class Goal(NamedTuple):
+    """One figure.
+
+    Parameters
+    ----------
+    name : str
+    bound : float
+    at_most : bool
+        Or at least.
+    value : callable
+        Takes it from the summary; raises `LookupError`, `TypeError` or `ValueError` where it was
+        not measured.
+    source : str
+        The part of the summary, which says why if it was not.
+    """
+
+    name: str
+    bound: float
+    at_most: bool
+    value: Callable[[Mapping[str, Any]], float]
+    source: str
+
+
+def judged(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return every figure as ``{name, value, goal, at_most, reached}``.
+
+    Where there is no value it is None, `reached` is None, and ``reason`` says why.
+    """
+    return [_judge(goal, summary) for goal in _goals()]
+
+
+def _judge(goal: Goal, summary: Mapping[str, Any]) -> dict[str, Any]:
+    figure: dict[str, Any] = {
+        "name": goal.name,
+        "value": None,
+        "goal": goal.bound,
+        "at_most": goal.at_most,
+        "reached": None,
+    }
+    try:
+        value = goal.value(summary)
+    except (LookupError, TypeError, ValueError):
+        return {**figure, "reason": _reason(goal, summary)}
+    reached = value <= goal.bound if goal.at_most else value >= goal.bound
+    return {**figure, "value": value, "reached": reached}
+
+
+def _reason(goal: Goal, summary: Mapping[str, Any]) -> str:
+    if f"({NUMBA})" in goal.name and NUMBA not in backends.available():
+        return backends.reason_missing(NUMBA)
+    if goal.source not in summary:
+        return "left out of this run"
+    part = summary[goal.source]
+    holders = [one for one in (part, *part.values()) if isinstance(one, Mapping)]
+    said = [str(one["reason"]) for one in holders if "reason" in one]
+    return said[0] if said else "left out of the quick run"
+
+
+def _goals() -> list[Goal]:
+    goals = []
+    against_dense = {NUMPY: {"2e3": 250.0, "1e4": 2500.0}, NUMBA: {"2e3": 1000.0, "1e4": 8000.0}}
+    for backend, bounds in against_dense.items():
+        for size, bound in bounds.items():
+            name = f"against the dense form, N = {size} ({backend}), times"
+            goals.append(Goal(name, bound, False, _against("dense", size, backend), "smoother"))
+    for backend, bound in ((NUMPY, 2.5), (NUMBA, 8.0)):
+        name = f"against a k-d tree, least of all N ({backend}), times"
+        goals.append(Goal(name, bound, False, _least_against_tree(backend), "smoother"))
+    goals += [
+        Goal("largest error of a weight", 1e-3, True, _error("largest_relative"), "smoother"),
+        Goal("error of all weights, L1", 1e-5, True, _error("l1"), "smoother"),
+        Goal("growth in targets, exponent", 1.1, True, _exponent("targets"), "growth"),
+        Goal(
+            "growth in particles a target, exponent",
+            1.4,
+            True,
+            _exponent("particles_per_target"),
+            "growth",
+        ),
+        Goal("one lag, share of a kernel", 0.06, True, _lag_share, "smoother"),
+        Goal("cached kernel, bytes a particle and lag", 200.0, True, _kept, "smoother"),
+        Goal("step, reference scenario, ms", 15.0, True, _step(PAPER, NUMPY), "steps"),
+        Goal("step against Stone Soup's GM-PHD, times", 1.0, False, _against_gm_phd, "peers"),
+    ]
+    for backend, bound in ((NUMPY, 150.0), (NUMBA, 75.0)):
+        name = f"step, 200 targets ({backend}), ms"
+        goals.append(Goal(name, bound, True, _step("200 targets", backend), "steps"))
+    return [
+        *goals,
+        Goal("node, 1000 detections and 200 estimates, ms", 2.0, True, _messages, "messages"),
+        Goal("latency over DDS beyond the step, p99, ms", 10.0, True, _latency, "live"),
+    ]
+
+
+def _median(summary: Mapping[str, Any], size: str, name: str) -> float:
+    return float(summary["smoother"][size]["times"][name]["median_ms"])
+
+
+def _against(form: str, size: str, backend: str) -> Callable[[Mapping[str, Any]], float]:
+    def ratio(summary: Mapping[str, Any]) -> float:
+        return _median(summary, size, form) / _median(summary, size, f"smoother [{backend}]")
+
+    return ratio
+
+
+def _least_against_tree(backend: str) -> Callable[[Mapping[str, Any]], float]:
+    def least(summary: Mapping[str, Any]) -> float:
+        return min(_against("k-d tree", size, backend)(summary) for size in summary["smoother"])
+
+    return least
+
+
+def _error(kind: str) -> Callable[[Mapping[str, Any]], float]:
+    def worst(summary: Mapping[str, Any]) -> float:
+        sizes = summary["smoother"].values()
+        measured = [size["error"] for size in sizes if "error" in size]
+        return max(one[kind] for error in measured for one in error.values())
+
+    return worst
+
+
+def _exponent(ladder: str) -> Callable[[Mapping[str, Any]], float]:
+    def slope(summary: Mapping[str, Any]) -> float:
+        return float(summary["growth"][ladder]["forms"][f"smoother [{NUMPY}]"]["exponent"])
+
+    return slope
+
+
+def _lag_share(summary: Mapping[str, Any]) -> float:
+    sizes = summary["smoother"]
+    return max(
+        _median(summary, size, "backward")
+        / sizes[size]["lag"]
+        / _median(summary, size, f"build [{NUMPY}]")
+        for size in sizes
+    )
+
+
+def _kept(summary: Mapping[str, Any]) -> float:
+    return max(
+        size["memory"]["kept, bytes a particle and lag"] for size in summary["smoother"].values()
+    )
+
+
+def _step(scene: str, backend: str) -> Callable[[Mapping[str, Any]], float]:
+    def median(summary: Mapping[str, Any]) -> float:
+        return float(summary["steps"][scene]["backends"][backend]["step"]["median_ms"])
+
+    return median
+
+
+def _against_gm_phd(summary: Mapping[str, Any]) -> float:
+    peers = summary["peers"]
+    return float(peers["GM-PHD"]["median_ms"] / peers[f"ours [{NUMPY}]"]["median_ms"])
+
+
+def _messages(summary: Mapping[str, Any]) -> float:
+    return float(summary["messages"]["total_ms"])
+
+
+def _latency(summary: Mapping[str, Any]) -> float:
+    return float(summary["live"]["beyond_step_ms"]["p99"])

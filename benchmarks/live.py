@@ -1,0 +1,162 @@
+"""End to end over DDS: the reference scenario, with the tracker node in a process of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.simulation import paper_scenario, simulate
+from phd_jdtc_ros.core.types import Scan
+
+from . import messages
+
+START_S, STOP_S = 30.0, 10.0
+# A scan that has brought no estimate by then is lost.
+REPLY_S = 5.0
+# Between a reply and the next scan: the two processes are then at rest.
+PAUSE_S = 0.01
+RATE_STEP = 1.15
+# Longest that the search for the rate goes on.
+SEARCH_S = 80.0
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return latencies and the highest rate, in milliseconds and hertz.
+
+    ``estimate`` is from the publication of a scan's last detections to the receipt of its filtered
+    estimates. ``beyond_step`` is to the receipt of the scan's last message less the CPU time that
+    the tracker says the step took: decoding to publishing. What remains is transport, waiting,
+    and what the operating system takes.
+    """
+    messages.environment()
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as error:
+        return {"value": None, "reason": f"rclpy is missing: {error}"}
+    from .radars import Radars
+
+    scans = _scans(20 if quick else 60)
+    with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
+        log = Path(directory) / "tracker.log"
+        stack.enter_context(_tracker(log))
+        radars = stack.enter_context(contextlib.closing(Radars()))
+        if not radars.connected(START_S):
+            return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
+        latency = _latency(radars, scans, repeats=1 if quick else 6)
+        if latency is None:
+            return {"value": None, "reason": "a scan brought no estimate"}
+        step_s = 1e-3 * latency["step_ms"]["p50"]
+        rate = {"value": None, "reason": "left out of the quick run"}
+        if not quick:
+            rate = _highest_rate(radars, scans, 0.4 / step_s)
+        return {**latency, "highest_rate_hz": rate}
+
+
+def _scans(count: int) -> list[Scan]:
+    scene = replace(paper_scenario(resolve({}).model.radars), scans=count)
+    return [scan for _, scan in simulate(scene, seed=0)]
+
+
+@contextlib.contextmanager
+def _tracker(log: Path) -> Iterator[None]:
+    """Run the tracker node for as long as the block lasts."""
+    with log.open("wb") as stream:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "phd_jdtc_ros", "tracker"],
+            stdout=stream,
+            stderr=subprocess.STDOUT,
+            env=dict(os.environ),
+        )
+    try:
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+
+
+def _latency(radars: Any, scans: list[Scan], repeats: int) -> dict[str, Any] | None:
+    """Send scan after scan, each when the one before has been answered."""
+    estimate, beyond, steps = [], [], []
+    for _ in range(repeats):
+        radars.reset()
+        for scan in scans:
+            sent = radars.send(scan)
+            reply = radars.wait_for(scan.stamp_ns, REPLY_S)
+            if reply is None:
+                return None
+            estimate.append(1e3 * (reply.estimate_s - sent))
+            beyond.append(1e3 * (reply.last_s - sent) - reply.step_ms)
+            steps.append(reply.step_ms)
+            radars.spin(PAUSE_S)
+    return {
+        "scans": len(steps),
+        "estimate_ms": _percentiles(estimate),
+        "beyond_step_ms": _percentiles(beyond),
+        "step_ms": _percentiles(steps),
+    }
+
+
+def _percentiles(values: list[float]) -> dict[str, float]:
+    p50, p99 = np.percentile(values, [50, 99])
+    return {"p50": float(p50), "p99": float(p99), "most": float(max(values))}
+
+
+def _highest_rate(radars: Any, scans: list[Scan], rate_hz: float) -> dict[str, Any]:
+    """Raise the rate by steps while it is sustained, or lower it until it is.
+
+    A rate that is not sustained gets a second try, for the machine may have been busy.
+    """
+    tried: list[dict[str, Any]] = []
+    deadline = time.monotonic() + SEARCH_S
+    highest, too_high = 0.0, math.inf
+    while time.monotonic() < deadline:
+        if _sustained(radars, scans, rate_hz, tried) or _sustained(radars, scans, rate_hz, tried):
+            highest, rate_hz = rate_hz, RATE_STEP * rate_hz
+        else:
+            too_high, rate_hz = rate_hz, rate_hz / RATE_STEP
+        # Rates are powers of the step, give or take rounding.
+        if highest and too_high < 1.01 * RATE_STEP * highest:
+            return {"value": highest, "tried": tried}
+    reason = f"time was up; {highest:.1f} Hz were sustained" if highest else "none was sustained"
+    return {"value": None, "reason": reason, "tried": tried}
+
+
+def _sustained(radars: Any, scans: list[Scan], rate_hz: float, tried: list[dict[str, Any]]) -> bool:
+    """Return whether no scan was lost and the tracker did not fall behind; add to `tried`.
+
+    Falling behind: the last scan's estimate is later than an early one's by more than two periods.
+    """
+    lost, behind = _at_rate(radars, scans, rate_hz)
+    tried.append({"rate_hz": rate_hz, "lost": lost, "behind_periods": behind})
+    return not lost and behind <= 2.0
+
+
+def _at_rate(radars: Any, scans: list[Scan], rate_hz: float) -> tuple[int, float]:
+    """Send scans at a rate; return how many were lost and by how many periods the last was late."""
+    radars.reset()
+    begin, sent = time.monotonic(), []
+    for index, scan in enumerate(scans):
+        radars.spin(begin + index / rate_hz - time.monotonic())
+        sent.append(radars.send(scan))
+    radars.wait_for(scans[-1].stamp_ns, REPLY_S)
+    replies = [radars.replies.get(scan.stamp_ns) for scan in scans]
+    late = [r.estimate_s - s for r, s in zip(replies, sent, strict=True) if r and r.whole]
+    lost = len(scans) - len(late)
+    # The first scans after a reset have fewer particles: the tenth's delay is the usual one.
+    return lost, (late[-1] - late[min(10, len(late) - 1)]) * rate_hz if late else 0.0

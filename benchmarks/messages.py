@@ -1,0 +1,184 @@
+"""The node's own cost: decoding, encoding and publishing a large scan.
+
+The tracker node itself, in this process, with an engine that always finds the same 200 targets at
+no cost. The parts are measured beside it with the functions the node calls.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.core.motion import STATE_SIZE
+from phd_jdtc_ros.core.types import Detections, Estimates, Scan
+
+from .timing import Case, interleaved, spread
+
+DETECTIONS, ESTIMATES = 1000, 200
+STAMP_S = 1000
+FRAME = "map"
+WHOLE = "the node"
+
+
+def environment() -> None:
+    """Keep what is sent on this machine, apart from other ROS processes, and leave nothing."""
+    os.environ["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID") or str(1 + os.getpid() % 100)
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return the CPU time of the node's work on a scan, and of the parts of it.
+
+    A scan is two clouds of 500 detections; what comes of it are the filtered and the smoothed
+    estimates, 200 each: a cloud and a pose array a class for both, markers for the filtered.
+    """
+    environment()
+    try:
+        import rclpy
+    except ImportError as error:
+        return {"value": None, "reason": f"rclpy is missing: {error}"}
+    from rclpy.logging import LoggingSeverity, set_logger_level
+
+    from phd_jdtc_ros.nodes.tracker import Tracker
+
+    set_logger_level("tracker", LoggingSeverity.WARN)
+    rclpy.init()
+    node = Tracker()
+    try:
+        _listen(node)
+        calls = {WHOLE: _whole(node), **_parts(node)}
+        times = interleaved({n: Case(call, 20 if quick else 100) for n, call in calls.items()})
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+    each = {name: spread(values) for name, values in times.items()}
+    return {"total_ms": each.pop(WHOLE)["median_ms"], "parts": each}
+
+
+class _SameAgain:
+    """An engine that finds the same targets in every scan."""
+
+    def __init__(self, found: Estimates, classes: int) -> None:
+        self._step = Step(
+            filtered=found,
+            smoothed=(found,),
+            class_mass=np.full(classes, len(found) / classes),
+            particles=len(found),
+            effective_sample_size=float(len(found)),
+            orphans=0,
+        )
+
+    def step(self, scan: Scan) -> Step:
+        return self._step
+
+
+def _listen(node: Any) -> None:
+    """Subscribe to all that the node publishes, so that it is not only made but sent."""
+    for publisher in list(node.publishers):
+        node.create_subscription(
+            publisher.msg_type, publisher.topic_name, lambda _: None, publisher.qos_profile
+        )
+
+
+def _whole(node: Any) -> Callable[[], None]:
+    """Return a call that hands the node one scan after the other."""
+    from msg_adapters import detections
+
+    config = resolve({})
+    # Everything but the engine's own work is to be measured.
+    node._engine = _SameAgain(_estimates(2), 2)
+    subscriptions = {subscription.topic_name: subscription for subscription in node.subscriptions}
+    inputs = [
+        (subscriptions[radar.topic].callback, detections.to_msg(report, 0, radar.frame))
+        for report, radar in zip(_reports(len(config.inputs)), config.inputs, strict=True)
+    ]
+    stamp_s = STAMP_S
+
+    def hand_over() -> None:
+        nonlocal stamp_s
+        stamp_s += 1
+        for callback, cloud in inputs:
+            cloud.header.stamp.sec = stamp_s
+            callback(cloud)
+
+    return hand_over
+
+
+def _parts(node: Any) -> dict[str, Callable[[], None]]:
+    """Return what the node does around a step, by name."""
+    from geometry_msgs.msg import PoseArray
+    from sensor_msgs.msg import PointCloud2
+    from visualization_msgs.msg import MarkerArray
+
+    from msg_adapters import detections, estimates, serialised
+
+    config = resolve({})
+    names = tuple(model.name for model in config.model.modes.classes)
+    clouds = [
+        (detections.to_msg(report, STAMP_S * 10**9, radar.frame), radar)
+        for report, radar in zip(_reports(len(config.inputs)), config.inputs, strict=True)
+    ]
+    found = _estimates(len(names))
+    outputs = {
+        kind: node.create_publisher(kind, f"~/benchmark/{kind.__name__}", 10)
+        for kind in (PointCloud2, PoseArray, MarkerArray)
+    }
+    for kind, publisher in outputs.items():
+        node.create_subscription(kind, publisher.topic_name, lambda _: None, 10)
+
+    def decode() -> None:
+        for cloud, radar in clouds:
+            detections.from_msg(cloud, radar)
+
+    def publish_clouds() -> None:
+        for _ in ("filtered", "smoothed"):
+            outputs[PointCloud2].publish(estimates.to_msg(found, FRAME))
+
+    def publish_poses() -> None:
+        for _ in ("filtered", "smoothed"):
+            for class_id in range(len(names)):
+                outputs[PoseArray].publish(serialised.pose_array(found, class_id, FRAME))
+
+    def publish_markers() -> None:
+        outputs[MarkerArray].publish(serialised.marker_array(found, FRAME, names))
+
+    return {
+        "decode two clouds": decode,
+        "encode and publish two clouds": publish_clouds,
+        "encode and publish four pose arrays": publish_poses,
+        "encode and publish markers": publish_markers,
+    }
+
+
+def _reports(radars: int) -> list[Detections]:
+    rng = np.random.default_rng(0)
+    count = DETECTIONS // radars
+    return [
+        Detections(
+            np.stack([rng.uniform(0.0, 15e3, count), rng.uniform(-3.0, 3.0, count)], axis=1),
+            rng.uniform(4.0, 50.0, count),
+        )
+        for _ in range(radars)
+    ]
+
+
+def _estimates(classes: int) -> Estimates:
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(ESTIMATES, STATE_SIZE, STATE_SIZE))
+    probability = rng.dirichlet(np.ones(classes), ESTIMATES)
+    return Estimates(
+        stamp_ns=STAMP_S * 10**9,
+        lag=0,
+        state=1e3 * rng.normal(size=(ESTIMATES, STATE_SIZE)),
+        covariance=1e3 * root @ root.transpose(0, 2, 1),
+        weight=np.ones(ESTIMATES),
+        class_probability=probability,
+        class_id=probability.argmax(axis=1),
+        track_id=np.zeros(ESTIMATES, dtype=np.int64),
+    )

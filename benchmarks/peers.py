@@ -1,0 +1,78 @@
+"""Stone Soup's PHD filters on the scans of the reference scenario, and the whole step beside them.
+
+The GM-PHD filter is the study's: tuned, told the birth places, gated. Both of Stone Soup's filter
+only; the step beside them filters, tells classes, and smooths.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core.config import TrackerConfig, resolve
+from phd_jdtc_ros.core.simulation import paper_scenario
+from phd_jdtc_ros.study import peers
+from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
+
+from . import backends
+
+# Scans of the SMC-PHD filter, which takes its time.
+SMC_SCANS, SMC_TARGETS = 5, 3
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return the mean CPU milliseconds a scan, run by run, of each tracker."""
+    config = resolve({})
+    scene = paper_scenario(config.model.radars)
+    if quick:
+        scene = replace(scene, scans=15)
+    trackers: dict[str, Callable[[SimulatedRun], object]] = {
+        f"ours [{name}]": _ours(config, name) for name in backends.available()
+    }
+    trackers["GM-PHD"] = peers.gm_phd
+    cost: dict[str, list[float]] = {name: [] for name in trackers}
+    missing: dict[str, str] = {}
+    for seed in range(1 if quick else 3):
+        run = simulated_run(scene, seed)
+        for name, track in trackers.items():
+            begin = time.process_time()
+            try:
+                track(run)
+            except ImportError as error:
+                missing[name] = str(error)
+                continue
+            cost[name].append(1e3 * (time.process_time() - begin) / len(run.scans))
+    found: dict[str, Any] = {
+        name: {"median_ms": float(np.median(each)), "runs_ms": each}
+        if each
+        else {"value": None, "reason": missing[name]}
+        for name, each in cost.items()
+    }
+    found["SMC-PHD"] = _smc(config, quick)
+    return found
+
+
+def _ours(config: TrackerConfig, backend: str) -> Callable[[SimulatedRun], object]:
+    def track(run: SimulatedRun) -> None:
+        engine = config.engine()
+        with backends.using(backend):
+            for scan in run.scans:
+                engine.step(scan)
+
+    return track
+
+
+def _smc(config: TrackerConfig, quick: bool) -> dict[str, Any]:
+    if quick:
+        return {"value": None, "reason": "left out of the quick run"}
+    try:
+        from . import stone_soup_smc
+    except ImportError as error:
+        return {"value": None, "reason": str(error)}
+    scene = replace(paper_scenario(config.model.radars), scans=SMC_SCANS)
+    each = stone_soup_smc.step_times_ms(simulated_run(scene, 0).scans, config, SMC_TARGETS)
+    return {"median_ms": float(np.median(each)), "scans_ms": each}

@@ -1,0 +1,130 @@
+"""The radars' side of the live measurement: sends scans and hears what comes back."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from msg_adapters import detections, diagnostics, names, stamps
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.types import Scan
+
+# Discovery of the one side does not tell of the other's.
+SETTLE_S = 0.5
+
+
+@dataclass
+class Reply:
+    """What a scan has brought so far; times are monotonic seconds.
+
+    Parameters
+    ----------
+    estimate_s : float
+        Receipt of the filtered estimates; nan before.
+    last_s : float
+        Receipt of the latest message of the scan.
+    step_ms : float
+        CPU time of the step, as the tracker says; nan before.
+    """
+
+    estimate_s: float = float("nan")
+    last_s: float = float("nan")
+    step_ms: float = float("nan")
+
+    @property
+    def whole(self) -> bool:
+        """Whether both messages have come."""
+        return not (math.isnan(self.estimate_s) or math.isnan(self.step_ms))
+
+
+class Radars:
+    """Publishes clouds to the tracker and notes when its answers come."""
+
+    def __init__(self) -> None:
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context)
+        self._node = rclpy.create_node("benchmark_radars", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._inputs = resolve({}).inputs
+        self._outputs = [
+            self._node.create_publisher(PointCloud2, radar.topic, 50) for radar in self._inputs
+        ]
+        self.replies: dict[int, Reply] = {}
+        self._node.create_subscription(
+            PointCloud2, names.estimates("filtered"), self._on_estimate, 50
+        )
+        self._node.create_subscription(DiagnosticArray, names.cardinality(), self._on_figures, 50)
+        self._client = self._node.create_client(Trigger, f"{names.TRACKER}/reset")
+
+    def close(self) -> None:
+        """End the node."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def connected(self, timeout_s: float) -> bool:
+        """Wait until the tracker hears and is heard; return whether it does."""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            heard = all(output.get_subscription_count() for output in self._outputs)
+            topics = (names.estimates("filtered"), names.cardinality())
+            hears = all(self._node.count_publishers(topic) for topic in topics)
+            if heard and hears and self._client.service_is_ready():
+                self.spin(SETTLE_S)
+                return True
+            self.spin(0.05)
+        return False
+
+    def reset(self) -> None:
+        """Let the tracker forget everything, and forget its answers."""
+        future = self._client.call_async(Trigger.Request())
+        self._executor.spin_until_future_complete(future, timeout_sec=SETTLE_S * 10)
+        self.replies.clear()
+
+    def send(self, scan: Scan) -> float:
+        """Publish a scan, radar by radar; return when the last was handed over."""
+        clouds = [
+            detections.to_msg(report, scan.stamp_ns, radar.frame)
+            for report, radar in zip(scan.detections, self._inputs, strict=True)
+            if report is not None
+        ]
+        for cloud, output in zip(clouds, self._outputs, strict=True):
+            sent = time.monotonic()
+            output.publish(cloud)
+        return sent
+
+    def wait_for(self, stamp_ns: int, timeout_s: float) -> Reply | None:
+        """Return a scan's reply once it is whole, or None when the time is up."""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline:
+            reply = self.replies.get(stamp_ns)
+            if reply is not None and reply.whole:
+                return reply
+            self._executor.spin_once(timeout_sec=0.05)
+        return None
+
+    def spin(self, seconds: float) -> None:
+        """Hear what comes for so long."""
+        deadline = time.monotonic() + seconds
+        while (left := deadline - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def _on_estimate(self, cloud: PointCloud2) -> None:
+        reply = self._reply(stamps.to_ns(cloud.header.stamp))
+        reply.estimate_s = reply.last_s = time.monotonic()
+
+    def _on_figures(self, array: DiagnosticArray) -> None:
+        reply = self._reply(stamps.to_ns(array.header.stamp))
+        reply.last_s = time.monotonic()
+        reply.step_ms = float(diagnostics.values_of(array.status[0])["step_ms"])
+
+    def _reply(self, stamp_ns: int) -> Reply:
+        return self.replies.setdefault(stamp_ns, Reply())

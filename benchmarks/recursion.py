@@ -1,0 +1,154 @@
+"""The engine's step laid open, so that its parts can be timed and its sets looked at.
+
+`phd_jdtc_ros.core.engine` runs the same functions in the same order with the same draws; a test
+holds the two to equal estimates.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from phd_jdtc_ros.core import filter as phd_filter
+from phd_jdtc_ros.core import transition
+from phd_jdtc_ros.core.config import TrackerConfig
+from phd_jdtc_ros.core.detection_birth import Newborn
+from phd_jdtc_ros.core.engine import EXTRACTION_STREAM, FILTER_STREAM
+from phd_jdtc_ros.core.extraction import EXTRACTIONS
+from phd_jdtc_ros.core.filter import TrackerModel
+from phd_jdtc_ros.core.simulation import simulate
+from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_pass
+from phd_jdtc_ros.core.transition import Transition
+from phd_jdtc_ros.core.types import Estimates, ParticlePHD, Scan
+
+from . import scenes
+
+PARTS = ("predict", "update", "resample", "transition", "backward", "extraction")
+# Scans after which clouds started at the truth look like those of a run.
+SETTLING = 6
+
+
+@dataclass
+class Recursion:
+    """The filter and its fixed-lag smoother, step by step, with the CPU time of every part.
+
+    Parameters
+    ----------
+    config : TrackerConfig
+        Its lag is in scans.
+    latest : ParticlePHD
+        The stored set an interval before the first scan; empty for a new start.
+    """
+
+    config: TrackerConfig
+    latest: ParticlePHD
+    stored: list[ParticlePHD] = field(default_factory=list)
+    links: list[Transition] = field(default_factory=list)
+    parts_ms: dict[str, float] = field(default_factory=dict)
+    _found: tuple[Newborn, ...] = ()
+    _stamp_ns: int | None = None
+    _index: int = 0
+
+    def __post_init__(self) -> None:
+        self._rng = np.random.default_rng([self.config.seed, FILTER_STREAM])
+        self._extraction_rng = np.random.default_rng([self.config.seed, EXTRACTION_STREAM])
+        self._extract = EXTRACTIONS[str(self.config.values["extraction"])]
+        self._death_term = DEATH_TERMS[str(self.config.values["death_term"])]
+
+    def step(self, scan: Scan) -> tuple[Estimates, Estimates | None]:
+        """Take in a scan; return the filtered estimates and, past the lag, the smoothed ones."""
+        model, rng, lag = self.config.model, self._rng, self.config.lag.scans
+        dt = model.modes.interval_s
+        if self._stamp_ns is not None:
+            dt = (scan.stamp_ns - self._stamp_ns) * 1e-9
+        self.parts_ms = dict.fromkeys(PARTS, 0.0)
+        found = self._found
+        with self._timed("predict"):
+            predicted = phd_filter.predict(
+                self.latest, model, self.config.budget, dt, self._index, rng, found
+            )
+        with self._timed("update"):
+            updated, self._found = phd_filter.update_scan(predicted, scan, model, dt)
+        with self._timed("resample"):
+            stored = phd_filter.resample(updated, model.modes, self.config.budget, rng)
+        if self.stored:
+            with self._timed("transition"):
+                self.links.append(transition.build(self.latest, stored, model, dt, found))
+        with self._timed("extraction"):
+            filtered = self._extract(updated, model.modes, scan.stamp_ns, 0, self._extraction_rng)
+        self.stored.append(stored)
+        self.latest, self._stamp_ns, self._index = stored, scan.stamp_ns, self._index + 1
+        if len(self.stored) <= lag:
+            return filtered, None
+        with self._timed("backward"):
+            *_, smoothed = backward_pass(self.stored, self.links, self._death_term)
+        del self.stored[0], self.links[0]
+        # The smoothed stamp is the time of the state; scans are evenly spaced here.
+        stamp_ns = scan.stamp_ns - round(lag * dt * 1e9)
+        with self._timed("extraction"):
+            late = self._extract(smoothed, model.modes, stamp_ns, lag, self._extraction_rng)
+        return filtered, late
+
+    @contextmanager
+    def _timed(self, part: str) -> Iterator[None]:
+        begin = time.process_time()
+        yield
+        self.parts_ms[part] += 1e3 * (time.process_time() - begin)
+
+
+@dataclass(frozen=True)
+class Window:
+    """Consecutive stored sets of a running filter, one more than the lag.
+
+    Parameters
+    ----------
+    stored : tuple of ParticlePHD
+        The oldest first.
+    model : TrackerModel
+    dt : float
+        Between each two, seconds.
+    """
+
+    stored: tuple[ParticlePHD, ...]
+    model: TrackerModel
+    dt: float
+
+    @property
+    def particles(self) -> int:
+        """Copies in the newest set."""
+        return int(self.stored[-1].multiplicity.sum())
+
+    @property
+    def rows(self) -> int:
+        """Unique particles in the newest set."""
+        return len(self.stored[-1])
+
+    def links(self) -> list[Transition]:
+        """Return the cached transitions between the sets."""
+        return [
+            transition.build(earlier, later, self.model, self.dt)
+            for earlier, later in itertools.pairwise(self.stored)
+        ]
+
+
+def window(targets: int, per_target: int, lag: int, seed: int) -> Window:
+    """Return the sets of a filter that has tracked `targets` targets for a while."""
+    config = scenes.configuration(targets, per_target)
+    scene = scenes.crowd(targets, SETTLING + lag + 1, config, seed)
+    start = scenes.clouds(scene, config, np.random.default_rng(seed))
+    # The filter alone: the sets do not depend on the smoother.
+    rng = np.random.default_rng([seed, FILTER_STREAM])
+    stored = [start]
+    for index, (_, scan) in enumerate(simulate(scene, seed)):
+        phd = phd_filter.predict(
+            stored[-1], config.model, config.budget, scene.interval_s, index, rng
+        )
+        phd, _ = phd_filter.update_scan(phd, scan, config.model, scene.interval_s)
+        stored = [*stored, phd_filter.resample(phd, config.model.modes, config.budget, rng)]
+        stored = stored[-(lag + 1) :]
+    return Window(tuple(stored), config.model, scene.interval_s)

@@ -1,0 +1,181 @@
+"""What was measured, as tables for the terminal and for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from .recursion import PARTS
+
+
+def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
+    """Yield a table for every part that was measured, the goals last."""
+    if "smoother" in summary:
+        yield _smoother(summary["smoother"])
+    if "growth" in summary:
+        yield _growth(summary["growth"])
+    if "steps" in summary:
+        yield _steps(summary["steps"])
+    if "peers" in summary:
+        yield _peers(summary["peers"])
+    if "parts" in summary.get("messages", {}):
+        yield _messages(summary["messages"])
+    if "estimate_ms" in summary.get("live", {}):
+        yield _live(summary["live"])
+    yield _goals(summary["figures"])
+
+
+def markdown(given: Iterable[Table]) -> str:
+    """Return the tables for a page of text."""
+    lines: list[str] = []
+    for table in given:
+        columns = [
+            [Text.from_markup(str(cell)).plain for cell in (column.header, *column.cells)]
+            for column in table.columns
+        ]
+        header, *rows = zip(*columns, strict=True)
+        rule = ["---", *["---:"] * (len(header) - 1)]
+        lines += [f"**{table.title}**", ""]
+        lines += [f"| {' | '.join(row)} |" for row in (header, rule, *rows)]
+        lines += ["", *([f"{table.caption}", ""] if table.caption else [])]
+    return "\n".join(lines)
+
+
+def _table(title: str, *headings: str, caption: str | None = None) -> Table:
+    table = Table(title=title, caption=caption)
+    table.add_column(headings[0])
+    for heading in headings[1:]:
+        table.add_column(heading, justify="right")
+    return table
+
+
+def _ms(value: float) -> str:
+    return f"{_number(value)} ms"
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
+def _smoother(sizes: Mapping[str, Any]) -> Table:
+    """Return each form's time, and how many times the fastest it is."""
+    table = _table(
+        "the smoother, a scan: one kernel and five lags",
+        "form",
+        *(f"N = {size}" for size in sizes),
+        caption="CPU medians; in brackets, as a multiple of the fastest; peak memory of a kernel",
+    )
+    forms = list(dict.fromkeys(name for size in sizes.values() for name in size["times"]))
+    whole = [name for name in forms if not name.startswith(("build", "backward"))]
+    best = {
+        size: min(found["times"][name]["median_ms"] for name in whole if name in found["times"])
+        for size, found in sizes.items()
+    }
+    for name in sorted(whole, key=lambda name: ["dense", "k-d t", "smoot"].index(name[:5])):
+        cells = []
+        for size, found in sizes.items():
+            if name not in found["times"]:
+                cells.append("-")
+                continue
+            median = found["times"][name]["median_ms"]
+            memory = found["memory"].get(f"{name.replace('smoother', 'build')}, MB")
+            extra = f", {memory:.0f} MB" if memory else ""
+            cells.append(f"{_ms(median)} ({_number(median / best[size])}x{extra})")
+        table.add_row(escape(name), *cells)
+    return table
+
+
+def _growth(growth: Mapping[str, Any]) -> Table:
+    table = _table("growth: exponents", "form", "in particles a target", "in targets")
+    ladders = [growth["particles_per_target"]["forms"], growth["targets"]["forms"]]
+    for name in ladders[0]:
+        slopes = [ladder.get(name, {}).get("exponent") for ladder in ladders]
+        table.add_row(escape(name), *("-" if s is None else f"{s:.2f}" for s in slopes))
+    return table
+
+
+def _steps(scenes: Mapping[str, Any]) -> Table:
+    columns = {
+        f"{scene}, {backend}": (found, parts)
+        for scene, found in scenes.items()
+        for backend, parts in found["backends"].items()
+    }
+    table = _table(
+        "the whole step, CPU medians in ms",
+        "part",
+        *columns,
+        caption="4 targets: the reference scenario, 1000 particles a target; the others, about 500",
+    )
+    for part in ("step", *PARTS):
+        cells = [f"{parts[part]['median_ms']:.1f}" for _, parts in columns.values()]
+        table.add_row(part, *cells, end_section=part == "step")
+    table.add_section()
+    table.add_row("particles", *(f"{found['particles']:.0f}" for found, _ in columns.values()))
+    detections = (f"{found['detections_a_radar']:.0f}" for found, _ in columns.values())
+    table.add_row("detections", *detections)
+    return table
+
+
+def _peers(peers: Mapping[str, Any]) -> Table:
+    table = _table("a scan of the reference scenario, both radars", "tracker", "CPU", "times ours")
+    ours = next(found["median_ms"] for name, found in peers.items() if name.startswith("ours"))
+    for name, found in peers.items():
+        median = found.get("median_ms")
+        cells = [found["reason"], "-"] if median is None else [_ms(median), _number(median / ours)]
+        table.add_row(escape(name), *cells)
+    return table
+
+
+def _messages(messages: Mapping[str, Any]) -> Table:
+    table = _table("a scan of 1000 detections and 200 estimates", "message", "CPU")
+    for name, found in messages["parts"].items():
+        table.add_row(name, _ms(found["median_ms"]))
+    table.add_row("the node, all in all", _ms(messages["total_ms"]), style="bold")
+    return table
+
+
+def _live(live: Mapping[str, Any]) -> Table:
+    rate = live["highest_rate_hz"]
+    value = rate["value"]
+    caption = (
+        f"highest rate without a gap: {value:.1f} Hz"
+        if value
+        else f"highest rate: {rate['reason']}"
+    )
+    table = _table(
+        f"over DDS, {live['scans']} scans, wall time",
+        "from last detection",
+        "p50",
+        "p99",
+        "most",
+        caption=caption,
+    )
+    rows = {
+        "estimate_ms": "to the estimate",
+        "step_ms": "the step (CPU)",
+        "beyond_step_ms": "to the last message, less the step",
+    }
+    for key, label in rows.items():
+        table.add_row(label, *(_ms(live[key][column]) for column in ("p50", "p99", "most")))
+    return table
+
+
+def _goals(figures: Sequence[Mapping[str, Any]]) -> Table:
+    table = _table("goals", "figure", "value", "goal", "reached")
+    for figure in figures:
+        sign = "at most" if figure["at_most"] else "at least"
+        value = figure.get("reason") or _number(figure["value"])
+        reached = {True: "yes", False: "no", None: "-"}[figure["reached"]]
+        style = "red" if figure["reached"] is False else None
+        table.add_row(
+            escape(figure["name"]),
+            escape(value),
+            f"{sign} {figure['goal']:g}",
+            reached,
+            style=style,
+        )
+    return table

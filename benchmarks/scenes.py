@@ -1,0 +1,120 @@
+"""Scenes of any number of targets, and the tracker's configuration for them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import sparse
+
+from phd_jdtc_ros.core.amplitude import snr_from_db
+from phd_jdtc_ros.core.config import TrackerConfig, resolve
+from phd_jdtc_ros.core.motion import OMEGA, POSITION, VELOCITY
+from phd_jdtc_ros.core.simulation import (
+    Scenario,
+    TargetScript,
+    Truth,
+    paper_scenario,
+    truth_at,
+)
+from phd_jdtc_ros.core.types import FloatArray, ParticlePHD
+
+# Targets are within this of the origin, metres; both radars see all of it.
+FIELD_RADIUS = 13e3
+SPEED = 57.0
+SNR_DB = (45.0, 25.0)
+# Of a tracking filter's cloud about its target: m, m/s, rad/s.
+POSITION_STD, VELOCITY_STD, TURN_RATE_STD = 100.0, 8.0, 1e-3
+GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+
+
+def configuration(targets: int, per_target: int) -> TrackerConfig:
+    """Return the reference configuration with so many particles and clutter to match.
+
+    Half as many false detections as targets: 200 targets give 300 detections a radar.
+    """
+    return resolve(
+        {
+            "particles_per_target": per_target,
+            # In the default's proportion to the particles of a target.
+            "least_particles": max(per_target // 5, 1),
+            "radar_1.clutter_rate": targets / 2,
+            "radar_2.clutter_rate": targets / 2,
+        }
+    )
+
+
+def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenario:
+    """Return targets of both classes, evenly over the radars' field, that fly straight.
+
+    Parameters
+    ----------
+    targets : int
+    scans : int
+        All live through all of them; half-way they are where the pattern puts them.
+    config : TrackerConfig
+        For the radars.
+    seed : int
+        Of the headings.
+    """
+    rng = np.random.default_rng(seed)
+    scene = paper_scenario(config.model.radars)
+    heading = rng.uniform(-np.pi, np.pi, targets)
+    # A sunflower's seeds: even, and no two on a line from the origin.
+    radius = FIELD_RADIUS * np.sqrt((np.arange(targets) + 0.5) / targets)
+    bearing = GOLDEN_ANGLE * np.arange(targets)
+    velocity = SPEED * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    middle = radius[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+    start = middle - velocity * 0.5 * scans * scene.interval_s
+    scripts = tuple(
+        TargetScript(
+            class_id=number % 2,
+            snr=snr_from_db(SNR_DB[number % 2]),
+            position=(float(start[number, 0]), float(start[number, 1])),
+            velocity=(float(velocity[number, 0]), float(velocity[number, 1])),
+            first_scan=0,
+            last_scan=scans - 1,
+        )
+        for number in range(targets)
+    )
+    return replace(scene, scans=scans, targets=scripts)
+
+
+def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> ParticlePHD:
+    """Return what a filter that tracks all of a scene's targets holds an interval before it.
+
+    Every target has its own origin and ``particles_per_target`` rows of mass one together, half of
+    them in each motion of its class.
+    """
+    before: Truth = truth_at(scene, 0)
+    count = config.budget.per_target
+    modes = config.model.modes
+    target = np.repeat(np.arange(len(before.state)), count)
+    state = before.state[target].copy()
+    state[:, list(POSITION)] -= scene.interval_s * state[:, list(VELOCITY)]
+    state[:, list(POSITION)] += POSITION_STD * rng.standard_normal((len(target), 2))
+    state[:, list(VELOCITY)] += VELOCITY_STD * rng.standard_normal((len(target), 2))
+    mode = _modes_of(before, config, target, rng)
+    turning = np.array([OMEGA in motion.support for motion in modes.motions])[mode]
+    state[:, OMEGA] = np.where(turning, TURN_RATE_STD * rng.standard_normal(len(target)), 0.0)
+    return ParticlePHD(
+        state=state,
+        mode=mode,
+        # Below those of births, which are counted from 0.
+        origin=-1 - target,
+        parent=np.full(len(target), -1),
+        multiplicity=np.ones(len(target), dtype=np.int64),
+        unexplained=np.full(len(target), 1.0 / count),
+        explained=sparse.csr_array((len(target), 0)),
+        memory=config.model.amplitudes.born(mode, modes, rng),
+    )
+
+
+def _modes_of(
+    truth: Truth, config: TrackerConfig, target: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """Return a flat mode of each row's class, drawn evenly."""
+    class_of = config.model.modes.class_of
+    first = np.searchsorted(class_of, truth.class_id[target])
+    motions = np.bincount(class_of)[truth.class_id[target]]
+    return first + rng.integers(0, motions)

@@ -1,0 +1,170 @@
+"""The smoother against the forms it replaces, and its error at the gate."""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core import transition
+from phd_jdtc_ros.core.smoother import DeathTerm, backward_pass, bernoulli_death_term
+from phd_jdtc_ros.core.transition import Transition
+from phd_jdtc_ros.core.types import FloatArray, ParticlePHD
+
+from . import backends, forms, recursion
+from .recursion import Window
+from .timing import Case, interleaved, peak_bytes, spread
+
+LAG = 5
+# With what births and spawned targets add, a set of T targets has about 500 T particles.
+PER_TARGET = 470
+# Number of particles by that name: (targets, whether the dense form can run).
+SIZES = {"2e3": (4, True), "1e4": (20, True), "1e5": (200, False)}
+DEATH_TERM: DeathTerm = bernoulli_death_term
+# Smaller weights are not looked at one by one.
+LEAST_SHARE = 1e-9
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return the times, memory and errors by number of particles."""
+    sizes = list(SIZES.items())[: 1 if quick else None]
+    return {size: _measure_size(*of_size, quick) for size, of_size in sizes}
+
+
+def _measure_size(targets: int, dense_runs: bool, quick: bool) -> dict[str, Any]:
+    window = recursion.window(targets, PER_TARGET, LAG, seed=0)
+    copies = [forms.copies(phd) for phd in window.stored]
+    found: list[ParticlePHD] = []
+
+    def dense() -> None:
+        found[:] = [forms.smooth(copies, window.model, window.dt, DEATH_TERM, forms.dense)]
+
+    rounds = 3 if quick else 15 if targets <= 20 else 7
+    cases = {
+        **_product_cases(window, rounds),
+        "k-d tree": Case(k_d_tree_smoother(window, copies), min(rounds, 5)),
+        "k-d tree, unique particles": Case(
+            k_d_tree_smoother(window, window.stored), min(rounds, 5)
+        ),
+    }
+    if dense_runs:
+        cases["dense"] = Case(dense, 1 if quick else 3 if targets <= 4 else 2)
+    times = interleaved(cases)
+    result: dict[str, Any] = {
+        "targets": targets,
+        "lag": LAG,
+        "particles": window.particles,
+        "unique_particles": window.rows,
+        "pairs": int(window.links()[-1].ratio.nnz),
+        "times": {name: spread(values) for name, values in times.items()},
+        "memory": _memory(window, copies, dense_runs),
+    }
+    if dense_runs:
+        result["error"] = {
+            backend: gate_error(window, found[0], backend) for backend in backends.available()
+        }
+    else:
+        # Two classes: K holds half of all pairs.
+        gigabytes = 8 * 0.5 * window.particles**2 / 1e9
+        reason = f"one kernel of the dense form has {gigabytes:.0f} GB"
+        result["dense"] = {"value": None, "reason": reason}
+    return result
+
+
+def _product_cases(window: Window, rounds: int) -> dict[str, Case]:
+    """Return the product's smoother, whole and in two parts, with every backend."""
+    cases = {}
+    for backend in backends.available():
+        cases[f"smoother [{backend}]"] = Case(product_smoother(window, backend), rounds)
+        cases[f"build [{backend}]"] = Case(_build(window, backend), rounds)
+    links = window.links()
+    cases["backward"] = Case(lambda: _backward(window.stored, links), rounds)
+    return cases
+
+
+def product_smoother(window: Window, backend: str) -> Callable[[], None]:
+    """Return a call that smooths a scan as the tracker does: one kernel, then the whole lag."""
+    links, build = window.links(), _build(window, backend)
+
+    def smooth() -> None:
+        build()
+        _backward(window.stored, links)
+
+    return smooth
+
+
+def k_d_tree_smoother(window: Window, stored: Sequence[ParticlePHD]) -> Callable[[], None]:
+    """Return a call that does the same with the kernels of a k-d tree, cached too."""
+    pairs = list(itertools.pairwise(stored))
+    links = [forms.k_d_tree(*pair, window.model, window.dt) for pair in pairs]
+
+    def smooth() -> None:
+        forms.k_d_tree(*pairs[-1], window.model, window.dt)
+        _backward(stored, links)
+
+    return smooth
+
+
+def _build(window: Window, backend: str) -> Callable[[], Transition]:
+    def build() -> Transition:
+        with backends.using(backend):
+            return transition.build(*window.stored[-2:], window.model, window.dt)
+
+    return build
+
+
+def _backward(stored: Sequence[ParticlePHD], links: Sequence[Transition]) -> None:
+    """Carry the weights back over the whole window."""
+    deque(backward_pass(stored, links, DEATH_TERM), maxlen=0)
+
+
+def gate_error(window: Window, dense: ParticlePHD, backend: str) -> dict[str, float]:
+    """Compare smoothed weights with those of the dense form.
+
+    Parameters
+    ----------
+    window : Window
+    dense : ParticlePHD
+        The oldest set's copies, smoothed by `forms.dense`.
+    backend : str
+
+    Returns
+    -------
+    dict
+        ``largest_relative`` over weights above `LEAST_SHARE` of the total, ``l1`` of all as a
+        share of the total, and the relative error of the ``mass``, which says little.
+    """
+    with backends.using(backend):
+        links = window.links()
+    *_, smoothed = backward_pass(window.stored, links, DEATH_TERM)
+    row = np.repeat(np.arange(len(smoothed)), smoothed.multiplicity)
+    exact: FloatArray = np.bincount(row, dense.weight, minlength=len(smoothed))
+    counted = exact > LEAST_SHARE * exact.sum()
+    relative = np.abs(smoothed.weight[counted] / exact[counted] - 1.0)
+    return {
+        "largest_relative": float(relative.max()),
+        "l1": float(np.abs(smoothed.weight - exact).sum() / exact.sum()),
+        "mass": float(abs(smoothed.weight.sum() / exact.sum() - 1.0)),
+    }
+
+
+def _memory(
+    window: Window, copies: Sequence[ParticlePHD], dense_runs: bool
+) -> dict[str, float | None]:
+    """Return the peak memory of a kernel in each form, and what a cached one keeps."""
+    link = window.links()[-1]
+    kept = link.survival.nbytes + sum(
+        array.nbytes for array in (link.ratio.data, link.ratio.indices, link.ratio.indptr)
+    )
+    last = (window.model, window.dt)
+    peak = {f"build [{name}]": peak_bytes(_build(window, name)) for name in backends.available()}
+    peak["k-d tree"] = peak_bytes(lambda: forms.k_d_tree(*copies[-2:], *last))
+    megabytes: dict[str, float | None] = {f"{k}, MB": v / 1e6 for k, v in peak.items()}
+    megabytes["dense, MB"] = (
+        peak_bytes(lambda: forms.dense(*copies[-2:], *last)) / 1e6 if dense_runs else None
+    )
+    megabytes["kept, bytes a particle and lag"] = kept / window.particles
+    return megabytes

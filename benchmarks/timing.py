@@ -1,0 +1,80 @@
+"""Timing that a busy machine disturbs least: CPU time, interleaved rounds, medians."""
+
+from __future__ import annotations
+
+import gc
+import time
+import tracemalloc
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+class Case(NamedTuple):
+    """Something to be timed.
+
+    Parameters
+    ----------
+    call : callable of no arguments
+    rounds : int
+        How often; slow baselines need fewer than the rest.
+    """
+
+    call: Callable[[], Any]
+    rounds: int
+
+
+def interleaved(cases: Mapping[str, Case]) -> dict[str, list[float]]:
+    """Return the CPU milliseconds of every call, by case.
+
+    Round by round each case is called once, so that whatever slows the machine for a while slows
+    them all. A first call of each, untimed, fills caches and compiles what is compiled; cases of
+    one or two rounds are slow enough to do without.
+    """
+    times: dict[str, list[float]] = {name: [] for name in cases}
+    for case in cases.values():
+        if case.rounds > 2:
+            case.call()
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        for turn in range(max(case.rounds for case in cases.values())):
+            for name, case in cases.items():
+                if turn < case.rounds:
+                    begin = time.process_time()
+                    case.call()
+                    times[name].append(1e3 * (time.process_time() - begin))
+    finally:
+        if collecting:
+            gc.enable()
+    return times
+
+
+def spread(times_ms: list[float]) -> dict[str, float]:
+    """Return the median and the quartiles of times, and how many there are."""
+    low, median, high = np.percentile(times_ms, [25, 50, 75])
+    return {
+        "median_ms": float(median),
+        "lower_quartile_ms": float(low),
+        "upper_quartile_ms": float(high),
+        "rounds": len(times_ms),
+    }
+
+
+def peak_bytes(call: Callable[[], Any]) -> int:
+    """Return the most memory, in bytes, that a call held beyond what was held before."""
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        call()
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    return peak - before
+
+
+def exponent(size: list[float], cost: list[float]) -> float:
+    """Return the slope of log cost over log size, by least squares."""
+    slope, _ = np.polyfit(np.log(size), np.log(cost), 1)
+    return float(slope)

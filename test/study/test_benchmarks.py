@@ -1,0 +1,262 @@
+"""The benchmark: its baselines are right and its summary says what it must; no time is tested."""
+
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from rich.console import Console
+
+from benchmarks import (
+    backends,
+    command,
+    forms,
+    goals,
+    limit,
+    plots,
+    recursion,
+    scenes,
+    smoothing,
+    timing,
+)
+from benchmarks import report as tables
+from phd_jdtc_ros.core import transition
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.simulation import paper_scenario, simulate, truth_at
+from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_pass
+from phd_jdtc_ros.core.types import ParticlePHD
+
+LAG = 3
+FEW = {"particles_per_target": 100, "least_particles": 20, "particles_per_birth": 64}
+WITHOUT_ROS = ("peers", "steps", "growth", "smoother")
+every_backend = pytest.mark.parametrize("backend", backends.available())
+every_death_term = pytest.mark.parametrize("death_term", DEATH_TERMS.values(), ids=DEATH_TERMS)
+
+
+@pytest.fixture(scope="module")
+def window():
+    """The stored sets of a filter with four targets, about 800 particles."""
+    return recursion.window(targets=4, per_target=200, lag=LAG, seed=3)
+
+
+def of_rows(copies, phd):
+    """Return the summed weights of the copies of every row."""
+    row = np.repeat(np.arange(len(phd)), phd.multiplicity)
+    return np.bincount(row, copies.weight, minlength=len(phd))
+
+
+def dense(window, death_term=smoothing.DEATH_TERM):
+    copies = [forms.copies(phd) for phd in window.stored]
+    return forms.smooth(copies, window.model, window.dt, death_term, forms.dense)
+
+
+@every_backend
+@every_death_term
+def test_weights_are_those_of_the_dense_form_within_the_gate(window, death_term, backend):
+    exact = of_rows(dense(window, death_term), window.stored[0])
+    with backends.using(backend):
+        *_, smoothed = backward_pass(window.stored, window.links(), death_term)
+
+    assert_allclose(smoothed.weight, exact, rtol=1e-3, atol=1e-9 * exact.sum())
+    assert np.abs(smoothed.weight - exact).sum() < 1e-5 * exact.sum()
+
+
+@every_backend
+def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch, backend):
+    exact = dense(window)
+    good = smoothing.gate_error(window, exact, backend)
+    monkeypatch.setattr(transition, "GATE_SIGMA", 3.0)
+    bad = smoothing.gate_error(window, exact, backend)
+
+    assert good["largest_relative"] < 1e-3
+    assert good["l1"] < 1e-5
+    assert bad["largest_relative"] > 0.05
+    assert bad["l1"] > 1e-3
+
+
+@every_death_term
+def test_k_d_tree_form_is_the_dense_one_within_the_gate(window, death_term):
+    exact = of_rows(dense(window, death_term), window.stored[0])
+    tree = forms.smooth(window.stored, window.model, window.dt, death_term, forms.k_d_tree)
+
+    assert_allclose(tree.weight, exact, rtol=1e-4, atol=1e-9 * exact.sum())
+
+
+def test_copies_stand_for_the_same_intensity(window):
+    phd = window.stored[-1]
+    copies = forms.copies(phd)
+
+    assert len(copies) == phd.multiplicity.sum() > len(phd)
+    assert_allclose(of_rows(copies, phd), phd.weight)
+    assert_allclose(copies.explained.sum(axis=0), phd.explained.sum(axis=0))
+
+
+def test_recursion_finds_what_the_engine_finds():
+    config = resolve({**FEW, "lag": LAG})
+    scenario = replace(paper_scenario(config.model.radars), scans=8)
+    engine = config.engine()
+    opened = recursion.Recursion(config, ParticlePHD.empty(config.model.state_size))
+    smoothed = 0
+    for _, scan in simulate(scenario, 5):
+        step = engine.step(scan)
+        filtered, late = opened.step(scan)
+        smoothed += late is not None
+
+        assert np.array_equal(filtered.state, step.filtered.state)
+        assert [late.stamp_ns] if late else [one.stamp_ns for one in step.smoothed] == []
+        for one in step.smoothed:
+            assert np.array_equal(late.state, one.state)
+            assert np.array_equal(late.weight, one.weight)
+        assert set(opened.parts_ms) == set(recursion.PARTS)
+    assert smoothed == 8 - LAG
+
+
+def test_window_is_of_a_filter_that_tracks_every_target():
+    window = recursion.window(targets=20, per_target=100, lag=2, seed=0)
+
+    assert len(window.stored) == 3
+    assert all(abs(phd.weight.sum() - 20.0) < 3.0 for phd in window.stored)
+    # Clouds of a tracking filter: whitened by the process noise they are some 20 sigma wide.
+    spread = [
+        np.average((phd.state[member, 0] - mean) ** 2, weights=phd.weight[member]) ** 0.5
+        for phd in window.stored
+        for origin in range(-20, 0)
+        for member in [np.flatnonzero(phd.origin == origin)]
+        for mean in [np.average(phd.state[member, 0], weights=phd.weight[member])]
+    ]
+    assert 40.0 < np.median(spread) < 250.0
+
+
+def test_crowd_of_200_targets_gives_300_detections_a_radar():
+    config = scenes.configuration(200, 10)
+    scene = scenes.crowd(200, 12, config, seed=1)
+    counts = [len(d) for _, scan in simulate(scene, 1) for d in scan.detections]
+
+    assert np.mean(counts) == pytest.approx(300.0, abs=10.0)
+    for scan in (0, 11):
+        truth = truth_at(scene, scan)
+        assert {0, 1} == set(truth.class_id.tolist())
+        for radar in config.model.radars:
+            assert radar.measure(truth.state)[:, 0].max() < radar.max_range
+
+
+def test_limit_goes_over_all_that_the_search_goes_over(window):
+    earlier, later = window.stored[-2:]
+    gathered = limit.whiten_sort_gather(earlier, later, window.model, window.dt)
+
+    # Two motions a class: every earlier particle may go into either of its class's.
+    assert sum(len(points) for points in gathered[0::2]) == 2 * len(earlier)
+    assert sum(len(points) for points in gathered[1::2]) == len(later)
+    assert all(np.all(np.diff(points[:, 0]) >= 0.0) for points in gathered)
+
+
+def test_interleaved_takes_turns():
+    calls = []
+    times = timing.interleaved(
+        {
+            "a": timing.Case(lambda: calls.append("a"), 3),
+            "b": timing.Case(lambda: calls.append("b"), 1),
+        }
+    )
+
+    assert calls == ["a", "a", "b", "a", "a"]  # the first only warms up
+    assert {name: len(each) for name, each in times.items()} == {"a": 3, "b": 1}
+
+
+def test_peak_bytes_sees_what_is_given_back():
+    assert timing.peak_bytes(lambda: np.ones(10**6).sum()) == pytest.approx(8e6, rel=0.01)
+
+
+def test_exponent_is_that_of_a_power_law():
+    assert timing.exponent([10, 100, 1000], [3.0, 3.0 * 10**1.4, 3.0 * 10**2.8]) == (
+        pytest.approx(1.4)
+    )
+
+
+@pytest.fixture(scope="module")
+def summary():
+    """The quick run of all that needs no ROS."""
+    return command.run(True, WITHOUT_ROS, Console(quiet=True))
+
+
+def test_summary_holds_every_figure(summary):
+    names = [figure["name"] for figure in summary["figures"]]
+
+    assert len(names) == len(set(names)) == 18
+    for figure in summary["figures"]:
+        keys = {"name", "value", "goal", "at_most", "reached"}
+        if figure["value"] is None:
+            assert set(figure) == {*keys, "reason"}
+            assert figure["reached"] is None
+            assert figure["reason"]
+        else:
+            assert set(figure) == keys
+            within = figure["value"] <= figure["goal"]
+            assert figure["reached"] == (within if figure["at_most"] else not within)
+
+
+def test_summary_says_why_a_figure_is_missing(summary):
+    reasons = {figure["name"]: figure.get("reason") for figure in summary["figures"]}
+
+    assert reasons["latency over DDS beyond the step, p99, ms"] == "left out of this run"
+    assert reasons["step, 200 targets (NumPy), ms"] == "left out of the quick run"
+    assert reasons["largest error of a weight"] is None
+    without_ros = {"live": {"value": None, "reason": "rclpy is missing"}}
+    reasons = {figure["name"]: figure.get("reason") for figure in goals.judged(without_ros)}
+    assert reasons["latency over DDS beyond the step, p99, ms"] == "rclpy is missing"
+
+
+def test_summary_measures_the_error_of_weights_not_of_mass(summary):
+    errors = summary["smoother"]["2e3"]["error"]
+
+    assert set(errors) == set(backends.available())
+    for error in errors.values():
+        assert error["largest_relative"] < 1e-3
+        assert error["l1"] < 1e-5
+
+
+def test_parts_of_a_step_add_up_to_it(summary):
+    for scene in summary["steps"].values():
+        for parts in scene["backends"].values():
+            whole = parts["step"]["median_ms"]
+            assert sum(parts[part]["median_ms"] for part in recursion.PARTS) < 1.2 * whole
+
+
+def test_write_leaves_the_summary_and_two_pictures(summary, tmp_path):
+    paths = command.write(summary, tmp_path / "bench")
+
+    assert json.loads(paths[0].read_text()) == json.loads(json.dumps(summary))
+    assert {path.name for path in paths} == {
+        "summary.json",
+        "table.md",
+        "cost_against_particles_per_target.png",
+        "cost_against_targets.png",
+    }
+    assert all(path.stat().st_size > 10_000 for path in paths[2:])
+
+
+def test_pictures_draw_the_limit_and_linear_growth(summary):
+    ladder = summary["growth"]["targets"]
+    axes = plots.cost(ladder, "targets", "so many each").axes[0]
+    _, labels = axes.get_legend_handles_labels()
+
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+    assert any(label.startswith("this package") for label in labels)
+    assert "linear" in labels
+    assert any(label.startswith("limit") for label in labels)
+
+
+def test_tables_show_every_part_and_figure(summary):
+    console = Console(width=140, record=True, file=io.StringIO())
+    for table in tables.tables(summary):
+        console.print(table)
+    text = console.export_text()
+    page = tables.markdown(tables.tables(summary))
+
+    for figure in summary["figures"]:
+        assert figure["name"] in text
+        assert f"| {figure['name']} |" in page
+    for part in recursion.PARTS:
+        assert part in text
