@@ -21,10 +21,13 @@ setup(
     name=PACKAGE,
     version="0.1.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "msg_adapters"]),
+    package_data={f"{PACKAGE}.study": ["page.*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", glob("launch/*.py")),
+        (f"share/{PACKAGE}/rviz", glob("rviz/*.rviz")),
+        (f"share/{PACKAGE}/foxglove", glob("foxglove/*.json")),
         (f"share/{PACKAGE}/config", glob("config/*.yaml")),
         (f"share/{PACKAGE}/config/studies", glob("config/studies/*.yaml")),
         (f"share/{PACKAGE}/config/scenarios", glob("config/scenarios/*.yaml")),
@@ -36,6 +39,7 @@ setup(
         "numpy>=1.26",
         "scipy>=1.11",
         "matplotlib>=3.6",
+        "plotly>=5.15",
         "mcap>=1.1",
         "mcap-ros2-support>=0.5",
         "pyyaml>=6",
@@ -44,6 +48,8 @@ setup(
     extras_require={
         "ros": ROS_WHEELS,
         "test": ["pytest", "pytest-timeout", "hypothesis", "rosbags"],
+        # A compiled inner loop of the smoother, with the same results; ROS has it as python3-numba.
+        "fast": ["numba>=0.59"],
         "study": ["dask", "distributed"],
         "peers": ["stonesoup>=1.9,<2"],
         "docs": ["mkdocs"],

@@ -12,19 +12,15 @@ from phd_jdtc_ros.core.motion import POSITION, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates, FloatArray
 
 from . import stamps
+from .ellipse import outline
+from .palette import COLOURS, class_rgb
 
-# Okabe and Ito's palette without black: told apart by the colour-blind too.
-PALETTE = (
-    (0.00, 0.45, 0.70),
-    (0.84, 0.37, 0.00),
-    (0.00, 0.62, 0.45),
-    (0.80, 0.47, 0.65),
-    (0.90, 0.62, 0.00),
-    (0.34, 0.71, 0.91),
-)
+PALETTE = tuple(class_rgb(k) for k in range(len(COLOURS)))
 ELLIPSE_SIGMA = 3.0
-VELOCITY_SECONDS = 10.0
-LABEL_HEIGHT = 250.0
+# For a map that shows 30 km on a thousand pixels: lines are between one and two pixels wide,
+# letters 13 pixels high, and an arrow of 60 m/s reaches 60 pixels, out of its ellipse.
+VELOCITY_SECONDS = 30.0
+LABEL_HEIGHT = 400.0
 LINE_WIDTH = 40.0
 ELLIPSE_POINTS = 33
 
@@ -83,9 +79,5 @@ def _point(x: float, y: float) -> Point:
 
 def _ellipse(state: FloatArray, covariance: FloatArray) -> list[Point]:
     """Return a closed outline of the position covariance at `ELLIPSE_SIGMA`."""
-    position = list(POSITION)
-    variance, axes = np.linalg.eigh(covariance[np.ix_(position, position)])
-    turn = np.linspace(0.0, 2.0 * np.pi, ELLIPSE_POINTS)
-    circle = np.stack([np.cos(turn), np.sin(turn)])
-    outline = axes @ (np.sqrt(np.maximum(variance, 0.0))[:, None] * circle) * ELLIPSE_SIGMA
-    return [_point(state[X] + dx, state[Y] + dy) for dx, dy in outline.T]
+    around = outline(covariance[np.ix_(POSITION, POSITION)], ELLIPSE_SIGMA, ELLIPSE_POINTS)
+    return [_point(state[X] + dx, state[Y] + dy) for dx, dy in around.T]

@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.config import RadarInput, TrackerConfig
 from phd_jdtc_ros.core.evaluation import FILTERED, SMOOTHED
 from phd_jdtc_ros.core.radar import RadarModel
 
-from .record import Plot, Record
+from .record import Plot, RadarSite, Record
 
 
 def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
@@ -34,15 +34,17 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     Raises
     ------
     BagError
-        If the bag cannot be read or has no estimates.
+        If the bag cannot be read, or has nothing of what a run is made of.
     """
     bag = BagReader(path)
     sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
     figures = names.cardinality(tracker)
     radars = [radar.topic for radar in config.inputs]
-    optional = {**dict.fromkeys([names.TRUTH, *radars], names.CLOUD), figures: names.FIGURES}
-    present = {topic: kind for topic, kind in optional.items() if topic in bag.types}
-    bag.require({**dict.fromkeys(sources, names.CLOUD), **present})
+    wanted = dict.fromkeys([*sources, names.TRUTH, *radars], names.CLOUD)
+    if not wanted.keys() & bag.types.keys():
+        raise BagError(f"{path}: none of {', '.join(wanted)} is in it")
+    wanted[figures] = names.FIGURES
+    bag.require({topic: kind for topic, kind in wanted.items() if topic in bag.types})
     found: dict[str, list[Any]] = defaultdict(list)
     classes = 0
     try:
@@ -68,8 +70,9 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         plots=_by_stamp(found["plots"]),
         filtered=_by_stamp(found[FILTERED]),
         smoothed=_by_stamp(found[SMOOTHED]),
-        classes=classes,
+        classes=classes or len(config.model.modes.classes),
         step_ms=np.array(found["step_ms"], dtype=float),
+        radars=tuple(RadarSite(radar.name, radar.position) for radar in config.model.radars),
     )
 
 

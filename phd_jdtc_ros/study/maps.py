@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
+from msg_adapters.ellipse import RADIUS_95
 from phd_jdtc_ros.core.motion import POSITION
 from phd_jdtc_ros.core.types import Estimates, FloatArray
 
@@ -31,9 +32,8 @@ from .style import (
     class_name,
     plain_axes,
 )
+from .tracks import Track, true_tracks
 
-# Squared radius that holds 95 % of a two-dimensional Gaussian.
-CHI_SQUARE_95 = -2.0 * np.log(0.05)
 # About so many ellipses and time dots a track are read without effort.
 MARKS_PER_TRACK = 10
 TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
@@ -41,7 +41,7 @@ TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 1
 
 def scenario(record: Record) -> Figure:
     """Draw the true trajectories: class, number, life, and where each was when."""
-    tracks = _true_tracks(record)
+    tracks = true_tracks(record)
     clock = Clock.of(record)
     step_s = _dot_interval_s(clock.span_s)
     figure, axes = _map(np.concatenate([track.position for track in tracks]), margin=0.1)
@@ -102,7 +102,7 @@ def measurements(record: Record) -> Figure:
 
 def trajectories(record: Record) -> Figure:
     """Draw the smoothed estimates by class over the true trajectories."""
-    tracks = _true_tracks(record)
+    tracks = true_tracks(record)
     position = _positions(record.smoothed)
     everything = np.concatenate([position, *(track.position for track in tracks)])
     figure, axes = _map(everything, margin=0.04)
@@ -135,29 +135,6 @@ def trajectories(record: Record) -> Figure:
 
 
 # --- what is drawn --------------------------------------------------------------------------------
-
-
-class Track(NamedTuple):
-    """One target's true trajectory; `position` of shape (scans, 2) in kilometres."""
-
-    number: int
-    class_id: int
-    stamp_ns: list[int]
-    position: FloatArray
-
-
-def _true_tracks(record: Record) -> list[Track]:
-    rows: dict[int, list[tuple[int, int, FloatArray]]] = {}
-    for truth in record.truth:
-        position = truth.state[:, list(POSITION)] / 1e3
-        for number, class_id, place in zip(
-            truth.track_id.tolist(), truth.class_id.tolist(), position, strict=True
-        ):
-            rows.setdefault(number, []).append((truth.stamp_ns, class_id, place))
-    return [
-        Track(number, track[0][1], [t for t, _, _ in track], np.array([p for _, _, p in track]))
-        for number, track in sorted(rows.items())
-    ]
 
 
 def _positions(run: Sequence[Estimates]) -> FloatArray:
@@ -267,7 +244,7 @@ def _ellipses(axes: Axes, estimates: Estimates) -> None:
         estimates.state, estimates.covariance, estimates.class_id.tolist(), strict=True
     ):
         variance, axis = np.linalg.eigh(covariance[index] * 1e-6)
-        width, height = 2.0 * np.sqrt(CHI_SQUARE_95 * np.maximum(variance[::-1], 0.0))
+        width, height = 2.0 * RADIUS_95 * np.sqrt(np.maximum(variance[::-1], 0.0))
         axes.add_patch(
             Ellipse(
                 state[list(POSITION)] / 1e3,

@@ -1,17 +1,18 @@
-"""How every picture looks: sizes, the colour, line and marker of a class, and bare axes.
+"""How every picture looks: sizes, the line and marker of a class, and bare axes.
 
-The palette (Okabe and Ito) survives colour-blind eyes and the lines and markers survive a grey
-printer.
+The palette survives colour-blind eyes and the lines and markers survive a grey printer.
 """
 
 from __future__ import annotations
 
 from matplotlib.axes import Axes
 
+from msg_adapters.palette import COLOURS as COLOURS
+from msg_adapters.palette import class_colour as class_colour
+
 WIDTH_IN = 8.0
 DPI = 150
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "^", "s", "D", "v", "P")
 INK, GREY, FAINT = "#222222", "#9A9A9A", "#E4E4E4"
@@ -20,11 +21,6 @@ INK, GREY, FAINT = "#222222", "#9A9A9A", "#E4E4E4"
 def class_name(class_id: int) -> str:
     """Return what a class is called."""
     return f"class {class_id}"
-
-
-def class_colour(class_id: int) -> str:
-    """Return the colour of a class."""
-    return COLOURS[class_id % len(COLOURS)]
 
 
 def class_line(class_id: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,10 @@ from typing import Any
 from rich.console import Console
 
 from phd_jdtc_ros.core.config import TrackerConfig
-from phd_jdtc_ros.exits import OK
-from phd_jdtc_ros.study import figures, html, load
+from phd_jdtc_ros.core.evaluation import Evaluation
+from phd_jdtc_ros.exits import FAILED, OK
+from phd_jdtc_ros.study import figures, load
+from phd_jdtc_ros.study.record import Record
 from phd_jdtc_ros.study.table import metrics, ospa_table
 
 from . import command
@@ -19,8 +22,8 @@ from . import command
 
 def write(
     bag: Path, out: Path, config: TrackerConfig, title: str, summary: dict[str, Any] | None
-) -> None:
-    """Write a bag's report into a directory and print its table.
+) -> int:
+    """Write a bag's report into a directory, print its table and return the exit status.
 
     Parameters
     ----------
@@ -38,12 +41,31 @@ def write(
     if summary is None:
         summary = metrics(evaluation, run.step_ms)
     out.mkdir(parents=True, exist_ok=True)
-    pictures = figures.write_all(run, evaluation, out)
-    html.write_report(out / "report.html", title, summary, pictures)
+    figures.write_all(run, evaluation, out)
     console = Console()
     if summary["scans"]:
         console.print(ospa_table(summary))
-    console.print(f"report: {out / 'report.html'}")
+    page = out / "report.html"
+    if not _write_page(page, title, summary, run, evaluation):
+        print("report: no page without plotly; to have it: pip install plotly", file=sys.stderr)
+        return FAILED
+    console.print(f"report: {page}")
+    return OK
+
+
+def _write_page(
+    page: Path, title: str, summary: dict[str, Any], run: Record, evaluation: Evaluation
+) -> bool:
+    """Write the page; return False where plotly, which no rosdep key brings, is missing."""
+    try:
+        from phd_jdtc_ros.study import charts, html
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "plotly":
+            raise
+        return False
+    drawn, notes = charts.of_record(run, evaluation), charts.missing(run, evaluation)
+    html.write_report(page, title, summary, run, drawn, notes)
+    return True
 
 
 def main(argv: Sequence[str]) -> int:
@@ -57,7 +79,7 @@ def main(argv: Sequence[str]) -> int:
 
     def work() -> int:
         config = command.tracker_config(arguments)
-        write(arguments.bag, arguments.out, config, arguments.title or arguments.bag.name, None)
-        return OK
+        title = arguments.title or arguments.bag.name
+        return write(arguments.bag, arguments.out, config, title, None)
 
     return command.guarded("report", work)

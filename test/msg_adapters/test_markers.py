@@ -5,7 +5,13 @@ from samples import STAMP_NS, estimates, nothing
 from visualization_msgs.msg import Marker
 
 from msg_adapters import markers, stamps
-from msg_adapters.markers import ELLIPSE_SIGMA, PALETTE, VELOCITY_SECONDS
+from msg_adapters.markers import (
+    ELLIPSE_SIGMA,
+    LABEL_HEIGHT,
+    LINE_WIDTH,
+    VELOCITY_SECONDS,
+)
+from msg_adapters.palette import COLOURS
 
 NAMES = ("jet", "drone")
 KINDS = {
@@ -112,4 +118,14 @@ def test_to_msg_colours_by_class(classes):
     names = tuple(f"class_{index}" for index in range(classes))
     given = estimates(count=classes, classes=classes)
     colours = [(m.color.r, m.color.g, m.color.b) for m in made(given, names)[1::3]]
-    assert colours == [PALETTE[index % len(PALETTE)] for index in range(classes)]
+    hexadecimal = ["#" + "".join(f"{round(255 * part):02X}" for part in rgb) for rgb in colours]
+    assert hexadecimal == [COLOURS[index % len(COLOURS)] for index in range(classes)]
+
+
+def test_sizes_are_legible_on_a_map_of_30_km():
+    pixel = 30e3 / 1000.0
+    assert 1.0 <= LINE_WIDTH / pixel <= 2.0
+    assert 10.0 <= LABEL_HEIGHT / pixel <= 20.0
+    # Slow targets have an arrow that is seen, fast ones none that crosses the map.
+    assert 10.0 * VELOCITY_SECONDS / pixel >= 5.0
+    assert 300.0 * VELOCITY_SECONDS / pixel <= 400.0

@@ -4,69 +4,20 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from records import SCANS, START_NS, estimates_of, record_of, stamp_ns, truth_of
 
-from phd_jdtc_ros.core.motion import POSITION, STATE_SIZE
-from phd_jdtc_ros.core.simulation import Truth
-from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.study import figures
 from phd_jdtc_ros.study.clock import Clock
 from phd_jdtc_ros.study.figures import write_all
 from phd_jdtc_ros.study.record import Plot, Record
 
-START_NS = 1_700_000_000_000_000_000
-SCANS = 12
 SCORED = {"number_error", "ospa", "ospa_parts"}
 EVERYTHING = {"scenario", "measurements", "trajectories"} | SCORED
 
 
-def stamp_ns(scan):
-    return START_NS + scan * 6_000_000_000
-
-
-def states(scan, classes):
-    """One target a class, side by side, moving east."""
-    state = np.zeros((classes, STATE_SIZE))
-    state[:, POSITION[0]] = 300.0 * scan
-    state[:, POSITION[1]] = 2000.0 * np.arange(classes)
-    return state
-
-
-def truth_of(scan, classes):
-    return Truth(stamp_ns(scan), states(scan, classes), 1 + np.arange(classes), np.arange(classes))
-
-
-def estimates_of(scan, classes, lag, count=None):
-    count = classes if count is None else count
-    return Estimates(
-        stamp_ns=stamp_ns(scan),
-        lag=lag,
-        state=states(scan, classes)[:count] + 40.0,
-        covariance=np.tile(np.diag([900.0, 1.0, 400.0, 1.0, 1e-6]), (count, 1, 1)),
-        weight=np.ones(count),
-        class_probability=np.eye(classes)[:count],
-        class_id=np.arange(count),
-        track_id=np.zeros(count),
-    )
-
-
-def plot_of(scan, classes):
-    position = np.concatenate([states(scan, classes)[:, list(POSITION)], [[-5e3, 4e3]]])
-    return Plot(stamp_ns(scan), "radar_1", position, np.r_[np.full(classes, 200.0), 3.8])
-
-
-def record_of(classes=2, **parts):
-    everything = {
-        "truth": tuple(truth_of(k, classes) for k in range(SCANS)),
-        "plots": tuple(plot_of(k, classes) for k in range(SCANS)),
-        "filtered": tuple(estimates_of(k, classes, 0, classes - k % 2) for k in range(SCANS)),
-        "smoothed": tuple(estimates_of(k, classes, 5) for k in range(SCANS)),
-    }
-    return Record(**{**everything, **parts}, classes=classes, step_ms=np.zeros(0))
-
-
 def written(record, directory):
-    pictures = write_all(record, record.evaluate(1000.0, 2.0), directory)
-    return {picture.path.stem: picture for picture in pictures}
+    paths = write_all(record, record.evaluate(1000.0, 2.0), directory)
+    return {path.stem: path for path in paths}
 
 
 def png_size(path: Path):
@@ -78,7 +29,7 @@ def png_size(path: Path):
 def without_pixels(record):
     """Every figure of a record, undrawn."""
     evaluation = record.evaluate(1000.0, 2.0)
-    return {c.name: c.draw(record, evaluation) for c in figures.CHARTS}
+    return {c.name: c.draw(record, evaluation) for c in figures.PICTURES}
 
 
 @pytest.mark.parametrize("classes", [1, 2, 3])
@@ -86,11 +37,11 @@ def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, classes):
     pictures = written(record_of(classes), tmp_path / "new")
 
     assert set(pictures) == EVERYTHING
-    for picture in pictures.values():
-        width, height = png_size(picture.path)
+    for path in pictures.values():
+        width, height = png_size(path)
         assert width == 1200
         assert 300 <= height <= 1500
-        assert len(picture.path.read_bytes()) > 5000
+        assert len(path.read_bytes()) > 5000
 
 
 def test_write_all_skips_what_needs_the_truth(tmp_path):
@@ -138,12 +89,6 @@ def test_write_all_draws_plots_of_unknown_amplitude(tmp_path):
     unknown = Plot(START_NS, "radar_1", np.array([[0.0, 0.0], [1e3, 1e3]]), np.array([np.nan, 0.0]))
 
     assert "measurements" in written(record_of(plots=(unknown,)), tmp_path)
-
-
-def test_write_all_captions_name_order_and_cutoff(tmp_path):
-    caption = written(record_of(), tmp_path)["ospa"].caption
-
-    assert "p = 2, c = 1000 m" in caption
 
 
 def test_write_all_leaves_global_settings_alone(tmp_path):

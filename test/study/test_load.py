@@ -135,19 +135,38 @@ def test_record_reads_the_estimates_of_another_tracker(bag, tmp_path):
     ]
     path = rewrite(bag, tmp_path / "bag", drop=[FILTERED, SMOOTHED], add=added)
     assert_same(load.record(path, CONFIG, "/mine").smoothed, load.record(bag, CONFIG).smoothed)
-    with pytest.raises(BagError, match="missing"):
-        load.record(path, CONFIG)
+    assert load.record(path, CONFIG).smoothed == ()
 
 
-@pytest.mark.parametrize("topic", [FILTERED, SMOOTHED])
-def test_record_refuses_a_bag_without_estimates(bag, tmp_path, topic):
-    path = rewrite(bag, tmp_path / "bag", drop=[topic])
-    with pytest.raises(BagError, match=f"{topic} is missing, must be {names.CLOUD}") as caught:
+@pytest.mark.parametrize("source", ["filtered", "smoothed"])
+def test_record_without_a_source_has_the_other(bag, tmp_path, source):
+    run = load.record(rewrite(bag, tmp_path / "bag", drop=[names.estimates(source)]), CONFIG)
+    lengths = {"filtered": len(run.filtered), "smoothed": len(run.smoothed)}
+    assert lengths.pop(source) == 0
+    assert list(lengths.values()) == [4]
+    assert run.classes == 2
+
+
+def test_record_without_estimates_has_the_configured_classes(bag, tmp_path):
+    run = load.record(rewrite(bag, tmp_path / "bag", drop=[FILTERED, SMOOTHED]), CONFIG)
+    assert (run.filtered, run.smoothed) == ((), ())
+    assert (len(run.truth), len(run.plots), run.classes) == (4, 8, 2)
+
+
+def test_record_knows_where_the_radars_stand(bag):
+    expected = [(model.name, model.position) for model in CONFIG.model.radars]
+    sites = load.record(bag, CONFIG).radars
+    assert [(site.name, site.position) for site in sites] == expected
+
+
+def test_record_refuses_a_bag_with_nothing_of_a_run(bag, tmp_path):
+    path = rewrite(bag, tmp_path / "bag", drop=[FILTERED, SMOOTHED, names.TRUTH, *RADARS])
+    with pytest.raises(BagError, match=f"none of {FILTERED}.*{RADARS[1]} is in it") as caught:
         load.record(path, CONFIG)
     assert not caught.value.corrupt
 
 
-@pytest.mark.parametrize("topic", [names.TRUTH, RADARS[0], names.cardinality()])
+@pytest.mark.parametrize("topic", [FILTERED, names.TRUTH, RADARS[0], names.cardinality()])
 def test_record_refuses_an_optional_topic_of_another_type(bag, tmp_path, topic):
     message = estimates.to_pose_array(load.record(bag, CONFIG).filtered[0], 0, "map")
     more = (topic, names.POSES, [(interfaces.encode(message), 1001 * SECOND)])

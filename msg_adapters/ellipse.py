@@ -1,0 +1,29 @@
+"""The outline of a covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phd_jdtc_ros.core.types import FloatArray
+
+# Radius, in standard deviations, that holds 95 % of a two-dimensional Gaussian.
+RADIUS_95 = float(np.sqrt(-2.0 * np.log(0.05)))
+
+
+def outline(covariance: FloatArray, radius: float, points: int) -> FloatArray:
+    """Return a closed outline about the origin, shape (2, points).
+
+    Parameters
+    ----------
+    covariance : array of shape (2, 2)
+        A negative variance, which rounding can leave, counts as zero.
+    radius : float
+        In standard deviations.
+    points : int
+        The last equals the first.
+    """
+    variance, axes = np.linalg.eigh(covariance)
+    turn = np.linspace(0.0, 2.0 * np.pi, points)
+    circle = np.stack([np.cos(turn), np.sin(turn)])
+    line: FloatArray = axes @ (np.sqrt(np.maximum(variance, 0.0))[:, None] * circle) * radius
+    return line

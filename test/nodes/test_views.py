@@ -1,0 +1,204 @@
+"""The shipped RViz configuration and Foxglove layout against what the running nodes publish."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import (
+    DurabilityPolicy,
+    LivelinessPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
+
+from msg_adapters import names
+from msg_adapters.palette import COLOURS
+
+ROOT = Path(__file__).parents[2]
+BAG = ROOT / "bags" / "paper_scenario"
+RVIZ = yaml.safe_load((ROOT / "rviz" / "demo.rviz").read_text())
+LAYOUT = json.loads((ROOT / "foxglove" / "layout.json").read_text())
+
+MAP = LAYOUT["configById"]["3D!map"]
+PANELS = LAYOUT["configById"]
+SERIES = {
+    path["value"]: (name, path)
+    for name, panel in PANELS.items()
+    if name.startswith("Plot!")
+    for path in panel["paths"]
+}
+SHOWN = {
+    names.detections("radar_1"),
+    names.detections("radar_2"),
+    names.TRUTH,
+    names.estimates("filtered"),
+    names.estimates("smoothed"),
+    f"{names.TRACKER}/markers",
+}
+
+
+def rviz_displays():
+    """Return the displays of the configuration that listen to a topic, by it."""
+    displays = RVIZ["Visualization Manager"]["Displays"]
+    return {d["Topic"]["Value"]: d for d in displays if "Topic" in d}
+
+
+def rviz_qos(display):
+    """Return the QoS that a display asks for."""
+    topic = display["Topic"]
+    return QoSProfile(
+        depth=topic["Depth"],
+        reliability={
+            "Reliable": ReliabilityPolicy.RELIABLE,
+            "Best Effort": ReliabilityPolicy.BEST_EFFORT,
+        }[topic["Reliability Policy"]],
+        durability={
+            "Volatile": DurabilityPolicy.VOLATILE,
+            "Transient Local": DurabilityPolicy.TRANSIENT_LOCAL,
+        }[topic["Durability Policy"]],
+        liveliness=LivelinessPolicy.AUTOMATIC,
+    )
+
+
+def values(message, path):
+    """Return what a Foxglove message path without its topic leads to in a message."""
+    found = [message]
+    for name, field, wanted in re.findall(r'\.(\w+)|\[:\]|\{(\w+)=="([^"]*)"\}', path):
+        if name:
+            found = [getattr(entry, name) for entry in found]
+        elif field:
+            found = [entry for entry in found if getattr(entry, field) == wanted]
+        else:
+            found = [inner for entry in found for inner in entry]
+    return found
+
+
+class Live:
+    """The tracker, the evaluator and the replay, and what was heard of them."""
+
+    def __init__(self, peer):
+        self.peer = peer
+        topics = (names.OSPA, names.cardinality(), names.DIAGNOSTICS)
+        self.heard = {topic: peer.collect(DiagnosticArray, topic) for topic in topics}
+
+    def publishers(self, topic):
+        return self.peer.node.get_publishers_info_by_topic(topic)
+
+
+@pytest.fixture
+def live(processes, peer):
+    heard = Live(peer)
+    reliable = [
+        word
+        for radar in ("radar_1", "radar_2")
+        for word in ("-p", f"qos_overrides./{radar}/detections.subscription.reliability:=reliable")
+    ]
+    few = ("-p", "particles_per_target:=100", "-p", "particles_per_birth:=256", "-p", "lag:=2")
+    processes.start("evaluator")
+    processes.start("tracker", "--ros-args", *few, *reliable)
+    assert peer.spin_until(lambda: peer.node.count_publishers(names.OSPA))
+    assert peer.spin_until(lambda: peer.node.count_publishers(names.cardinality()))
+    processes.start("sensor_replay", BAG, "--rate", "20", "--loop")
+    assert peer.spin_until(lambda: all(heard.heard.values()), 30.0)
+    assert peer.spin_until(lambda: all(map(peer.node.count_publishers, SHOWN)))
+    # One score a source and stamp.
+    assert peer.spin_until(
+        lambda: len({m.status[0].name.split("/")[0] for m in heard.heard[names.OSPA]}) == 2
+    )
+    return heard
+
+
+def test_views_fit_the_running_nodes(live):
+    for topic, display in rviz_displays().items():
+        offered = live.publishers(topic)
+        assert offered, f"nobody publishes {topic}"
+        for info in offered:
+            kind = {"PointCloud2": names.CLOUD, "MarkerArray": names.MARKERS}
+            assert info.topic_type == kind[display["Class"].split("/")[1]], topic
+            fits, reason = qos_check_compatible(info.qos_profile, rviz_qos(display))
+            assert fits == QoSCompatibility.OK, f"{topic}: {reason}"
+            # A late RViz gets the last markers only if it asks for them.
+            assert rviz_qos(display).durability == info.qos_profile.durability, topic
+    for topic in MAP["topics"]:
+        assert live.publishers(topic), f"nobody publishes {topic}"
+    for path in SERIES:
+        topic, _, rest = path.partition(".")
+        found = [v for message in live.heard[topic] for v in values(message, f".{rest}")]
+        assert found, f"{path} leads to nothing"
+        assert all(isinstance(float(value), float) for value in found)
+    health = {status.name for message in live.heard[names.DIAGNOSTICS] for status in message.status}
+    assert PANELS["DiagnosticStatusPanel!step"]["selectedName"] in health
+
+
+def test_rviz_shows_every_topic_over_the_world_frame():
+    options = RVIZ["Visualization Manager"]["Global Options"]
+
+    assert set(rviz_displays()) == SHOWN
+    assert options["Fixed Frame"] == "map"
+    assert all(display["Enabled"] for display in rviz_displays().values())
+
+
+def test_rviz_looks_down_on_the_scenario():
+    manager = RVIZ["Visualization Manager"]
+    view = manager["Views"]["Current"]
+    grid = next(d for d in manager["Displays"] if d["Class"].endswith("/Grid"))
+
+    assert view["Class"] == "rviz_default_plugins/TopDownOrtho"
+    # The radars see 17 km to each side; a window shows 900 pixels of height.
+    assert 20e3 <= 900 / view["Scale"] <= 40e3
+    assert grid["Cell Size"] * grid["Plane Cell Count"] == 40e3
+
+
+def test_colours_are_those_of_the_report():
+    def rgb(hexadecimal):
+        return "; ".join(str(int(hexadecimal[k : k + 2], 16)) for k in (1, 3, 5))
+
+    for topic in (names.TRUTH, names.estimates("filtered"), names.estimates("smoothed")):
+        display, setting = rviz_displays()[topic], MAP["topics"][topic]
+        assert (display["Channel Name"], setting["colorField"]) == ("class_id", "class_id")
+        assert [display["Min Color"], display["Max Color"]] == [rgb(c) for c in COLOURS[:2]]
+        assert [colour[:7] for colour in setting["gradient"]] == list(COLOURS[:2])
+        assert (display["Min Intensity"], display["Max Intensity"]) == (0, 1)
+        assert (setting["minValue"], setting["maxValue"]) == (0, 1)
+
+
+@pytest.mark.parametrize("radar", ["radar_1", "radar_2"])
+def test_detections_are_coloured_by_amplitude(radar):
+    topic = names.detections(radar)
+
+    assert rviz_displays()[topic]["Channel Name"] == "amplitude"
+    assert rviz_displays()[topic]["Color Transformer"] == "Intensity"
+    assert MAP["topics"][topic]["colorField"] == "amplitude"
+
+
+def test_foxglove_shows_every_topic_and_plots_what_there_is():
+    assert set(MAP["topics"]) == SHOWN
+    assert MAP["followTf"] == "map"
+    assert {panel["topicToRender"] for name, panel in PANELS.items() if "Diag" in name} == {
+        names.DIAGNOSTICS
+    }
+    assert sum(f"{names.OSPA}." in path for path in SERIES) == 6
+    # Smoothed scores come late: by their stamp they stand beside the filtered ones.
+    assert {series["timestampMethod"] for _, series in SERIES.values()} == {"headerStamp"}
+
+
+def test_foxglove_lays_out_every_panel_once():
+    def leaves(node):
+        return [node] if isinstance(node, str) else leaves(node["first"]) + leaves(node["second"])
+
+    placed = leaves(LAYOUT["layout"])
+
+    assert sorted(placed) == sorted(PANELS)
+
+
+@pytest.mark.parametrize("pattern", ["rviz/*.rviz", "foxglove/*.json"])
+def test_views_are_installed(pattern):
+    folder = pattern.split("/")[0]
+
+    assert f'(f"share/{{PACKAGE}}/{folder}", glob("{pattern}"))' in (ROOT / "setup.py").read_text()
+    assert list(ROOT.glob(pattern))
