@@ -10,6 +10,7 @@ from scipy.special import ndtri
 from scipy.stats import qmc
 
 from .modes import ModeSpace
+from .motion import POSITION
 from .types import FloatArray, IntArray, read_only
 
 # Birth terms are not evaluated farther out than this many standard deviations in any coordinate.
@@ -50,6 +51,13 @@ def sobol_points(dimension: int, count: int) -> FloatArray:
     return points
 
 
+def shifted(points: FloatArray, shift: FloatArray) -> FloatArray:
+    """Return points of the unit cube shifted modulo one, kept off the faces; broadcast shape."""
+    moved: FloatArray = points + shift
+    moved -= np.floor(moved)
+    return np.clip(moved, 1e-12, 1.0 - 1e-12, out=moved)
+
+
 def sample(
     term: BirthTerm, modes: ModeSpace, count: int, rng: np.random.Generator
 ) -> tuple[FloatArray, IntArray]:
@@ -70,11 +78,12 @@ def sample(
     mode : int array of shape (count,)
     """
     size = len(term.mean)
-    uniform = (sobol_points(size + 1, count) + rng.random(size + 1)) % 1.0
-    uniform = np.clip(uniform, 1e-12, 1.0 - 1e-12)
+    uniform = shifted(sobol_points(size + 1, count), rng.random(size + 1))
     share = np.cumsum(term.rate) / term.rate.sum()
     mode = np.minimum(np.searchsorted(share, uniform[:, 0], side="right"), len(share) - 1)
-    state = term.mean + term.std * ndtri(uniform[:, 1:])
+    state = ndtri(uniform[:, 1:])
+    state *= term.std
+    state += term.mean
     for index, motion in enumerate(modes.motions):
         outside = [d for d in range(size) if d not in motion.support]
         if outside:
@@ -93,10 +102,22 @@ def intensity(
     for index, motion in enumerate(modes.motions):
         supported[index, list(motion.support)] = True
     total = np.zeros(len(state))
+    # By place first, so that a term is not evaluated at rows that are nowhere near it.
+    axis = POSITION[0]
+    east = np.argsort(state[:, axis])
+    sorted_east = state[east, axis]
     for term in terms:
-        offset = (state - term.mean) / term.std
-        near = np.flatnonzero((np.abs(offset).max(axis=1) <= GATE_SIGMA) & (term.rate[mode] > 0.0))
-        active = supported[mode[near]]
-        per_axis = 0.5 * offset[near] ** 2 + np.log(term.std * np.sqrt(2.0 * np.pi))
-        total[near] += term.rate[mode[near]] * np.exp(-np.where(active, per_axis, 0.0).sum(axis=1))
+        gate = GATE_SIGMA * term.std
+        first, last = sorted_east.searchsorted(
+            [term.mean[axis] - gate[axis], term.mean[axis] + gate[axis]]
+        )
+        about = east[first:last]
+        offset = state[about] - term.mean
+        near = (np.abs(offset) <= gate).all(axis=1) & (term.rate[mode[about]] > 0.0)
+        about, scaled = about[near], offset[near] / term.std
+        active = supported[mode[about]]
+        per_axis = 0.5 * scaled**2 + np.log(term.std * np.sqrt(2.0 * np.pi))
+        total[about] += term.rate[mode[about]] * np.exp(
+            -np.where(active, per_axis, 0.0).sum(axis=1)
+        )
     return total

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from .birth import sobol_points
+from .birth import shifted, sobol_points
 from .modes import ModeSpace
 from .motion import OMEGA, POSITION, STATE_SIZE, VELOCITY
 from .radar import RadarModel
@@ -121,7 +121,7 @@ def sample(
     """
     count = model.particles
     shift = rng.random((len(found), 1, STATE_SIZE + 1))
-    uniform = np.clip((sobol_points(STATE_SIZE + 1, count) + shift) % 1.0, 1e-12, 1.0 - 1e-12)
+    uniform = shifted(sobol_points(STATE_SIZE + 1, count), shift)
     normal = ndtri(uniform[..., 1:])
     per_mode = _mode_mass(found, modes)
     share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)

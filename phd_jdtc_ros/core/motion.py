@@ -13,11 +13,12 @@ encoders know the layout, through the index constants below.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 
-from .types import FloatArray
+from .types import FloatArray, read_only
 
 X, VX, Y, VY, OMEGA = range(5)
 POSITION = (X, Y)
@@ -142,8 +143,9 @@ def sample(
     """Draw a successor of every row of `state` under `model`; shape (N, D)."""
     moved = model.mean(state, dt)
     factor = np.linalg.cholesky(model.noise_covariance(dt))
-    support = list(model.support)
-    moved[:, support] += rng.standard_normal((len(state), len(support))) @ factor.T
+    noise = rng.standard_normal((len(state), len(model.support))) @ factor.T
+    for column, axis in enumerate(model.support):
+        moved[:, axis] += noise[:, column]
     return moved
 
 
@@ -154,7 +156,14 @@ def whitener(covariance: FloatArray) -> tuple[FloatArray, float]:
     velocity. A cloud of a tracked target is then wide in the position coordinates only, and a
     neighbour search over those two is enough.
     """
+    return _whitener(len(covariance), np.asarray(covariance, dtype=np.float64).tobytes())
+
+
+# Intervals and noise seldom change, and for few targets this is a tenth of a kernel.
+@lru_cache(maxsize=64)
+def _whitener(size: int, entries: bytes) -> tuple[FloatArray, float]:
+    covariance = np.frombuffer(entries).reshape(size, size)
     # The Cholesky factor of the reversed matrix, reversed back, is the upper-triangular one.
     upper = np.linalg.cholesky(covariance[::-1, ::-1])[::-1, ::-1]
     inverse = np.linalg.inv(upper)
-    return inverse, float(np.log(np.diag(inverse)).sum())
+    return read_only(inverse), float(np.log(np.diag(inverse)).sum())

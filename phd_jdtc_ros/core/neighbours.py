@@ -4,21 +4,75 @@ A tracking filter's clouds, whitened by a kernel's noise, are wide in two coordi
 units wide in the others, so a search over two coordinates finds little but true neighbours. Which
 two differs from block to block: mostly the positions, but a spawned turn rate is told apart best.
 The second coordinate is cut into strips as wide as the radius, points are sorted by (block, strip,
-first coordinate), and each query looks up one interval in three strips.
+first coordinate), and each query looks up one interval in each of the strips it reaches. What the
+intervals hold are its candidates, which are tested chunk by chunk.
+
+The test is the inner loop and there are two of it, `near_pairs` here and in `neighbours_numba`,
+which add the same numbers in the same order and so return the same bits. The compiled one is used
+where numba is installed; the environment variable ``PHD_JDTC_KERNELS`` says otherwise: ``numpy``
+or ``numba``, by default ``auto``.
 """
 
 from __future__ import annotations
 
-import itertools
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import numpy as np
 
+from .chunking import CHUNK_PAIRS, chunks, expand
 from .types import FloatArray, IntArray
 
-# Candidate pairs tested at a time: temporaries stay near 2 MB, inside the cache and far below
-# where the allocator starts to hand pages back and fault them in again.
-CHUNK_PAIRS = 1 << 18
-SAMPLE = 48
+# Axes are chosen on so many queries and points, and on one more of so many.
+SAMPLE, SPARSE = 24, 128
+# In strips: what rounding may do to a place. Candidates may be too many, never too few.
+ROUNDING = 1e-6
+VARIABLE = "PHD_JDTC_KERNELS"
+
+
+class Pairs(NamedTuple):
+    """Queries and points that are near each other.
+
+    Parameters
+    ----------
+    query, point : int arrays of shape (pairs,)
+        Queries ascend.
+    square : array of shape (pairs,)
+        Square distance.
+    """
+
+    query: IntArray
+    point: IntArray
+    square: FloatArray
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """What a search leaves to be tested: intervals of the sorted points.
+
+    Parameters
+    ----------
+    query, point : arrays of shape (K, Q) and (K, P)
+        Coordinates by axis, each block's most selective ones first; points in sorted order.
+    limit : array of shape (Q,)
+        Square radius of each query.
+    rank : int array of shape (P,)
+        Which point stands at each place of the sorted order.
+    owner : int array of shape (I,)
+        The query of each interval, ascending.
+    start, count : int arrays of shape (I,)
+        Interval i holds the places ``start[i]`` to ``start[i] + count[i]``.
+    """
+
+    query: FloatArray
+    point: FloatArray
+    limit: FloatArray
+    rank: IntArray
+    owner: IntArray
+    start: IntArray
+    count: IntArray
 
 
 def pairs_within(
@@ -26,62 +80,154 @@ def pairs_within(
     query_block: IntArray,
     point: FloatArray,
     point_block: IntArray,
-    radius: float,
-) -> tuple[IntArray, IntArray, FloatArray]:
+    radius: float | FloatArray,
+) -> Pairs:
     """Find every (query, point) pair of one block at most `radius` apart.
 
     Parameters
     ----------
     query : array of shape (Q, K)
+        K at least 2.
     query_block : int array of shape (Q,)
         From 0; only pairs with equal block are compared.
     point : array of shape (P, K)
     point_block : int array of shape (P,)
-    radius : float
+    radius : float or array of shape (Q,)
+        Positive.
 
     Returns
     -------
-    query_index, point_index : int arrays of shape (pairs,)
-    square_distance : array of shape (pairs,)
+    Pairs
+        A tuple of query index, point index and square distance.
     """
+    found = list(near_chunks(candidates(query, query_block, point, point_block, radius)))
+    if not found:
+        none = np.zeros(0, dtype=np.int64)
+        return Pairs(none, none, np.zeros(0))
+    return Pairs(*(np.concatenate(part) for part in zip(*found, strict=True)))
+
+
+def candidates(
+    query: FloatArray,
+    query_block: IntArray,
+    point: FloatArray,
+    point_block: IntArray,
+    radius: float | FloatArray,
+) -> Candidates:
+    """Return what is to be tested; parameters as those of `pairs_within`.
+
+    Their number, ``count.sum()``, is what a search costs.
+    """
+    reach = np.full(len(query), radius)
     if len(query) == 0 or len(point) == 0:
         none = np.zeros(0, dtype=np.int64)
-        return none, none, np.zeros(0)
+        return Candidates(query.T, point.T, reach, none, none, none, none)
     blocks = int(max(query_block.max(), point_block.max())) + 1
-    order = _selective_axes(query, query_block, point, point_block, radius, blocks)
-    query = np.take_along_axis(query, order[query_block], axis=1)
-    point = np.take_along_axis(point, order[point_block], axis=1)
-    low = point.min(axis=0)
-    # Wide enough that the intervals of neighbouring strips cannot touch.
-    span = float(np.ptp(point[:, 0])) + 4.0 * radius
-    strips = int(np.ptp(point[:, 1]) / radius) + 4
+    widest = float(reach.max())
+    order = _selective_axes(query, query_block, point, point_block, widest, blocks)
+    first, second = _columns(point, np.arange(len(point)), point_block, order[:, :2])
+    low = float(first.min()) - 2.0 * widest, float(second.min())
+    # Strips fit the usual radius; the few larger ones reach beyond the neighbouring strips.
+    width = max(float(reach.mean()), widest / 3.0) * (1.0 + ROUNDING)
+    beyond = int(np.ceil(widest / width))
+    # All strips of all blocks stand one behind the other on a line, with a gap in between that no
+    # interval bridges.
+    span = float(first.max()) - low[0] + 3.0 * widest
+    strips = int((float(second.max()) - low[1]) / width) + 2 * beyond + 3
+    strip = np.floor((second - low[1]) / width) + beyond + 1.0
+    key = (point_block * strips + strip) * span + (first - low[0])
+    rank = np.argsort(key)
 
-    def key(block: IntArray, strip: FloatArray, along: FloatArray) -> FloatArray:
-        ranked: FloatArray = (block * strips + strip) * span + (along - low[0] + radius)
-        return ranked
-
-    strip = np.floor((point[:, 1] - low[1]) / radius) + 1.0
-    point_key = key(point_block, strip, point[:, 0])
-    rank = np.argsort(point_key, kind="stable")
-    point_key = point_key[rank]
-
-    strip = np.floor((query[:, 1] - low[1]) / radius) + 1.0
-    along = query[:, 0] - low[0] + radius
-    inside = (strip >= 0.0) & (strip < strips - 1) & (along >= 0.0) & (along <= span - radius)
+    columns = _columns(query, np.arange(len(query)), query_block, order)
+    along, height = columns[0] - low[0], (columns[1] - low[1]) / width + beyond + 1.0
+    inside = (height >= 0.0) & (height < strips) & (along >= 0.0) & (along <= span - widest)
     owner = np.flatnonzero(inside)
-    # Sorted queries look up neighbouring places, which the cache rewards.
-    owner = owner[np.argsort(key(query_block[owner], strip[owner], query[owner, 0]))]
-    begin, end = [], []
-    for shift in (-1.0, 0.0, 1.0):
-        centre = key(query_block[owner], strip[owner] + shift, query[owner, 0])
-        begin.append(np.searchsorted(point_key, centre - radius, side="left"))
-        end.append(np.searchsorted(point_key, centre + radius, side="right"))
-    start = np.concatenate(begin)
-    count = np.concatenate(end) - start
-    row, slot, square = _test_candidates(
-        query, point[rank], np.tile(owner, 3), start, count, radius
+    strip = np.floor(height[owner])
+    above = height[owner] - strip
+    centre = (query_block[owner] * strips + strip) * span + along[owner]
+    # Looked up in sorted order, so that neighbouring places are read one after the other.
+    sweep = np.argsort(centre)
+    owner = owner[sweep]
+    looked_up = _look_up(
+        key[rank], centre[sweep], above[sweep], reach[owner] / width, width, span, beyond
     )
-    return row, rank[slot], square
+    intervals = np.zeros((2, len(query), 2 * beyond + 1), dtype=np.int64)
+    intervals[:, owner] = looked_up
+    start, count = intervals.reshape(2, -1)
+    kept = np.flatnonzero(count)
+    return Candidates(
+        query=columns,
+        point=_columns(point, rank, point_block[rank], order),
+        limit=reach**2,
+        rank=rank,
+        owner=kept // (2 * beyond + 1),
+        start=start[kept],
+        count=count[kept],
+    )
+
+
+def _look_up(
+    key: FloatArray,
+    centre: FloatArray,
+    above: FloatArray,
+    radius: FloatArray,
+    width: float,
+    span: float,
+    beyond: int,
+) -> IntArray:
+    """Return the interval of candidates of every query in every strip that it may reach.
+
+    Parameters
+    ----------
+    key : array of shape (P,)
+        The points' places on the line of all strips, ascending.
+    centre, above, radius : arrays of shape (M,)
+        The queries' places on that line, how far into its strip each stands and how far it
+        reaches, the latter two in widths of a strip.
+    width, span : float
+        Of a strip.
+    beyond : int
+        How many strips to either side are reached.
+
+    Returns
+    -------
+    int array of shape (2, M, 2 beyond + 1)
+        Start and length.
+    """
+    found = np.zeros((2, len(centre), 2 * beyond + 1), dtype=np.int64)
+    rounding = 4.0 * np.spacing(key[-1] + span)
+    for shift in range(-beyond, beyond + 1):
+        # Of a circle, a strip so far from its centre holds no more than a chord.
+        apart = np.maximum(np.maximum(shift - above, above - shift - 1.0) - ROUNDING, 0.0)
+        square = radius * radius - apart * apart
+        some = np.flatnonzero(square > 0.0)
+        half = width * np.sqrt(square[some]) + rounding
+        middle = centre[some] + shift * span
+        start = key.searchsorted(middle - half, side="left")
+        found[0, some, shift + beyond] = start
+        found[1, some, shift + beyond] = key.searchsorted(middle + half, side="right") - start
+    return found
+
+
+def _columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) -> FloatArray:
+    """Return some rows' coordinates on the axes of their block.
+
+    Parameters
+    ----------
+    value : array of shape (N, K)
+    row, block : int arrays of shape (M,)
+    axes : int array of shape (blocks, A)
+
+    Returns
+    -------
+    array of shape (A, M)
+    """
+    flat = np.ascontiguousarray(value).ravel()
+    begin = row * value.shape[1]
+    columns = np.empty((axes.shape[1], len(row)), order=BACKEND.layout)
+    for index, axis in enumerate(axes.T):
+        columns[index] = flat.take(begin + axis.take(block))
+    return columns
 
 
 def _selective_axes(
@@ -92,61 +238,114 @@ def _selective_axes(
     radius: float,
     blocks: int,
 ) -> IntArray:
-    """Return for each block the order in which axes best tell pairs apart, shape (blocks, K).
+    """Return for each block its axes, the two that best tell pairs apart first; (blocks, K).
 
-    Greedily, on a small even sample: each next axis leaves the fewest of the pairs that those
-    before it leave. The result is exact whatever the order; only the work depends on it.
+    On a small even sample: the two axes that together leave the fewest pairs. The result is exact
+    whatever the order; only the work depends on it.
     """
-    order = np.tile(np.arange(query.shape[1]), (blocks, 1))
+    size = query.shape[1]
+    order = np.tile(np.arange(size), (blocks, 1))
     for block in range(blocks):
         own, others = np.flatnonzero(query_block == block), np.flatnonzero(point_block == block)
         if len(own) == 0 or len(others) == 0:
             continue
-        some = query[own[:: max(1, len(own) // SAMPLE)]]
-        rest = point[others[:: max(1, len(others) // SAMPLE)]]
-        near = np.abs(some[:, None] - rest[None]).reshape(-1, query.shape[1]) <= radius
-        left = np.arange(query.shape[1])
-        for position in range(len(left)):
-            best = near[:, left].sum(axis=0).argmin()
-            order[block, position] = left[best]
-            near = near[near[:, left[best]]]
-            left = np.delete(left, best)
+        # Of many targets, pairs that are near on two axes are rare: the sample grows with them.
+        some, rest = (
+            coordinates[rows[:: max(1, len(rows) // (SAMPLE + len(rows) // SPARSE))]].T
+            for coordinates, rows in ((query, own), (point, others))
+        )
+        near = (np.abs(some[:, :, None] - rest[:, None]) <= radius).reshape(size, -1)
+        indicator = near.astype(np.float32)  # counts are exact, and products fast
+        together = (indicator @ indicator.T).astype(np.float64)
+        alone = together.diagonal()
+        # Counted and, since few are left to count, also as if the two were independent.
+        left = together + np.outer(alone, alone) / near.shape[1]
+        np.fill_diagonal(left, np.inf)
+        best = divmod(int(left.argmin()), size)
+        order[block] = [*best, *(axis for axis in range(size) if axis not in best)]
     return order
 
 
-def _test_candidates(
+def near_chunks(found: Candidates) -> Iterator[Pairs]:
+    """Test candidates chunk by chunk; yield, in order, the pairs that are truly near."""
+    for part in chunks(found.count, CHUNK_PAIRS):
+        owner, start, count = found.owner[part], found.start[part], found.count[part]
+        query, place, square = BACKEND.near_pairs(
+            found.query, found.point, found.limit, owner, start, count
+        )
+        yield Pairs(query, found.rank.take(place), square)
+
+
+def near_pairs(
     query: FloatArray,
     point: FloatArray,
+    limit: FloatArray,
     owner: IntArray,
     start: IntArray,
     count: IntArray,
-    radius: float,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Expand intervals of candidates, chunk by chunk, and keep the pairs that are truly near.
+    """Return the query, the point's place and the square distance of all near pairs.
 
-    Interval i holds the points ``start[i]`` to ``start[i] + count[i]`` of query ``owner[i]``.
+    Parameters are those of `Candidates`; the intervals may be some of them.
     """
-    # Axis by axis over contiguous columns, the second first, since the first is known to be near:
-    # most candidates go at once, and the other axes are looked up for the rest only.
-    axes = [1, 0, *range(2, query.shape[1])]
-    columns = [(query[:, axis].copy(), point[:, axis].copy()) for axis in axes]
-    nonempty = np.flatnonzero(count)
-    owner, start, count = owner[nonempty], start[nonempty], count[nonempty]
-    running = np.cumsum(count)
-    total = int(running[-1]) if len(running) else 0
-    bounds = np.searchsorted(running, np.arange(0, total, CHUNK_PAIRS), side="right")
-    bounds = np.append(np.unique(bounds), len(count))
-    found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
-    for first, last in itertools.pairwise(bounds):
-        size = count[first:last]
-        row = np.repeat(owner[first:last], size)
-        slot = np.arange(len(row)) + np.repeat(start[first:last] - np.cumsum(size) + size, size)
-        square = np.zeros(len(row))
-        for query_axis, point_axis in columns:
-            square += (query_axis[row] - point_axis[slot]) ** 2
-            near = np.flatnonzero(square <= radius**2)
-            if len(near) < len(row):
-                row, slot, square = row[near], slot[near], square[near]
-        found.append((row, slot, square))
-    rows, slots, squares = zip(*found, strict=True)
-    return np.concatenate(rows), np.concatenate(slots), np.concatenate(squares)
+    row, place = expand(owner, start, count)
+    square = np.zeros(len(row))
+    # The searched axes leave few false candidates, so the first look is at three axes at once.
+    for axes in (range(min(3, len(query))), range(3, len(query))):
+        for axis in axes:
+            apart = point[axis].take(place)
+            apart -= query[axis].take(row)
+            apart *= apart
+            square += apart
+        near = np.flatnonzero(square <= limit.take(row))
+        row, place, square = row.take(near), place.take(near), square.take(near)
+    return row, place, square
+
+
+class Backend(NamedTuple):
+    """Who tests candidates.
+
+    Parameters
+    ----------
+    name : str
+    near_pairs : callable
+    layout : "C" or "F"
+        Memory order of the coordinates, (K, N): numpy gathers one axis after the other, compiled
+        code reads all of a point.
+    """
+
+    name: str
+    near_pairs: Callable[
+        [FloatArray, FloatArray, FloatArray, IntArray, IntArray, IntArray],
+        tuple[IntArray, IntArray, FloatArray],
+    ]
+    layout: Literal["C", "F"]
+
+
+NUMPY = Backend("numpy", near_pairs, "C")
+
+
+def backend(wanted: str) -> Backend:
+    """Return the backend of this name; ``auto`` is numba where that is installed, or else numpy.
+
+    Raises
+    ------
+    ValueError
+        If there is no such backend.
+    ImportError
+        If numba is asked for and not installed.
+    """
+    if wanted not in ("auto", "numpy", "numba"):
+        raise ValueError(f"{VARIABLE}: {wanted!r} given, must be auto, numpy or numba")
+    if wanted == "numpy":
+        return NUMPY
+    try:
+        from . import neighbours_numba
+    except ImportError:
+        if wanted == "numba":
+            raise
+        return NUMPY
+    return Backend("numba", neighbours_numba.near_pairs, "F")
+
+
+BACKEND = backend(os.environ.get(VARIABLE, "auto"))

@@ -8,6 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from . import amplitude
+from .chunking import CHUNK_PAIRS, chunks, expand
+from .gating import cell_lists
 from .modes import ClassModel
 from .motion import POSITION
 from .types import Detections, FloatArray, IntArray
@@ -138,29 +140,29 @@ class RadarModel:
 
         Notes
         -----
-        Detections are sorted by azimuth, the more selective of the two coordinates, and searched;
-        the work grows with the pairs found, not with N x M.
+        The work grows with the pairs found, not with N x M: see `gating`.
         """
-        azimuth = wrap_angle(detections.measurement[:, 1])
-        order = np.argsort(azimuth, kind="stable")
-        azimuth = azimuth[order]
-        # One turn to either side, so that a gate across the cut at +-pi is an ordinary interval.
-        turn = 2.0 * np.pi
-        unrolled = np.concatenate([azimuth - turn, azimuth, azimuth + turn])
         gate = min(GATE_SIGMA * self.azimuth_std, np.pi)
-        first = np.searchsorted(unrolled, predicted[:, 1] - gate, side="left")
-        last = np.searchsorted(unrolled, predicted[:, 1] + gate, side="left")
-        count = last - first
-        particle = np.repeat(np.arange(len(predicted)), count)
-        start = np.repeat(first - np.cumsum(count) + count, count)
-        slot = start + np.arange(len(particle))
-        detection = order[slot % len(order)] if len(order) else slot
-        range_error = (
-            detections.measurement[detection, 0] - predicted[particle, 0]
-        ) / self.range_std
-        azimuth_error = (unrolled[slot] - predicted[particle, 1]) / self.azimuth_std
-        near = np.abs(range_error) <= GATE_SIGMA
-        particle, detection = particle[near], detection[near]
-        square = range_error[near] ** 2 + azimuth_error[near] ** 2
+        measured = detections.measurement.copy()
+        measured[:, 1] = wrap_angle(measured[:, 1])
+        lists = cell_lists(measured, GATE_SIGMA * self.range_std, gate)
+        cell = lists.cell_of(predicted)
+        count = np.diff(lists.start).take(cell)
+        owner = np.flatnonzero(count)
+        count, begin = count[owner], lists.start.take(cell[owner])
         log_norm = -np.log(2.0 * np.pi * self.range_std * self.azimuth_std)
-        return particle, detection, log_norm - 0.5 * square
+        distance, azimuth = np.ascontiguousarray(predicted.T)
+        found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
+        for part in chunks(count, CHUNK_PAIRS):
+            particle, slot = expand(owner[part], begin[part], count[part])
+            range_error = (lists.range.take(slot) - distance.take(particle)) / self.range_std
+            turned, own = lists.azimuth.take(slot), azimuth.take(particle)
+            near = np.abs(range_error) <= GATE_SIGMA
+            near &= (turned >= own - gate) & (turned < own + gate)
+            kept = np.flatnonzero(near)
+            azimuth_error = (turned[kept] - own[kept]) / self.azimuth_std
+            square = range_error[kept] ** 2 + azimuth_error**2
+            log_likelihood = log_norm - 0.5 * square
+            found.append((particle[kept], lists.detection[slot[kept]], log_likelihood))
+        particles, reports, log_likelihoods = zip(*found, strict=True)
+        return np.concatenate(particles), np.concatenate(reports), np.concatenate(log_likelihoods)

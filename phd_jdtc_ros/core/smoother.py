@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
@@ -9,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from .transition import Transition
-from .types import FloatArray, ParticlePHD
+from .types import FloatArray, ParticlePHD, sum_by
 
 
 class DeathTerm(Protocol):
@@ -53,11 +54,17 @@ def bernoulli_death_term(
     phi_j = (1 - B_j) / (1 - sum_s P_s(s) a_j(s)), with B_j = sum_s a_j(s) B(s) clipped at 1.
     It is the exact backward step of a component that alone feeds mu.
     """
-    parts = phd.explained.T
-    survived = np.minimum(parts @ backward, 1.0)
+    parts = phd.explained
+    entries = np.diff(parts.indptr)
+    components = parts.shape[1]
+
+    def by_component(factor: FloatArray) -> FloatArray:
+        return sum_by(parts.indices, parts.data * factor.repeat(entries), components)
+
+    survived = np.minimum(by_component(backward), 1.0)
     # A component holds one target at the most; resampling may round it a little above.
-    mass = np.maximum(parts @ np.ones(len(phd)), 1.0)
-    dying = 1.0 - (parts @ survival) / mass
+    mass = np.maximum(sum_by(parts.indices, parts.data, components), 1.0)
+    dying = 1.0 - by_component(survival) / mass
     factor: FloatArray = (1.0 - survived) / np.where(dying > 0.0, dying, np.inf)
     return factor
 
@@ -96,11 +103,13 @@ def backward_step(
     backward = link.ratio @ later_weight
     death = 1.0 - link.survival
     factor = death_term(phd, link.survival, backward)
-    entries = np.diff(phd.explained.indptr)
-    explained = phd.explained.copy()
-    explained.data = explained.data * (
-        np.repeat(backward, entries) + np.repeat(death, entries) * factor[explained.indices]
-    )
+    parts = phd.explained
+    entries = np.diff(parts.indptr)
+    data = death.repeat(entries) * factor.take(parts.indices)
+    data += backward.repeat(entries)
+    data *= parts.data
+    explained = copy.copy(parts)  # the pattern is shared
+    explained.data = data
     return replace(phd, unexplained=phd.unexplained * (backward + death), explained=explained)
 
 

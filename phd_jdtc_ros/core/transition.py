@@ -7,7 +7,9 @@ at 6, single weights are off by 5 %; at 7, by 1e-4.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -15,11 +17,15 @@ from scipy import sparse
 from . import birth, detection_birth
 from .detection_birth import Newborn
 from .filter import TrackerModel
-from .motion import whitener
-from .neighbours import pairs_within
-from .types import FloatArray, IntArray, ParticlePHD, SparseArray, sum_by
+from .modes import ModeSpace
+from .motion import POSITION, MotionModel, whitener
+from .neighbours import candidates, near_chunks
+from .types import FloatArray, IntArray, ParticlePHD, SparseArray
 
 GATE_SIGMA = 7.0
+# Spawned mass is summed only as far out as it can change mu by this share, a tenth of what the gate
+# may cost: for most rows to 5 or 6 sigma, a quarter less to test.
+SPAWN_TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,29 @@ class Transition:
     ratio: SparseArray
     survival: FloatArray
     orphans: int
+
+
+class _Kernel(NamedTuple):
+    """A transition density: Gaussian about the noise-free successor, times a mode matrix.
+
+    Parameters
+    ----------
+    transition : array of shape (O, O)
+    whitening : dict of motion model to array of shape (D, D)
+        Multiplied from the right; zero outside the motion's support.
+    peak : array of shape (O,)
+        The Gaussian's density at its centre, by mode of the later row.
+    successor : dict of motion model to array of shape (N_t, D)
+        Noise-free successors of the earlier rows.
+    scale : array of shape (N_t,)
+        A factor of every earlier row.
+    """
+
+    transition: FloatArray
+    whitening: dict[MotionModel, FloatArray]
+    peak: FloatArray
+    successor: dict[MotionModel, FloatArray]
+    scale: FloatArray
 
 
 def build(
@@ -71,92 +100,173 @@ def build(
     mu_q = gamma(x_q, o_q) + sum_s w_{t|t}(s) K[q, s] + sum_s w_{t|t}(s) beta(q | s), the last sum
     over all classes. As in the paper the spawn intensity stands in mu and not in the numerator.
     """
-    survival = model.modes.survival(dt)[earlier.mode]
-    row, column, value = _survival_pairs(earlier, later, model, dt)
-    value = value * survival[column]
-    mu = sum_by(row, value * earlier.weight[column], len(later))
-    mu += _spawn_intensity(earlier, later, model, dt)
-    gamma = birth.intensity(model.births, model.modes, later.state, later.mode)
-    mu += gamma * dt / model.modes.interval_s
+    modes = model.modes
+    survival = modes.survival(dt)[earlier.mode]
+    successor = {motion: motion.mean(earlier.state, dt) for motion in dict.fromkeys(modes.motions)}
+    noise = {motion: motion.noise_covariance(dt) for motion in successor}
+    moved = _kernel(modes, modes.transition(dt), noise, successor, survival)
+    values, columns = [], []
+    number = np.zeros(len(later), dtype=np.int64)
+    mu = birth.intensity(model.births, modes, later.state, later.mode) * dt / modes.interval_s
     for one in found:
         mu += detection_birth.intensity(
-            one, model.detection_births, model.modes, dt, later.state, later.mode
+            one, model.detection_births, modes, dt, later.state, later.mode
         )
+    every = np.arange(len(later))
+    for row, column, value in _gated_density(moved, modes, earlier, later, every, GATE_SIGMA):
+        _add_by_row(mu, row, value * earlier.weight.take(column))
+        _add_by_row(number, row, None)
+        values.append(value)
+        columns.append(column.astype(np.int32))
+    if model.spawn.rate > 0.0 and len(earlier):
+        mu += _spawn_intensity(mu, earlier, later, model, dt, successor)
 
+    ratio = np.concatenate(values) if values else np.zeros(0)
+    ratio /= np.where(mu > 0.0, mu, 1.0).repeat(number)
+    column = np.concatenate(columns) if columns else np.zeros(0, dtype=np.int32)
+    start = np.concatenate([[0], np.cumsum(number)]).astype(np.int32)
     # A row without any explanation inside the gate goes to the row it was drawn from, which is
     # the limit of the quotient as the gate widens.
     orphan = np.flatnonzero((mu <= 0.0) & (later.parent >= 0))
-    heir = later.parent[orphan]
-    share = value / np.where(mu > 0.0, mu, 1.0)[row]
-    ratio = sparse.csr_array(
-        (
-            np.concatenate([share, 1.0 / earlier.weight[heir]]),
-            (np.concatenate([column, heir]), np.concatenate([row, orphan])),
-        ),
-        shape=(len(earlier), len(later)),
+    if len(orphan):
+        heir = later.parent[orphan]
+        ratio = np.insert(ratio, start[orphan], 1.0 / earlier.weight[heir])
+        column = np.insert(column, start[orphan], heir.astype(np.int32))
+        start[1:] += np.cumsum(np.bincount(orphan, minlength=len(later))).astype(np.int32)
+    return Transition(
+        ratio=sparse.csc_array((ratio, column, start), shape=(len(earlier), len(later))),
+        survival=survival,
+        orphans=len(orphan),
     )
-    return Transition(ratio=ratio, survival=survival, orphans=len(orphan))
 
 
-def _survival_pairs(
-    earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: float
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return (later row, earlier row, h f) of every pair within the gate."""
-    transition = model.modes.transition(dt)
-    whitening = [whitener(motion.noise_covariance(dt)) for motion in model.modes.motions]
-    return _gated_density(earlier, later, model, dt, transition, whitening)
+def _kernel(
+    modes: ModeSpace,
+    transition: FloatArray,
+    covariance: dict[MotionModel, FloatArray],
+    successor: dict[MotionModel, FloatArray],
+    scale: FloatArray,
+) -> _Kernel:
+    """Return the kernel with this noise on each motion's support."""
+    whitening, peak = {}, {}
+    for motion, noise in covariance.items():
+        matrix, log_determinant = whitener(noise)
+        support = list(motion.support)
+        size = successor[motion].shape[1]
+        whitening[motion] = np.zeros((size, size))
+        whitening[motion][np.ix_(support, support)] = matrix.T
+        peak[motion] = np.exp(log_determinant - 0.5 * len(support) * np.log(2.0 * np.pi))
+    by_mode = np.array([peak[motion] for motion in modes.motions])
+    return _Kernel(transition, whitening, by_mode, successor, scale)
 
 
 def _spawn_intensity(
-    earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: float
-) -> FloatArray:
-    """Return sum_s w(s) beta(q | s) for every later row, shape (N_{t+1},)."""
-    spawn = model.spawn
-    if spawn.rate == 0.0:
-        return np.zeros(len(later))
-    whitening = [
-        whitener(np.diag(spawn.std[list(motion.support)] ** 2)) for motion in model.modes.motions
-    ]
-    row, column, value = _gated_density(earlier, later, model, dt, spawn.transition, whitening)
-    rate = spawn.rate * dt / model.modes.interval_s
-    return rate * sum_by(row, value * earlier.weight[column], len(later))
-
-
-def _gated_density(
+    mu: FloatArray,
     earlier: ParticlePHD,
     later: ParticlePHD,
     model: TrackerModel,
     dt: float,
-    transition: FloatArray,
-    whitening: list[tuple[FloatArray, float]],
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the gated Gaussian transition density times the mode transition.
+    successor: dict[MotionModel, FloatArray],
+) -> FloatArray:
+    """Return sum_s w(s) beta(q | s) for every later row, shape (N_{t+1},).
 
-    Both kernels have one form: the later state is Gaussian about the noise-free successor under
-    its own mode. All destination modes are searched at once, each a block of its own; modes with
-    a smaller support are padded with equal coordinates.
+    `mu` is what survival and births give. Beyond the radius r of a row, the spawned intensity is
+    at most that of all mass within the gate at the distance r, and that must be a small share of
+    `mu`.
     """
-    size = earlier.state.shape[1]
-    query = np.zeros((len(later), size))
-    points, blocks, sources = [], [], []
-    log_norm = np.empty(len(model.modes))
-    for index, motion in enumerate(model.modes.motions):
-        matrix, log_determinant = whitening[index]
-        support = list(motion.support)
-        log_norm[index] = log_determinant - 0.5 * len(support) * np.log(2.0 * np.pi)
-        chosen = later.mode == index
-        query[chosen, : len(support)] = later.state[chosen][:, support] @ matrix.T
-        source = np.flatnonzero(transition[earlier.mode, index] > 0.0)
-        point = np.zeros((len(source), size))
-        mean = motion.mean(earlier.state[source], dt)
-        point[:, : len(support)] = mean[:, support] @ matrix.T
-        points.append(point)
-        blocks.append(np.full(len(source), index))
-        sources.append(source)
-    row, found, square = pairs_within(
-        query, later.mode, np.concatenate(points), np.concatenate(blocks), GATE_SIGMA
+    spawn, modes = model.spawn, model.modes
+    noise = {motion: np.diag(spawn.std[list(motion.support)] ** 2) for motion in successor}
+    rate = spawn.rate * dt / modes.interval_s
+    beside = _kernel(modes, spawn.transition, noise, successor, rate * earlier.weight)
+    most = (beside.peak * spawn.transition.max(axis=0))[later.mode]
+    most *= _mass_about(later.state, beside, GATE_SIGMA * spawn.std)
+    tiny = np.finfo(float).tiny
+    log_share = np.log(np.maximum(most, tiny)) - np.log(np.maximum(mu, tiny))
+    square = np.minimum(2.0 * (log_share - np.log(SPAWN_TOLERANCE)), GATE_SIGMA**2)
+    rows = np.flatnonzero(square > 0.0)
+    radius = np.sqrt(square[rows])
+    total = np.zeros(len(rows))
+    for row, _, value in _gated_density(beside, modes, earlier, later, rows, radius):
+        _add_by_row(total, row, value)
+    intensity = np.zeros(len(later))
+    intensity[rows] = total
+    return intensity
+
+
+def _mass_about(state: FloatArray, kernel: _Kernel, reach: FloatArray) -> FloatArray:
+    """Return at least the scaled mass that has a successor within `reach` of each state, (N,).
+
+    Counted in bins as wide as the reach, three of them on the position axis that holds less.
+    """
+    bound = np.full(len(state), np.inf)
+    for axis in POSITION:
+        moved = np.array([successor[:, axis] for successor in kernel.successor.values()])
+        low, high = moved.min(), moved.max()
+        bins = int((high - low) / reach[axis]) + 1
+        mass = np.zeros(bins + 4)
+        for place in ((moved - low) / reach[axis]).astype(np.int64):
+            mass[2:-2] += np.bincount(place, kernel.scale, minlength=bins)
+        own = np.floor((state[:, axis] - low) / reach[axis]).clip(-1, bins).astype(np.int64) + 2
+        bound = np.minimum(bound, (mass[:-2] + mass[1:-1] + mass[2:])[own - 1])
+    return bound
+
+
+def _add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray | None) -> None:
+    """Add to `total`, in place, the sums of `weight` (of ones) over ascending rows."""
+    if len(row):
+        part = np.bincount(row - row[0], weights=weight)
+        total[row[0] : row[0] + len(part)] += part
+
+
+def _whitened(state: FloatArray, mode: IntArray, modes: ModeSpace, kernel: _Kernel) -> FloatArray:
+    """Return later rows in the coordinates of their own mode's noise, shape (N, D)."""
+    whitened = np.empty_like(state)
+    for motion, matrix in kernel.whitening.items():
+        own = np.array([other == motion for other in modes.motions])
+        chosen = np.flatnonzero(own[mode])
+        whitened[chosen] = state[chosen] @ matrix
+    return whitened
+
+
+def _gated_density(
+    kernel: _Kernel,
+    modes: ModeSpace,
+    earlier: ParticlePHD,
+    later: ParticlePHD,
+    rows: IntArray,
+    radius: float | FloatArray,
+) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
+    """Yield (place in `rows`, earlier row, density) of all pairs within the radius, in chunks.
+
+    Destination modes that share their motion and their possible sources are one block of a common
+    search; coordinates outside a motion's support are all zero.
+    """
+    state, mode = later.state[rows], later.mode[rows]
+    query = _whitened(state, mode, modes, kernel)
+    density = np.empty((len(modes), len(earlier)))
+    block_of = np.empty(len(modes), dtype=np.int64)
+    blocks: dict[tuple[MotionModel, bytes], int] = {}
+    points: list[FloatArray] = []
+    sources: list[IntArray] = []
+    for index, motion in enumerate(modes.motions):
+        probability = kernel.transition[:, index]
+        density[index] = (kernel.peak[index] * probability)[earlier.mode] * kernel.scale
+        reachable = probability > 0.0
+        block_of[index] = blocks.setdefault((motion, reachable.tobytes()), len(points))
+        if block_of[index] == len(points):
+            source = np.flatnonzero(reachable[earlier.mode])
+            points.append(kernel.successor[motion][source] @ kernel.whitening[motion])
+            sources.append(source)
+    search = candidates(
+        query,
+        block_of[mode],
+        np.concatenate(points),
+        np.repeat(np.arange(len(points)), [len(source) for source in sources]),
+        radius,
     )
-    column = np.concatenate(sources)[found]
-    log_density = log_norm[later.mode[row]] - 0.5 * square
-    probability = transition[earlier.mode[column], later.mode[row]]
-    return row, column, probability * np.exp(log_density)
+    source, mode_row = np.concatenate(sources), mode * len(earlier)
+    for row, point, square in near_chunks(search):
+        column = source.take(point)
+        value = np.exp(-0.5 * square)
+        value *= density.take(mode_row.take(row) + column)
+        yield row, column, value

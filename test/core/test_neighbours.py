@@ -1,3 +1,7 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
 from unittest import mock
 
 import numpy as np
@@ -10,7 +14,8 @@ from phd_jdtc_ros.core import neighbours
 
 
 def brute_force(query, query_block, point, point_block, radius):
-    near = (cdist(query, point) <= radius) & (query_block[:, None] == point_block)
+    limit = np.full(len(query), radius)[:, None]
+    near = (cdist(query, point) <= limit) & (query_block[:, None] == point_block)
     return set(map(tuple, np.argwhere(near)))
 
 
@@ -20,6 +25,7 @@ def check(query, query_block, point, point_block, radius):
     expected = brute_force(query, query_block, point, point_block, radius)
     assert len(found) == len(expected)
     assert set(found) == expected
+    assert (np.diff(row) >= 0).all()
     exact = ((query[row] - point[column]) ** 2).sum(axis=1)
     np.testing.assert_allclose(square, exact, rtol=1e-12, atol=1e-12)
     return found
@@ -69,6 +75,30 @@ def test_pairs_within_do_not_depend_on_the_chunk(chunk, monkeypatch):
     assert sorted(check(*arguments)) == sorted(whole)
 
 
+@settings(deadline=None, max_examples=100)
+@given(
+    seed=st.integers(0, 10**6),
+    kind=st.sampled_from(["wide", "clustered", "flat", "duplicate"]),
+    sizes=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    spread=st.sampled_from([1.0, 3.0, 100.0]),
+)
+def test_pairs_within_take_a_radius_for_each_query(seed, kind, sizes, spread):
+    rng = np.random.default_rng(seed)
+    both = draw_points(rng, kind, sum(sizes), 4)
+    blocks = rng.integers(0, 2, sum(sizes))
+    radius = 2.0 * spread ** rng.uniform(-1.0, 1.0, sizes[0])
+    check(both[: sizes[0]], blocks[: sizes[0]], both[sizes[0] :], blocks[sizes[0] :], radius)
+
+
+@pytest.mark.parametrize("radius", [1.0, 2.0, 5.0])
+@pytest.mark.parametrize("origin", [0.0, -7.0, 1e7])
+def test_pairs_within_include_those_exactly_as_far_as_the_radius(radius, origin):
+    side = np.arange(9.0)
+    lattice = np.stack(np.meshgrid(side, side, [0.0, 3.0]), axis=-1).reshape(-1, 3) + origin
+    none = np.zeros(len(lattice), int)
+    check(lattice[::-1], none, lattice, none, radius)
+
+
 def test_pairs_within_keep_blocks_apart():
     query = point = np.zeros((2, 3))
     found = check(query, np.array([0, 1]), point, np.array([1, 2]), 1.0)
@@ -104,3 +134,73 @@ def test_pairs_within_of_nothing_are_none(queries, points):
         1.0,
     )
     assert len(row) == len(column) == len(square) == 0
+
+
+# --- The compiled inner loop ---------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    seed=st.integers(0, 10**6),
+    kind=st.sampled_from(["wide", "clustered", "flat", "duplicate"]),
+    sizes=st.tuples(st.integers(0, 60), st.integers(0, 60)),
+    dimension=st.integers(2, 6),
+    chunk=st.sampled_from([1, 50, 1 << 14]),
+)
+def test_backends_return_the_same_bits(seed, kind, sizes, dimension, chunk):
+    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    rng = np.random.default_rng(seed)
+    both = draw_points(rng, kind, sum(sizes), dimension)
+    blocks = rng.integers(0, 3, sum(sizes))
+    parts = (both[: sizes[0]], blocks[: sizes[0]], both[sizes[0] :], blocks[sizes[0] :])
+    results = []
+    for name in ("numpy", "numba"):
+        with (
+            mock.patch.object(neighbours, "BACKEND", neighbours.backend(name)),
+            mock.patch.object(neighbours, "CHUNK_PAIRS", chunk),
+        ):
+            results.append(neighbours.pairs_within(*parts, 7.0))
+    for plain, compiled in zip(*results, strict=True):
+        assert plain.dtype == compiled.dtype
+        np.testing.assert_array_equal(plain, compiled)
+
+
+def chosen_backend(environment, without_numba=False):
+    """Return a new interpreter's choice, or the last line of its complaint."""
+    hide = "sys.modules['numba'] = None; " if without_numba else ""
+    script = (
+        f"import sys; {hide}from phd_jdtc_ros.core.neighbours import BACKEND as b; print(b.name)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=Path(__file__).parents[2],
+        env={**os.environ, "PHD_JDTC_KERNELS": environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return (done.stdout or done.stderr).strip().splitlines()[-1]
+
+
+def test_backend_is_numpy_if_told_so():
+    assert chosen_backend("numpy") == "numpy"
+
+
+def test_backend_is_numpy_where_numba_is_missing():
+    assert chosen_backend("auto", without_numba=True) == "numpy"
+
+
+def test_backend_is_numba_where_it_is_installed():
+    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    assert chosen_backend("auto") == "numba"
+
+
+def test_backend_that_is_missing_is_an_error_if_asked_for():
+    assert "numba" in chosen_backend("numba", without_numba=True)
+    assert "Error" in chosen_backend("numba", without_numba=True)
+
+
+def test_backend_unknown_is_an_error():
+    assert chosen_backend("fortran") == (
+        "ValueError: PHD_JDTC_KERNELS: 'fortran' given, must be auto, numpy or numba"
+    )

@@ -185,6 +185,20 @@ def test_build_spawn_stands_in_mu_and_not_in_the_numerator():
     assert link.ratio.toarray().tolist() == [[0.0]]
 
 
+def test_build_spawn_beyond_its_radius_is_within_the_tolerance(run, monkeypatch):
+    model, stored, intervals, links, _ = run
+    with monkeypatch.context() as patch:
+        patch.setattr(transition, "SPAWN_TOLERANCE", 1e-300)  # then every radius is the gate
+        exact = [
+            transition.build(a, b, model, dt)
+            for a, b, dt in zip(stored[:-1], stored[1:], intervals, strict=True)
+        ]
+    for link, full in zip(links, exact, strict=True):
+        assert link.ratio.nnz == full.ratio.nnz
+        left_out = link.ratio.toarray() / np.maximum(full.ratio.toarray(), 1e-300) - 1.0
+        assert left_out.max() <= transition.SPAWN_TOLERANCE
+
+
 @pytest.mark.parametrize("rate", [0.0, 0.01])
 def test_build_gives_an_orphan_to_its_parent(rate):
     model = replace(small({"spawn.rate": rate}).model, births=())
@@ -207,6 +221,33 @@ def test_build_gives_all_orphans_to_their_parents():
     link = transition.build(earlier, later, model, 6.0)
     assert link.orphans == 2
     np.testing.assert_allclose(link.ratio @ later.weight, [0.0, 0.6 / 0.25])
+
+
+def test_build_gives_orphans_among_many_rows_to_their_parents():
+    # Displaced rows keep nothing but their parent; their neighbours must not notice.
+    model = replace(small().model, births=())
+    rng = np.random.default_rng(5)
+    count = 3000
+    start = gaussian_cloud(rng, count, [0.0, 30.0, 0.0, -20.0, 0.0], [300.0, 5.0, 300.0, 5.0, 0.0])
+    earlier = intensity(start, rng.uniform(0.5, 1.5, count) / count)
+    parent = rng.integers(0, count, count)
+    moved = model.modes.motions[0].mean(start[parent], 6.0)
+    moved[:, :4] += rng.standard_normal((count, 4)) * [2.0, 1.0, 2.0, 1.0]
+    later = replace(intensity(moved, np.full(count, 1.0 / count)), parent=parent)
+    lost = np.sort(rng.choice(count, 40, replace=False))
+    far = moved.copy()
+    far[lost, 0] += 5000.0 * np.arange(1, 41)
+    plain = transition.build(earlier, later, model, 6.0)
+    link = transition.build(earlier, replace(later, state=far), model, 6.0)
+    assert (plain.orphans, link.orphans) == (0, 40)
+    columns = link.ratio.tocsc()
+    for row in lost:
+        one = slice(columns.indptr[row], columns.indptr[row + 1])
+        assert columns.indices[one].tolist() == [parent[row]]
+        assert columns.data[one] * earlier.weight[parent[row]] == pytest.approx(1.0, rel=1e-12)
+    others = np.setdiff1d(np.arange(count), lost)
+    difference = abs(link.ratio.tocsc()[:, others] - plain.ratio.tocsc()[:, others])
+    assert difference.max() <= 1e-4 * plain.ratio.max()
 
 
 def test_build_leaves_a_birth_out_of_reach_without_a_parent():

@@ -1,0 +1,111 @@
+"""How much is computed and allocated, counted and not timed."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from scenes import gaussian_cloud, intensity, small
+
+from phd_jdtc_ros.core import neighbours, transition
+from phd_jdtc_ros.core.gating import cell_lists
+from phd_jdtc_ros.core.motion import sample
+
+SPACING = 2500.0
+
+
+def tracked(targets, per_target):
+    """Return a model and two stored sets of well-tracked targets, an interval of 6 s apart."""
+    model = small().model
+    rng = np.random.default_rng(targets)
+    mode = np.repeat(np.arange(targets) % 4, per_target)
+    # In a square, so that a search over one coordinate only would find rows of strangers.
+    side = int(np.ceil(np.sqrt(targets)))
+    place = np.repeat(np.arange(targets), per_target)
+    centre = np.zeros((len(place), 5))
+    centre[:, 0], centre[:, 2] = SPACING * (place // side), SPACING * (place % side)
+    centre[:, 1] = 40.0
+    state = gaussian_cloud(rng, len(place), centre, [100.0, 7.0, 100.0, 7.0, 1e-2])
+    state[mode % 2 == 0, 4] = 0.0
+    earlier = intensity(state, np.full(len(place), 1.0 / per_target), mode=mode)
+    moved = np.empty_like(state)
+    for index, motion in enumerate(model.modes.motions):
+        moved[mode == index] = sample(motion, state[mode == index], 6.0, rng)
+    later = intensity(moved, np.full(len(place), 1.0 / per_target), mode=mode)
+    return model, earlier, later
+
+
+def candidates_of_a_build(targets, per_target, monkeypatch):
+    """Return candidates tested per later row, survival and spawn, and the kernel's pairs."""
+    model, earlier, later = tracked(targets, per_target)
+    tested = []
+
+    def counted(*arguments):
+        found = neighbours.candidates(*arguments)
+        tested.append(found.count.sum())
+        return found
+
+    with monkeypatch.context() as patch:
+        patch.setattr(transition, "candidates", counted)
+        link = transition.build(earlier, later, model, 6.0)
+    assert len(tested) == 2
+    return np.array(tested) / len(later), link.ratio.nnz / len(later)
+
+
+def test_build_tests_as_many_candidates_a_row_whatever_the_number_of_targets(monkeypatch):
+    few, _ = candidates_of_a_build(64, 150, monkeypatch)
+    many, _ = candidates_of_a_build(256, 150, monkeypatch)
+    survival, spawn = many / few
+    assert survival <= 1.05
+    # The axes that serve best change on the way; strangers in one strip would double it.
+    assert spawn <= 1.5
+
+
+def test_build_tests_few_candidates_for_a_pair(monkeypatch):
+    (survival, spawn), pairs = candidates_of_a_build(8, 300, monkeypatch)
+    assert pairs > 3.0
+    assert survival <= 4.0 * pairs
+    assert spawn <= 30.0 * pairs
+
+
+def peak_bytes(call):
+    tracemalloc.start()
+    try:
+        call()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("targets", [8, 32])
+def test_build_peak_memory_is_some_columns_a_row(targets):
+    model, earlier, later = tracked(targets, 150)
+    peak = peak_bytes(lambda: transition.build(earlier, later, model, 6.0))
+    # A dense kernel has 8 bytes for every pair of rows: 10 and 38 kB a row here.
+    # Chunks of candidates are a constant part.
+    assert peak <= 1100 * len(later) + 80 * neighbours.CHUNK_PAIRS
+
+
+def test_build_keeps_at_most_200_bytes_a_row():
+    model, earlier, later = tracked(8, 300)
+    ratio = transition.build(earlier, later, model, 6.0).ratio
+    kept = ratio.data.nbytes + ratio.indices.nbytes + ratio.indptr.nbytes
+    assert kept <= 200 * len(later)
+
+
+@pytest.mark.parametrize("reports", [10, 300])
+def test_gating_lists_little_more_than_it_keeps(reports):
+    # Against both gates, 3.6 km of 15 km and 12 of 360 degrees, at every particle.
+    rng = np.random.default_rng(0)
+    area = np.array([15e3, 2.0 * np.pi])
+    measured = rng.uniform(0.0, 1.0, (reports, 2)) * area - [0.0, np.pi]
+    particles = rng.uniform(0.0, 1.0, (20_000, 2)) * area - [0.0, np.pi]
+    lists = cell_lists(measured, 1800.0, np.radians(6.0))
+    compared = np.diff(lists.start)[lists.cell_of(particles)].mean()
+    kept = reports * (3600.0 / area[0]) * (np.radians(12.0) / area[1])
+    assert compared <= 2.0 * kept
+
+
+def test_gating_lists_stay_small_for_gates_of_nothing():
+    lists = cell_lists(np.array([[15e3, 0.1], [1.0, 3.0]]), 1e-3, 1e-9)
+    assert len(lists.start) < 20_000
+    assert len(lists.detection) <= 8
