@@ -41,8 +41,8 @@ def copies(phd: ParticlePHD) -> ParticlePHD:
         origin=phd.origin[row],
         parent=phd.parent[row],
         multiplicity=np.ones(len(row), dtype=np.int64),
-        unexplained=phd.unexplained[row] * share,
-        explained=scale_rows(phd.explained[row], share),
+        poisson=phd.poisson[row] * share,
+        components=scale_rows(phd.components[row], share),
         memory=phd.memory[row],
     )
 

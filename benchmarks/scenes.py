@@ -104,8 +104,8 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
         origin=-1 - target,
         parent=np.full(len(target), -1),
         multiplicity=np.ones(len(target), dtype=np.int64),
-        unexplained=np.full(len(target), 1.0 / count),
-        explained=sparse.csr_array((len(target), 0)),
+        poisson=np.full(len(target), 1.0 / count),
+        components=sparse.csr_array((len(target), 0)),
         memory=config.model.amplitudes.born(mode, modes, rng),
     )
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from . import amplitude
 from .birth import BirthTerm
+from .correction import CORRECTORS
 from .detection_birth import DetectionBirthModel
 from .engine import FixedLagSmoother, ForwardFilter, Lag
 from .extraction import EXTRACTIONS
@@ -96,6 +97,8 @@ class TrackerConfig:
     model : TrackerModel
     budget : ParticleBudget
     lag : Lag
+    existence_threshold : float
+        Probability of existence above which a target is reported.
     seed : int
     """
 
@@ -105,6 +108,7 @@ class TrackerConfig:
     model: TrackerModel
     budget: ParticleBudget
     lag: Lag
+    existence_threshold: float
     seed: int
 
     @property
@@ -119,6 +123,7 @@ class TrackerConfig:
             lag=self.lag,
             death_term=DEATH_TERMS[str(self.values["death_term"])],
             extraction=EXTRACTIONS[str(self.values["extraction"])],
+            existence_threshold=self.existence_threshold,
         )
 
 
@@ -243,6 +248,11 @@ def _check_rest(values: Mapping[str, Any]) -> list[str]:
                 f"{name}.rates: {rates} given, must be {len(values['classes'])} numbers, one a "
                 "class, not all 0"
             )
+        elif values["corrector"] == "bernoulli" and sum(rates) > 1.0:
+            faults.append(
+                f"{name}.rates: {rates} given, must sum to at most 1: with corrector bernoulli a "
+                "birth term is one target a scan at the most"
+            )
     for group in ("topic", "frame"):
         used = [_name_or(values, radar, group) for radar in values["radars"]]
         faults += [
@@ -283,6 +293,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         spawn=_spawn(values, modes),
         amplitudes=_amplitudes(values),
         radars=tuple(_radar(values, name) for name in values["radars"]),
+        corrector=CORRECTORS[values["corrector"]],
     )
     budget = ParticleBudget(
         per_target=values["particles_per_target"],
@@ -296,6 +307,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         model=model,
         budget=budget,
         lag=Lag(values["lag"], values["lag_s"] or None),
+        existence_threshold=values["existence_threshold"],
         seed=values["seed"],
     )
 

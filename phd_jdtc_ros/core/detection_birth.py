@@ -2,8 +2,8 @@
 
 Unknown targets are a uniform intensity in every radar's own coordinates. In the update it competes
 for each detection with clutter and with the known targets. The share that it wins is the newborn
-mass of the detection, which enters the next scan's prediction at the detection's place, with the
-radar's noise and a broad velocity.
+mass of the detection, which joins the intensity at the detection's place, with the radar's noise
+and a broad velocity.
 """
 
 from __future__ import annotations
@@ -105,17 +105,15 @@ def sample(
     found: Newborn,
     model: DetectionBirthModel,
     modes: ModeSpace,
-    dt: float,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Draw the newborn targets of one radar, `dt` seconds after they were detected.
+    """Draw the newborn targets of one radar.
 
     Returns
     -------
     state : array of shape (N, D)
     mode : int array of shape (N,)
     weight : array of shape (N,)
-        Survival included.
     detection : int array of shape (N,)
         The row of `found` that each particle comes from.
     """
@@ -132,11 +130,10 @@ def sample(
     state = np.zeros((len(found) * count, STATE_SIZE))
     state[:, list(VELOCITY)] = model.velocity_std * normal[..., 2:4].reshape(-1, 2)
     state[:, list(POSITION)] = found.radar.to_world(measured.reshape(-1, 2))
-    state[:, list(POSITION)] += dt * state[:, list(VELOCITY)]
     turning = np.array([OMEGA in motion.support for motion in modes.motions])[mode]
     state[:, OMEGA] = np.where(turning, model.turn_rate_std * normal[..., 4].ravel(), 0.0)
     detection = np.repeat(np.arange(len(found)), count)
-    weight = (per_mode.sum(axis=1) / count)[detection] * modes.survival(dt)[mode]
+    weight = (per_mode.sum(axis=1) / count)[detection]
     return state, mode, weight, detection
 
 
@@ -144,7 +141,6 @@ def intensity(
     found: Newborn,
     model: DetectionBirthModel,
     modes: ModeSpace,
-    dt: float,
     state: FloatArray,
     mode: IntArray,
 ) -> FloatArray:
@@ -152,26 +148,25 @@ def intensity(
 
     Notes
     -----
-    Evaluated at the position moved back by v dt. The density of the measurement is one over range
-    and azimuth; dividing by the range turns it into one over the plane.
+    The density of the measurement is one over range and azimuth; dividing by the range turns it
+    into one over the plane.
     """
     slow = np.abs(state[:, list(VELOCITY)]).max(axis=1) <= GATE_SIGMA * model.velocity_std
     slow &= np.abs(state[:, OMEGA]) <= GATE_SIGMA * model.turn_rate_std
     rows = np.flatnonzero(slow)
-    before = state[rows].copy()
-    before[:, list(POSITION)] -= dt * before[:, list(VELOCITY)]
-    predicted = found.radar.measure(before)
+    slow_state = state[rows]
+    predicted = found.radar.measure(slow_state)
     report = Detections(found.measurement, None)
     row, column, log_density = found.radar.gated_pairs(predicted, report)
-    scaled = before[row][:, list(VELOCITY)] / model.velocity_std
+    scaled = slow_state[row][:, list(VELOCITY)] / model.velocity_std
     log_density -= 0.5 * (scaled**2).sum(axis=1)
     log_density -= np.log(2.0 * np.pi * model.velocity_std**2)
     log_density -= np.log(np.maximum(predicted[row, 0], LEAST_RANGE))
     turning = np.array([OMEGA in motion.support for motion in modes.motions])[mode[rows[row]]]
-    turn = before[row, OMEGA] / model.turn_rate_std
+    turn = slow_state[row, OMEGA] / model.turn_rate_std
     log_turn = -0.5 * turn**2 - np.log(model.turn_rate_std * np.sqrt(2.0 * np.pi))
     log_density += np.where(turning, log_turn, 0.0)
-    rate = _mode_mass(found, modes)[column, mode[rows[row]]] * modes.survival(dt)[mode[rows[row]]]
+    rate = _mode_mass(found, modes)[column, mode[rows[row]]]
     return sum_by(rows[row], rate * np.exp(log_density), len(state))
 
 

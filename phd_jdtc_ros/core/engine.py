@@ -6,19 +6,18 @@ and the random generator.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 
 from . import filter as phd_filter
 from . import transition
-from .detection_birth import Newborn
 from .extraction import Extraction
 from .filter import ParticleBudget, TrackerModel
 from .smoother import DeathTerm, backward_pass
 from .transition import Transition
-from .types import Estimates, FloatArray, ParticlePHD, Scan
+from .types import Estimates, FloatArray, IntArray, ParticlePHD, Scan
 
 # Second words of the seeds, so that what is drawn for one purpose says nothing of another.
 EXTRACTION_STREAM, FILTER_STREAM = 1, 2
@@ -124,7 +123,6 @@ class ForwardFilter:
     budget: ParticleBudget
     seed: int
     _latest: tuple[int, ParticlePHD] | None = field(init=False, repr=False)
-    _found: tuple[Newborn, ...] = field(init=False, repr=False)
     _rng: np.random.Generator = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
 
@@ -134,7 +132,6 @@ class ForwardFilter:
     def reset(self) -> None:
         """Forget everything; the random generator starts from the seed again."""
         self._latest = None
-        self._found = ()
         # Marked as the filter's: a simulation of the same seed must not share its draws.
         self._rng = np.random.default_rng([self.seed, FILTER_STREAM])
         self._scan_index = 0
@@ -149,11 +146,8 @@ class ForwardFilter:
         """
         model, rng = self.model, self._rng
         earlier, dt = self._earlier(scan.stamp_ns)
-        found = self._found
-        predicted = phd_filter.predict(
-            earlier, model, self.budget, dt, self._scan_index, rng, found
-        )
-        updated, self._found = phd_filter.update_scan(predicted, scan, model, dt)
+        predicted = phd_filter.predict(earlier, model, self.budget, dt, self._scan_index, rng)
+        updated, found = phd_filter.update_scan(predicted, scan, model, dt, self._scan_index, rng)
         stored = phd_filter.resample(updated, model.modes, self.budget, rng)
         first = self._latest is None
         link = None
@@ -173,6 +167,30 @@ class ForwardFilter:
         return stored, (stamp_ns - latest_ns) * 1e-9
 
 
+class TrackNumbers:
+    """Numbers tracks from 1 in the order of their first report; keeps the numbers in use."""
+
+    def __init__(self) -> None:
+        self._number: dict[int, int] = {}
+        self._count = 0
+
+    def numbered(self, estimates: Estimates) -> Estimates:
+        """Return the estimates with numbers for labels; 0 stays 0."""
+        numbers = [self._of(label) if label else 0 for label in estimates.track_id.tolist()]
+        return replace(estimates, track_id=np.array(numbers, dtype=np.int64))
+
+    def _of(self, label: int) -> int:
+        if label not in self._number:
+            self._count += 1
+            self._number[label] = self._count
+        return self._number[label]
+
+    def forget_all_but(self, labels: list[IntArray]) -> None:
+        """Drop the numbers of targets that can no longer be reported."""
+        alive = set((np.concatenate(labels) + 1).tolist())
+        self._number = {label: n for label, n in self._number.items() if label in alive}
+
+
 @dataclass
 class FixedLagSmoother:
     """SMC PHD filter with a fixed-lag backward smoother over the general mode.
@@ -183,12 +201,16 @@ class FixedLagSmoother:
     lag : Lag
     death_term : DeathTerm
     extraction : Extraction
+    existence_threshold : float
+        Probability of existence above which a target is reported.
     """
 
     forward: ForwardFilter
     lag: Lag
     death_term: DeathTerm
     extraction: Extraction
+    existence_threshold: float
+    _tracks: TrackNumbers = field(init=False, repr=False)
     _stamps: list[int] = field(init=False, repr=False)
     _stored: list[ParticlePHD] = field(init=False, repr=False)
     _links: list[Transition] = field(init=False, repr=False)  # one between every two stored sets
@@ -200,6 +222,7 @@ class FixedLagSmoother:
     def reset(self) -> None:
         """Forget everything; the random generators start from the seed again."""
         self.forward.reset()
+        self._tracks = TrackNumbers()
         self._stamps, self._stored, self._links = [], [], []
         # Its own, so that the filter's draws do not depend on how targets are read off.
         self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
@@ -214,7 +237,7 @@ class FixedLagSmoother:
         """
         modes = self.forward.model.modes
         found = self.forward.step(scan, linked=bool(self._stored))
-        filtered = self.extraction(found.updated, modes, scan.stamp_ns, 0, self._rng)
+        filtered = self._targets(found.updated, scan.stamp_ns, 0)
         if found.link is not None:
             self._links.append(found.link)
         self._stamps.append(scan.stamp_ns)
@@ -222,6 +245,7 @@ class FixedLagSmoother:
         smoothed = []
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
+        self._tracks.forget_all_but([found.stored.label, *(phd.label for phd in self._stored)])
         return Step(
             filtered=filtered,
             smoothed=tuple(smoothed),
@@ -244,5 +268,10 @@ class FixedLagSmoother:
         *_, smoothed = backward_pass(self._stored, self._links, self.death_term)
         stamp_ns, lag = self._stamps[0], len(self._stored) - 1
         del self._stamps[0], self._stored[0], self._links[:1]
-        modes = self.forward.model.modes
-        return self.extraction(smoothed, modes, stamp_ns, lag, self._rng)
+        return self._targets(smoothed, stamp_ns, lag)
+
+    def _targets(self, phd: ParticlePHD, stamp_ns: int, lag: int) -> Estimates:
+        """Read the targets off an intensity and number their tracks."""
+        modes, threshold = self.forward.model.modes, self.existence_threshold
+        found = self.extraction(phd, modes, stamp_ns, lag, threshold, self._rng)
+        return self._tracks.numbered(found)

@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from scipy import sparse
 from scipy.cluster.vq import kmeans2
 
 from . import resampling
 from .modes import ModeSpace
-from .types import Estimates, FloatArray, IntArray, ParticlePHD, sum_by
+from .types import Estimates, FloatArray, IntArray, ParticlePHD, number, sum_by
 
-# A component is a target when it is likelier than not.
-EXISTENCE_THRESHOLD = 0.5
 CLUSTER_SAMPLES = 2000
 
 
@@ -26,45 +23,57 @@ class Extraction(Protocol):
         modes: ModeSpace,
         stamp_ns: int,
         lag: int,
+        threshold: float,
         rng: np.random.Generator,
     ) -> Estimates:
-        """Return the targets of `phd`, filtered (lag 0) or smoothed."""
+        """Return the targets of `phd`, filtered (lag 0) or smoothed.
+
+        `threshold` is the probability of existence above which a target is reported. Labelled
+        targets have their label plus one for a track_id.
+        """
         ...
 
 
 def components(
-    phd: ParticlePHD, modes: ModeSpace, stamp_ns: int, lag: int, rng: np.random.Generator
+    phd: ParticlePHD,
+    modes: ModeSpace,
+    stamp_ns: int,
+    lag: int,
+    threshold: float,
+    rng: np.random.Generator,
 ) -> Estimates:
-    """Report every detection component, and every unexplained group, likelier than not.
+    """Report every component, and every group of the Poisson part, whose mass is large enough.
 
-    A group is the mass of one (origin, class) that no detection explains: without it, a target
-    that all radars missed would vanish for a scan. The class is the majority of the mass, the
-    state and covariance are those of that class. A mass above 1.5 is two unresolved targets,
-    reported as one.
+    A group is the mass of one (origin, class) that no component holds: without it, a target that
+    all radars missed would vanish for a scan. The class is the majority of the mass, the state
+    and covariance are those of that class. A mass above 1.5 is two unresolved targets, reported
+    as one.
 
     Notes
     -----
     Deviation from Sec. IV-C, Step 6, which rounds the total mass and clusters; the PHD's mass is
-    biased and a detection already says which particles belong together.
+    biased and a component already says which particles belong together.
     """
-    entry = phd.explained.tocoo()
+    parts = phd.components
     target_class = modes.class_of[phd.mode]
-    # Unexplained groups follow the components in one index space.
-    first_group = phd.explained.shape[1]
-    origins, origin_index = np.unique(phd.origin, return_inverse=True)
+    # The groups of the Poisson part follow the components in one index space.
+    first_group = parts.shape[1]
+    alone = np.flatnonzero(phd.poisson)
+    origins, origin = number(phd.origin[alone])
     classes = len(modes.classes)
-    row = np.concatenate([entry.row, np.arange(len(phd))])
-    group = np.concatenate([entry.col, first_group + origin_index.ravel() * classes + target_class])
-    weight = np.concatenate([entry.data, phd.unexplained])
+    row = np.concatenate([np.arange(len(phd)).repeat(np.diff(parts.indptr)), alone])
+    group = np.concatenate([parts.indices, first_group + origin * classes + target_class[alone]])
+    weight = np.concatenate([parts.data, phd.poisson[alone]])
     size = first_group + len(origins) * classes
     mass = sum_by(group, weight, size)
 
-    found = np.flatnonzero(mass > EXISTENCE_THRESHOLD)
-    label = np.full(size, -1)
-    label[found] = np.arange(len(found))
-    kept = label[group] >= 0
-    row, group, weight = row[kept], label[group[kept]], weight[kept]
-    return _moments(phd, modes, stamp_ns, lag, row, group, weight, len(found))
+    found = np.flatnonzero(mass > threshold)
+    rank = np.full(size, -1)
+    rank[found] = np.arange(len(found))
+    kept = rank[group] >= 0
+    row, group, weight = row[kept], rank[group[kept]], weight[kept]
+    label = np.concatenate([phd.label, np.full(size - first_group, -1)])[found]
+    return _moments(phd, modes, stamp_ns, lag, row, group, weight, label)
 
 
 def _moments(
@@ -75,10 +84,10 @@ def _moments(
     row: IntArray,
     group: IntArray,
     weight: FloatArray,
-    count: int,
+    label: IntArray,
 ) -> Estimates:
     """Return the moments of each group's majority class; entries are (row, group, weight)."""
-    classes = len(modes.classes)
+    classes, count = len(modes.classes), len(label)
     target_class = modes.class_of[phd.mode[row]]
     class_mass = sum_by(group * classes + target_class, weight, count * classes).reshape(
         count, classes
@@ -89,13 +98,16 @@ def _moments(
     row, group = row[kept], group[kept]
     share = weight[kept] / class_mass[group, majority[group]]
 
-    # A (T, entries) matrix of shares turns both moments into sparse products.
-    member = sparse.csr_array((share, (group, np.arange(len(row)))), shape=(count, len(row)))
-    state = member @ phd.state[row]
-    offset = phd.state[row] - state[group]
+    # Axis by axis, so that no temporary is larger than a column.
     dimension = phd.state.shape[1]
-    outer = (offset[:, :, None] * offset[:, None, :]).reshape(len(row), dimension**2)
-    covariance = (member @ outer).reshape(count, dimension, dimension)
+    offset = np.ascontiguousarray(phd.state[row].T)
+    state = np.stack([sum_by(group, share * axis, count) for axis in offset], axis=1)
+    offset -= state.T.take(group, axis=1)
+    covariance = np.empty((count, dimension, dimension))
+    for i in range(dimension):
+        spread = share * offset[i]
+        for j in range(i, dimension):
+            covariance[:, i, j] = covariance[:, j, i] = sum_by(group, spread * offset[j], count)
     return Estimates(
         stamp_ns=stamp_ns,
         lag=lag,
@@ -104,12 +116,17 @@ def _moments(
         weight=mass,
         class_probability=class_mass / np.where(mass > 0.0, mass, 1.0)[:, None],
         class_id=majority,
-        track_id=np.zeros(count, dtype=np.int64),
+        track_id=label + 1,
     )
 
 
 def clusters(
-    phd: ParticlePHD, modes: ModeSpace, stamp_ns: int, lag: int, rng: np.random.Generator
+    phd: ParticlePHD,
+    modes: ModeSpace,
+    stamp_ns: int,
+    lag: int,
+    threshold: float,
+    rng: np.random.Generator,
 ) -> Estimates:
     """Round each class's mass to a number of targets and cluster its particles by k-means.
 
@@ -137,18 +154,18 @@ def clusters(
         groups.append(count + label)
         count += targets
     if count == 0:
-        return _moments(phd, modes, stamp_ns, lag, *_no_entries(), 0)
+        return _moments(phd, modes, stamp_ns, lag, *_no_entries())
     row, group = np.concatenate(rows), np.concatenate(groups)
     size = np.bincount(group, minlength=count)
     # k-means may leave a cluster empty; it is not a target.
-    label = np.cumsum(size > 0) - 1
-    return _moments(
-        phd, modes, stamp_ns, lag, row, label[group], 1.0 / size[group], int((size > 0).sum())
-    )
+    rank = np.cumsum(size > 0) - 1
+    unlabelled = np.full(int((size > 0).sum()), -1)
+    return _moments(phd, modes, stamp_ns, lag, row, rank[group], 1.0 / size[group], unlabelled)
 
 
-def _no_entries() -> tuple[IntArray, IntArray, FloatArray]:
-    return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
+def _no_entries() -> tuple[IntArray, IntArray, FloatArray, IntArray]:
+    none = np.zeros(0, dtype=np.int64)
+    return none, none, np.zeros(0), none
 
 
 EXTRACTIONS: dict[str, Extraction] = {"components": components, "clusters": clusters}

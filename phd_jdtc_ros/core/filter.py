@@ -1,26 +1,28 @@
 """The forward PHD filter over the general mode: predict, update, resample.
 
-All three are pure: intensity in, intensity out. The update keeps the split of the posterior into
-its Poisson part and one component a detection (see `ParticlePHD`), which the smoother needs.
+All three are pure: intensity in, intensity out. The update keeps the split of the posterior into a
+Poisson part and Bernoulli components (see `ParticlePHD`), which the smoother needs.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 
 from . import birth, detection_birth, motion, resampling
 from .birth import BirthTerm
+from .correction import Claims, Corrector, bernoulli, scale_rows
 from .detection_birth import DetectionBirthModel, Newborn
 from .modes import ModeSpace
 from .radar import RadarModel
 from .signature import AmplitudeModel
 from .spawn import SpawnModel
-from .types import Detections, FloatArray, IntArray, ParticlePHD, Scan, sum_by
+from .types import Detections, FloatArray, IntArray, ParticlePHD, Scan, number, sum_by
 
-# Origins are numbered scan by scan; no scan founds more than this.
+# Origins are numbered scan by scan; the second half of a scan's numbers is for those that its
+# detections found.
 ORIGINS_PER_SCAN = 1 << 24
 
 
@@ -37,7 +39,13 @@ class TrackerModel:
     spawn: SpawnModel
     amplitudes: AmplitudeModel
     radars: tuple[RadarModel, ...]
+    corrector: Corrector = bernoulli
     state_size: int = motion.STATE_SIZE
+
+    @property
+    def labelled(self) -> bool:
+        """Whether an origin is one target at the most, and so its name."""
+        return self.corrector is bernoulli
 
 
 @dataclass(frozen=True)
@@ -66,7 +74,6 @@ def predict(
     dt: float,
     scan_index: int,
     rng: np.random.Generator,
-    found: tuple[Newborn, ...] = (),
 ) -> ParticlePHD:
     """Move the intensity over `dt` seconds: survivors, spawned targets, births.
 
@@ -81,27 +88,24 @@ def predict(
     scan_index : int
         Names the births' origins.
     rng : numpy.random.Generator
-    found : tuple of Newborn
-        What the detections of the scan before leave to this one.
 
     Returns
     -------
     ParticlePHD
-        With all weight unexplained.
+        With all weight in the Poisson part.
 
     Notes
     -----
     Sec. IV-C, Step 1, with the survivor and birth steps that are missing there and the spawn
     weight in full.
     """
-    parts = [_survivors(phd, model, dt, rng), _spawned(phd, model, dt, rng)]
     origin = scan_index * ORIGINS_PER_SCAN
-    for term in model.births:
-        parts.append(_born(term, model, budget.per_birth_term, dt, origin, rng))
-        origin += 1
-    for one in found:
-        parts.append(_newborn(one, model, dt, origin, rng))
-        origin += len(one)
+    parts = [
+        _survivors(phd, model, dt, rng),
+        _spawned(phd, model, dt, origin + len(model.births), rng),
+    ]
+    for index, term in enumerate(model.births):
+        parts.append(_born(term, model, budget.per_birth_term, dt, origin + index, rng))
     return _concatenate(parts)
 
 
@@ -113,15 +117,16 @@ def _fresh(
     weight: FloatArray,
     memory: FloatArray,
 ) -> ParticlePHD:
-    """Return single particles that no detection explains yet."""
+    """Return single particles of no component yet."""
     return ParticlePHD(
         state=state,
         mode=mode,
         origin=origin,
         parent=parent,
         multiplicity=np.ones(len(weight), dtype=np.int64),
-        unexplained=weight,
-        explained=sparse.csr_array((len(weight), 0)),
+        poisson=weight,
+        components=sparse.csr_array((len(weight), 0)),
+        label=np.zeros(0, dtype=np.int64),
         memory=memory,
     )
 
@@ -132,7 +137,7 @@ def _concatenate(parts: list[ParticlePHD]) -> ParticlePHD:
         mode=np.concatenate([part.mode for part in parts]),
         origin=np.concatenate([part.origin for part in parts]),
         parent=np.concatenate([part.parent for part in parts]),
-        weight=np.concatenate([part.unexplained for part in parts]),
+        weight=np.concatenate([part.poisson for part in parts]),
         memory=np.concatenate([part.memory for part in parts]),
     )
 
@@ -141,7 +146,11 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
     """Draw each row's next mode from its row of the [from, to] matrix."""
     cumulative = np.cumsum(transition, axis=1)
     cumulative[:, -1] = 1.0
-    drawn: IntArray = (rng.random(len(mode))[:, None] >= cumulative[mode]).sum(axis=1)
+    uniform = rng.random(len(mode))
+    drawn = np.zeros(len(mode), dtype=np.int64)
+    # Mode by mode: (N, O) temporaries would cost several times as much.
+    for edge in cumulative.T[:-1]:
+        drawn += uniform >= edge.take(mode)
     return drawn
 
 
@@ -162,8 +171,9 @@ def _survivors(
 
 
 def _spawned(
-    phd: ParticlePHD, model: TrackerModel, dt: float, rng: np.random.Generator
+    phd: ParticlePHD, model: TrackerModel, dt: float, origin: int, rng: np.random.Generator
 ) -> ParticlePHD:
+    """Return the mass beside every target; where origins are targets, it founds new ones."""
     spawn = model.spawn
     mass = float(phd.weight.sum())
     count = int(np.ceil(spawn.particles_per_target * mass)) if spawn.rate > 0.0 else 0
@@ -182,7 +192,10 @@ def _spawned(
     rate = spawn.rate * dt / model.modes.interval_s
     weight = np.full(len(parent), rate * mass / max(count, 1))
     memory = model.amplitudes.born(mode, model.modes, rng)
-    return _fresh(state, mode, phd.origin[parent], parent, weight, memory)
+    founder = phd.origin[parent]
+    if model.labelled:
+        founder = origin + number(founder)[1]
+    return _fresh(state, mode, founder, parent, weight, memory)
 
 
 def _born(
@@ -205,16 +218,6 @@ def _born(
     )
 
 
-def _newborn(
-    found: Newborn, model: TrackerModel, dt: float, origin: int, rng: np.random.Generator
-) -> ParticlePHD:
-    state, mode, weight, detection = detection_birth.sample(
-        found, model.detection_births, model.modes, dt, rng
-    )
-    memory = model.amplitudes.born(mode, model.modes, rng)
-    return _fresh(state, mode, origin + detection, np.full(len(mode), -1), weight, memory)
-
-
 def update(
     phd: ParticlePHD, detections: Detections, radar: RadarModel, model: TrackerModel, dt: float
 ) -> tuple[ParticlePHD, Newborn | None]:
@@ -233,23 +236,22 @@ def update(
     Returns
     -------
     phd : ParticlePHD
-        Earlier components multiplied by 1 - p_D, M components of this radar's added.
+        Corrected; see `correction`.
     found : Newborn or None
-        What these detections leave to the next scan, where births come from detections.
+        What unknown targets explain of these detections, where births come from detections.
 
     Notes
     -----
-    Sec. IV-C, Step 2. Radars are applied in turn (iterated corrector). Each detection's quotient
-    is formed relative to the largest of its terms: above an amplitude of 38 the clutter density
+    Sec. IV-C, Step 2. Radars are applied in turn (iterated corrector). What explains a detection
+    is compared relative to the largest of its terms: above an amplitude of 38 the clutter density
     alone would underflow.
     """
     detections = model.amplitudes.used(detections)
-    size = len(detections)
     predicted = radar.measure(phd.state)
     in_range = predicted[:, 0] <= radar.max_range
     visible = np.flatnonzero(in_range)
-    row, column, log_likelihood = radar.gated_pairs(predicted[visible], detections)
-    row = visible[row]
+    row, column, log_likelihood = radar.gated_pairs(predicted.take(visible, axis=0), detections)
+    row = visible.take(row)
     log_likelihood = log_likelihood + model.amplitudes.log_likelihood(
         phd, detections, (row, column), radar, model.modes
     )
@@ -259,40 +261,71 @@ def update(
         log_other = np.concatenate([log_other, log_birth])
     scale = log_other.max(axis=0)
     np.maximum.at(scale, column, log_likelihood)
-
-    weighted = phd.weight[row] * np.exp(log_likelihood - scale[column])
     other = np.exp(log_other - scale)
-    normaliser = other.sum(axis=0) + sum_by(column, weighted, size)
-    normaliser = np.where(normaliser > 0.0, normaliser, 1.0)
-    part = sparse.csr_array((weighted / normaliser[column], (row, column)), shape=(len(phd), size))
-    p_d = model.amplitudes.detection_probability(phd, radar, model.modes)
-    missed = 1.0 - np.where(in_range, p_d, 0.0)
-    updated = replace(
-        phd,
-        unexplained=phd.unexplained * missed,
-        explained=sparse.hstack([scale_rows(phd.explained, missed), part], format="csr"),
+
+    claims = Claims(
+        row=row,
+        column=column,
+        mass=phd.weight[row] * np.exp(log_likelihood - scale[column]),
+        other=other.sum(axis=0),
+        detection_probability=np.where(
+            in_range, model.amplitudes.detection_probability(phd, radar, model.modes), 0.0
+        ),
     )
+    corrected, claimed = model.corrector(phd, claims)
     if not model.detection_births.enabled:
-        return updated, None
-    return updated, detection_birth.newborn(radar, detections, (other[1:] / normaliser).T)
+        return corrected, None
+    total = np.where(claims.other > 0.0, claims.other, 1.0)
+    unknown = (1.0 - claimed) * other[1:] / total
+    return corrected, detection_birth.newborn(radar, detections, unknown.T)
 
 
 def update_scan(
-    phd: ParticlePHD, scan: Scan, model: TrackerModel, dt: float
+    phd: ParticlePHD,
+    scan: Scan,
+    model: TrackerModel,
+    dt: float,
+    scan_index: int,
+    rng: np.random.Generator,
 ) -> tuple[ParticlePHD, tuple[Newborn, ...]]:
-    """Update with every radar that reported, in the configured order."""
+    """Update with every radar that reported, in the configured order.
+
+    A target that one radar found is there when the next one's detections are shared out, so that
+    both have found one target and not two.
+    """
+    origin = scan_index * ORIGINS_PER_SCAN + ORIGINS_PER_SCAN // 2
     found = []
     for radar, detections in zip(model.radars, scan.detections, strict=True):
         if detections is not None:
             phd, one = update(phd, detections, radar, model, dt)
-            found.append(one)
-    return phd, tuple(one for one in found if one is not None)
+            if one is not None:
+                phd = _joined(phd, one, model, origin, rng)
+                origin += len(one)
+                found.append(one)
+    return phd, tuple(found)
 
 
-def scale_rows(matrix: sparse.csr_array, factor: FloatArray) -> sparse.csr_array:
-    """Return a CSR array with each row multiplied by its factor; the pattern is shared."""
-    data = matrix.data * np.repeat(factor, np.diff(matrix.indptr))
-    return sparse.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+def _joined(
+    phd: ParticlePHD, found: Newborn, model: TrackerModel, origin: int, rng: np.random.Generator
+) -> ParticlePHD:
+    """Return the intensity with newborn targets, each a component of its own."""
+    state, mode, weight, detection = detection_birth.sample(
+        found, model.detection_births, model.modes, rng
+    )
+    count = len(weight)
+    labels = origin + np.arange(len(found)) if model.labelled else np.full(len(found), -1)
+    own = sparse.csr_array((weight, detection, np.arange(count + 1)), shape=(count, len(found)))
+    return ParticlePHD(
+        state=np.concatenate([phd.state, state]),
+        mode=np.concatenate([phd.mode, mode]),
+        origin=np.concatenate([phd.origin, origin + detection]),
+        parent=np.concatenate([phd.parent, np.full(count, -1)]),
+        multiplicity=np.concatenate([phd.multiplicity, np.ones(count, dtype=np.int64)]),
+        poisson=np.concatenate([phd.poisson, np.zeros(count)]),
+        components=sparse.block_diag([phd.components, own], format="csr"),
+        label=np.concatenate([phd.label, labels]),
+        memory=np.concatenate([phd.memory, model.amplitudes.born(mode, model.modes, rng)]),
+    )
 
 
 def resample(
@@ -318,10 +351,14 @@ def resample(
     -----
     Sec. IV-C, Step 3. Deviation: within class and origin, not class alone.
     """
-    key = np.stack([modes.class_of[phd.mode], phd.origin], axis=1)
-    order = np.lexsort((key[:, 1], key[:, 0]))
-    changed = np.any(np.diff(key[order], axis=0) != 0, axis=1)
-    group = np.concatenate([[0], np.cumsum(changed)]).astype(np.int64)[: len(phd)]
+    origins, origin = number(phd.origin)
+    key = modes.class_of[phd.mode] * len(origins) + origin
+    # numpy sorts narrow integers by radix.
+    narrow = key.astype(np.int16) if len(modes.classes) * len(origins) < 2**15 else key
+    order = np.argsort(narrow, kind="stable")
+    ranked = key[order]
+    group = np.zeros(len(phd), dtype=np.int64)
+    np.cumsum(ranked[1:] != ranked[:-1], out=group[1:])
     weight = phd.weight[order]
     mass = sum_by(group, weight, int(group[-1]) + 1 if len(group) else 0)
     count, copy_weight = resampling.allocate(mass, budget.per_target, budget.least, rng)
@@ -335,7 +372,8 @@ def resample(
         origin=phd.origin[row],
         parent=phd.parent[row],
         multiplicity=copies[kept],
-        unexplained=phd.unexplained[row] * factor,
-        explained=scale_rows(phd.explained[row], factor),
+        poisson=phd.poisson[row] * factor,
+        components=scale_rows(phd.components[row], factor),
+        label=phd.label,
         memory=phd.memory[row],
     )

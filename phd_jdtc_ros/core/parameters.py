@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from .correction import CORRECTORS
 from .extraction import EXTRACTIONS
 from .smoother import DEATH_TERMS
 
@@ -147,6 +148,13 @@ TOP = (
     Parameter("lag", 5, "Smoothing lag, scans.", 0, 100),
     Parameter("lag_s", 0.0, "Smoothing lag, s; above 0 it replaces lag.", 0.0, 1e5),
     Parameter(
+        "corrector",
+        "bernoulli",
+        "How detections correct the intensity: every origin one target at the most, which also "
+        "names tracks, or the Poisson process of the PHD filter as in the paper.",
+        choices=tuple(CORRECTORS),
+    ),
+    Parameter(
         "death_term",
         "bernoulli",
         "Backward death term: one Bernoulli target a component, or as the paper prints it.",
@@ -155,8 +163,15 @@ TOP = (
     Parameter(
         "extraction",
         "components",
-        "How targets are read off: by detection component, or by clustering as in the paper.",
+        "How targets are read off: by component, or by clustering as in the paper.",
         choices=tuple(EXTRACTIONS),
+    ),
+    Parameter(
+        "existence_threshold",
+        0.6,
+        "Probability of existence above which a target is reported.",
+        0.0,
+        1.0,
     ),
     Parameter(
         "amplitude",

@@ -39,7 +39,7 @@ def paper_death_term(phd: ParticlePHD, survival: FloatArray, backward: FloatArra
     Sec. II-B, backward equation. It treats every target as barely existing, so a target that was
     certain and then died loses its mass back through the whole lag window.
     """
-    return np.ones(phd.explained.shape[1])
+    return np.ones(phd.components.shape[1])
 
 
 def bernoulli_death_term(
@@ -54,7 +54,7 @@ def bernoulli_death_term(
     phi_j = (1 - B_j) / (1 - sum_s P_s(s) a_j(s)), with B_j = sum_s a_j(s) B(s) clipped at 1.
     It is the exact backward step of a component that alone feeds mu.
     """
-    parts = phd.explained
+    parts = phd.components
     entries = np.diff(parts.indptr)
     components = parts.shape[1]
 
@@ -103,14 +103,14 @@ def backward_step(
     backward = link.ratio @ later_weight
     death = 1.0 - link.survival
     factor = death_term(phd, link.survival, backward)
-    parts = phd.explained
+    parts = phd.components
     entries = np.diff(parts.indptr)
     data = death.repeat(entries) * factor.take(parts.indices)
     data += backward.repeat(entries)
     data *= parts.data
-    explained = copy.copy(parts)  # the pattern is shared
-    explained.data = data
-    return replace(phd, unexplained=phd.unexplained * (backward + death), explained=explained)
+    components = copy.copy(parts)  # the pattern is shared
+    components.data = data
+    return replace(phd, poisson=phd.poisson * (backward + death), components=components)
 
 
 def backward_pass(

@@ -88,7 +88,7 @@ def build(
     dt : float
         True interval between them, seconds.
     found : tuple of Newborn
-        What the later set's prediction was given.
+        What the later scan's detections found.
 
     Returns
     -------
@@ -99,6 +99,8 @@ def build(
     Sec. IV-C, Step 4: K[q, s] = P_s h[r_s, r_q] f_{r_q}(x_q | x_s) within a class, and
     mu_q = gamma(x_q, o_q) + sum_s w_{t|t}(s) K[q, s] + sum_s w_{t|t}(s) beta(q | s), the last sum
     over all classes. As in the paper the spawn intensity stands in mu and not in the numerator.
+    Where origins are targets, sums are over rows of the same origin: births and spawned targets
+    begin origins of their own and stand in no other's mu.
     """
     modes = model.modes
     survival = modes.survival(dt)[earlier.mode]
@@ -107,18 +109,17 @@ def build(
     moved = _kernel(modes, modes.transition(dt), noise, successor, survival)
     values, columns = [], []
     number = np.zeros(len(later), dtype=np.int64)
-    mu = birth.intensity(model.births, modes, later.state, later.mode) * dt / modes.interval_s
-    for one in found:
-        mu += detection_birth.intensity(
-            one, model.detection_births, modes, dt, later.state, later.mode
-        )
+    mu = np.zeros(len(later)) if model.labelled else _appearing(later, model, dt, found)
     every = np.arange(len(later))
     for row, column, value in _gated_density(moved, modes, earlier, later, every, GATE_SIGMA):
+        if model.labelled:  # a particle's past is in its own origin
+            own = np.flatnonzero(later.origin.take(row) == earlier.origin.take(column))
+            row, column, value = row.take(own), column.take(own), value.take(own)
         _add_by_row(mu, row, value * earlier.weight.take(column))
         _add_by_row(number, row, None)
         values.append(value)
         columns.append(column.astype(np.int32))
-    if model.spawn.rate > 0.0 and len(earlier):
+    if model.spawn.rate > 0.0 and len(earlier) and not model.labelled:
         mu += _spawn_intensity(mu, earlier, later, model, dt, successor)
 
     ratio = np.concatenate(values) if values else np.zeros(0)
@@ -128,6 +129,8 @@ def build(
     # A row without any explanation inside the gate goes to the row it was drawn from, which is
     # the limit of the quotient as the gate widens.
     orphan = np.flatnonzero((mu <= 0.0) & (later.parent >= 0))
+    if model.labelled:  # spawned ones have no past of their own
+        orphan = orphan[later.origin[orphan] == earlier.origin[later.parent[orphan]]]
     if len(orphan):
         heir = later.parent[orphan]
         ratio = np.insert(ratio, start[orphan], 1.0 / earlier.weight[heir])
@@ -138,6 +141,17 @@ def build(
         survival=survival,
         orphans=len(orphan),
     )
+
+
+def _appearing(
+    later: ParticlePHD, model: TrackerModel, dt: float, found: tuple[Newborn, ...]
+) -> FloatArray:
+    """Return the intensity of births at every later row, shape (N_{t+1},)."""
+    modes, state, mode = model.modes, later.state, later.mode
+    total = birth.intensity(model.births, modes, state, mode) * dt / modes.interval_s
+    for one in found:
+        total += detection_birth.intensity(one, model.detection_births, modes, state, mode)
+    return total
 
 
 def _kernel(

@@ -3,7 +3,7 @@
 Every type is frozen and its arrays are read-only, so a value that one stage has handed on can be
 kept by another (the fixed-lag window keeps many) without a copy.
 
-Dimension letters, the same everywhere: N particles, M detections, J detection components,
+Dimension letters, the same everywhere: N particles, M detections, J components,
 T targets, O modes, C classes, D state, Z measurement.
 """
 
@@ -37,6 +37,17 @@ def sum_by(index: IntArray, weight: FloatArray, size: int) -> FloatArray:
     """Return the sums of `weight` over equal `index`, shape (size,)."""
     total: FloatArray = np.bincount(index, weights=weight, minlength=size).astype(np.float64)
     return total
+
+
+def number(value: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the distinct values, ascending, and which of them each entry is.
+
+    As `numpy.unique`, but fast where equal values stand in long runs, as origins do.
+    """
+    first = np.flatnonzero(np.concatenate([[True], value[1:] != value[:-1]])[: len(value)])
+    distinct, run = np.unique(value[first], return_inverse=True)
+    length = np.diff(np.append(first, len(value)))
+    return distinct, run.ravel().repeat(length)
 
 
 @dataclass(frozen=True)
@@ -94,9 +105,10 @@ class Scan:
 class ParticlePHD:
     """A particle approximation of the intensity over (state, class, motion mode).
 
-    The weight of a particle is split into the part that no detection explains and one part for
-    every detection (the Poisson part and the Bernoulli components of the posterior after an
-    update): ``weight = unexplained + explained.sum(axis=1)``.
+    After an update the posterior is a Poisson part and Bernoulli components, each one target at
+    the most. The weight of a particle is split alike:
+    ``weight = poisson + components.sum(axis=1)``. A component is what one detection explains, or
+    all that has one origin; see `correction`.
 
     Parameters
     ----------
@@ -105,15 +117,18 @@ class ParticlePHD:
     mode : int array of shape (N,)
         Flat index into the mode space.
     origin : int array of shape (N,)
-        Which birth term at which scan founded the particle's ancestry.
+        What founded the particle's ancestry: a birth term at a scan, a detection, or a parent
+        that it was spawned beside.
     parent : int array of shape (N,)
         Row of the ancestor in the stored set of the scan before; -1 for a birth.
     multiplicity : int array of shape (N,)
         How many equal copies the row stands for.
-    unexplained : array of shape (N,)
-        Weight that no detection explains.
-    explained : sparse array of shape (N, J)
-        Weight that detection j explains.
+    poisson : array of shape (N,)
+        Weight of no component.
+    components : sparse array of shape (N, J)
+        Weight in component j.
+    label : int array of shape (J,)
+        Origin that each component is the target of; -1 where it is a detection's.
     memory : array of shape (N,)
         What the amplitude model remembers; zeros where it remembers nothing.
     """
@@ -123,14 +138,15 @@ class ParticlePHD:
     origin: IntArray
     parent: IntArray
     multiplicity: IntArray
-    unexplained: FloatArray
-    explained: SparseArray
+    poisson: FloatArray
+    components: SparseArray
+    label: IntArray
     memory: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("state", "unexplained", "memory"):
+        for name in ("state", "poisson", "memory"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        for name in ("mode", "origin", "parent", "multiplicity"):
+        for name in ("mode", "origin", "parent", "multiplicity", "label"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
 
     def __len__(self) -> int:
@@ -139,8 +155,9 @@ class ParticlePHD:
     @cached_property
     def weight(self) -> FloatArray:
         """Total weight of each particle, shape (N,); sums to the expected number of targets."""
-        explained = np.asarray(self.explained.sum(axis=1)).ravel()
-        total: FloatArray = read_only(self.unexplained + explained)
+        total: FloatArray = read_only(
+            self.poisson + self.components @ np.ones(self.components.shape[1])
+        )
         return total
 
     @property
@@ -170,8 +187,9 @@ class ParticlePHD:
             origin=none,
             parent=none,
             multiplicity=none,
-            unexplained=np.zeros(0),
-            explained=sparse.csr_array((0, 0)),
+            poisson=np.zeros(0),
+            components=sparse.csr_array((0, 0)),
+            label=none,
             memory=np.zeros(0),
         )
 

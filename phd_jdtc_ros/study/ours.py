@@ -15,7 +15,6 @@ from phd_jdtc_ros.core.config import TrackerConfig
 from phd_jdtc_ros.core.engine import Filtered, ForwardFilter
 from phd_jdtc_ros.core.evaluation import PointSet
 from phd_jdtc_ros.core.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.modes import ModeSpace
 from phd_jdtc_ros.core.motion import POSITION
 from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import ParticlePHD
@@ -61,7 +60,7 @@ def track(
     """
     longest = max(lags)
     forward = ForwardFilter(config.model, config.budget, seed=run.seed)
-    readers = [_Reader(reading, run, lags, config.model.modes) for reading in readings]
+    readers = [_Reader(reading, run, lags, config) for reading in readings]
     window: list[Filtered] = []
     for index, scan in enumerate(run.scans):
         window = [*window, forward.step(scan, linked=longest > 0)][-(longest + 1) :]
@@ -87,10 +86,11 @@ class _Reader:
     """Collects one reading's estimates, scan by scan and lag by lag."""
 
     def __init__(
-        self, reading: Reading, run: SimulatedRun, lags: Sequence[int], modes: ModeSpace
+        self, reading: Reading, run: SimulatedRun, lags: Sequence[int], config: TrackerConfig
     ) -> None:
         self.reading = reading
-        self._run, self._modes = run, modes
+        self._run, self._modes = run, config.model.modes
+        self._threshold = config.existence_threshold
         self._found: dict[int, dict[int, PointSet]] = {lag: {} for lag in lags}
         # One for each lag, so that no lag's draws depend on which others are wanted.
         self._rng = {lag: np.random.default_rng([run.seed, 1, lag]) for lag in lags}
@@ -108,8 +108,8 @@ class _Reader:
     def _points(self, index: int, lag: int, phd: ParticlePHD, wanted: int) -> PointSet:
         extract = EXTRACTIONS[self.reading.extraction]
         stamp_ns = self._run.scans[index].stamp_ns
-        found = extract(phd, self._modes, stamp_ns, lag, self._rng[wanted])
-        return PointSet(found.state[:, list(POSITION)], found.class_id)
+        found = extract(phd, self._modes, stamp_ns, lag, self._threshold, self._rng[wanted])
+        return PointSet(found.state[:, list(POSITION)], found.class_id, found.track_id)
 
     def tracks(self) -> Tracks:
         """Return the estimates by lag, in the order of the scans."""

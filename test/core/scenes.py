@@ -46,19 +46,22 @@ def intensity(
     weight,
     mode=None,
     origin=None,
-    explained=None,
+    components=None,
     multiplicity=None,
+    label=None,
 ):
     """Return a particle intensity; `weight` is the part that no detection explains."""
     count = len(state)
+    parts = sparse.csr_array(np.zeros((count, 0)) if components is None else components)
     return ParticlePHD(
         state=np.asarray(state, dtype=float),
         mode=np.zeros(count, dtype=int) if mode is None else mode,
         origin=np.zeros(count, dtype=int) if origin is None else origin,
         parent=np.full(count, -1),
         multiplicity=np.ones(count, dtype=int) if multiplicity is None else multiplicity,
-        unexplained=np.asarray(weight, dtype=float),
-        explained=sparse.csr_array(np.zeros((count, 0)) if explained is None else explained),
+        poisson=np.asarray(weight, dtype=float),
+        components=parts,
+        label=np.full(parts.shape[1], -1) if label is None else label,
         memory=np.zeros(count),
     )
 

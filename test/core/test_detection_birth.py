@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import small
@@ -5,10 +7,11 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.core import detection_birth
 from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.correction import CORRECTORS
 from phd_jdtc_ros.core.detection_birth import DetectionBirthModel, Newborn
-from phd_jdtc_ros.core.filter import ORIGINS_PER_SCAN, predict, update
+from phd_jdtc_ros.core.filter import update, update_scan
 from phd_jdtc_ros.core.simulation import paper_scenario, simulate
-from phd_jdtc_ros.core.types import Detections, ParticlePHD
+from phd_jdtc_ros.core.types import Detections, ParticlePHD, Scan
 
 MODEL = small().model
 MODES, RADAR = MODEL.modes, MODEL.radars[1]
@@ -25,22 +28,20 @@ def one_detection(mass=(0.3, 0.6), place=(6000.0, 0.5)):
     return Newborn(RADAR, np.array([place]), np.array([mass]))
 
 
-def test_sample_carries_the_newborn_mass_and_survival():
+def test_sample_carries_the_newborn_mass():
     _, mode, weight, _ = detection_birth.sample(
-        one_detection(), BIRTHS, MODES, 6.0, np.random.default_rng(0)
+        one_detection(), BIRTHS, MODES, np.random.default_rng(0)
     )
     by_class = np.bincount(MODES.class_of[mode], weights=weight)
 
-    np.testing.assert_allclose(by_class, 0.99 * np.array([0.3, 0.6]), rtol=2e-3)
+    np.testing.assert_allclose(by_class, [0.3, 0.6], rtol=2e-3)
 
 
-def test_sample_is_about_the_detection_moved_on():
+def test_sample_is_about_the_detection():
     state, mode, _, detection = detection_birth.sample(
-        one_detection(), BIRTHS, MODES, 6.0, np.random.default_rng(0)
+        one_detection(), BIRTHS, MODES, np.random.default_rng(0)
     )
-    back = state.copy()
-    back[:, [0, 2]] -= 6.0 * state[:, [1, 3]]
-    measured = RADAR.measure(back)
+    measured = RADAR.measure(state)
 
     assert (detection == 0).all()
     assert measured.mean(axis=0) == pytest.approx([6000.0, 0.5], abs=5.0)
@@ -55,12 +56,10 @@ def test_intensity_equals_the_density_written_out():
     found = Newborn(
         RADAR, np.array([[6000.0, 0.5], [9000.0, np.pi]]), np.array([[0.3, 0.6], [0.2, 0.1]])
     )
-    state, mode, _, _ = detection_birth.sample(found, BIRTHS, MODES, 4.0, np.random.default_rng(1))
+    state, mode, _, _ = detection_birth.sample(found, BIRTHS, MODES, np.random.default_rng(1))
     chosen = np.arange(0, len(state), 97)
     state, mode = state[chosen], mode[chosen]
-    back = state.copy()
-    back[:, [0, 2]] -= 4.0 * state[:, [1, 3]]
-    measured = RADAR.measure(back)
+    measured = RADAR.measure(state)
     expected = np.zeros(len(state))
     for (distance, azimuth), mass in zip(found.measurement, found.mass, strict=True):
         turn = np.angle(np.exp(1j * (measured[:, 1] - azimuth)))
@@ -68,9 +67,8 @@ def test_intensity_equals_the_density_written_out():
         density *= norm.pdf(turn, 0.0, RADAR.azimuth_std) / measured[:, 0]
         density *= norm.pdf(state[:, 1], 0.0, 40.0) * norm.pdf(state[:, 3], 0.0, 40.0)
         density *= np.where(np.isin(mode, [1, 3]), norm.pdf(state[:, 4], 0.0, 1e-3), 1.0)
-        survival = MODES.survival(4.0)[mode]
-        expected += density * mass[MODES.class_of[mode]] / 2.0 * survival
-    found_intensity = detection_birth.intensity(found, BIRTHS, MODES, 4.0, state, mode)
+        expected += density * mass[MODES.class_of[mode]] / 2.0
+    found_intensity = detection_birth.intensity(found, BIRTHS, MODES, state, mode)
 
     np.testing.assert_allclose(found_intensity, expected, rtol=1e-6)
 
@@ -85,15 +83,22 @@ def test_update_leaves_strong_detections_that_nobody_explains_as_newborn():
     assert found.mass[1:].sum() < 0.05
 
 
-def test_update_leaves_what_targets_explain_to_the_targets():
+def reports_of_one_target(amplitude=200.0):
+    """Return what both radars say of a target, and a model of them that knows no places."""
     model = unknown()
-    report = Detections(np.array([[6000.0, 0.5]]), np.array([200.0]))
-    _, found = update(EMPTY, report, RADAR, model, 6.0)
-    budget = small().budget
-    target = predict(EMPTY, model, budget, 6.0, 1, np.random.default_rng(0), (found,))
-    _, again = update(target, report, RADAR, model, 6.0)
+    state = np.array([[5e3, 0.0, 4e3, 0.0, 0.0]])
+    reports = [Detections(r.measure(state), np.array([amplitude])) for r in model.radars]
+    return model, Scan(1, tuple(reports))
 
-    assert again.mass.sum() < 0.05
+
+@pytest.mark.parametrize("corrector", ["bernoulli", "poisson"])
+def test_update_scan_finds_a_target_of_two_radars_once(corrector):
+    model, scan = reports_of_one_target()
+    model = replace(model, corrector=CORRECTORS[corrector])
+    phd, found = update_scan(EMPTY, scan, model, 6.0, 0, np.random.default_rng(0))
+
+    assert [one.mass.sum() for one in found] == pytest.approx([1.0, 0.0], abs=0.05)
+    assert phd.weight.sum() == pytest.approx(1.0, abs=0.05)
 
 
 def test_newborn_mass_follows_the_interval():
@@ -109,13 +114,17 @@ def test_update_without_such_births_leaves_nothing():
     assert update(EMPTY, report, RADAR, MODEL, 6.0)[1] is None
 
 
-def test_predict_gives_every_detection_an_origin_of_its_own():
-    found = Newborn(RADAR, np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.full((2, 2), 0.2))
-    budget = small().budget
-    phd = predict(EMPTY, unknown(), budget, 6.0, 3, np.random.default_rng(0), (found, found))
+def test_update_scan_gives_every_detection_an_origin_of_its_own():
+    model, scan = reports_of_one_target()
+    far = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 200.0]))
+    scan = replace(scan, detections=(far, scan.detections[1]))
+    scans = [update_scan(EMPTY, scan, model, 6.0, k, np.random.default_rng(0))[0] for k in (2, 3)]
 
-    assert set(phd.origin) == {3 * ORIGINS_PER_SCAN + row for row in range(4)}
-    assert (phd.parent == -1).all()
+    assert [len(set(phd.origin)) for phd in scans] == [3, 3]
+    assert not set(scans[0].origin) & set(scans[1].origin)
+    for phd in scans:
+        assert (phd.parent == -1).all()
+        assert set(phd.label) == set(phd.origin)
 
 
 def test_tracker_finds_targets_without_known_birth_places():

@@ -166,7 +166,7 @@ def test_engine_does_not_update_with_a_radar_that_did_not_report():
     unheard = silent.step(Scan(stamp_ns, (None, None))).class_mass.sum()
     unseen = empty.step(Scan(stamp_ns, (nothing, nothing))).class_mass.sum()
     assert 2.7 < unheard < 3.5
-    assert unseen < 0.2
+    assert unseen < 0.3 * unheard
 
 
 def test_engine_step_reports_what_it_holds():

@@ -8,25 +8,25 @@ from phd_jdtc_ros.core.types import ParticlePHD
 MODES = small().model.modes  # flat modes 0, 1 are class 0; 2, 3 class 1
 
 
-def extract(phd, method=components, lag=0):
-    return method(phd, MODES, 42, lag, np.random.default_rng(0))
+def extract(phd, method=components, lag=0, threshold=0.5):
+    return method(phd, MODES, 42, lag, threshold, np.random.default_rng(0))
 
 
 def two_clouds(weight=(1.0, 1.0), mode=(0, 2), count=200):
-    """Return two targets 5 km apart, explained by one detection each."""
+    """Return two targets 5 km apart, components by one detection each."""
     rng = np.random.default_rng(1)
     state = rng.normal(0.0, 50.0, (2 * count, 5))
     state[count:, 0] += 5000.0
-    explained = np.zeros((2 * count, 2))
-    explained[:count, 0] = weight[0] / count
-    explained[count:, 1] = weight[1] / count
-    return intensity(state, np.zeros(2 * count), mode=np.repeat(mode, count), explained=explained)
+    components = np.zeros((2 * count, 2))
+    components[:count, 0] = weight[0] / count
+    components[count:, 1] = weight[1] / count
+    return intensity(state, np.zeros(2 * count), mode=np.repeat(mode, count), components=components)
 
 
 def test_components_report_each_detection_likelier_than_not():
     state = np.arange(20.0).reshape(4, 5)
-    explained = [[0.3, 0.2, 0.0], [0.3, 0.0, 0.0], [0.0, 0.29, 0.5], [0.0, 0.0, 0.4]]
-    found = extract(intensity(state, np.zeros(4), explained=explained))
+    components = [[0.3, 0.2, 0.0], [0.3, 0.0, 0.0], [0.0, 0.29, 0.5], [0.0, 0.0, 0.4]]
+    found = extract(intensity(state, np.zeros(4), components=components))
     np.testing.assert_allclose(found.weight, [0.6, 0.9])
     np.testing.assert_allclose(found.state[0], (state[0] + state[1]) / 2.0)
     np.testing.assert_allclose(found.state[1], (5.0 * state[2] + 4.0 * state[3]) / 9.0)
@@ -46,15 +46,29 @@ def test_components_report_the_unexplained_mass_of_an_origin_and_class():
     np.testing.assert_array_equal(found.class_id, [0])
 
 
+@pytest.mark.parametrize(("threshold", "found"), [(0.5, 2), (0.6, 1), (0.95, 0)])
+def test_components_report_what_exceeds_the_threshold(threshold, found):
+    phd = intensity(np.zeros((2, 5)), np.zeros(2), components=[[0.55, 0.0], [0.0, 0.9]])
+    assert len(extract(phd, threshold=threshold)) == found
+
+
+def test_components_carry_their_label_into_the_track():
+    phd = intensity(
+        np.zeros((3, 5)), [0.0, 0.0, 0.7], components=np.diag([0.8, 0.9, 0.0])[:, :2], label=[6, -1]
+    )
+    found = extract(phd)
+    np.testing.assert_array_equal(found.track_id, [7, 0, 0])
+
+
 def test_components_do_not_add_explained_to_unexplained_mass():
-    phd = intensity(np.zeros((1, 5)), [0.4], explained=[[0.4]])
+    phd = intensity(np.zeros((1, 5)), [0.4], components=[[0.4]])
     assert len(extract(phd)) == 0
 
 
 def test_components_take_class_and_state_from_the_majority():
     state = np.zeros((3, 5))
     state[:, 0] = [100.0, 200.0, 900.0]
-    phd = intensity(state, np.zeros(3), mode=np.array([2, 3, 0]), explained=[[0.2], [0.4], [0.25]])
+    phd = intensity(state, np.zeros(3), mode=np.array([2, 3, 0]), components=[[0.2], [0.4], [0.25]])
     found = extract(phd)
     np.testing.assert_array_equal(found.class_id, [1])
     np.testing.assert_allclose(found.class_probability, [[0.25 / 0.85, 0.6 / 0.85]])
@@ -70,7 +84,7 @@ def test_components_covariance_is_the_weighted_one():
     rng = np.random.default_rng(0)
     state, weight = rng.normal(0.0, 10.0, (50, 5)), rng.random(50)
     weight = weight / weight.sum()
-    found = extract(intensity(state, np.zeros(50), explained=weight[:, None]))
+    found = extract(intensity(state, np.zeros(50), components=weight[:, None]))
     expected = np.cov(state.T, aweights=weight, ddof=0)
     np.testing.assert_allclose(found.covariance[0], expected, rtol=1e-10)
 

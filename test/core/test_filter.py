@@ -3,7 +3,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scenes import intensity, no_detections, small
-from scipy import sparse
 from scipy.stats import norm
 
 from phd_jdtc_ros.core import amplitude
@@ -13,7 +12,8 @@ from phd_jdtc_ros.core.modes import ClassModel
 from phd_jdtc_ros.core.motion import OMEGA
 from phd_jdtc_ros.core.types import Detections, Scan
 
-CONFIG = small()
+# The PHD filter itself; what the other corrector does is tested in test_correction.
+CONFIG = small({"corrector": "poisson"})
 MODEL = CONFIG.model
 MODES = MODEL.modes
 # Much clutter, so that weak detections are in doubt.
@@ -50,11 +50,11 @@ def reports(amplitudes=(20.0, 5.0, 4.0, 4.0), radar=RADAR):
 
 
 def component_mass(phd):
-    return phd.explained.toarray().sum(axis=0)
+    return phd.components.toarray().sum(axis=0)
 
 
 def dense_update(phd, detections, radar, modes):
-    """Return (unexplained, explained) by the printed equation, loop by loop and ungated."""
+    """Return (poisson, components) by the printed equation, loop by loop and ungated."""
     count, p_d = len(phd), radar.class_detection_probability(modes.classes)
     a = detections.amplitude
     p_fa = amplitude.false_alarm_probability(radar.threshold)
@@ -80,7 +80,7 @@ def dense_update(phd, detections, radar, modes):
         )
         numerator[n] = p_d[c] * likelihood * phd.weight[n]
     total = numerator.sum(axis=0)
-    return phd.unexplained * missed, numerator / (clutter + total), total / (clutter + total)
+    return phd.poisson * missed, numerator / (clutter + total), total / (clutter + total)
 
 
 @pytest.mark.parametrize("dt", [6.0, 2.0, 9.5])
@@ -164,22 +164,22 @@ def test_predict_of_nothing_without_births_is_nothing():
     assert len(predicted) == 0
 
 
-def test_predict_leaves_all_weight_unexplained():
+def test_predict_leaves_all_weight_in_the_poisson_part():
     phd = scattered()
     updated = update(phd, reports(), RADAR, MODES)
     predicted = predict(updated, MODEL, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
-    assert predicted.explained.shape == (len(predicted), 0)
-    np.testing.assert_array_equal(predicted.weight, predicted.unexplained)
+    assert predicted.components.shape == (len(predicted), 0)
+    np.testing.assert_array_equal(predicted.weight, predicted.poisson)
 
 
 @pytest.mark.parametrize("radar", RADARS, ids=lambda radar: radar.name)
 def test_update_equals_a_dense_evaluation(radar):
     phd, detections = scattered(), reports(radar=radar)
     updated = update(phd, detections, radar, MODES)
-    unexplained, explained, share = dense_update(phd, detections, radar, MODES)
-    np.testing.assert_allclose(updated.unexplained, unexplained, rtol=1e-12)
+    poisson, components, share = dense_update(phd, detections, radar, MODES)
+    np.testing.assert_allclose(updated.poisson, poisson, rtol=1e-12)
     # The gate at six sigma leaves out likelihoods below exp(-18) of their peak.
-    assert np.abs(updated.explained.toarray() - explained).max() < 1e-8
+    assert np.abs(updated.components.toarray() - components).max() < 1e-8
     assert 0.05 < share[:3].min() < 0.95  # clutter and targets both matter
 
 
@@ -200,7 +200,7 @@ def test_update_with_no_detections_multiplies_by_the_missing_probability(previou
     updated = update(phd, no_detections(), RADAR, MODES)
     p_d = RADAR.class_detection_probability(MODES.classes)[MODES.class_of[phd.mode]]
     np.testing.assert_allclose(updated.weight, phd.weight * (1.0 - p_d), rtol=1e-12)
-    assert updated.explained.shape == phd.explained.shape
+    assert updated.components.shape == phd.components.shape
 
 
 def test_update_does_not_penalise_particles_out_of_range():
@@ -210,7 +210,7 @@ def test_update_does_not_penalise_particles_out_of_range():
     updated = update(phd, reports(), radar, MODES)
     assert 0.2 < beyond.mean() < 0.8
     np.testing.assert_array_equal(updated.weight[beyond], phd.weight[beyond])
-    assert (updated.unexplained[~beyond] < phd.unexplained[~beyond]).all()
+    assert (updated.poisson[~beyond] < phd.poisson[~beyond]).all()
 
 
 def test_update_does_not_depend_on_the_order_of_detections():
@@ -220,7 +220,7 @@ def test_update_does_not_depend_on_the_order_of_detections():
     first, second = (update(phd, d, RADAR, MODES) for d in (detections, shuffled))
     np.testing.assert_allclose(second.weight, first.weight, rtol=1e-12)
     np.testing.assert_allclose(
-        second.explained.toarray(), first.explained.toarray()[:, order], rtol=1e-12
+        second.components.toarray(), first.components.toarray()[:, order], rtol=1e-12
     )
 
 
@@ -228,8 +228,8 @@ def test_update_weight_is_the_sum_of_its_parts():
     phd = scattered()
     for radar in RADARS:
         phd = update(phd, reports(radar=radar), radar, MODES)
-    assert phd.explained.shape == (300, 8)
-    parts = phd.unexplained + phd.explained.toarray().sum(axis=1)
+    assert phd.components.shape == (300, 8)
+    parts = phd.poisson + phd.components.toarray().sum(axis=1)
     np.testing.assert_allclose(phd.weight, parts, rtol=1e-12)
 
 
@@ -238,7 +238,7 @@ def test_update_with_a_huge_amplitude_gives_one_target_of_the_strong_class(stren
     phd = scattered()
     updated = update(phd, reports((strength, 20.0, 20.0, 20.0)), RADAR, MODES)
     assert np.isfinite(updated.weight).all()
-    component = updated.explained.toarray()[:, 0]
+    component = updated.components.toarray()[:, 0]
     # Clutter of that amplitude does not occur.
     assert component.sum() == pytest.approx(1.0, abs=1e-9)
 
@@ -246,7 +246,7 @@ def test_update_with_a_huge_amplitude_gives_one_target_of_the_strong_class(stren
 @pytest.mark.parametrize(("strength", "strong_share"), [(10.0, 0.1), (250.0, 0.999)])
 def test_update_tells_the_class_by_the_amplitude(strength, strong_share):
     updated = update(scattered(), reports((strength, 20.0, 20.0, 20.0)), RADAR, MODES)
-    component = updated.explained.toarray()[:, 0]
+    component = updated.components.toarray()[:, 0]
     strong = component[MODES.class_of[updated.mode] == 0].sum() / component.sum()
     assert (strong < strong_share) if strong_share < 0.5 else (strong > strong_share)
 
@@ -273,15 +273,16 @@ def test_update_without_clutter_explains_a_detection_wholly():
 
 def test_update_of_nothing_is_nothing():
     updated = update(phd_filter.ParticlePHD.empty(5), reports(), RADAR, MODES)
-    assert (len(updated), updated.explained.shape) == (0, (0, 4))
+    assert (len(updated), updated.components.shape) == (0, (0, 4))
 
 
 def test_update_scan_applies_the_radars_in_order_and_skips_the_silent():
     phd = scattered()
     model = replace(MODEL, radars=RADARS)
     first, second = (reports(radar=radar) for radar in RADARS)
-    both, _ = update_scan(phd, Scan(1, (first, second)), model, 6.0)
-    one, _ = update_scan(phd, Scan(1, (None, second)), model, 6.0)
+    rng = np.random.default_rng(0)
+    both, _ = update_scan(phd, Scan(1, (first, second)), model, 6.0, 1, rng)
+    one, _ = update_scan(phd, Scan(1, (None, second)), model, 6.0, 1, rng)
     chained = update(update(phd, first, RADARS[0], MODES), second, RADARS[1], MODES)
     np.testing.assert_array_equal(both.weight, chained.weight)
     np.testing.assert_array_equal(one.weight, update(phd, second, RADARS[1], MODES).weight)
@@ -320,9 +321,9 @@ def test_resample_scales_every_component_by_the_new_over_the_old_weight():
     source = np.array([by_state[row.tobytes()] for row in kept.state])
     factor = kept.weight / phd.weight[source]
     assert np.ptp(factor) > 0.1
-    np.testing.assert_allclose(kept.unexplained, phd.unexplained[source] * factor, rtol=1e-10)
-    expected = phd.explained.toarray()[source] * factor[:, None]
-    np.testing.assert_allclose(kept.explained.toarray(), expected, rtol=1e-10)
+    np.testing.assert_allclose(kept.poisson, phd.poisson[source] * factor, rtol=1e-10)
+    expected = phd.components.toarray()[source] * factor[:, None]
+    np.testing.assert_allclose(kept.components.toarray(), expected, rtol=1e-10)
     for name in ("mode", "origin", "parent"):
         np.testing.assert_array_equal(getattr(kept, name), getattr(phd, name)[source])
 
@@ -357,10 +358,3 @@ def test_resample_is_unbiased_in_every_component():
 def test_resample_of_nothing_is_nothing():
     kept = resample(phd_filter.ParticlePHD.empty(5), MODES, CONFIG.budget, np.random.default_rng(0))
     assert len(kept) == 0
-
-
-def test_scale_rows_multiplies_each_row():
-    dense = np.array([[1.0, 0.0, 2.0], [0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
-    factor = np.array([2.0, 5.0, -1.0])
-    scaled = phd_filter.scale_rows(sparse.csr_array(dense), factor)
-    np.testing.assert_array_equal(scaled.toarray(), dense * factor[:, None])

@@ -97,7 +97,7 @@ def test_bernoulli_step_is_exact_for_a_component_that_alone_feeds_mu(survival, d
     for part in filtered[-2::-1]:
         kernel = survival[:, None] * motion  # K, transposed: [from, to]
         link = Transition(sparse.csr_array(kernel / (part @ kernel)), survival, 0)
-        phd = intensity(np.zeros((3, 5)), np.zeros(3), explained=part[:, None])
+        phd = intensity(np.zeros((3, 5)), np.zeros(3), components=part[:, None])
         smoothed.append(backward_step(phd, link, smoothed[-1], bernoulli_death_term).weight)
     expected = bernoulli_paths(prior, motion, survival, likelihoods)
     np.testing.assert_allclose(smoothed[::-1], expected, rtol=0.0, atol=1e-12)
@@ -113,7 +113,7 @@ LATER = np.array([0.1, 0.2, 0.05, 0.3, 0.15])
 
 
 def one_step(death_term, survival=SURVIVAL, later=LATER, parts=PARTS):
-    phd = intensity(np.zeros((4, 5)), FREE, explained=parts)
+    phd = intensity(np.zeros((4, 5)), FREE, components=parts)
     link = Transition(sparse.csr_array(RATIO), survival, 0)
     return phd, backward_step(phd, link, later, death_term)
 
@@ -127,21 +127,21 @@ def test_backward_step_with_the_paper_term_is_the_printed_equation():
 def test_backward_step_with_the_bernoulli_term_scales_each_component_death():
     _, smoothed = one_step(bernoulli_death_term)
     b = RATIO @ LATER
-    explained = np.zeros_like(PARTS)
+    components = np.zeros_like(PARTS)
     for j in range(2):
         alive = min(sum(PARTS[s, j] * b[s] for s in range(4)), 1.0)
         phi = (1.0 - alive) / (1.0 - sum(SURVIVAL[s] * PARTS[s, j] for s in range(4)))
         for s in range(4):
-            explained[s, j] = PARTS[s, j] * (b[s] + (1.0 - SURVIVAL[s]) * phi)
-    np.testing.assert_allclose(smoothed.explained.toarray(), explained, rtol=1e-13)
-    np.testing.assert_allclose(smoothed.unexplained, FREE * (b + 1.0 - SURVIVAL), rtol=1e-13)
+            components[s, j] = PARTS[s, j] * (b[s] + (1.0 - SURVIVAL[s]) * phi)
+    np.testing.assert_allclose(smoothed.components.toarray(), components, rtol=1e-13)
+    np.testing.assert_allclose(smoothed.poisson, FREE * (b + 1.0 - SURVIVAL), rtol=1e-13)
 
 
 @pytest.mark.parametrize("term", list(DEATH_TERMS.values()), ids=list(DEATH_TERMS))
 def test_backward_step_leaves_the_filtered_set_alone(term):
     phd, _ = one_step(term)
-    np.testing.assert_array_equal(phd.explained.toarray(), PARTS)
-    np.testing.assert_array_equal(phd.unexplained, FREE)
+    np.testing.assert_array_equal(phd.components.toarray(), PARTS)
+    np.testing.assert_array_equal(phd.poisson, FREE)
 
 
 @pytest.mark.parametrize("term", list(DEATH_TERMS.values()), ids=list(DEATH_TERMS))
@@ -154,22 +154,22 @@ def test_bernoulli_term_gives_a_vanished_component_its_existence_back():
     # Nothing lives at t + 1, but the component was certain: it must have died in between.
     certain = PARTS / PARTS.sum(axis=0)
     _, smoothed = one_step(bernoulli_death_term, later=np.zeros(5), parts=certain)
-    np.testing.assert_allclose(smoothed.explained.toarray().sum(axis=0), [1.0, 1.0], rtol=1e-12)
+    np.testing.assert_allclose(smoothed.components.toarray().sum(axis=0), [1.0, 1.0], rtol=1e-12)
 
 
 def test_bernoulli_term_adds_no_death_to_a_component_that_lives_on():
     _, smoothed = one_step(bernoulli_death_term, later=LATER * 100.0)
     phd, _ = one_step(bernoulli_death_term)
     b = RATIO @ (LATER * 100.0)
-    expected = phd.explained.toarray() * b[:, None]
-    np.testing.assert_allclose(smoothed.explained.toarray(), expected, rtol=1e-12)
+    expected = phd.components.toarray() * b[:, None]
+    np.testing.assert_allclose(smoothed.components.toarray(), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("excess", [1.0, 1.0 + 1e-9, 1.05])
 def test_bernoulli_term_is_finite_for_a_component_rounded_above_one(excess):
     parts = PARTS / PARTS.sum(axis=0) * excess
     for survival in (SURVIVAL, np.ones(4)):
-        phd = intensity(np.zeros((4, 5)), FREE, explained=parts)
+        phd = intensity(np.zeros((4, 5)), FREE, components=parts)
         factor = bernoulli_death_term(phd, survival, np.zeros(4))
         assert np.isfinite(factor).all()
         assert (factor >= 0.0).all()
@@ -178,11 +178,16 @@ def test_bernoulli_term_is_finite_for_a_component_rounded_above_one(excess):
 # --- Toy checks: one target that dies, one that lives ------------------------------------------
 
 
-def toy_masses(snr_db, seen, death_term):
+def toy_masses(snr_db, seen, death_term, corrector="poisson"):
     """Return filtered and smoothed masses of one target, detected or not scan by scan."""
     band = [snr_db - 0.01, snr_db + 0.01]
     model, budget = single_target_model(
-        {"target.snr_band_db": band, "particles_per_target": 400, "least_particles": 100}
+        {
+            "target.snr_band_db": band,
+            "particles_per_target": 400,
+            "least_particles": 100,
+            "corrector": corrector,
+        }
     )
     rng = np.random.default_rng(1)
     start = gaussian_cloud(rng, 1500, [8e3, 0.0, 6e3, 0.0, 0.0], [100.0, 3.0, 100.0, 3.0, 0.0])
@@ -222,6 +227,20 @@ def test_bernoulli_term_keeps_the_existence_before_a_death(p_d, bias):
 
 
 @pytest.mark.parametrize("p_d", [0.98, 0.88])
+def test_bernoulli_corrector_and_term_have_no_bias_before_a_death(p_d):
+    filtered, smoothed = toy_masses(SNR_OF_P_D[p_d], [1, 1, 1, 0, 0, 0], "bernoulli", "bernoulli")
+    np.testing.assert_allclose(filtered[:3], 1.0, atol=1e-6)
+    # Bayes' rule for the existence of a target that was certain and is missed.
+    alive = [1.0]
+    for _ in range(3):
+        predicted = 0.99 * alive[-1]
+        alive.append(predicted * (1.0 - p_d) / (1.0 - predicted * p_d))
+    np.testing.assert_allclose(filtered[3:], alive[1:], rtol=0.1, atol=1e-3)
+    np.testing.assert_allclose(smoothed[:3], 1.0, atol=1e-3)
+    assert all(np.diff(smoothed[2:]) < 0.0)
+
+
+@pytest.mark.parametrize("p_d", [0.98, 0.88])
 def test_paper_term_loses_the_existence_before_a_death(p_d):
     _, smoothed = toy_masses(SNR_OF_P_D[p_d], [1, 1, 1, 0, 0, 0], "paper")
     # One, two and three times 1 - P_s, and what the filter still holds at the end.
@@ -231,7 +250,7 @@ def test_paper_term_loses_the_existence_before_a_death(p_d):
 
 def test_bernoulli_term_does_not_grow_a_living_target_with_the_lag():
     filtered, smoothed = toy_masses(SNR_OF_P_D[0.98], [1] * 6, "bernoulli")
-    # Only the unexplained mass (1 - p_D = 0.02) takes 1 - P_s = 0.01 of itself a lag.
+    # Only the poisson mass (1 - p_D = 0.02) takes 1 - P_s = 0.01 of itself a lag.
     assert np.abs(np.array(smoothed) - filtered[-1]).max() < 5 * 0.02 * 0.01 * 1.2
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scenes import intensity, small
 
+from phd_jdtc_ros.core.correction import poisson
 from phd_jdtc_ros.core.filter import predict
 from phd_jdtc_ros.core.motion import OMEGA
 
@@ -11,9 +12,9 @@ CONFIG = small({"spawn.particles_per_target": 20_000})
 MODEL = replace(CONFIG.model, births=())
 
 
-def spawned_from(state, mode, dt=6.0):
+def spawned_from(state, mode, dt=6.0, model=MODEL):
     phd = intensity([state], [1.0], mode=np.array([mode]), origin=np.array([7]))
-    predicted = predict(phd, MODEL, CONFIG.budget, dt, 1, np.random.default_rng(0))
+    predicted = predict(phd, model, CONFIG.budget, dt, 1, np.random.default_rng(0))
     return phd, predicted, np.arange(len(predicted)) > 0  # the first row survives
 
 
@@ -45,11 +46,27 @@ def test_spawn_draws_class_and_mode_of_the_parent_row():
 
 
 @pytest.mark.parametrize("dt", [3.0, 6.0])
-def test_spawn_mass_follows_the_interval_and_inherits_the_origin(dt):
+def test_spawn_mass_follows_the_interval(dt):
     _, predicted, spawned = spawned_from([0.0, 10.0, 0.0, 0.0, 0.0], 0, dt)
     assert predicted.weight[spawned].sum() == pytest.approx(0.01 * dt / 6.0)
-    np.testing.assert_array_equal(predicted.origin, 7)
     np.testing.assert_array_equal(predicted.parent, 0)
+
+
+def test_spawn_inherits_the_origin_in_the_phd_filter():
+    model = replace(MODEL, corrector=poisson)
+    _, predicted, _ = spawned_from([0.0, 10.0, 0.0, 0.0, 0.0], 0, model=model)
+    np.testing.assert_array_equal(predicted.origin, 7)
+
+
+def test_spawn_founds_an_origin_a_parent_where_origins_are_targets():
+    phd = intensity(np.zeros((3, 5)), np.ones(3), origin=np.array([7, 9, 9]))
+    model = replace(MODEL, births=CONFIG.model.births)
+    predicted = predict(phd, model, CONFIG.budget, 6.0, 5, np.random.default_rng(0))
+    spawned = (predicted.parent >= 0) & (np.arange(len(predicted)) >= 3)
+    own = predicted.origin[spawned]
+    named = {(phd.origin[p], o) for p, o in zip(predicted.parent[spawned], own, strict=True)}
+    assert len(named) == 2
+    assert not set(own) & set(predicted.origin[~spawned])
 
 
 def test_spawn_arrays_are_read_only():

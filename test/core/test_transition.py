@@ -51,6 +51,9 @@ def dense_kernels(earlier, later, model, dt):
             )[0]
             for term in model.births
         )
+        if model.labelled:
+            kernel[q, earlier.origin != later.origin[q]] = 0.0
+            spawned, born = 0.0, 0.0
         mu[q] = born + (earlier.weight * (kernel[q] + spawned)).sum()
     return kernel, mu
 
@@ -63,7 +66,7 @@ def stored_run(model, budget, stamps_s, seed, start=None):
     intervals = np.diff(stamps_s, prepend=-4.0)
     for index, (scan, dt) in enumerate(zip(scans, intervals, strict=True)):
         phd = phd_filter.predict(stored[-1], model, budget, dt, index, rng)
-        phd, _ = phd_filter.update_scan(phd, scan, model, dt)
+        phd, _ = phd_filter.update_scan(phd, scan, model, dt, index, rng)
         stored.append(phd_filter.resample(phd, model.modes, budget, rng))
     return (stored[1:], intervals[1:]) if start is None else (stored, intervals)
 
@@ -78,7 +81,7 @@ def wide_cloud():
     return intensity(state, np.full(200, 0.005), mode=mode)
 
 
-@pytest.fixture(scope="module", params=["reference", "much-spawn", "wide-cloud"])
+@pytest.fixture(scope="module", params=["reference", "much-spawn", "wide-cloud", "labelled"])
 def run(request):
     given, start = {}, None
     if request.param == "much-spawn":
@@ -92,7 +95,8 @@ def run(request):
             "start_1.rates": [0.5, 0.5],
         }
         start = wide_cloud()
-    config = small({**SPARSE_BUDGET, **given})
+    corrector = "bernoulli" if request.param == "labelled" else "poisson"
+    config = small({**SPARSE_BUDGET, "corrector": corrector, **given})
     # Scans do not come at exactly the nominal interval, here 4, 6, 5 and 6.5 s.
     stamps_s = [0.0, 6.0, 11.0, 17.5]
     stored, intervals = stored_run(config.model, config.budget, stamps_s, seed=2, start=start)
@@ -121,7 +125,7 @@ def test_build_gives_the_dense_backward_sums(run):
         stored[:-1], stored[1:], links, dense, strict=True
     ):
         assert link.orphans == 0
-        expected = kernel.T @ (later.weight / mu)
+        expected = kernel.T @ (later.weight / np.where(mu > 0.0, mu, np.inf))
         found = link.ratio @ later.weight
         assert_weights_equal(earlier.weight * found, earlier.weight * expected)
 
@@ -132,8 +136,8 @@ def test_backward_steps_equal_the_dense_equations(run, name):
     found = expected = stored[-1].weight
     for earlier, link, (kernel, mu) in zip(stored[-2::-1], links[::-1], dense[::-1], strict=True):
         # Both from the same later weights, so that a step's error is its own.
-        backward = kernel.T @ (found / mu)
-        parts = earlier.explained.toarray()
+        backward = kernel.T @ (found / np.where(mu > 0.0, mu, np.inf))
+        parts = earlier.components.toarray()
         death = 1.0 - link.survival
         if name == "paper":
             factor = np.ones(parts.shape[1])
@@ -141,7 +145,7 @@ def test_backward_steps_equal_the_dense_equations(run, name):
             alive = np.minimum(parts.T @ backward, 1.0)
             mass = np.maximum(parts.sum(axis=0), 1.0)
             factor = (1.0 - alive) / (1.0 - parts.T @ link.survival / mass)
-        expected = earlier.unexplained * (backward + death)
+        expected = earlier.poisson * (backward + death)
         expected = expected + (parts * (backward[:, None] + np.outer(death, factor))).sum(axis=1)
         smoothed = backward_step(earlier, link, found, DEATH_TERMS[name])
         assert_weights_equal(smoothed.weight, expected)
@@ -153,7 +157,7 @@ def test_build_ratio_times_mu_is_the_kernel(run):
     # What lies beyond the gate at seven sigma is less.
     _, stored, _, links, dense = run
     for earlier, link, (kernel, mu) in zip(stored[:-1], links, dense, strict=True):
-        expected = kernel * earlier.weight / mu[:, None]
+        expected = kernel * earlier.weight / np.where(mu > 0.0, mu, np.inf)[:, None]
         found = link.ratio.toarray().T * earlier.weight
         matter = expected > 1e-6
         np.testing.assert_allclose(found[matter], expected[matter], rtol=1e-4)
@@ -177,7 +181,7 @@ def test_build_survival_is_that_of_the_true_interval(run):
 
 def test_build_spawn_stands_in_mu_and_not_in_the_numerator():
     # A slow particle of the other class: only a spawn explains it.
-    model = replace(small({"spawn.rate": 0.5}).model, births=())
+    model = replace(small({"spawn.rate": 0.5, "corrector": "poisson"}).model, births=())
     earlier = intensity([[0.0, 0.0, 0.0, 0.0, 0.0]], [1.0], mode=np.array([0]))
     later = replace(earlier, mode=np.array([2]), parent=np.array([0]))
     link = transition.build(earlier, later, model, 6.0)

@@ -58,9 +58,9 @@ def test_detections_are_read_only():
 
 
 def test_particle_phd_weight_adds_unexplained_and_explained():
-    phd = intensity(np.zeros((2, 5)), [0.1, 0.2], explained=[[0.5, 0.0], [0.25, 1.0]])
+    phd = intensity(np.zeros((2, 5)), [0.1, 0.2], components=[[0.5, 0.0], [0.25, 1.0]])
     np.testing.assert_allclose(phd.weight, [0.6, 1.45])
-    for name in ("state", "mode", "unexplained", "weight"):
+    for name in ("state", "mode", "poisson", "weight"):
         with pytest.raises(ValueError, match="read-only"):
             getattr(phd, name)[0] = 0
 
@@ -80,7 +80,7 @@ def test_particle_phd_effective_sample_size_counts_copies(weight, multiplicity, 
 
 def test_particle_phd_empty_has_no_mass():
     empty = ParticlePHD.empty(5)
-    assert (len(empty), empty.state.shape, empty.explained.shape) == (0, (0, 5), (0, 0))
+    assert (len(empty), empty.state.shape, empty.components.shape) == (0, (0, 5), (0, 0))
     assert empty.weight.shape == (0,)
     assert empty.effective_sample_size == 0.0
 

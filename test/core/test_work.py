@@ -15,7 +15,7 @@ SPACING = 2500.0
 
 def tracked(targets, per_target):
     """Return a model and two stored sets of well-tracked targets, an interval of 6 s apart."""
-    model = small().model
+    model = small({"corrector": "poisson"}).model  # with spawned targets in mu
     rng = np.random.default_rng(targets)
     mode = np.repeat(np.arange(targets) % 4, per_target)
     # In a square, so that a search over one coordinate only would find rows of strangers.

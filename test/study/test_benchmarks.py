@@ -90,7 +90,7 @@ def test_copies_stand_for_the_same_intensity(window):
 
     assert len(copies) == phd.multiplicity.sum() > len(phd)
     assert_allclose(of_rows(copies, phd), phd.weight)
-    assert_allclose(copies.explained.sum(axis=0), phd.explained.sum(axis=0))
+    assert_allclose(copies.components.sum(axis=0), phd.components.sum(axis=0))
 
 
 def test_recursion_finds_what_the_engine_finds():

@@ -27,6 +27,7 @@ def test_profile_runs_a_few_scans(profile):
 def test_paper_literal_has_what_the_paper_prints():
     values = resolve(params_file.load(CONFIG / "paper_literal.yaml")).values
 
+    assert values["corrector"] == "poisson"
     assert values["death_term"] == "paper"
     assert values["extraction"] == "clusters"
     assert values["ct.turn_noise_density"] == 0.1
