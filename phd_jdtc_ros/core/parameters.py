@@ -196,7 +196,7 @@ TOP = (
     Parameter("detection_births.velocity_std", 40.0, "m/s.", SMALL),
     Parameter("detection_births.turn_rate_std", 1e-3, "rad/s.", SMALL),
     Parameter(
-        "detection_births.particles", 256, "Particles a detection; a power of two.", 2, 2**16
+        "detection_births.particles", 1024, "Particles a detection; a power of two.", 2, 2**16
     ),
     Parameter("spawn.rate", 0.01, "Expected spawned targets a target and interval.", 0.0, 1.0),
     Parameter("spawn.position_std", 10.0, "Of a spawned position about its parent, m.", SMALL),

@@ -111,10 +111,8 @@ def build(
     number = np.zeros(len(later), dtype=np.int64)
     mu = np.zeros(len(later)) if model.labelled else _appearing(later, model, dt, found)
     every = np.arange(len(later))
-    for row, column, value in _gated_density(moved, modes, earlier, later, every, GATE_SIGMA):
-        if model.labelled:  # a particle's past is in its own origin
-            own = np.flatnonzero(later.origin.take(row) == earlier.origin.take(column))
-            row, column, value = row.take(own), column.take(own), value.take(own)
+    pairs = _gated_density(moved, modes, earlier, later, every, GATE_SIGMA)
+    for row, column, value in _of_one_origin(pairs, earlier, later) if model.labelled else pairs:
         _add_by_row(mu, row, value * earlier.weight.take(column))
         _add_by_row(number, row, None)
         values.append(value)
@@ -223,6 +221,15 @@ def _mass_about(state: FloatArray, kernel: _Kernel, reach: FloatArray) -> FloatA
         own = np.floor((state[:, axis] - low) / reach[axis]).clip(-1, bins).astype(np.int64) + 2
         bound = np.minimum(bound, (mass[:-2] + mass[1:-1] + mass[2:])[own - 1])
     return bound
+
+
+def _of_one_origin(
+    pairs: Iterator[tuple[IntArray, IntArray, FloatArray]], earlier: ParticlePHD, later: ParticlePHD
+) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
+    """Yield those pairs whose rows are of one target."""
+    for row, column, value in pairs:
+        own = np.flatnonzero(later.origin.take(row) == earlier.origin.take(column))
+        yield row.take(own), column.take(own), value.take(own)
 
 
 def _add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray | None) -> None:
