@@ -51,7 +51,7 @@ def summary_of(results):
 
 
 def names(pictures):
-    return {picture.path.stem for picture in pictures}
+    return {picture.stem for picture in pictures}
 
 
 @pytest.mark.parametrize("options", [{}, {"runs": 1}, {"scans": 1}])
@@ -60,10 +60,10 @@ def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, options):
 
     assert names(pictures) == {"ospa_against_lag"} | OVER_TIME
     for picture in pictures:
-        data = picture.path.read_bytes()
+        data = picture.read_bytes()
         assert data[:8] == b"\x89PNG\r\n\x1a\n"
         assert struct.unpack(">II", data[16:24])[0] == 1200
-        assert picture.path.parent.name == "quiet"
+        assert picture.parent.name == "quiet"
 
 
 def test_write_all_has_a_directory_for_each_case(tmp_path):
