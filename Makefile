@@ -9,12 +9,12 @@ ifdef ROS_DISTRO
 VENV_FLAGS := --system-site-packages
 PIP_FLAGS  := -c constraints-ros.txt
 EXTRAS     :=
-TEST_EXTRAS := [test,study,peers,docs,dev]
+TEST_EXTRAS := [fast,test,study,peers,docs,dev]
 else
 VENV_FLAGS :=
 PIP_FLAGS  := -c constraints.txt
 EXTRAS     := [ros]
-TEST_EXTRAS := [ros,test,study,peers,docs,dev]
+TEST_EXTRAS := [ros,fast,test,study,peers,docs,dev]
 endif
 
 .PHONY: help setup demo study bench docs test check format bags parameters clean

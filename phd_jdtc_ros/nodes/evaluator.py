@@ -28,7 +28,7 @@ from phd_jdtc_ros.core.evaluation import (
 from phd_jdtc_ros.core.motion import POSITION
 from phd_jdtc_ros.core.parameters import SMALL, Parameter
 from phd_jdtc_ros.exits import OK
-from phd_jdtc_ros.study.table import metrics, ospa_table
+from phd_jdtc_ros.study.table import metrics, score_tables
 
 from . import parameters, runtime
 from .recorder import Recorder
@@ -116,7 +116,7 @@ class Evaluator(Node):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(json.dumps(summary, indent=2) + "\n")
         if summary["scans"]:
-            Console().print(ospa_table(summary))
+            Console().print(score_tables(summary))
 
     def _on_truth(self, cloud: PointCloud2) -> None:
         try:

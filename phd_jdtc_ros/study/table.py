@@ -53,7 +53,7 @@ def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:
     return summary
 
 
-def ospa_table(summary: dict[str, Any]) -> Group:
+def score_tables(summary: dict[str, Any]) -> Group:
     """Return the figures of filter and smoother, for all targets and for each class, as tables.
 
     Parameters

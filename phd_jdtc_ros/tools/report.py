@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.evaluation import Evaluation
 from phd_jdtc_ros.exits import FAILED, OK
 from phd_jdtc_ros.study import figures, load
 from phd_jdtc_ros.study.record import Record
-from phd_jdtc_ros.study.table import metrics, ospa_table
+from phd_jdtc_ros.study.table import metrics, score_tables
 
 from . import command
 
@@ -44,7 +44,7 @@ def write(
     figures.write_all(run, evaluation, out)
     console = Console()
     if summary["scans"]:
-        console.print(ospa_table(summary))
+        console.print(score_tables(summary))
     page = out / "report.html"
     if not _write_page(page, title, summary, run, evaluation):
         print("report: no page without plotly; to have it: pip install plotly", file=sys.stderr)

@@ -24,7 +24,7 @@ from phd_jdtc_ros.core.scans import Rejection, Reset, Scan, ScanGrouper
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.exits import OK, fail
 from phd_jdtc_ros.study import load
-from phd_jdtc_ros.study.table import ospa_table
+from phd_jdtc_ros.study.table import score_tables
 
 from . import command
 
@@ -138,7 +138,7 @@ def main(argv: Sequence[str]) -> int:
         run = load.record(arguments.out, config)
         if run.truth:
             summary = run.evaluate(command.CUTOFF, command.ORDER).summary()
-            Console().print(ospa_table(summary))
+            Console().print(score_tables(summary))
         return status
 
     return command.guarded("track_bag", work)

@@ -5,7 +5,7 @@ import pytest
 from rich.console import Console
 
 from phd_jdtc_ros.core.evaluation import Evaluation, PointSet
-from phd_jdtc_ros.study.table import metrics, ospa_table
+from phd_jdtc_ros.study.table import metrics, score_tables
 
 
 def points(rows, classes):
@@ -27,7 +27,7 @@ def evaluation():
 def printed(summary, width=80):
     """Return the lines of the tables as printed."""
     stream = io.StringIO()
-    Console(file=stream, width=width).print(ospa_table(summary))
+    Console(file=stream, width=width).print(score_tables(summary))
     return stream.getvalue().splitlines()
 
 
@@ -89,7 +89,7 @@ def test_metrics_without_step_times_have_none(evaluation):
     assert "step_ms" not in metrics(evaluation, np.zeros(0))
 
 
-def test_ospa_table_shows_both_sources_and_the_reduction_of_every_set(evaluation):
+def test_score_tables_shows_both_sources_and_the_reduction_of_every_set(evaluation):
     (_, rows, _), *_ = tables(metrics(evaluation, np.zeros(0)))
     nothing = ["0.0 m", "0.0 m", "0.0 m", "0.000"]
     assert rows == [
@@ -105,7 +105,7 @@ def test_ospa_table_shows_both_sources_and_the_reduction_of_every_set(evaluation
     ]
 
 
-def test_ospa_table_shows_gospa_and_its_parts(evaluation):
+def test_score_tables_shows_gospa_and_its_parts(evaluation):
     evaluation.add_truth(3, points([[0, 0]], [1]))
     evaluation.add_estimates("smoothed", 3, points([[0, 0], [9000, 0]], [1, 1]))
     _, (title, rows, _), *_ = tables(metrics(evaluation, np.zeros(0)))
@@ -121,7 +121,7 @@ def test_ospa_table_shows_gospa_and_its_parts(evaluation):
     ]
 
 
-def test_ospa_table_shows_the_surveillance_figures():
+def test_score_tables_shows_the_surveillance_figures():
     truth = [points([[0, 0]], [0]), points([[5000, 0]], [1])]
     found = Evaluation(classes=2, cutoff=1000.0, order=2.0)
     for stamp, target in enumerate(truth):
@@ -143,14 +143,14 @@ def test_ospa_table_shows_the_surveillance_figures():
     ]
 
 
-def test_ospa_table_shows_ospa2_where_there_is_one(evaluation):
+def test_score_tables_shows_ospa2_where_there_is_one(evaluation):
     summary = metrics(evaluation, np.zeros(0))
     summary["smoothed"]["all"]["ospa2"] = 12.34
     _, _, (_, _, caption), _ = tables(summary)
     assert caption[1] == "OSPA(2) over 10 scans: filter -, smoother 12.3 m"
 
 
-def test_ospa_table_shows_what_the_smoother_took_targets_for(evaluation):
+def test_score_tables_shows_what_the_smoother_took_targets_for(evaluation):
     evaluation.add_truth(3, points([[0, 0], [5000, 0]], [0, 1]))
     evaluation.add_estimates("smoothed", 3, points([[0, 0], [9000, 0]], [1, 0]))
     *_, (title, rows, _) = tables(metrics(evaluation, np.zeros(0)))
@@ -162,7 +162,7 @@ def test_ospa_table_shows_what_the_smoother_took_targets_for(evaluation):
     ]
 
 
-def test_ospa_table_fits_80_columns():
+def test_score_tables_fits_80_columns():
     """With figures as large as they get."""
     found = Evaluation(classes=3, cutoff=1000.0, order=2.0)
     rng = np.random.default_rng(0)
@@ -177,18 +177,18 @@ def test_ospa_table_fits_80_columns():
     assert "…" not in text
 
 
-def test_ospa_table_says_what_it_is_of(evaluation):
+def test_score_tables_says_what_it_is_of(evaluation):
     (title, _, caption), *_ = tables(metrics(evaluation, np.array([1.25, 1.25])))
     assert title == "means over 2 scans (OSPA: p = 2, c = 1000 m)"
     assert caption == ["right class: 100.0%; CPU a scan: median 1.2 ms, p99 1.2 ms"]
 
 
-def test_ospa_table_leaves_out_what_was_not_measured(evaluation):
+def test_score_tables_leaves_out_what_was_not_measured(evaluation):
     (_, _, caption), *_ = tables(metrics(evaluation, np.zeros(0)))
     assert caption == ["right class: 100.0%"]
 
 
-def test_ospa_table_of_nothing_shows_dashes():
+def test_score_tables_of_nothing_shows_dashes():
     empty = Evaluation(classes=1, cutoff=500.0, order=1.0)
     (title, rows, _), (_, parts, _), (_, more, _) = tables(metrics(empty, np.zeros(0)))
     assert title == "means over 0 scans (OSPA: p = 1, c = 500 m)"
@@ -197,7 +197,7 @@ def test_ospa_table_of_nothing_shows_dashes():
     assert [row[2:] for row in more] == [["-"] * 5] * 4
 
 
-def test_ospa_table_shows_a_loss_as_negative(evaluation):
+def test_score_tables_shows_a_loss_as_negative(evaluation):
     summary = metrics(evaluation, np.zeros(0))
     summary["filtered"], summary["smoothed"] = summary["smoothed"], summary["filtered"]
     (_, rows, _), *_ = tables(summary)
