@@ -6,8 +6,9 @@ and the random generator.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from . import transition
 from .extraction import Extraction
 from .filter import ParticleBudget, TrackerModel
 from .smoother import DeathTerm, backward_pass
+from .snapshot import Snapshot
 from .transition import Transition
 from .types import Estimates, FloatArray, IntArray, ParticlePHD, Scan
 
@@ -157,6 +159,25 @@ class ForwardFilter:
         self._scan_index += 1
         return Filtered(updated, stored, link)
 
+    def put(self, snapshot: Snapshot) -> None:
+        """Store what the filter holds."""
+        snapshot.facts["filter"] = {
+            "stamp_ns": None if self._latest is None else self._latest[0],
+            "scan_index": self._scan_index,
+            "rng": self._rng.bit_generator.state,
+        }
+        if self._latest is not None:
+            snapshot.put_particles("latest", self._latest[1])
+
+    def take(self, snapshot: Snapshot) -> None:
+        """Go on from what was stored."""
+        facts = snapshot.facts["filter"]
+        latest = None
+        if facts["stamp_ns"] is not None:
+            latest = (int(facts["stamp_ns"]), snapshot.particles("latest"))
+        self._rng.bit_generator.state = facts["rng"]
+        self._latest, self._scan_index = latest, int(facts["scan_index"])
+
     def _earlier(self, stamp_ns: int) -> tuple[ParticlePHD, float]:
         """Return the stored set of the scan before and the interval since, in seconds."""
         if self._latest is None:
@@ -170,9 +191,9 @@ class ForwardFilter:
 class TrackNumbers:
     """Numbers tracks from 1 in the order of their first report; keeps the numbers in use."""
 
-    def __init__(self) -> None:
-        self._number: dict[int, int] = {}
-        self._count = 0
+    def __init__(self, number: dict[int, int] | None = None, count: int = 0) -> None:
+        self._number = number or {}
+        self._count = count
 
     def numbered(self, estimates: Estimates) -> Estimates:
         """Return the estimates with numbers for labels; 0 stays 0."""
@@ -184,6 +205,11 @@ class TrackNumbers:
             self._count += 1
             self._number[label] = self._count
         return self._number[label]
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What is known, for a snapshot: the arguments of a new one."""
+        return {"number": [list(pair) for pair in self._number.items()], "count": self._count}
 
     def forget_all_but(self, labels: list[IntArray]) -> None:
         """Drop the numbers of targets that can no longer be reported."""
@@ -262,6 +288,54 @@ class FixedLagSmoother:
             rest.append(self._smooth_oldest())
         self.reset()
         return tuple(rest)
+
+    def snapshot(self) -> Snapshot:
+        """Return all that the tracker holds; it shares its arrays, which nobody changes."""
+        snapshot = Snapshot()
+        self.forward.put(snapshot)
+        snapshot.facts["smoother"] = {
+            "stamps_ns": list(self._stamps),
+            "tracks": self._tracks.facts,
+            "rng": self._rng.bit_generator.state,
+        }
+        for index, phd in enumerate(self._stored):
+            snapshot.put_particles(f"stored.{index}", phd)
+        for index, link in enumerate(self._links):
+            snapshot.put_link(f"link.{index}", link)
+        return snapshot
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot as if the tracker had never stopped.
+
+        Parameters
+        ----------
+        snapshot : Snapshot
+            Of a tracker with the same configuration.
+
+        Raises
+        ------
+        ValueError
+            If it is not one of a tracker; the tracker is reset then.
+        """
+        self.reset()
+        try:
+            self._take(snapshot)
+        except (KeyError, TypeError, ValueError) as error:
+            self.reset()
+            raise ValueError(f"snapshot: {error}") from error
+
+    def _take(self, snapshot: Snapshot) -> None:
+        facts = snapshot.facts["smoother"]
+        stored = [snapshot.particles(f"stored.{k}") for k in range(len(facts["stamps_ns"]))]
+        links = [
+            snapshot.link(f"link.{k}", earlier, later)
+            for k, (earlier, later) in enumerate(itertools.pairwise(stored))
+        ]
+        tracks = facts["tracks"]
+        self.forward.take(snapshot)
+        self._rng.bit_generator.state = facts["rng"]
+        self._tracks = TrackNumbers({int(k): int(n) for k, n in tracks["number"]}, tracks["count"])
+        self._stamps, self._stored, self._links = list(facts["stamps_ns"]), stored, links
 
     def _smooth_oldest(self) -> Estimates:
         """Smooth the oldest stored set with all that follow, and drop it from the window."""

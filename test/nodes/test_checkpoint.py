@@ -1,0 +1,93 @@
+import os
+import pickle
+import stat
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.snapshot import Snapshot
+from phd_jdtc_ros.nodes import checkpoint
+from phd_jdtc_ros.nodes.checkpoint import MAGIC, CheckpointError
+
+CONFIGURATION = {"lag": 5, "radars": ["north", "south"], "seed": 0}
+
+
+def snapshot():
+    arrays = {"a.state": np.arange(10.0).reshape(2, 5), "a.mode": np.array([1, 2])}
+    return Snapshot(arrays, {"filter": {"stamp_ns": 42}, "big": 1 << 127})
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "tracker.ckpt"
+    checkpoint.write(path, snapshot(), CONFIGURATION)
+    return path
+
+
+def test_checkpoint_comes_back_as_it_was(path):
+    found = checkpoint.read(path, CONFIGURATION)
+    assert found.facts == snapshot().facts
+    assert found.arrays.keys() == snapshot().arrays.keys()
+    for name, array in snapshot().arrays.items():
+        np.testing.assert_array_equal(found.arrays[name], array)
+        assert found.arrays[name].dtype == array.dtype
+    assert checkpoint.latest_stamp_ns(found) == 42
+
+
+def test_every_flipped_byte_and_every_truncation_is_refused(path):
+    whole = path.read_bytes()
+    places = np.linspace(0, len(whole) - 1, 200).astype(int)
+    for place in places:
+        for damaged in (
+            whole[:place],
+            whole[:place] + bytes([whole[place] ^ 0x40]) + whole[place + 1 :],
+        ):
+            path.write_bytes(damaged)
+            with pytest.raises(CheckpointError, match=r"tracker\.ckpt"):
+                checkpoint.read(path, CONFIGURATION)
+
+
+def test_another_configuration_is_refused_by_name(path):
+    with pytest.raises(CheckpointError, match="another lag, seed"):
+        checkpoint.read(path, {**CONFIGURATION, "lag": 4, "seed": 1})
+
+
+def test_no_checkpoint_is_said_so(tmp_path):
+    with pytest.raises(CheckpointError, match="No such file"):
+        checkpoint.read(tmp_path / "none", CONFIGURATION)
+
+
+def test_code_in_a_checkpoint_is_not_executed(tmp_path):
+    ran = tmp_path / "ran"
+
+    class Hostile:
+        def __reduce__(self):
+            return os.mkdir, (str(ran),)
+
+    body = pickle.dumps(Hostile())
+    path = tmp_path / "hostile"
+    path.write_bytes(MAGIC + checkpoint.hashlib.sha256(body).digest() + body)
+    with pytest.raises(CheckpointError):
+        checkpoint.read(path, CONFIGURATION)
+    assert not ran.exists()
+
+
+def test_a_failed_write_leaves_the_one_before_and_no_rest(path, monkeypatch):
+    before = path.read_bytes()
+
+    def full(_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(checkpoint.os, "fsync", full)
+    with pytest.raises(OSError, match="No space left"):
+        checkpoint.write(path, snapshot(), {"other": 1})
+    assert path.read_bytes() == before
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_an_unwritable_directory_is_an_error_of_the_system(tmp_path):
+    if os.geteuid() == 0:
+        pytest.skip("root may write anywhere")
+    tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
+    with pytest.raises(OSError, match="Permission denied"):
+        checkpoint.write(tmp_path / "x", snapshot(), CONFIGURATION)
