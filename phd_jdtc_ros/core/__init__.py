@@ -7,7 +7,7 @@ A scan's way through the core, with the module of each step::
     Scan
       |  predict: survive, spawn, be born      filter, motion, modes, spawn, birth
       |  update, radar by radar                filter, radar, amplitude, signature
-      |    one target an origin                correction, association
+      |    one target an origin                correction, association, matching
       |    targets found by detections         detection_birth
     ParticlePHD, split into components         types
       |------------- targets ---------------> extraction -> Estimates (filtered)

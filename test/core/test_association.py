@@ -3,6 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.core import association
 from phd_jdtc_ros.core.association import marginals
 
 
@@ -49,14 +50,49 @@ def test_marginals_are_exact_where_the_graph_is_a_tree(seed):
     np.testing.assert_allclose(none, exact_none, atol=1e-6)
 
 
+@pytest.mark.parametrize("scale", [1.0, 1e4])
 @pytest.mark.parametrize("seed", range(5))
-def test_marginals_are_close_where_the_graph_has_loops(seed):
+def test_marginals_are_exact_in_small_clusters_with_loops(seed, scale):
+    rng = np.random.default_rng(seed)
+    odds = scale * rng.exponential(2.0, (4, 4))
+    odds[rng.random((4, 4)) < 0.2] = 0.0
+    clutter = rng.uniform(0.1, 2.0, 4)
+    edge, none = propagated(odds, clutter)
+    exact_edge, exact_none = enumerated(odds, clutter)
+    np.testing.assert_allclose(edge, exact_edge, atol=1e-9)
+    np.testing.assert_allclose(none, exact_none, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_marginals_are_close_in_large_clusters_with_loops(seed, monkeypatch):
+    monkeypatch.setattr(association, "EXACT_DETECTIONS", 0)
     rng = np.random.default_rng(seed)
     odds = rng.exponential(2.0, (3, 4))
     edge, none = propagated(odds, np.ones(4))
     exact_edge, exact_none = enumerated(odds, np.ones(4))
     assert np.abs(edge - exact_edge).max() < 0.03
     assert np.abs(none - exact_none).max() < 0.03
+
+
+def test_marginals_of_two_loud_targets_are_not_taken_for_certain(monkeypatch):
+    # Without clutter or a miss there are two matchings, one twice as likely as the other.
+    odds = 1e7 * np.array([[2.0, 1.0], [1.0, 1.0]])
+    edge, _ = propagated(odds, np.full(2, 1e-9))
+    np.testing.assert_allclose(edge, [[2 / 3, 1 / 3], [1 / 3, 2 / 3]], rtol=1e-6)
+    monkeypatch.setattr(association, "EXACT_DETECTIONS", 0)
+    assert propagated(odds, np.full(2, 1e-9))[0].max() > 0.99
+
+
+def test_marginals_of_one_cluster_do_not_depend_on_another():
+    rng = np.random.default_rng(9)
+    odds = np.zeros((5, 5))
+    odds[:3, :3], odds[3:, 3:] = rng.exponential(3.0, (3, 3)), rng.exponential(3.0, (2, 2))
+    both, none = propagated(odds, np.ones(5))
+    first, none_first = propagated(odds[:3, :3], np.ones(3))
+    second, none_second = propagated(odds[3:, 3:], np.ones(2))
+    np.testing.assert_allclose(both[:3, :3], first, rtol=1e-12)
+    np.testing.assert_allclose(both[3:, 3:], second, rtol=1e-12)
+    np.testing.assert_allclose(none, np.concatenate([none_first, none_second]), rtol=1e-12)
 
 
 def test_marginals_of_a_detection_that_two_targets_want_alike_are_even():
