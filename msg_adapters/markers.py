@@ -53,9 +53,14 @@ def to_msg(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> Ma
         label = _marker(*base, f"{name}/label", Marker.TEXT_VIEW_FACING)
         label.scale = Vector3(x=0.0, y=0.0, z=LABEL_HEIGHT)
         label.pose.position = _point(state[X], state[Y] + 2.0 * LABEL_HEIGHT)
-        label.text = f"{name} {share:.0%}"
+        label.text = label_text(int(estimates.track_id[index]), name, share)
         array.markers += [ellipse, velocity, label]
     return array
+
+
+def label_text(track_id: int, class_name: str, share: float) -> str:
+    """Return what stands beside a target: its track, its class, and how sure that is."""
+    return f"{track_id} {class_name} {share:.0%}" if track_id else f"{class_name} {share:.0%}"
 
 
 def _marker(

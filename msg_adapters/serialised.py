@@ -21,6 +21,7 @@ from .markers import (
     LABEL_HEIGHT,
     LINE_WIDTH,
     VELOCITY_SECONDS,
+    label_text,
 )
 from .palette import class_rgb
 
@@ -52,7 +53,10 @@ def marker_array(estimates: Estimates, frame: str, class_names: tuple[str, ...])
     _put(head, estimates.stamp_ns, frame, "", Marker.ARROW, Marker.DELETEALL, points=0)
     class_id = estimates.class_id.tolist()
     share = estimates.class_probability[np.arange(len(estimates)), class_id].tolist()
-    labels = [f"{class_names[k]} {s:.0%}".encode() for k, s in zip(class_id, share, strict=True)]
+    labels = [
+        label_text(track, class_names[k], s).encode()
+        for track, k, s in zip(estimates.track_id.tolist(), class_id, share, strict=True)
+    ]
     rows: dict[cdr.Record, list[int]] = {}
     end = len(head.data)
     for index, of_class in enumerate(class_id):

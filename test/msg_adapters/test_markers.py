@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -104,13 +106,17 @@ def test_velocities_point_where_the_targets_will_be():
         assert_allclose(np.subtract(ahead, here), VELOCITY_SECONDS * state[[1, 3]])
 
 
-def test_labels_name_the_class_and_its_probability():
-    given = estimates()
+@pytest.mark.parametrize(
+    ("tracks", "numbers"), [([0, 0, 0], ["", "", ""]), ([7, 0, 12], ["7 ", "", "12 "])]
+)
+def test_labels_name_the_track_the_class_and_its_probability(tracks, numbers):
+    given = replace(estimates(count=3), track_id=np.array(tracks))
     expected = [
-        f"{NAMES[k]} {share[k]:.0%}"
-        for k, share in zip(given.class_id, given.class_probability, strict=True)
+        f"{number}{NAMES[k]} {share[k]:.0%}"
+        for number, k, share in zip(numbers, given.class_id, given.class_probability, strict=True)
     ]
-    assert [marker.text for marker in of_kind("label")] == expected
+    found = [m.text for m in made(given, NAMES) if m.type == Marker.TEXT_VIEW_FACING]
+    assert found == expected
 
 
 @pytest.mark.parametrize("classes", [2, 7])
