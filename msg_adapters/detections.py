@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ from .errors import RejectedMessageError
 
 # 120 dB above the noise; no receiver reports more.
 MAX_AMPLITUDE = 1e6
+# Drivers send levels as whole decibels too.
+NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 
 
 @dataclass(frozen=True)
@@ -63,14 +66,18 @@ def to_msg(detections: Detections, stamp_ns: int, frame: str) -> PointCloud2:
     )
 
 
-def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
+def from_msg(cloud: PointCloud2, radar: RadarInput, elevation_field: str = "") -> Report:
     """Return the detections of a cloud, whatever its driver calls the fields.
 
     Parameters
     ----------
     cloud : PointCloud2
+        Range and azimuth (and elevation) are floats; the amplitude may be a whole number.
     radar : RadarInput
         Field names, units and conventions.
+    elevation_field : str
+        Where the ranges are slant ranges, the field that turns them into ranges over ground; empty
+        if they are over ground already.
 
     Raises
     ------
@@ -78,29 +85,74 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
         ``frame`` if the cloud is in another frame than the radar's, and see
         `point_cloud.decode`.
     """
-    if cloud.header.frame_id != radar.frame:
-        raise RejectedMessageError(
-            "frame", f"frame_id {cloud.header.frame_id!r}, must be {radar.frame!r}"
-        )
-    wanted = [radar.range_field, radar.azimuth_field]
+    require_frame(cloud.header.frame_id, radar)
+    wanted: dict[str, Sequence[str]] = dict.fromkeys(
+        (radar.range_field, radar.azimuth_field), point_cloud.FLOATS
+    )
+    if elevation_field:
+        wanted[elevation_field] = point_cloud.FLOATS
     has_amplitude = bool(radar.amplitude_field) and (
         radar.amplitude_field in point_cloud.field_names(cloud)
     )
     if has_amplitude:
-        wanted.append(radar.amplitude_field)
-    columns = point_cloud.decode(cloud, dict.fromkeys(wanted, point_cloud.FLOATS))
-    distance = columns[radar.range_field].astype(np.float64)
-    azimuth = columns[radar.azimuth_field].astype(np.float64)
+        wanted[radar.amplitude_field] = NUMBERS
+    columns = {
+        name: column.astype(np.float64)
+        for name, column in point_cloud.decode(cloud, wanted).items()
+    }
+    return select(
+        stamps.to_ns(cloud.header.stamp),
+        radar,
+        distance=columns[radar.range_field],
+        azimuth=columns[radar.azimuth_field],
+        elevation=columns.get(elevation_field),
+        level=columns[radar.amplitude_field] if has_amplitude else None,
+    )
+
+
+def require_frame(frame: str, radar: RadarInput) -> None:
+    """Raise `RejectedMessageError` if a message is in another frame than its radar's."""
+    if frame != radar.frame:
+        raise RejectedMessageError("frame", f"frame_id {frame!r}, must be {radar.frame!r}")
+
+
+def select(
+    stamp_ns: int,
+    radar: RadarInput,
+    *,
+    distance: FloatArray,
+    azimuth: FloatArray,
+    elevation: FloatArray | None,
+    level: FloatArray | None,
+) -> Report:
+    """Return the detections among points, in the core's units, and count the others.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    radar : RadarInput
+        Units and conventions, and how far it sees.
+    distance : ndarray of shape (M,)
+        Metres; slant ranges where there are elevations.
+    azimuth : ndarray of shape (M,)
+        Radians.
+    elevation : ndarray of shape (M,) or None
+        Radians above the sensor's plane.
+    level : ndarray of shape (M,) or None
+        Amplitudes as the radar reports them.
+    """
     if radar.compass:
         azimuth = np.pi / 2.0 - azimuth
-    amplitude = raw = np.zeros(len(distance))
-    if has_amplitude:
-        raw = columns[radar.amplitude_field].astype(np.float64)
-        amplitude = _linear_amplitude(raw, radar)
+    angle = np.zeros(len(distance)) if elevation is None else elevation
+    raw = np.zeros(len(distance)) if level is None else level
+    amplitude = raw if level is None else _linear_amplitude(raw, radar)
 
     # An infinite level is no number either, though -inf dB would be an envelope of zero.
-    finite = np.isfinite(distance) & np.isfinite(azimuth) & ~np.isnan(raw) & (raw != -np.inf)
-    in_range = (distance >= 0.0) & (distance <= radar.max_range)
+    finite = np.isfinite(distance) & np.isfinite(azimuth) & np.isfinite(angle)
+    finite &= ~np.isnan(raw) & (raw != -np.inf)
+    over_ground = np.where(finite, distance, 0.0) * np.cos(np.where(finite, angle, 0.0))
+    # The radar sees nothing from behind: an elevation beyond the zenith is none.
+    in_range = (distance >= 0.0) & (over_ground >= 0.0) & (over_ground <= radar.max_range)
     possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
     kept = finite & in_range & possible
     dropped = Counter(
@@ -111,10 +163,10 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
         }
     )
     return Report(
-        stamps.to_ns(cloud.header.stamp),
+        stamp_ns,
         Detections(
-            np.stack([distance[kept], wrap_angle(azimuth[kept])], axis=1),
-            amplitude[kept] if has_amplitude else None,
+            np.stack([over_ground[kept], wrap_angle(azimuth[kept])], axis=1),
+            None if level is None else amplitude[kept],
         ),
         +dropped,
     )

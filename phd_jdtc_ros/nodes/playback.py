@@ -1,21 +1,53 @@
-"""The scans of a bag in order, and a bar that shows how far they are."""
+"""The scans of a bag in order, and a line that shows how far they are."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from msg_adapters.bag import BagError, BagMessage, BagReader
 
+# A message between two detections of one stamp goes out with them; one that comes this long after
+# the last detections does not wait for more of the same stamp.
+TOGETHER_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Group:
+    """Messages that go out together.
+
+    Parameters
+    ----------
+    messages : tuple of BagMessage
+        In order of log time; not empty.
+    stamp_ns : int or None
+        Stamp of the scan; None where no message is of a scan topic.
+    """
+
+    messages: tuple[BagMessage, ...]
+    stamp_ns: int | None
+
+    @property
+    def log_time_ns(self) -> int:
+        """When the first of them was recorded."""
+        return self.messages[0].log_time_ns
+
 
 class Playback:
-    """Reads a chosen part of a bag, stamp by stamp, one stamp ahead.
+    """Reads a chosen part of a bag, scan by scan, one scan ahead.
+
+    Messages of the scan topics with one stamp are one group, with whatever was recorded between
+    them; every other message is a group of its own.
 
     Parameters
     ----------
     bag : BagReader
-    topics : list of str
+    topics : collection of str
+    scan_topics : collection of str
+        Those of `topics` whose stamps make the scans.
     start_s : float
         Skip this much.
     duration_s : float
@@ -23,10 +55,12 @@ class Playback:
 
     Attributes
     ----------
-    upcoming : list of BagMessage or None
-        The messages of the next stamp; None at the end.
+    upcoming : Group or None
+        What comes next; None at the end.
     damage : BagError or None
         What was wrong with the bag, known once the end is reached.
+    first_ns, last_ns : int
+        The chosen part, by log time.
 
     Raises
     ------
@@ -35,73 +69,129 @@ class Playback:
     """
 
     def __init__(
-        self, bag: BagReader, topics: list[str], start_s: float, duration_s: float
+        self,
+        bag: BagReader,
+        topics: Collection[str],
+        scan_topics: Collection[str],
+        start_s: float,
+        duration_s: float,
     ) -> None:
         self._bag = bag
-        self._topics = topics
-        self._first_ns = bag.start_ns + round(start_s * 1e9)
-        self._last_ns = bag.end_ns
+        self._topics = list(topics)
+        self._scan_topics = frozenset(scan_topics)
+        self.first_ns = bag.start_ns + round(start_s * 1e9)
+        self.last_ns = bag.end_ns
         if duration_s:
-            self._last_ns = min(self._last_ns, self._first_ns + round(duration_s * 1e9))
+            self.last_ns = min(self.last_ns, self.first_ns + round(duration_s * 1e9))
         self.damage: BagError | None = None
         self.rewind()
         if self.upcoming is None:
             raise self.damage or BagError(f"{bag.path}: holds nothing in the chosen part")
 
     def rewind(self) -> None:
-        """Go to the first stamp."""
-        self._source = self._scans()
+        """Go to the first group."""
+        self.seek(self.first_ns)
+
+    def seek(self, time_ns: int) -> None:
+        """Go to the first group recorded at `time_ns` or later."""
+        self._source = self._groups(time_ns)
         self.upcoming = next(self._source, None)
 
     def advance(self) -> None:
-        """Go to the next stamp."""
+        """Go to the next group."""
         self.upcoming = next(self._source, None)
 
-    @property
-    def progress(self) -> float:
-        """How much has been played, 0 to 1."""
-        if self.upcoming is None:
-            return 1.0
-        length = max(1, self._last_ns - self._first_ns)
-        return (self.upcoming[0].log_time_ns - self._first_ns) / length
+    def seconds(self, time_ns: int) -> float:
+        """Return a log time as seconds since the bag's start."""
+        return (time_ns - self._bag.start_ns) / 1e9
 
-    def _scans(self) -> Iterator[list[BagMessage]]:
+    def time_ns(self, seconds: float) -> int:
+        """Return seconds since the bag's start as a log time."""
+        return self._bag.start_ns + round(seconds * 1e9)
+
+    def _groups(self, from_ns: int) -> Iterator[Group]:
         scan: list[BagMessage] = []
+        after: list[BagMessage] = []
+        for message in self._chosen(from_ns):
+            of_scan = message.topic in self._scan_topics
+            if of_scan and scan and message.stamp_ns == scan[0].stamp_ns:
+                scan += [*after, message]
+                after = []
+            elif of_scan:
+                yield from _groups_of(scan, after)
+                scan, after = [message], []
+            else:
+                after.append(message)
+                if not scan or message.log_time_ns - scan[-1].log_time_ns > TOGETHER_NS:
+                    yield from _groups_of(scan, after)
+                    scan, after = [], []
+        yield from _groups_of(scan, after)
+
+    def _chosen(self, from_ns: int) -> Iterator[BagMessage]:
         try:
             for message in self._bag.messages(self._topics):
-                if not self._first_ns <= message.log_time_ns <= self._last_ns:
-                    continue
-                if scan and message.stamp_ns != scan[0].stamp_ns:
-                    yield scan
-                    scan = []
-                scan.append(message)
+                if from_ns <= message.log_time_ns <= self.last_ns:
+                    yield message
         except BagError as error:
             self.damage = error
-        if scan:
-            yield scan
+
+    def before(self, time_ns: int, topics: Collection[str]) -> Iterator[BagMessage]:
+        """Yield the messages of `topics` recorded before `time_ns`."""
+        try:
+            for message in self._bag.messages(list(topics)):
+                if message.log_time_ns < time_ns:
+                    yield message
+        except BagError as error:
+            self.damage = error
 
 
-class ProgressBar:
-    """A bar on the terminal, or nothing."""
+def _groups_of(scan: list[BagMessage], after: list[BagMessage]) -> Iterator[Group]:
+    if scan:
+        yield Group(tuple(scan), scan[0].stamp_ns)
+    for message in after:
+        yield Group((message,), None)
 
-    def __init__(self, shown: bool) -> None:
+
+class ProgressLine:
+    """A line on the terminal with the bag's time; nothing where there is no terminal.
+
+    Parameters
+    ----------
+    shown : bool
+    first_s, last_s : float
+        The part that is played, in the bag's time.
+    """
+
+    def __init__(self, shown: bool, first_s: float, last_s: float) -> None:
+        console = Console()
         self._progress = Progress(
-            TextColumn("replay"),
+            TextColumn("replay {task.fields[doing]}"),
             BarColumn(),
-            TaskProgressColumn(),
+            TextColumn("{task.fields[time]:.1f} of {task.fields[last]:.1f} s"),
             TextColumn("{task.fields[scans]} scans"),
             TimeElapsedColumn(),
-            disable=not shown,
+            console=console,
+            disable=not (shown and console.is_terminal),
         )
+        self._first_s = first_s
+        self._length_s = max(last_s - first_s, 1e-9)
         self._scans = 0
-        self._task = self._progress.add_task("replay", total=1.0, scans=0)
+        self._task = self._progress.add_task(
+            "replay", total=self._length_s, scans=0, time=first_s, last=last_s, doing="waits"
+        )
         self._progress.start()
 
-    def show(self, completed: float) -> None:
-        """Count one more scan and show the share that is done."""
-        self._scans += 1
-        self._progress.update(self._task, completed=completed, scans=self._scans)
+    def show(self, time_s: float, doing: str, scans: int = 0) -> None:
+        """Show the bag's time and what is being done, and count scans on."""
+        self._scans += scans
+        self._progress.update(
+            self._task,
+            completed=time_s - self._first_s,
+            scans=self._scans,
+            time=time_s,
+            doing=doing,
+        )
 
     def stop(self) -> None:
-        """Leave the bar as it is."""
+        """Leave the line as it is."""
         self._progress.stop()

@@ -1,4 +1,4 @@
-"""Plays the detections and the truth of a bag, at a rate or in lock-step with a tracker."""
+"""Plays a bag: detections, truth and the rest, at a rate or in lock-step with a tracker."""
 
 from __future__ import annotations
 
@@ -9,25 +9,32 @@ from enum import Enum, auto
 from pathlib import Path
 from typing import Any
 
+import rclpy
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import interfaces, names, stamps
-from msg_adapters.bag import BagError, BagMessage, BagReader
+from msg_adapters import names, stamps
+from msg_adapters.bag import BagReader
 from phd_jdtc_ros.core.config import ConfigError
 from phd_jdtc_ros.core.parameters import Parameter
 from phd_jdtc_ros.exits import FAILED, OK, fail
 
-from . import parameters, runtime
-from .playback import Playback, ProgressBar
+from . import parameters, playable, runtime
+from .playback import Group, Playback, ProgressLine
 
 OUTPUT_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED_QOS = QoSProfile(
+    depth=50,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
 CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 CLOCK_PERIOD_S = 0.01
 TICK_S = 0.005
@@ -42,7 +49,7 @@ MOST_OUTSTANDING = 4
 GIVE_UP_S = 30.0
 ACKNOWLEDGE_S = 5.0
 
-TABLE = (
+_AT_THE_START = (
     Parameter("bag", "", "Path of the bag: a rosbag2 directory or an MCAP file."),
     Parameter(
         "rate",
@@ -59,18 +66,33 @@ TABLE = (
     Parameter(
         "topics",
         [],
-        "Topics to play; empty for all whose name ends in /detections, and the truth.",
+        "Topics to play; empty for all but /clock, /diagnostics, /rosout, /parameter_events and "
+        "what is under /tracker and /evaluator.",
         element=str,
     ),
-    Parameter("subscriber_timeout_s", 5.0, "Longest wait for subscribers, s.", 0.0, 3600.0),
+    Parameter(
+        "subscriber_timeout_s",
+        5.0,
+        "Longest wait for subscribers of the detections and the truth, s.",
+        0.0,
+        3600.0,
+    ),
     Parameter(
         "estimates_topic",
         names.estimates("filtered"),
         "What comes back in lock-step.",
     ),
     Parameter("flush_service", "", "Service called at the end, such as /tracker/flush."),
-    Parameter("progress", True, "Draw a progress bar."),
+    Parameter("progress", True, "Draw a progress line, where there is a terminal."),
 )
+SEEK = Parameter(
+    "seek_s",
+    0.0,
+    "Set while it runs, not before: go on from here, s from the bag's start; refused outside the "
+    "part that is played.",
+    0.0,
+)
+TABLE = (*_AT_THE_START, SEEK)
 
 
 class State(Enum):
@@ -87,14 +109,18 @@ class SensorReplay(Node):
 
     def __init__(self, flags: dict[str, Any]) -> None:
         super().__init__("sensor_replay")
-        self._values = parameters.resolve(self, TABLE, flags)
+        self._values = parameters.resolve(self, _AT_THE_START, flags)
         _check(self._values)
         self.exit_status: int | None = None
-        self._bag = BagReader(Path(self._values["bag"]))
-        self._types = _played(self._bag, self._values["topics"])
+        bag = BagReader(Path(self._values["bag"]))
+        self._played = playable.choose(bag, self._values["topics"])
+        for line in self._played.skipped:
+            self.get_logger().warning(line)
         self._outputs = {
-            topic: self.create_publisher(interfaces.message_class(name), topic, OUTPUT_QOS)
-            for topic, name in self._types.items()
+            topic: self.create_publisher(
+                message_class, topic, LATCHED_QOS if topic in playable.LATCHED else OUTPUT_QOS
+            )
+            for topic, message_class in self._played.classes.items()
         }
         self._clock_output = self.create_publisher(Clock, "/clock", CLOCK_QOS)
         self._estimate_ns: int | None = None
@@ -114,27 +140,49 @@ class SensorReplay(Node):
         self._state = State.WAITING
         self._since = time.monotonic()
         self._ready_since: float | None = None
-        self._now_ns = self._bag.start_ns
         self._playback = Playback(
-            self._bag, list(self._types), self._values["start_s"], self._values["duration_s"]
+            bag,
+            self._played.classes,
+            self._played.scan_topics,
+            self._values["start_s"],
+            self._values["duration_s"],
         )
-        self._bar = ProgressBar(bool(self._values["progress"]))
+        self._now_ns = bag.start_ns
+        self._line = ProgressLine(
+            bool(self._values["progress"]),
+            *(self._playback.seconds(t) for t in (self._playback.first_ns, self._playback.last_ns)),
+        )
         for name, callback in (
             ("pause", self._on_pause),
             ("resume", self._on_resume),
             ("step", self._on_step),
         ):
             self.create_service(Trigger, f"~/{name}", callback)
+        self._make_seek()
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
+
+    def _make_seek(self) -> None:
+        self.declare_parameter(
+            SEEK.name,
+            SEEK.default,
+            ParameterDescriptor(
+                description=SEEK.description,
+                additional_constraints=f"must be {SEEK.allowed}",
+                dynamic_typing=True,  # a whole number is a number too
+            ),
+            ignore_override=True,
+        )
+        self.add_on_set_parameters_callback(self._check_seek)
+        self.add_post_set_parameters_callback(self._seek)
 
     @property
     def _lock_step(self) -> bool:
         return bool(self._values["rate"] == 0.0)
 
     def close(self) -> None:
-        """Stop the progress bar."""
-        self._bar.stop()
+        """Stop the progress line."""
+        self._line.stop()
 
     def _tick(self) -> None:
         if self._state is State.WAITING:
@@ -152,7 +200,8 @@ class SensorReplay(Node):
 
     def _wait_for_subscribers(self) -> None:
         now = time.monotonic()
-        missing = [t for t, output in self._outputs.items() if not output.get_subscription_count()]
+        awaited = self._played.scan_topics or tuple(self._outputs)
+        missing = [t for t in awaited if not self._outputs[t].get_subscription_count()]
         if self._lock_step and not self.count_publishers(self._values["estimates_topic"]):
             missing.append(self._values["estimates_topic"])
         if not missing:
@@ -164,38 +213,44 @@ class SensorReplay(Node):
             return
         else:
             self.get_logger().warning(f"nobody is on {', '.join(missing)}; playing all the same")
-        self._restart_clock()
+        self._begin()
         self._enter(State.PLAYING)
 
-    def _restart_clock(self) -> None:
-        """Make the next scan due now."""
-        self._wall_start = time.monotonic()
+    def _begin(self) -> None:
+        """Make what comes next due now, forgetting what went before."""
+        self._outstanding.clear()
+        self._estimate_ns = None
         if self._playback.upcoming is not None:
-            self._bag_start_ns = self._playback.upcoming[0].log_time_ns
+            self._now_ns = self._playback.upcoming.log_time_ns
+        latched = [topic for topic in playable.LATCHED if topic in self._outputs]
+        for message in self._playback.before(self._now_ns, latched) if latched else ():
+            self._outputs[message.topic].publish(message.data)
+        self._restart_clock()
+
+    def _restart_clock(self) -> None:
+        """Let the bag's time run on from where it stands."""
+        self._wall_start = time.monotonic()
+        self._bag_start_ns = self._now_ns
 
     def _play(self) -> None:
-        while (scan := self._playback.upcoming) is not None:
+        while (group := self._playback.upcoming) is not None:
             if self._paused and self._steps == 0:
                 return
-            if not (self._may_follow() if self._lock_step else self._is_due(scan)):
+            if not (self._may_follow() if self._lock_step else self._is_due(group)):
                 return
-            self._publish_scan(scan)
+            self._publish_group(group)
             self._playback.advance()
-            self._steps = max(0, self._steps - 1)
-            self._bar.show(self._playback.progress)
         if self._values["loop"]:
             self._playback.rewind()
-            self._outstanding.clear()
-            self._estimate_ns = None
-            self._restart_clock()
+            self._begin()
         else:
             self._enter(State.DRAINING)
 
-    def _is_due(self, scan: list[BagMessage]) -> bool:
+    def _is_due(self, group: Group) -> bool:
         if self._steps:
             return True
         elapsed_ns = (time.monotonic() - self._wall_start) * 1e9 * self._values["rate"]
-        due = scan[0].log_time_ns - self._bag_start_ns <= elapsed_ns
+        due = group.log_time_ns - self._bag_start_ns <= elapsed_ns
         if not due:
             self._now_ns = self._bag_start_ns + int(elapsed_ns)
         return bool(due)
@@ -213,15 +268,23 @@ class SensorReplay(Node):
             return False
         return waited > PATIENCE_S and len(self._outstanding) < MOST_OUTSTANDING
 
-    def _publish_scan(self, scan: list[BagMessage]) -> None:
-        self._now_ns = scan[0].log_time_ns
+    def _publish_group(self, group: Group) -> None:
+        self._now_ns = group.log_time_ns
         self._publish_clock()
-        for message in scan:
+        for message in group.messages:
             self._outputs[message.topic].publish(message.data)
-        if self._lock_step:
-            self._outstanding.append(scan[0].stamp_ns)
+        if group.stamp_ns is not None:
+            self._steps = max(0, self._steps - 1)
+        self._show(0 if group.stamp_ns is None else 1)
+        answered = any(message.topic in self._played.detections for message in group.messages)
+        if self._lock_step and answered and group.stamp_ns is not None:
+            self._outstanding.append(group.stamp_ns)
             if len(self._outstanding) == 1:
                 self._since = time.monotonic()
+
+    def _show(self, scans: int = 0) -> None:
+        doing = "paused" if self._paused else "plays"
+        self._line.show(self._playback.seconds(self._now_ns), doing, scans)
 
     def _drain(self) -> None:
         """Wait until what was published has arrived, then flush the tracker if asked to."""
@@ -245,14 +308,14 @@ class SensorReplay(Node):
             self._fail(f"service {self._values['flush_service']} does not answer")
 
     def _end(self) -> None:
-        self._bar.stop()
+        self._line.stop()
         if self._playback.damage is not None:
             self.exit_status = fail("sensor_replay", self._playback.damage)
         else:
             self.exit_status = OK
 
     def _fail(self, reason: str) -> None:
-        self._bar.stop()
+        self._line.stop()
         self.get_logger().error(reason)
         self.exit_status = FAILED
 
@@ -265,17 +328,43 @@ class SensorReplay(Node):
 
     def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._paused = True
+        self._show()
         return _done(response, "paused")
 
     def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._paused = False
         self._restart_clock()
+        self._show()
         return _done(response, "playing")
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._paused = True
         self._steps += 1
         return _done(response, "one stamp")
+
+    def _check_seek(self, given: list[rclpy.Parameter]) -> SetParametersResult:
+        faults = [self._seek_fault(p.value) for p in given if p.name == SEEK.name]
+        reason = "; ".join(fault for fault in faults if fault)
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def _seek_fault(self, value: Any) -> str:
+        """Return why the replay cannot go to `value`, or nothing if it can."""
+        if self._state in (State.DRAINING, State.FLUSHING):
+            return f"{SEEK.name}: {value} given, but the bag has been played to its end"
+        seconds = SEEK.coerce(value)
+        first, last = (
+            self._playback.seconds(t) for t in (self._playback.first_ns, self._playback.last_ns)
+        )
+        if not isinstance(seconds, float) or not first <= seconds <= last:
+            return f"{SEEK.name}: {value} given, must be a number from {first:g} to {last:g}"
+        return ""
+
+    def _seek(self, given: list[rclpy.Parameter]) -> None:
+        for parameter in given:
+            if parameter.name == SEEK.name:
+                self._playback.seek(self._playback.time_ns(float(parameter.value)))
+                self._begin()
+                self._show()
 
 
 def _done(response: Trigger.Response, text: str) -> Trigger.Response:
@@ -292,28 +381,6 @@ def _check(values: dict[str, Any]) -> None:
         faults.append(f"rate: {values['rate']:g} given, must be 0 or at least {SLOWEST_RATE:g}")
     if faults:
         raise ConfigError(faults)
-
-
-def _played(bag: BagReader, wanted: list[str]) -> dict[str, str]:
-    """Return the topics to play with their types.
-
-    Raises
-    ------
-    BagError
-        If one is missing or is no point cloud.
-    """
-    chosen = wanted or [
-        topic
-        for topic in bag.types
-        if topic.endswith(names.DETECTIONS_SUFFIX) or topic == names.TRUTH
-    ]
-    if not chosen:
-        raise BagError(
-            f"{bag.path}: has no topic that ends in {names.DETECTIONS_SUFFIX}; "
-            f"it has {', '.join(sorted(bag.types)) or 'none'}"
-        )
-    bag.require(dict.fromkeys(chosen, names.CLOUD))
-    return {topic: bag.types[topic] for topic in chosen}
 
 
 def _flags(argv: Sequence[str]) -> dict[str, Any]:

@@ -229,7 +229,67 @@ def test_from_msg_without_amplitude_ignores_a_field_without_a_name():
     assert adapter.from_msg(message, radar(amplitude_field="")).detections.amplitude is None
 
 
-def test_from_msg_rejects_an_amplitude_of_another_type():
-    message = cloud([("range", F4), ("azimuth", F4), ("amplitude", 4)], [(1.0, 1.0, 1)])
-    with pytest.raises(RejectedMessageError, match="'amplitude' has type u2, count 1"):
+def test_from_msg_rejects_an_amplitude_of_several_numbers():
+    message = polar(GOOD)
+    message.fields[2].count = 2
+    with pytest.raises(RejectedMessageError, match="'amplitude' has type f4, count 2"):
         adapter.from_msg(message, radar())
+
+
+@pytest.mark.parametrize("datatype", [PointField.INT8, PointField.UINT16, PointField.INT32])
+def test_from_msg_reads_levels_in_whole_decibels(datatype):
+    message = cloud([("range", F4), ("azimuth", F4), ("rcs", datatype)], [(1e3, 0.0, 20)])
+    report = adapter.from_msg(message, radar(amplitude_field="rcs", amplitude_in_db=True))
+    assert_allclose(report.detections.amplitude, [np.sqrt(200.0)], rtol=1e-12)
+
+
+def test_from_msg_rejects_coordinates_in_whole_numbers():
+    message = cloud([("range", PointField.INT32), ("azimuth", F4)], [(1000, 0.0)])
+    with pytest.raises(RejectedMessageError, match="'range' has type i4"):
+        adapter.from_msg(message, radar(amplitude_field=""))
+
+
+def spherical(points):
+    return cloud([(name, F8) for name in ("range", "azimuth", "elevation")], points)
+
+
+def test_from_msg_takes_slant_ranges_to_the_ground():
+    message = spherical([(1000.0, 0.5, np.radians(60.0)), (1000.0, 0.5, np.radians(-60.0))])
+    report = adapter.from_msg(message, radar(amplitude_field=""), "elevation")
+    assert_allclose(report.detections.measurement, [[500.0, 0.5], [500.0, 0.5]], rtol=1e-12)
+
+
+def test_from_msg_leaves_elevations_alone_unless_told():
+    message = spherical([(1000.0, 0.5, np.radians(60.0))])
+    report = adapter.from_msg(message, radar(amplitude_field=""))
+    assert_array_equal(report.detections.measurement, [[1000.0, 0.5]])
+
+
+def test_from_msg_limits_the_range_over_ground():
+    far = 17000.0 / np.cos(np.radians(10.0))
+    message = spherical(
+        [(0.999 * far, 0.0, np.radians(10.0)), (1.001 * far, 0.0, np.radians(10.0))]
+    )
+    report = adapter.from_msg(message, radar(amplitude_field=""), "elevation")
+    assert report.dropped == {"range": 1}
+    assert len(report.detections) == 1
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("bad", "reason"),
+    [
+        ((1e3, 0.0, NAN), "not_finite"),
+        ((1e3, 0.0, INF), "not_finite"),
+        ((1e3, 0.0, 2.0), "range"),
+        ((-1e3, 0.0, np.pi), "range"),
+    ],
+)
+def test_from_msg_drops_an_impossible_elevation(bad, reason):
+    report = adapter.from_msg(spherical([bad]), radar(amplitude_field=""), "elevation")
+    assert report.dropped == {reason: 1}
+
+
+def test_from_msg_rejects_a_cloud_without_the_elevation_it_needs():
+    with pytest.raises(RejectedMessageError, match="field 'elevation' is missing"):
+        adapter.from_msg(polar(GOOD), radar(), "elevation")

@@ -1,13 +1,21 @@
+import os
+import pty
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from mcap_files import write
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from msg_adapters import names, stamps
+from msg_adapters import interfaces, names, stamps
 from msg_adapters.bag import BagReader
 
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
@@ -38,6 +46,19 @@ class Listener:
     @property
     def scans(self):
         return len(self.data[names.TRUTH])
+
+
+def seek(peer, seconds):
+    client = peer.node.create_client(
+        SetParametersAtomically, "/sensor_replay/set_parameters_atomically"
+    )
+    assert peer.spin_until(client.service_is_ready)
+    request = SetParametersAtomically.Request(
+        parameters=[Parameter("seek_s", value=seconds).to_parameter_msg()]
+    )
+    future = client.call_async(request)
+    assert peer.spin_until(future.done)
+    return future.result().result
 
 
 @pytest.fixture
@@ -96,6 +117,114 @@ def test_replay_pauses_steps_and_resumes(processes, peer, listener):
     held = listener.scans
     peer.spin_for(0.6)
     assert listener.scans == held
+
+
+def test_replay_seeks_forward_and_back(processes, peer, listener):
+    processes.start("sensor_replay", BAG, "--start-paused", *QUIET)
+    assert peer.spin_until(lambda: peer.node.count_publishers(names.TRUTH) == 1)
+    peer.spin_for(1.0)
+
+    # A whole number is a number too.
+    for scans, seconds in enumerate((60.0, 6, 57.5), start=1):
+        assert seek(peer, seconds).successful
+        peer.call(Trigger, "/sensor_replay/step")
+        assert peer.spin_until(lambda scans=scans: listener.scans == scans)
+
+    start = BagReader(BAG).start_ns
+    played = [stamps.of_cdr(data) - start for data in listener.data[names.TRUTH]]
+    assert played == [60_000_000_000, 6_000_000_000, 60_000_000_000]
+
+
+def test_replay_refuses_to_seek_outside_its_part_and_goes_on(processes, peer, listener):
+    processes.start(
+        *("sensor_replay", BAG, "--start-paused", "--start", "12", "--duration", "12", *QUIET)
+    )
+    assert peer.spin_until(lambda: peer.node.count_publishers(names.TRUTH) == 1)
+    peer.spin_for(1.0)
+    for seconds in (11.9, 24.1, -1.0, float("nan"), "soon"):
+        result = seek(peer, seconds)
+        assert not result.successful
+        assert result.reason == f"seek_s: {seconds} given, must be a number from 12 to 24"
+
+    peer.call(Trigger, "/sensor_replay/step")
+    assert peer.spin_until(lambda: listener.scans == 1)
+    first = stamps.of_cdr(listener.data[names.TRUTH][0]) - BagReader(BAG).start_ns
+    assert first == 12_000_000_000
+
+
+def test_replay_plays_foreign_topics_and_warns_once_of_unknown_ones(processes, peer, tmp_path):
+    notes, latched = [], []
+    peer.node.create_subscription(String, "/note", notes.append, DEEP)
+    peer.node.create_subscription(
+        String,
+        "/tf_static",
+        latched.append,
+        QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+    )
+    cloud = interfaces.encode(PointCloud2())
+    topics = {
+        names.detections("radar_1"): names.CLOUD,
+        "/note": "std_msgs/msg/String",
+        # Of a type that is known here; what matters is the name.
+        "/tf_static": "std_msgs/msg/String",
+        "/other": "nobody_has_this/msg/Thing",
+    }
+    messages = [("/tf_static", 0, interfaces.encode(String(data="static")))]
+    for k in range(1, 4):
+        messages += [
+            (names.detections("radar_1"), k * 10**9, cloud),
+            ("/note", k * 10**9 + 1, interfaces.encode(String(data=f"note {k}"))),
+            ("/other", k * 10**9 + 2, b"1234"),
+        ]
+    listener = Listener(peer)
+    path = write(tmp_path / "foreign.mcap", topics, messages)
+    process = processes.start("sensor_replay", path, "--rate", "10", "--start", "0.5", *QUIET)
+    assert peer.spin_until(lambda: process.poll() is not None and len(notes) == 3)
+
+    assert process.returncode == 0
+    assert [note.data for note in notes] == ["note 1", "note 2", "note 3"]
+    assert [note.data for note in latched] == ["static"]
+    assert len(listener.data[names.detections("radar_1")]) == 3
+    text = process.log.read_text()
+    assert text.count("/other: type nobody_has_this/msg/Thing is not installed") == 1
+
+
+def test_replay_remaps_its_topics(processes, peer, listener):
+    found = []
+    peer.node.create_subscription(PointCloud2, "/elsewhere", found.append, DEEP)
+    process = processes.start(
+        *("sensor_replay", BAG, "--rate", "1000", "--duration", "12", *QUIET),
+        *("-r", f"{names.TRUTH}:=/elsewhere"),
+    )
+    assert peer.spin_until(lambda: process.poll() is not None and len(found) == 3)
+
+    assert len(listener.data[names.detections("radar_1")]) == 3
+    assert listener.scans == 0
+
+
+def test_replay_draws_a_line_on_a_terminal_only(tmp_path, processes):
+    arguments = (str(BAG), "--rate", "1000", "--ros-args", "-p", "subscriber_timeout_s:=0.0")
+    _, piped = processes.run("sensor_replay", *arguments)
+    master, terminal = pty.openpty()
+    with os.fdopen(master, "rb") as screen, (tmp_path / "log").open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "phd_jdtc_ros", "sensor_replay", *arguments],
+            stdout=terminal,
+            stderr=log,
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "120"},
+        )
+        os.close(terminal)
+        shown = b""
+        try:
+            while part := screen.read1(4096):
+                shown += part
+        except OSError:  # the terminal's other end is closed
+            pass
+        assert process.wait(30.0) == 0
+
+    assert "80 scans" not in piped
+    assert b"474.0 of 474.0 s" in shown
+    assert b"80 scans" in shown
 
 
 def test_replay_loops(processes, peer, listener):

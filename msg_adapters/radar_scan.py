@@ -1,0 +1,66 @@
+"""A ``radar_msgs/RadarScan`` to `Detections`.
+
+radar_msgs is not part of every ROS installation: nothing here imports it, and the tracker asks for
+the message class only where a radar is configured to send it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core.config import RadarInput
+
+from . import interfaces, stamps
+from .detections import Report, require_frame, select
+from .errors import RejectedMessageError
+from .point_cloud import MAX_POINTS
+
+TYPE_NAME = "radar_msgs/msg/RadarScan"
+
+
+def installed() -> Any:
+    """Return the message class, or None where radar_msgs is not installed."""
+    try:
+        return interfaces.message_class(TYPE_NAME)
+    except ImportError:
+        return None
+
+
+def from_msg(scan: Any, radar: RadarInput) -> Report:
+    """Return the detections of a scan.
+
+    The message fixes what a point cloud leaves to its driver: azimuths are counter-clockwise from
+    the sensor's x axis, amplitudes are in dB, elevations are there (0 of a planar radar).
+
+    Parameters
+    ----------
+    scan : radar_msgs.msg.RadarScan
+    radar : RadarInput
+        Of which the frame, the range limit and `amplitude_offset_db` matter, which makes an SNR of
+        the amplitudes; without an `amplitude_field` they are left aside.
+
+    Raises
+    ------
+    RejectedMessageError
+        ``frame`` if the scan is in another frame than the radar's; ``oversize`` above
+        `point_cloud.MAX_POINTS` returns.
+    """
+    require_frame(scan.header.frame_id, radar)
+    if len(scan.returns) > MAX_POINTS:
+        raise RejectedMessageError(
+            "oversize", f"{len(scan.returns)} returns, at most {MAX_POINTS} are allowed"
+        )
+    rows = np.array(
+        [(r.range, r.azimuth, r.elevation, r.amplitude) for r in scan.returns], dtype=np.float64
+    ).reshape(-1, 4)
+    return select(
+        stamps.to_ns(scan.header.stamp),
+        replace(radar, amplitude_in_db=True, compass=False),
+        distance=rows[:, 0],
+        azimuth=rows[:, 1],
+        elevation=rows[:, 2],
+        level=rows[:, 3] if radar.amplitude_field else None,
+    )

@@ -1,0 +1,87 @@
+"""Estimates to ``radar_msgs/RadarTracks``.
+
+radar_msgs is not part of every ROS installation: its classes are handed in.
+"""
+
+from __future__ import annotations
+
+import uuid
+from typing import Any, NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import Point, Vector3
+
+from phd_jdtc_ros.core.motion import POSITION, VELOCITY, VX, VY, X, Y
+from phd_jdtc_ros.core.types import Estimates, FloatArray
+
+from . import interfaces, stamps
+
+# Classifications of one's own begin here, by the message's definition.
+FIRST_OWN_CLASSIFICATION = 32000
+
+
+class Types(NamedTuple):
+    """The message classes.
+
+    Parameters
+    ----------
+    tracks : type
+        ``radar_msgs.msg.RadarTracks``.
+    track : type
+        ``radar_msgs.msg.RadarTrack``.
+    """
+
+    tracks: Any
+    track: Any
+
+
+def installed() -> Types | None:
+    """Return the message classes, or None where radar_msgs is not installed."""
+    try:
+        return Types(
+            interfaces.message_class("radar_msgs/msg/RadarTracks"),
+            interfaces.message_class("radar_msgs/msg/RadarTrack"),
+        )
+    except ImportError:
+        return None
+
+
+def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> Any:
+    """Return the tracks of one set of estimates, empty or not.
+
+    Classes are classifications from 32000 on. What is not estimated is zero: height, acceleration,
+    size, and their covariances.
+
+    Parameters
+    ----------
+    estimates : Estimates
+    frame : str
+    run : uuid.UUID
+        Of the tracker's run: a target keeps its identifier within it, and no two runs share one.
+        An unlabelled target has one of its own in every message.
+    types : Types
+    """
+    message = types.tracks(header=stamps.header(estimates.stamp_ns, frame))
+    message.tracks = [_track(estimates, row, run, types) for row in range(len(estimates))]
+    return message
+
+
+def _track(estimates: Estimates, row: int, run: uuid.UUID, types: Types) -> Any:
+    state, covariance = estimates.state[row], estimates.covariance[row]
+    label = int(estimates.track_id[row])
+    name = str(label) if label else f"{estimates.stamp_ns} {row}"
+    track = types.track()
+    track.uuid.uuid = np.frombuffer(uuid.uuid5(run, name).bytes, dtype=np.uint8)
+    track.position = Point(x=float(state[X]), y=float(state[Y]), z=0.0)
+    track.velocity = Vector3(x=float(state[VX]), y=float(state[VY]), z=0.0)
+    track.classification = FIRST_OWN_CLASSIFICATION + int(estimates.class_id[row])
+    track.position_covariance = _upper_triangle(covariance, POSITION)
+    track.velocity_covariance = _upper_triangle(covariance, VELOCITY)
+    return track
+
+
+def _upper_triangle(covariance: FloatArray, plane: tuple[int, int]) -> Any:
+    """Return the terms xx, xy, xz, yy, yz, zz of a covariance in the plane, as float32."""
+    x, y = plane
+    terms = [covariance[x, x], covariance[x, y], 0.0, covariance[y, y], 0.0, 0.0]
+    return np.array(terms, dtype=np.float32)

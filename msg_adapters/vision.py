@@ -1,0 +1,101 @@
+"""Estimates to ``vision_msgs/Detection3DArray``.
+
+vision_msgs is not part of every ROS installation: its classes are handed in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, PoseWithCovariance
+
+from phd_jdtc_ros.core.motion import POSITION, VX, VY, X, Y
+from phd_jdtc_ros.core.types import Estimates
+
+from . import interfaces, stamps
+from .estimates import heading
+
+
+class Types(NamedTuple):
+    """The message classes.
+
+    Parameters
+    ----------
+    detections : type
+        ``vision_msgs.msg.Detection3DArray``.
+    detection : type
+        ``vision_msgs.msg.Detection3D``.
+    hypothesis : type
+        ``vision_msgs.msg.ObjectHypothesisWithPose``.
+    """
+
+    detections: Any
+    detection: Any
+    hypothesis: Any
+
+
+def installed() -> Types | None:
+    """Return the message classes, or None where vision_msgs is not installed."""
+    try:
+        return Types(
+            interfaces.message_class("vision_msgs/msg/Detection3DArray"),
+            interfaces.message_class("vision_msgs/msg/Detection3D"),
+            interfaces.message_class("vision_msgs/msg/ObjectHypothesisWithPose"),
+        )
+    except ImportError:
+        return None
+
+
+def to_msg(estimates: Estimates, frame: str, class_names: Sequence[str], types: Types) -> Any:
+    """Return the detections of one set of estimates, empty or not.
+
+    Every target has one hypothesis a class, with the class's probability as its score, the likelier
+    first, and its track id as `id`, empty where it has none. The pose faces along the velocity; of
+    its covariance only the position's terms are set. Boxes have no size: targets are points.
+
+    Parameters
+    ----------
+    estimates : Estimates
+    frame : str
+    class_names : sequence of str
+        By class id.
+    types : Types
+    """
+    message = types.detections(header=stamps.header(estimates.stamp_ns, frame))
+    message.detections = [
+        _detection(estimates, row, frame, class_names, types) for row in range(len(estimates))
+    ]
+    return message
+
+
+def _detection(
+    estimates: Estimates, row: int, frame: str, class_names: Sequence[str], types: Types
+) -> Any:
+    pose = _pose(estimates, row)
+    share = estimates.class_probability[row]
+    label = int(estimates.track_id[row])
+    detection = types.detection(header=stamps.header(estimates.stamp_ns, frame))
+    detection.id = str(label) if label else ""
+    detection.bbox.center = pose.pose
+    for class_id in np.argsort(-share, kind="stable"):
+        hypothesis = types.hypothesis()
+        hypothesis.hypothesis.class_id = class_names[class_id]
+        hypothesis.hypothesis.score = float(share[class_id])
+        hypothesis.pose = pose
+        detection.results.append(hypothesis)
+    return detection
+
+
+def _pose(estimates: Estimates, row: int) -> PoseWithCovariance:
+    state = estimates.state[row]
+    covariance = np.zeros((6, 6))
+    covariance[:2, :2] = estimates.covariance[row][np.ix_(POSITION, POSITION)]
+    return PoseWithCovariance(
+        pose=Pose(
+            position=Point(x=float(state[X]), y=float(state[Y]), z=0.0),
+            orientation=heading(state[VX], state[VY]),
+        ),
+        covariance=covariance.ravel(),
+    )

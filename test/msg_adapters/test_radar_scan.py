@@ -1,0 +1,80 @@
+import math
+
+import numpy as np
+import pytest
+from message_types import RadarReturn, RadarScan
+from numpy.testing import assert_allclose
+from samples import FRAME, STAMP_NS, radar
+
+from msg_adapters import radar_scan, stamps
+from msg_adapters.errors import RejectedMessageError
+
+
+def scan(*rows, frame=FRAME):
+    """Return a scan of (range, azimuth, elevation, amplitude) rows."""
+    names = ("range", "azimuth", "elevation", "amplitude")
+    returns = [RadarReturn(**dict(zip(names, row, strict=True))) for row in rows]
+    return RadarScan(header=stamps.header(STAMP_NS, frame), returns=returns)
+
+
+def test_from_msg_reads_decibels_with_the_offset_whatever_the_unit_of_clouds():
+    for in_db in (False, True):
+        setting = radar(amplitude_in_db=in_db, amplitude_offset_db=-7.0)
+        report = radar_scan.from_msg(scan((1000.0, 0.5, 0.0, 27.0)), setting)
+        assert_allclose(report.detections.amplitude, [np.sqrt(200.0)], rtol=1e-12)
+        assert report.stamp_ns == STAMP_NS
+
+
+def test_from_msg_takes_the_azimuth_as_the_message_defines_it():
+    report = radar_scan.from_msg(scan((1000.0, 0.5, 0.0, 20.0)), radar(compass=True))
+    assert report.detections.measurement.tolist() == [[1000.0, 0.5]]
+
+
+def test_from_msg_takes_slant_ranges_to_the_ground():
+    report = radar_scan.from_msg(scan((1000.0, 0.5, math.radians(60.0), 20.0)), radar())
+    assert_allclose(report.detections.measurement, [[500.0, 0.5]], rtol=1e-12)
+
+
+def test_from_msg_without_an_amplitude_field_has_no_amplitudes():
+    report = radar_scan.from_msg(scan((1e3, 0.5, 0.0, 20.0)), radar(amplitude_field=""))
+    assert report.detections.amplitude is None
+
+
+def test_from_msg_drops_bad_returns_by_reason():
+    nan = float("nan")
+    bad = [
+        (nan, 0.0, 0.0, 20.0),
+        (1e3, 0.0, nan, 20.0),
+        (-1.0, 0.0, 0.0, 20.0),
+        (1e3, 0.0, 0.0, 1e4),
+    ]
+    report = radar_scan.from_msg(scan(*bad, (1e3, 0.0, 0.0, 20.0)), radar())
+    assert report.dropped == {"not_finite": 2, "range": 1, "amplitude": 1}
+    assert len(report.detections) == 1
+
+
+def test_from_msg_of_an_empty_scan_is_an_empty_scan():
+    report = radar_scan.from_msg(scan(), radar())
+    assert report.detections.measurement.shape == (0, 2)
+    assert report.detections.amplitude is not None
+
+
+def test_from_msg_rejects_another_frame():
+    with pytest.raises(RejectedMessageError) as caught:
+        radar_scan.from_msg(scan(frame="map"), radar())
+    assert caught.value.reason == "frame"
+
+
+def test_from_msg_rejects_more_than_it_takes(monkeypatch):
+    monkeypatch.setattr(radar_scan, "MAX_POINTS", 1)
+    with pytest.raises(RejectedMessageError) as caught:
+        radar_scan.from_msg(scan(*[(1e3, 0.0, 0.0, 20.0)] * 2), radar())
+    assert caught.value.reason == "oversize"
+
+
+def test_from_msg_reads_the_installed_messages():
+    scan_class = radar_scan.installed()
+    if scan_class is None:
+        pytest.skip("radar_msgs is not installed")
+    empty = scan_class(header=stamps.header(STAMP_NS, FRAME))
+    assert len(radar_scan.from_msg(empty, radar()).detections) == 0

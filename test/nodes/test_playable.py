@@ -1,0 +1,91 @@
+import sys
+
+import pytest
+from mcap_files import write
+
+from msg_adapters import names
+from msg_adapters.bag import BagError, BagReader
+from phd_jdtc_ros.nodes import playable
+
+RADAR = names.detections("radar_1")
+
+
+def choose(tmp_path, types, wanted=()):
+    bag = write(tmp_path / "bag.mcap", types, [(topic, 0, b"") for topic in types])
+    return playable.choose(BagReader(bag), list(wanted))
+
+
+def test_choose_takes_foreign_topics_beside_the_detections(tmp_path):
+    found = choose(tmp_path, {RADAR: names.CLOUD, "/note": "std_msgs/msg/String"})
+
+    assert set(found.classes) == {RADAR, "/note"}
+    assert found.scan_topics == found.detections == (RADAR,)
+    assert found.skipped == ()
+
+
+@pytest.mark.parametrize(
+    "topic",
+    ["/clock", "/rosout", "/diagnostics", "/tracker/filtered/estimates", "/evaluator/ospa"],
+)
+def test_choose_leaves_out_what_live_nodes_publish_unless_it_is_wanted(tmp_path, topic):
+    types = {RADAR: names.CLOUD, topic: "std_msgs/msg/String"}
+
+    assert set(choose(tmp_path, types).classes) == {RADAR}
+    assert set(choose(tmp_path, types, [topic]).classes) == {topic}
+
+
+@pytest.mark.parametrize(
+    "type_name",
+    [
+        "nobody_has_this/msg/Thing",
+        "std_msgs/msg/NoSuchMessage",
+        "std_msgs/String",
+        "../evil/msg/Thing",
+    ],
+)
+def test_choose_skips_a_type_that_is_not_installed_with_one_line(tmp_path, type_name):
+    found = choose(tmp_path, {RADAR: names.CLOUD, "/thing": type_name})
+
+    assert set(found.classes) == {RADAR}
+    assert found.skipped == (f"/thing: type {type_name} is not installed, not played",)
+
+
+def test_choose_imports_nothing_that_is_no_message_package(tmp_path, monkeypatch):
+    package = tmp_path / "trap"
+    package.mkdir()
+    (package / "__init__.py").write_text("raise SystemExit('imported')")
+    (package / "msg.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    found = choose(tmp_path, {RADAR: names.CLOUD, "/thing": "trap/msg/Thing"})
+
+    assert len(found.skipped) == 1
+    assert "trap" not in sys.modules
+
+
+def test_choose_takes_any_cloud_for_detections_where_none_is_named_so(tmp_path):
+    types = {"/smart_radar/port_targets_0": names.CLOUD, names.TRUTH: names.CLOUD}
+    found = choose(tmp_path, types)
+
+    assert found.detections == ("/smart_radar/port_targets_0",)
+    assert found.scan_topics == ("/smart_radar/port_targets_0", names.TRUTH)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "text"),
+    [
+        (["/gone"], "/gone missing; it has /note, /thing"),
+        (["/thing"], "/thing: type other/msg/Thing is not installed"),
+        ([], "/note: type other/msg/Note is not installed"),
+    ],
+)
+def test_choose_refuses_what_cannot_be_played(tmp_path, wanted, text):
+    types = {"/note": "other/msg/Note", "/thing": "other/msg/Thing"}
+    with pytest.raises(BagError, match=text):
+        choose(tmp_path, types, wanted)
+
+
+def test_choose_skips_a_name_that_is_no_topic(tmp_path):
+    found = choose(tmp_path, {RADAR: names.CLOUD, "no topic": "std_msgs/msg/String"})
+
+    assert found.skipped == ("no topic: is no topic name, not played",)

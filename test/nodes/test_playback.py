@@ -1,0 +1,95 @@
+import struct
+
+import pytest
+from mcap_files import write
+
+from msg_adapters.bag import BagError, BagReader
+from phd_jdtc_ros.nodes.playback import TOGETHER_NS, Playback
+
+TYPES = {
+    "/a/detections": "sensor_msgs/msg/PointCloud2",
+    "/b/detections": "sensor_msgs/msg/PointCloud2",
+    "/note": "std_msgs/msg/String",
+}
+SCANS = ("/a/detections", "/b/detections")
+S = 1_000_000_000
+
+
+def scan(topic, stamp_s, log_ns):
+    # The encapsulation, then the header's stamp.
+    return topic, log_ns, b"\0\1\0\0" + struct.pack("<iI", stamp_s, 0)
+
+
+def playback(tmp_path, messages, start_s=0.0, duration_s=0.0):
+    path = tmp_path / "bag.mcap"
+    if not path.exists():
+        write(path, TYPES, messages)
+    return Playback(BagReader(path), list(TYPES), SCANS, start_s, duration_s)
+
+
+def groups(played):
+    found = []
+    while played.upcoming is not None:
+        found.append(
+            (played.upcoming.stamp_ns, [message.topic for message in played.upcoming.messages])
+        )
+        played.advance()
+    return found
+
+
+def test_messages_of_one_stamp_go_together_with_what_is_between_them(tmp_path):
+    a, b = SCANS
+    messages = [
+        scan(a, 1, 1 * S),
+        ("/note", 1 * S + 1, b""),
+        scan(b, 1, 1 * S + 2),
+        ("/note", 1 * S + 3, b""),
+        scan(a, 2, 2 * S),
+        scan(b, 3, 3 * S),
+    ]
+
+    assert groups(playback(tmp_path, messages)) == [
+        (1 * S, [a, "/note", b]),
+        (None, ["/note"]),
+        (2 * S, [a]),
+        (3 * S, [b]),
+    ]
+
+
+def test_a_late_foreign_message_does_not_hold_a_scan_back(tmp_path):
+    a, _ = SCANS
+    played = playback(tmp_path, [scan(a, 1, 0), ("/note", TOGETHER_NS + 1, b""), scan(a, 1, 9 * S)])
+
+    assert groups(played) == [(1 * S, [a]), (None, ["/note"]), (1 * S, [a])]
+
+
+def test_seek_goes_to_the_first_group_from_then_on_and_back(tmp_path):
+    a, _ = SCANS
+    played = playback(tmp_path, [scan(a, 100 + k, (100 + k) * S) for k in range(5)])
+
+    played.seek(played.time_ns(2.5))
+    assert played.upcoming.log_time_ns == 103 * S
+    played.seek(played.time_ns(0.0))
+    assert len(groups(played)) == 5
+
+
+def test_the_chosen_part_ends_where_it_should(tmp_path):
+    a, _ = SCANS
+    played = playback(tmp_path, [scan(a, k, k * S) for k in range(1, 9)], 2.0, 3.0)
+
+    assert [stamp // S for stamp, _ in groups(played)] == [3, 4, 5, 6]
+    assert played.seconds(played.last_ns) == 5.0
+
+
+def test_before_yields_what_was_recorded_earlier(tmp_path):
+    a, _ = SCANS
+    messages = [("/note", 1 * S, b"first"), scan(a, 2, 2 * S), ("/note", 3 * S, b"later")]
+    played = playback(tmp_path, messages)
+
+    assert [message.data for message in played.before(2 * S, ["/note"])] == [b"first"]
+
+
+def test_an_empty_part_is_refused(tmp_path):
+    a, _ = SCANS
+    with pytest.raises(BagError, match="holds nothing in the chosen part"):
+        playback(tmp_path, [scan(a, 1, 1 * S)], 5.0)

@@ -1,0 +1,118 @@
+import errno
+import json
+import os
+import resource
+import signal
+import subprocess
+
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import String
+
+from msg_adapters import names
+from msg_adapters.bag import BagError, BagReader
+from phd_jdtc_ros.nodes.recorder import STATIC_FRAMES, STATIC_FRAMES_TYPE, Recorder
+from phd_jdtc_ros.tools.demo import shipped_bag
+
+STRING = "std_msgs/msg/String"
+# The evaluator records 80 scans of truth and detections, about 150 kB.
+TOO_LITTLE = 60_000
+
+
+def test_recorder_writes_what_arrives(peer, tmp_path):
+    recorder = Recorder(peer.node, tmp_path / "bag", {"/note": STRING})
+    output = peer.publisher(String, "/note")
+    assert peer.spin_until(output.get_subscription_count)
+    peer.spin_for(0.3)
+    for k in range(5):
+        output.publish(String(data=f"note {k}"))
+    peer.spin_for(0.5)
+    recorder.close()
+
+    bag = BagReader(tmp_path / "bag")
+    assert bag.counts["/note"] == 5
+    assert [b"note %d" % k in m.data for k, m in enumerate(bag.messages(["/note"]))] == [True] * 5
+
+
+def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    # Of a type that is everywhere; what matters is the name and the durability.
+    peer.publisher(String, STATIC_FRAMES, latched).publish(String(data="map to radar_1"))
+    peer.spin_for(0.3)
+    recorder = Recorder(peer.node, tmp_path / "bag", {STATIC_FRAMES: STRING})
+    peer.spin_for(1.0)
+    recorder.close()
+
+    bag = BagReader(tmp_path / "bag")
+    assert bag.counts[STATIC_FRAMES] == 1
+    assert "transient_local" in (tmp_path / "bag" / "metadata.yaml").read_text()
+
+
+def test_recorder_takes_static_frames_where_their_type_is_installed(peer, tmp_path):
+    pytest.importorskip("tf2_msgs.msg", reason="tf2_msgs is not installed")
+    Recorder(peer.node, tmp_path / "bag", {}).close()
+
+    assert BagReader(tmp_path / "bag").types == {STATIC_FRAMES: STATIC_FRAMES_TYPE}
+
+
+def record(processes, peer, directory, restrict):
+    """Run the evaluator with a recording into `directory` beside a replay of the shipped bag."""
+    evaluator = processes.start(
+        *("evaluator", "--ros-args", "-p", f"record:={directory}"),
+        *("-p", f"report:={directory.parent.parent / 'report.json'}"),
+    )
+    assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)
+    restrict(evaluator)
+    replay = processes.start("sensor_replay", shipped_bag(), "--rate", "200")
+    assert peer.spin_until(lambda: replay.poll() is not None, 30.0)
+    alive = evaluator.poll() is None
+    evaluator.send_signal(signal.SIGTERM)
+    return alive, evaluator.wait(15.0), evaluator.log.read_text()
+
+
+def check_stopped_cleanly(outcome, directory, reason):
+    alive, status, text = outcome
+    assert (alive, status) == (True, 0)
+    assert text.count("recording stopped") == 1
+    assert reason in text
+    assert "Traceback" not in text
+    # What was written until then is whole.
+    found, bag = [], BagReader(next(directory.glob("*.mcap")))
+    with pytest.raises(BagError, match="is damaged"):
+        found.extend(message.topic for message in bag.messages())
+    assert found.count(names.detections("radar_1")) >= 5
+
+
+def test_recorder_stops_at_the_largest_file_and_the_node_goes_on(processes, peer, tmp_path):
+    directory = tmp_path / "recording" / "bag"
+
+    def restrict(process):
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (TOO_LITTLE, TOO_LITTLE))
+
+    outcome = record(processes, peer, directory, restrict)
+
+    check_stopped_cleanly(outcome, directory, os.strerror(errno.EFBIG))
+    assert json.loads((tmp_path / "report.json").read_text())["scans"] == 0
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """Return a directory on a file system of little room."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={TOO_LITTLE}", "tmpfs", disk],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if mounted.returncode:
+        pytest.skip(f"no file system can be mounted here: {mounted.stderr.strip()}")
+    yield disk
+    subprocess.run(["umount", disk], check=True)
+
+
+def test_recorder_stops_on_a_full_disk_and_the_node_goes_on(processes, peer, small_disk):
+    outcome = record(processes, peer, small_disk / "bag", lambda _: None)
+
+    check_stopped_cleanly(outcome, small_disk / "bag", os.strerror(errno.ENOSPC))
