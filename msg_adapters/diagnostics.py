@@ -12,14 +12,18 @@ from . import stamps
 
 
 def status(
-    name: str, values: Mapping[str, object], level: bytes = DiagnosticStatus.OK, message: str = ""
+    name: str,
+    values: Mapping[str, object],
+    level: bytes = DiagnosticStatus.OK,
+    message: str = "",
+    hardware_id: str = "",
 ) -> DiagnosticStatus:
     """Return a status; floats are written so that they read back exactly."""
     return DiagnosticStatus(
         level=level,
         name=name,
         message=message,
-        hardware_id="",
+        hardware_id=hardware_id,
         values=[
             KeyValue(key=key, value=repr(float(v)) if isinstance(v, float) else str(v))
             for key, v in values.items()

@@ -3,7 +3,8 @@
 Time is stamps, never arrival. Reports of several radars with one stamp are one scan; a radar with
 a stamp of its own makes a scan of its own. A scan is closed when every live radar has reported
 its stamp, or as soon as a later stamp has come. A radar is live by its stamps: it stops being
-waited for once it has missed two scans, and is waited for again from its next report on.
+waited for once it has missed two scans, and is waited for again from its next report on. Whoever
+must not wait for a later stamp closes what waits with `close_all`, when it likes.
 """
 
 from __future__ import annotations

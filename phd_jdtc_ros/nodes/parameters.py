@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import rclpy
@@ -31,15 +31,30 @@ def given(node: Node) -> dict[str, Any]:
     }
 
 
-def declare(node: Node, table: Mapping[str, Parameter], values: Mapping[str, Any]) -> None:
-    """Declare checked values, described, ranged and read-only.
-
-    A running tracker's structure cannot change; it is configured by a restart.
-    """
+def declare(
+    node: Node,
+    table: Mapping[str, Parameter],
+    values: Mapping[str, Any],
+    mutable: frozenset[str] = frozenset(),
+) -> None:
+    """Declare checked values, described, ranged, and read-only unless named in `mutable`."""
     for name, parameter in table.items():
-        node.declare_parameter(
-            name, values[name], _descriptor(parameter, values[name]), ignore_override=True
-        )
+        descriptor = _descriptor(parameter, values[name])
+        descriptor.read_only = name not in mutable
+        node.declare_parameter(name, values[name], descriptor, ignore_override=True)
+
+
+def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Return the values of a plain table's parameters, and every fault of what was found."""
+    by_name = {parameter.name: parameter for parameter in table}
+    faults = [f"{name}: unknown parameter" for name in found if name not in by_name]
+    values = {}
+    for name, parameter in by_name.items():
+        value = found.get(name, parameter.default)
+        values[name] = parameter.coerce(value)
+        if values[name] is None:
+            faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
+    return values, faults
 
 
 def resolve(node: Node, table: tuple[Parameter, ...], flags: Mapping[str, Any]) -> dict[str, Any]:
@@ -57,18 +72,10 @@ def resolve(node: Node, table: tuple[Parameter, ...], flags: Mapping[str, Any]) 
     ConfigError
         With every fault.
     """
-    by_name = {parameter.name: parameter for parameter in table}
-    found = {**given(node), **flags}
-    faults = [f"{name}: unknown parameter" for name in found if name not in by_name]
-    values = {}
-    for name, parameter in by_name.items():
-        value = found.get(name, parameter.default)
-        values[name] = parameter.coerce(value)
-        if values[name] is None:
-            faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
+    values, faults = check(table, {**given(node), **flags})
     if faults:
         raise ConfigError(faults)
-    declare(node, by_name, values)
+    declare(node, {parameter.name: parameter for parameter in table}, values)
     return values
 
 
@@ -76,7 +83,6 @@ def _descriptor(parameter: Parameter, value: Any) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=parameter.description,
         additional_constraints=f"must be {parameter.allowed}",
-        read_only=True,
         # An empty list has no type of its own.
         dynamic_typing=value == [],
     )

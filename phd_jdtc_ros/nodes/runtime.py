@@ -6,6 +6,7 @@ a second signal changes nothing, and nothing is ever printed as a traceback beca
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -25,7 +26,7 @@ from phd_jdtc_ros.exits import OK, fail
 POLL_SECONDS = 0.1
 
 
-class ManagedNode(Protocol):
+class RunnableNode(Protocol):
     """What `run` needs of a node beside its being one."""
 
     exit_status: int | None
@@ -61,7 +62,7 @@ def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
     name : str
         Of the executable, for messages.
     make_node : callable
-        Makes the node, a `ManagedNode`, once ROS is up.
+        Makes the node, a `RunnableNode`, once ROS is up.
     argv : sequence of str
         Arguments with the ROS ones.
     """
@@ -82,6 +83,9 @@ def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
             node.destroy_node()
         rclpy.try_shutdown()
         stop.ignore_further()
+        # The process ends here. Its last collection would look at every object of the numerical
+        # libraries, which takes most of the time of a stop.
+        gc.freeze()
 
 
 def _spin(node: Node, stop: StopRequest) -> int:

@@ -1,231 +1,213 @@
-"""The live tracker: detections in, filtered and smoothed estimates out."""
+"""The live tracker: detections in, filtered and smoothed estimates out.
+
+A managed node: its life and its parameters are here, a scan's way through it is in `live`.
+"""
 
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Sequence
-from functools import partial
 from typing import Any
 
-import numpy as np
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseArray
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
-from sensor_msgs.msg import PointCloud2
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_srvs.srv import Trigger
-from visualization_msgs.msg import MarkerArray
 
-from msg_adapters import detections, diagnostics, estimates, markers
-from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.core import config
-from phd_jdtc_ros.core.engine import Engine, Step
-from phd_jdtc_ros.core.parameters import schema
-from phd_jdtc_ros.core.scans import Rejection, Reset, ScanGrouper
-from phd_jdtc_ros.core.types import Estimates, Scan
+from msg_adapters import diagnostics
+from phd_jdtc_ros.core.config import ConfigError
 
-from . import parameters, runtime
+from . import endpoints, parameters, runtime, settings
+from .live import LiveTracker
 
-WARNING_PERIOD_S = 5.0
-
-INPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-OUTPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-MARKER_QOS = QoSProfile(
-    depth=1,
-    reliability=ReliabilityPolicy.RELIABLE,
-    durability=DurabilityPolicy.TRANSIENT_LOCAL,
-)
+HEALTH_PERIOD_S = 1.0
+# How soon a radar's silence is noticed.
+WATCH_PERIOD_S = 0.1
 
 
-class Tracker(Node):
-    """Subscribes to every radar, steps the engine scan by scan, publishes what comes out."""
+class Tracker(LifecycleNode):
+    """Unconfigured it only has parameters; configured, topics; active, it tracks.
+
+    Deactivating publishes the scans that are still held back, and activating begins a new run.
+    """
 
     def __init__(self) -> None:
         super().__init__("tracker")
-        given = parameters.given(self)
-        self._config = config.resolve(given)
-        parameters.declare(self, schema(given), self._config.values)
         self.exit_status: int | None = None
-        modes = self._config.model.modes
-        self._class_names = tuple(model.name for model in modes.classes)
-        self._engine: Engine = self._config.engine()
-        self._grouper = ScanGrouper(len(self._config.inputs), self._config.reset_threshold_s)
-        self._received: Counter[str] = Counter()
-        self._dropped: Counter[tuple[str, str]] = Counter()
-        self._neutral: set[str] = set()
-        self._epoch = 0
-        self._cpu_s = 0.0
-        self._last_step_ms = 0.0
-        self._make_publishers()
-        self._make_inputs()
+        self._settings = settings.resolve(parameters.given(self))
+        parameters.declare(
+            self, self._settings.table, self._settings.values, self._settings.mutable
+        )
+        self._live: LiveTracker | None = None
+        self._fault: Exception | None = None
+        self._summary = "never configured"
+        self._shown: tuple[Any, float] = (None, 0.0)
+        self._health = self.create_publisher(
+            DiagnosticArray, "/diagnostics", endpoints.output_qos()
+        )
         self.create_service(Trigger, "~/flush", self._on_flush)
         self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_timer(1.0, self._publish_health)
-        if not self._config.model.births and not self._config.model.detection_births.enabled:
-            self.get_logger().warning(
-                "neither births nor detection_births.rates are set: no target can ever appear"
-            )
-        self.get_logger().info(
-            f"tracking {len(self._class_names)} classes with {len(self._config.inputs)} radars"
-        )
+        # By the wall clock, for under simulated time a paused replay stops the other.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
+        self._guard_transitions()
+        if self._settings.node["autostart"]:
+            self._start()
+        else:
+            self.get_logger().info("unconfigured; waiting for a transition")
+
+    def _start(self) -> None:
+        self.trigger_configure()
+        if self._fault is not None:
+            raise self._fault
+        self.trigger_activate()
+
+    def _guard_transitions(self) -> None:
+        """Refuse transitions that there are not from the present state; rclpy ends the node."""
+        service = self._service_change_state
+        change = service.callback
+
+        def guarded(request: Any, response: Any) -> Any:
+            try:
+                return change(request, response)
+            except Exception as error:  # rclpy's own type for this is private
+                self.get_logger().error(f"transition refused: {error}")
+                response.success = False
+                return response
+
+        service.callback = guarded
 
     def close(self) -> None:
         """Say how the run went."""
-        self.get_logger().info(f"stopped; {self._summary()}")
+        if self._live is not None:
+            self._summary = self._live.summary()
+        self.get_logger().info(f"stopped; {self._summary}")
 
-    def _make_publishers(self) -> None:
-        def cloud(source: str) -> Any:
-            return self.create_publisher(PointCloud2, f"~/{source}/estimates", OUTPUT_QOS)
-
-        def poses(source: str) -> list[Any]:
-            return [
-                self.create_publisher(PoseArray, f"~/{source}/class_{k}/poses", OUTPUT_QOS)
-                for k in range(len(self._class_names))
-            ]
-
-        self._clouds = {source: cloud(source) for source in ("filtered", "smoothed")}
-        self._poses = {source: poses(source) for source in ("filtered", "smoothed")}
-        self._markers = self.create_publisher(MarkerArray, "~/markers", MARKER_QOS)
-        self._cardinality = self.create_publisher(DiagnosticArray, "~/cardinality", OUTPUT_QOS)
-        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_QOS)
-
-    def _make_inputs(self) -> None:
-        for index, radar in enumerate(self._config.inputs):
-            try:
-                self.create_subscription(
-                    PointCloud2,
-                    radar.topic,
-                    partial(self._on_detections, index),
-                    INPUT_QOS,
-                    qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-                )
-            except RuntimeError as error:  # what rclpy raises for a policy it does not know
-                raise config.ConfigError([f"qos_overrides.{radar.topic}: {error}"]) from error
-
-    def _on_detections(self, index: int, cloud: PointCloud2) -> None:
-        start = time.thread_time()
-        radar = self._config.inputs[index]
-        self._received[radar.name] += 1
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make the engine and all topics; fail and stay unconfigured if they cannot be made."""
+        self._fault = None
         try:
-            report = detections.from_msg(cloud, radar)
-        except RejectedMessageError as error:
-            self._drop(radar.name, error.reason, f"scan rejected: {error}")
-            return
-        for reason, count in report.dropped.items():
-            self._drop(radar.name, reason, f"{count} points dropped: {reason}", count)
-        if report.detections.amplitude is None and radar.name not in self._neutral:
-            self._neutral.add(radar.name)
+            self._live = LiveTracker(self, self._settings)
+        except Exception as error:  # the caller of the transition is only told that it failed
+            self._fault = error
+            self.get_logger().error(f"not configured: {error}")
+            return TransitionCallbackReturn.FAILURE
+        model = self._settings.config.model
+        if not model.births and not model.detection_births.enabled:
             self.get_logger().warning(
-                f"{radar.topic}: no field {radar.amplitude_field!r}; "
-                "its amplitudes say nothing of the class"
+                "neither births nor detection_births.rates are set: no target can ever appear"
             )
-        events = self._grouper.add(index, report.stamp_ns, report.detections)
-        if isinstance(events, Rejection):
-            self._drop(radar.name, events.value, f"scan rejected: {events.value} stamp")
-            return
-        self._handle(events, start)
+        return super().on_configure(state)
 
-    def _handle(self, events: Sequence[Scan | Reset], start: float) -> None:
-        """Step through closed scans; `start` is the CPU time when their last report came."""
-        for event in events:
-            if isinstance(event, Reset):
-                self.get_logger().warning("stamps jumped back: starting anew")
-                self._publish_flushed()
-                self._epoch += 1
-                continue
-            step = self._engine.step(event)
-            self._publish_estimates("filtered", step.filtered)
-            for smoothed in step.smoothed:
-                self._publish_estimates("smoothed", smoothed)
-            self._markers.publish(
-                markers.to_msg(step.filtered, self._config.world_frame, self._class_names)
-            )
-            now = time.thread_time()
-            self._last_step_ms = 1e3 * (self._cpu_s + now - start)
-            self._cpu_s, start = 0.0, now
-            self._publish_cardinality(step)
-        self._cpu_s += time.thread_time() - start if not events else 0.0
-
-    def _publish_estimates(self, source: str, found: Estimates) -> None:
-        frame = self._config.world_frame
-        self._clouds[source].publish(estimates.to_msg(found, frame))
-        for class_id, publisher in enumerate(self._poses[source]):
-            publisher.publish(estimates.to_pose_array(found, class_id, frame))
-
-    def _publish_cardinality(self, step: Step) -> None:
-        mass = {name: float(m) for name, m in zip(self._class_names, step.class_mass, strict=True)}
-        values = {
-            "total": float(np.sum(step.class_mass)),
-            **mass,
-            "particles": step.particles,
-            "effective_sample_size": step.effective_sample_size,
-            "unresolved": step.filtered.unresolved,
-            "orphans": step.orphans,
-            "step_ms": self._last_step_ms,
-        }
-        self._cardinality.publish(
-            diagnostics.array(
-                step.filtered.stamp_ns, [diagnostics.status("tracker/cardinality", values)]
-            )
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Track from now on."""
+        done = super().on_activate(state)
+        self._live.start()
+        modes = self._settings.config.model.modes
+        self.get_logger().info(
+            f"tracking {len(modes.classes)} classes with {len(self._settings.config.inputs)} radars"
         )
+        return done
 
-    def _publish_flushed(self) -> int:
-        flushed = self._engine.flush()
-        for found in flushed:
-            self._publish_estimates("smoothed", found)
-        return len(flushed)
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Publish what is held back, then hear and publish nothing."""
+        self._live.stop()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take all topics back."""
+        self._tear_down()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Publish what is held back and take all topics back, whatever the state."""
+        if state.label == "active":
+            self._live.stop()
+        self._tear_down()
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Be unconfigured again after a transition that failed half-way."""
+        self._tear_down()
+        return super().on_error(state)
+
+    def _tear_down(self) -> None:
+        if self._live is not None:
+            self._summary = self._live.summary()
+            self._live.destroy()
+            self._live = None
+
+    def set_parameters_atomically(
+        self, parameter_list: list[rclpy.Parameter]
+    ) -> SetParametersResult:
+        """Check a change whole, in the words of the start, and go by it from the next scan on.
+
+        rclpy would look at one parameter after the other and name the first fault alone.
+        """
+        table = self._settings.table
+        others = [p for p in parameter_list if p.name not in table and self.has_parameter(p.name)]
+        changes = {p.name: p.value for p in parameter_list if p not in others}
+        if not changes:
+            return super().set_parameters_atomically(parameter_list)
+        try:
+            changed = settings.changed(self._settings, changes)
+        except ConfigError as error:
+            return SetParametersResult(successful=False, reason="; ".join(error.faults))
+        # Whole numbers have become the real ones that they stand for.
+        checked = [rclpy.Parameter(name, value=changed.values[name]) for name in changes]
+        result = super().set_parameters_atomically([*others, *checked])
+        if result.successful:
+            self._settings = changed
+            if self._live is not None:
+                self._live.retune(changed)
+            told = ", ".join(f"{parameter.name} {parameter.value}" for parameter in checked)
+            self.get_logger().info(f"changed: {told}")
+        return result
+
+    @property
+    def _phase(self) -> str:
+        return str(self._state_machine.current_state[1])
 
     def _on_flush(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._handle(self._grouper.close_all(), time.thread_time())
-        self._grouper.reset()
-        count = self._publish_flushed()
-        response.success = True
-        response.message = f"{count} smoothed estimates published"
+        response.success = self._phase == "active"
+        response.message = f"the tracker is {self._phase}"
+        if response.success:
+            response.message = f"{self._live.flush()} smoothed estimates published"
         return response
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._grouper.reset()
-        self._engine.reset()
-        response.success = True
-        response.message = "reset"
+        response.success = self._phase == "active"
+        response.message = f"the tracker is {self._phase}"
+        if response.success:
+            self._live.reset()
+            response.message = "reset"
         return response
 
-    def _drop(self, radar: str, reason: str, text: str, count: int = 1) -> None:
-        self._dropped[radar, reason] += count
-        self.get_logger().warning(f"{radar}: {text}", throttle_duration_sec=WARNING_PERIOD_S)
+    def _watch(self) -> None:
+        """Publish the health every second, and at once when a radar falls silent or is back."""
+        now = time.monotonic()
+        state = self._phase, self._live.silent() if self._phase == "active" else None
+        before, published = self._shown
+        if state == before and now - published < HEALTH_PERIOD_S:
+            return
+        self._shown = state, now
+        stamp_ns = self.get_clock().now().nanoseconds
+        self._health.publish(diagnostics.array(stamp_ns, self._statuses()))
 
-    def _summary(self) -> str:
-        received = sum(self._received.values())
-        drops = [f"{radar} {reason} {n}" for (radar, reason), n in sorted(self._dropped.items())]
-        return f"{received} clouds received, dropped: {', '.join(drops) or 'none'}"
-
-    def _publish_health(self) -> None:
-        statuses = [self._radar_status(radar.name) for radar in self._config.inputs]
-        period_ms = 1e3 * self._config.model.modes.interval_s
-        late = self._last_step_ms > period_ms
-        statuses.append(
-            diagnostics.status(
-                "tracker/step",
-                {"step_ms": self._last_step_ms, "scan_period_ms": period_ms, "epoch": self._epoch},
-                DiagnosticStatus.WARN if late else DiagnosticStatus.OK,
-                "slower than the scans" if late else "in time",
-            )
-        )
-        now_ns = self.get_clock().now().nanoseconds
-        self._health.publish(diagnostics.array(now_ns, statuses))
-
-    def _radar_status(self, name: str) -> DiagnosticStatus:
-        drops = {reason: n for (radar, reason), n in self._dropped.items() if radar == name}
-        received = self._received[name]
-        level, text = DiagnosticStatus.OK, "receiving"
-        if not received:
-            level, text = DiagnosticStatus.STALE, "nothing received yet"
-        elif drops:
-            level, text = DiagnosticStatus.WARN, "some input was dropped"
-        values = {"received": received, **{f"dropped_{k}": v for k, v in drops.items()}}
-        return diagnostics.status(f"tracker/{name}", values, level, text)
+    def _statuses(self) -> list[DiagnosticStatus]:
+        if self._phase == "active":
+            return self._live.statuses()
+        name, text = self.get_name(), f"the tracker is {self._phase}"
+        lines = [
+            *((radar.name, radar.name) for radar in self._settings.config.inputs),
+            ("step time", self.get_fully_qualified_name()),
+        ]
+        return [
+            diagnostics.status(f"{name}: {line}", {}, DiagnosticStatus.STALE, text, hardware_id)
+            for line, hardware_id in lines
+        ]
 
 
 def main(argv: Sequence[str]) -> int:

@@ -101,6 +101,10 @@ def test_status_carries_level_and_message():
     assert found.values == []
 
 
+def test_status_names_the_hardware_it_is_about():
+    assert diagnostics.status("name", {}, hardware_id="radar_1").hardware_id == "radar_1"
+
+
 def test_array_has_no_frame():
     message = diagnostics.array(
         STAMP_NS, [diagnostics.status("a", {}), diagnostics.status("b", {})]

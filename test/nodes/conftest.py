@@ -73,10 +73,10 @@ class Peer:
     def publisher(self, message_type, topic, qos=10):
         return self.node.create_publisher(message_type, topic, qos)
 
-    def call(self, service_type, name):
+    def call(self, service_type, name, request=None):
         client = self.node.create_client(service_type, name)
         assert self.spin_until(client.service_is_ready), f"{name} is not there"
-        future = client.call_async(service_type.Request())
+        future = client.call_async(request or service_type.Request())
         assert self.spin_until(future.done), f"{name} does not answer"
         return future.result()
 

@@ -58,7 +58,7 @@ class Radars:
         """Wait for the next health report and return a radar's status."""
         before = len(self.health)
         assert self.peer.spin_until(lambda: len(self.health) > before + 1)
-        return next(s for s in self.health[-1].status if s.name == f"tracker/radar_{radar}")
+        return next(s for s in self.health[-1].status if s.name == f"tracker: radar_{radar}")
 
 
 @pytest.fixture

@@ -1,0 +1,120 @@
+"""Tracks as odometry and as paths: for consumers that follow one target at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, PoseStamped, Twist, Vector3
+from nav_msgs.msg import Odometry, Path
+
+from phd_jdtc_ros.core.motion import OMEGA, STATE_SIZE, VX, VY, X, Y
+from phd_jdtc_ros.core.types import Estimates, FloatArray
+
+from . import stamps
+from .estimates import heading
+
+# What a planar track says nothing of: height, roll, pitch and their rates.
+UNKNOWN_VARIANCE = 1e6
+# Of an angle that can be anything.
+LARGEST_YAW_VARIANCE = math.pi**2 / 3.0
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """Where a track was.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    state : array of shape (D,)
+    """
+
+    stamp_ns: int
+    state: FloatArray
+
+
+def labelled(estimates: Estimates) -> list[tuple[int, int]]:
+    """Return the (track, row) pairs of the estimates that have a track, by ascending track."""
+    return sorted((int(track), row) for row, track in enumerate(estimates.track_id) if track)
+
+
+def child_frame(track: int) -> str:
+    """Return the name of the frame that moves with a track."""
+    return f"track_{track}"
+
+
+def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
+    """Return an odometry message for every estimate that has a track, by ascending track.
+
+    The pose is in `frame` and faces along the velocity; the twist is in the frame
+    ``track_NUMBER``, whose x axis points there too. Covariances follow the state's to first order;
+    what a planar track says nothing of has `UNKNOWN_VARIANCE`.
+    """
+    return [
+        _odometry(estimates.stamp_ns, frame, track, estimates.state[row], estimates.covariance[row])
+        for track, row in labelled(estimates)
+    ]
+
+
+def to_path(track: Sequence[Waypoint], frame: str) -> Path:
+    """Return the way of one track; the header has the stamp of its last, and newest, place."""
+    return Path(
+        header=stamps.header(track[-1].stamp_ns, frame),
+        poses=[
+            PoseStamped(header=stamps.header(point.stamp_ns, frame), pose=_pose(point.state))
+            for point in track
+        ],
+    )
+
+
+def _pose(state: FloatArray) -> Pose:
+    return Pose(
+        position=Point(x=float(state[X]), y=float(state[Y]), z=0.0),
+        orientation=heading(state[VX], state[VY]),
+    )
+
+
+def _odometry(
+    stamp_ns: int, frame: str, track: int, state: FloatArray, covariance: FloatArray
+) -> Odometry:
+    message = Odometry(header=stamps.header(stamp_ns, frame), child_frame_id=child_frame(track))
+    speed = math.hypot(state[VX], state[VY])
+    message.pose.pose = _pose(state)
+    message.pose.covariance = _pose_covariance(state, covariance).ravel()
+    message.twist.twist = Twist(
+        linear=Vector3(x=speed, y=0.0, z=0.0),
+        angular=Vector3(x=0.0, y=0.0, z=float(state[OMEGA])),
+    )
+    message.twist.covariance = _twist_covariance(state, covariance).ravel()
+    return message
+
+
+def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the (6, 6) covariance of x, y, z, roll, pitch, yaw."""
+    to_pose = np.zeros((6, STATE_SIZE))
+    to_pose[0, X] = to_pose[1, Y] = 1.0
+    square = max(state[VX] ** 2 + state[VY] ** 2, np.finfo(float).tiny)
+    to_pose[5, VX], to_pose[5, VY] = -state[VY] / square, state[VX] / square
+    yaw_variance = float(to_pose[5] @ covariance @ to_pose[5])
+    if not 0.0 < yaw_variance <= LARGEST_YAW_VARIANCE:  # too slow to have a direction
+        to_pose[5] = 0.0
+    moved: FloatArray = to_pose @ covariance @ to_pose.T
+    if not to_pose[5].any():
+        moved[5, 5] = LARGEST_YAW_VARIANCE
+    moved[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
+    return moved
+
+
+def _twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the (6, 6) covariance of vx, vy, vz and the three rates, in the track's frame."""
+    yaw = math.atan2(state[VY], state[VX])
+    to_twist = np.zeros((6, STATE_SIZE))
+    to_twist[0, [VX, VY]] = math.cos(yaw), math.sin(yaw)
+    to_twist[1, [VX, VY]] = -math.sin(yaw), math.cos(yaw)
+    to_twist[5, OMEGA] = 1.0
+    turned: FloatArray = to_twist @ covariance @ to_twist.T
+    turned[[2, 3, 4], [2, 3, 4]] = UNKNOWN_VARIANCE
+    return turned

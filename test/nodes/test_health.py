@@ -1,0 +1,157 @@
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from msg_adapters import diagnostics
+from phd_jdtc_ros.nodes.health import (
+    WARNING_MEMORY_S,
+    InputHealth,
+    OutputHealth,
+    Publishers,
+    Rhythm,
+    StepHealth,
+)
+
+ALONE = Publishers(1, ())
+OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+
+
+def radar(interval_s=None, scans=9):
+    """Return a radar's health at second 100, after regular reports up to there."""
+    health = InputHealth("north", "/north/plots", Rhythm(6.0))
+    if interval_s is not None:
+        for k in range(scans):
+            now = 100.0 - (scans - 1 - k) * interval_s
+            health.arrived(now, k)
+            health.rhythm.beat(now)
+    return health
+
+
+def status(health, now_s=100.0, heard=ALONE):
+    return health.status("tracker", now_s, 2.0, heard)
+
+
+def test_rhythm_is_the_median_of_the_latest():
+    rhythm = Rhythm(6.0)
+    assert rhythm.interval_s == 6.0
+    for now in (0.0, 1.0, 2.0, 3.0, 50.0, 51.0, 52.0):
+        rhythm.beat(now)
+    assert rhythm.interval_s == 1.0
+
+
+def test_rhythm_takes_no_rate_from_two_that_arrive_together():
+    rhythm = Rhythm(6.0)
+    rhythm.beat(10.0)
+    rhythm.beat(10.001)
+    assert rhythm.interval_s > 3.0
+
+
+def test_rhythm_measures_no_interval_across_a_pause():
+    rhythm = Rhythm(6.0)
+    rhythm.beat(0.0)
+    rhythm.pause()
+    rhythm.beat(1000.0)
+    assert rhythm.interval_s == 6.0
+
+
+@pytest.mark.parametrize("interval_s", [0.1, 1.0, 12.0])
+def test_radar_is_silent_within_two_of_its_own_scans_and_half_a_second(interval_s):
+    health = radar(interval_s)
+    assert not health.silent(100.0 + 2.0 * interval_s, 2.0)
+    # A tenth of a second is left for whoever looks.
+    assert health.silent(100.0 + 2.0 * interval_s + 0.4, 2.0)
+    found = status(health, 100.0 + 2.0 * interval_s + 0.4)
+    assert found.level == STALE
+    assert found.message.startswith("silent for ")
+
+
+def test_radar_that_never_reported_is_stale():
+    found = status(radar())
+    assert (found.level, found.message) == (STALE, "nothing received yet")
+    assert "age_s" not in diagnostics.values_of(found)
+
+
+def test_radar_that_reports_is_well_and_says_how_it_does():
+    found = status(radar(1.0), 100.5)
+    assert (found.name, found.hardware_id) == ("tracker: north", "north")
+    assert (found.level, found.message) == (OK, "receiving")
+    assert diagnostics.values_of(found) == {
+        "topic": "/north/plots",
+        "received": "9",
+        "age_s": "0.5",
+        "interval_s": "1.0",
+        "gaps": "0",
+        "deadlines_missed": "0",
+        "incompatible_qos": "0",
+        "publishers": "1",
+    }
+
+
+@pytest.mark.parametrize("trouble", ["drop", "deadline"])
+def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
+    health = radar(60.0)
+    if trouble == "drop":
+        health.drop("schema", 3, 100.0)
+    else:
+        health.miss_deadline(3, 100.0)
+    values = diagnostics.values_of(status(health))
+    assert "3" in (values["deadlines_missed"], values.get("dropped_schema"))
+    assert status(health, 100.0 + 0.9 * WARNING_MEMORY_S).level == WARN
+    assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
+
+
+def test_second_publisher_is_an_error_even_if_all_is_well():
+    found = status(radar(1.0), heard=Publishers(2, ()))
+    assert (found.level, found.message) == (ERROR, "2 publishers on /north/plots, must be one")
+
+
+def test_publisher_that_cannot_be_heard_is_an_error_even_before_anything_came():
+    found = status(radar(), heard=Publishers(1, ("best effort and reliable",)))
+    assert found.level == ERROR
+    assert found.message == "incompatible QoS on /north/plots: best effort and reliable"
+
+
+def test_gaps_are_counted_exactly():
+    health = radar()
+    for sequence in (4, 5, 9, 10, 13):
+        health.arrived(0.0, sequence)
+    assert health.gaps == 3 + 2
+
+
+def test_gaps_are_not_counted_over_another_publishers_beginning():
+    health = radar()
+    for sequence in (500, 1, 2, 4):
+        health.arrived(0.0, sequence)
+    assert health.gaps == 1
+
+
+def test_gaps_are_not_counted_where_nobody_numbers():
+    health = radar()
+    for _ in range(3):
+        health.arrived(0.0, None)
+    assert (health.gaps, health.received) == (0, 3)
+
+
+@pytest.mark.parametrize(("step_ms", "level"), [(999.0, OK), (1001.0, WARN)])
+def test_step_time_is_judged_by_the_scans_true_interval(step_ms, level):
+    pace = StepHealth(Rhythm(6.0))
+    for second in range(12):
+        pace.stepped(second * 2 * 10**9, step_ms)
+    found = pace.status("tracker", "/tracker", 0.5)
+    assert (found.name, found.hardware_id) == ("tracker: step time", "/tracker")
+    assert found.level == level
+    assert diagnostics.values_of(found)["scan_interval_ms"] == "2000.0"
+
+
+def test_step_time_before_any_scan_is_stale():
+    assert StepHealth(Rhythm(6.0)).status("tracker", "/tracker", 1.0).level == STALE
+
+
+def test_refused_subscription_is_a_warning_for_a_while():
+    outputs = OutputHealth()
+    assert outputs.status("tracker", "/tracker", 0.0).level == OK
+    outputs.refuse("/tracker/markers", 2, 50.0)
+    found = outputs.status("tracker", "/tracker", 51.0)
+    assert found.level == WARN
+    assert diagnostics.values_of(found) == {"incompatible_qos /tracker/markers": "2"}
+    assert outputs.status("tracker", "/tracker", 51.0 + WARNING_MEMORY_S).level == OK

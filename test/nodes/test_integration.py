@@ -1,0 +1,302 @@
+"""A managed tracker with three unlike radars, driven as a launch system would, against the truth.
+
+The radars have rates, phases, field names and conventions of their own; one reports decibels and
+azimuths from north. Everything an operator does happens on the way.
+"""
+
+import numpy as np
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import GetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import detections, estimates, point_cloud, stamps
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.metrics import ospa
+from phd_jdtc_ros.core.motion import STATE_SIZE, VX, VY, X, Y
+from phd_jdtc_ros.core.parameters import flatten
+from phd_jdtc_ros.core.scans import Rejection, ScanGrouper
+from phd_jdtc_ros.core.simulation import Truth, detect
+
+START_NS = 1_700_000_000 * 10**9
+SCENE_S = 36.0
+PERIOD_S = {"north": 2.0, "south": 3.0, "east": 2.5}
+PHASE_S = {"north": 0.0, "south": 0.7, "east": 1.3}
+CUTOFF_M = 500.0
+# It is about 30 m, and more than 200 m with any one radar misread.
+OSPA_BOUND_M = 100.0
+
+MEASURES = {"range_std": 60.0, "azimuth_std_deg": 0.3, "clutter_rate": 5.0}
+PARAMETERS = {
+    "radars": ["north", "south", "east"],
+    "interval_s": 2.0,
+    "lag_s": 5.0,
+    "particles_per_target": 1000,
+    "particles_per_birth": 1024,
+    # Far apart, so that one report tells them apart if its unit is right.
+    "class_0": {"snr_band_db": [50.0, 70.0]},
+    "class_1": {"snr_band_db": [10.0, 30.0]},
+    "births": ["one", "two", "three"],
+    "one": {"position": [-4e3, 4e3], "velocity": [100.0, -60.0], "velocity_std": 20.0},
+    "two": {"position": [5e3, -3e3], "velocity": [-90.0, 80.0], "velocity_std": 20.0},
+    "three": {"position": [-3e3, -6e3], "velocity": [60.0, 100.0], "velocity_std": 20.0},
+    "north": {
+        **MEASURES,
+        "topic": "/drivers/north/plots",
+        "position": [0.0, 9e3],
+        "fields": {"range": "distance", "azimuth": "bearing", "amplitude": ""},
+    },
+    "south": {
+        **MEASURES,
+        "topic": "/drivers/south/targets",
+        "position": [1e3, -9e3],
+        "fields": {"range": "rho", "azimuth": "theta", "amplitude": "snr"},
+        "amplitude_unit": "db",
+        "azimuth_convention": "compass_cw",
+    },
+    "east": {
+        **MEASURES,
+        "frame": "east_mount",
+        "position": [9e3, 0.0],
+        "yaw_deg": 150.0,
+        "fields": {"amplitude": ""},
+    },
+}
+GIVEN = dict(flatten(PARAMETERS))
+MODEL = resolve(GIVEN).model
+
+CLASS_ID = np.array([0, 1, 0])
+SNR = 10.0 ** (np.array([60.0, 20.0, 60.0]) / 10.0)
+
+
+def truth_at(second):
+    state = np.zeros((3, STATE_SIZE))
+    for row, birth in enumerate(MODEL.births):
+        state[row] = birth.mean
+        state[row, [X, Y]] += second * state[row, [VX, VY]]
+    return Truth(START_NS + round(second * 1e9), state, np.arange(1, 4), CLASS_ID)
+
+
+def as_sent(name, found, stamp_ns):
+    """Return the cloud that the radar's driver would publish."""
+    distance, azimuth = found.measurement.T
+    if name == "north":
+        return point_cloud.encode(stamp_ns, "north", {"bearing": azimuth, "distance": distance})
+    if name == "south":
+        from_north = np.mod(np.pi / 2.0 - azimuth, 2.0 * np.pi)
+        columns = {
+            "snr": 10.0 * np.log10(found.amplitude**2 / 2.0),
+            "rho": distance,
+            "theta": from_north,
+        }
+        return point_cloud.encode(stamp_ns, "south", columns)
+    return detections.to_msg(found, stamp_ns, "east_mount")
+
+
+def scene():
+    """Return (radar's index, cloud) of every scan, in the order of the stamps."""
+    rng = np.random.default_rng(5)
+    reports = []
+    for index, name in enumerate(PARAMETERS["radars"]):
+        for second in np.arange(PHASE_S[name], SCENE_S, PERIOD_S[name]):
+            truth = truth_at(second)
+            found, _ = detect(truth, SNR, MODEL.radars[index], rng)
+            reports.append((truth.stamp_ns, index, as_sent(name, found, truth.stamp_ns)))
+    return [(index, cloud) for _, index, cloud in sorted(reports, key=lambda report: report[:2])]
+
+
+SCENE = scene()
+STAMPS = [stamps.to_ns(cloud.header.stamp) for _, cloud in SCENE]
+
+
+def second_half_ospa(found):
+    """Return the mean OSPA over both classes and the scans of the second half."""
+    scores = []
+    for one in found:
+        truth = truth_at((one.stamp_ns - START_NS) * 1e-9)
+        if one.stamp_ns < START_NS + SCENE_S / 2 * 1e9:
+            continue
+        for class_id in (0, 1):
+            true = truth.state[truth.class_id == class_id][:, [X, Y]]
+            guess = one.state[one.class_id == class_id][:, [X, Y]]
+            scores.append(ospa(true, guess, CUTOFF_M, 2.0).distance)
+    assert len(scores) > 20
+    return np.mean(scores)
+
+
+def offline(changes):
+    """Return the filtered estimates of the scene under changed parameters, without a node."""
+    config = resolve({**GIVEN, **changes})
+    grouper = ScanGrouper(3, config.reset_threshold_s)
+    engine, found = config.engine(), []
+    for index, cloud in SCENE:
+        report = detections.from_msg(cloud, config.inputs[index])
+        events = grouper.add(index, report.stamp_ns, report.detections)
+        assert not isinstance(events, Rejection)
+        found += [engine.step(scan).filtered for scan in events]
+    return found
+
+
+@pytest.mark.parametrize(
+    "misread",
+    [
+        {"south.azimuth_convention": "enu_ccw"},
+        {"south.amplitude_unit": "linear"},
+        {"north.position": [0.0, -9e3]},
+        {"east.yaw_deg": 0.0},
+    ],
+)
+def test_bound_fails_if_a_radar_is_misread(misread):
+    assert second_half_ospa(offline(misread)) > 2.0 * OSPA_BOUND_M
+
+
+class Operator:
+    """Drives a live tracker: its life, its parameters, its radars."""
+
+    def __init__(self, peer):
+        self.peer = peer
+        topics = [radar.topic for radar in resolve(GIVEN).inputs]
+        self.outputs = [peer.publisher(PointCloud2, topic, 50) for topic in topics]
+        self.filtered = peer.collect(PointCloud2, "/tracker/filtered/estimates")
+        self.smoothed = peer.collect(PointCloud2, "/tracker/smoothed/estimates")
+        self.health = peer.collect(DiagnosticArray, "/diagnostics")
+
+    def change(self, transition):
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return self.peer.call(ChangeState, "/tracker/change_state", request).success
+
+    def state(self):
+        return self.peer.call(GetState, "/tracker/get_state").current_state.label
+
+    def set(self, **values):
+        """Set parameters together; a double underscore stands for the dot."""
+        request = SetParametersAtomically.Request(
+            parameters=[
+                Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+                for name, value in values.items()
+            ]
+        )
+        service = "/tracker/set_parameters_atomically"
+        return self.peer.call(SetParametersAtomically, service, request).result
+
+    def get(self, *names):
+        request = GetParameters.Request(names=names)
+        reply = self.peer.call(GetParameters, "/tracker/get_parameters", request)
+        return [value.double_value for value in reply.values]
+
+    def levels(self):
+        """Return level and message of every line of the next health report but one."""
+        before = len(self.health)
+        assert self.peer.spin_until(lambda: len(self.health) > before + 1)
+        return {s.name: (s.level, s.message) for s in self.health[-1].status}
+
+    def connect(self):
+        assert self.peer.spin_until(
+            lambda: (
+                all(output.get_subscription_count() for output in self.outputs)
+                and self.peer.node.count_publishers("/tracker/smoothed/estimates")
+            )
+        )
+        self.peer.spin_for(0.5)
+
+    def send(self, first, last):
+        """Send scans one by one; wait each time for the estimates of the scan before."""
+        for k in range(first, last):
+            index, cloud = SCENE[k]
+            self.outputs[index].publish(cloud)
+            before = START_NS if k == first else STAMPS[k - 1]
+            assert k == first or self.peer.spin_until(
+                lambda before=before: self.filtered and stamp_of(self.filtered[-1]) >= before
+            ), f"scan {k}"
+
+
+def stamp_of(cloud):
+    return stamps.to_ns(cloud.header.stamp)
+
+
+def test_tracker_lives_and_tracks_as_its_operator_says(processes, peer, tmp_path):
+    profile = tmp_path / "radars.yaml"
+    profile.write_text(yaml.safe_dump({"/**/tracker": {"ros__parameters": PARAMETERS}}))
+    reliable = [
+        word
+        for radar in resolve(GIVEN).inputs
+        for word in ("-p", f"qos_overrides.{radar.topic}.subscription.reliability:=reliable")
+    ]
+    tracker = processes.start(
+        "tracker", "--ros-args", "--params-file", profile, "-p", "autostart:=false", *reliable
+    )
+    operator = Operator(peer)
+    half = len(SCENE) // 2
+
+    # Unconfigured it has no topics and says so.
+    assert operator.state() == "unconfigured"
+    assert not peer.node.count_subscribers("/drivers/north/plots")
+    assert operator.levels()["tracker: south"] == (
+        DiagnosticStatus.STALE,
+        "the tracker is unconfigured",
+    )
+    # Not every transition is there from every state; asking for another harms nobody.
+    assert not operator.change(Transition.TRANSITION_ACTIVATE)
+
+    # Inactive it hears nothing of what is sent.
+    assert operator.change(Transition.TRANSITION_CONFIGURE)
+    operator.connect()
+    for index, cloud in SCENE[:4]:
+        operator.outputs[index].publish(cloud)
+    peer.spin_for(0.5)
+    assert not operator.filtered
+
+    assert operator.change(Transition.TRANSITION_ACTIVATE)
+    assert operator.state() == "active"
+    operator.send(0, half)
+
+    # A change is refused whole, with every reason.
+    result = operator.set(existence_threshold=0.9, north__clutter_rate=-1.0, lag=9)
+    assert not result.successful
+    assert "north.clutter_rate: -1.0 given, must be a finite number, at least 0" in result.reason
+    assert "lag: cannot change while the tracker runs" in result.reason
+    assert operator.get("existence_threshold", "north.clutter_rate") == [0.6, 5.0]
+
+    # An accepted one holds from the next scan on: nothing is that likely.
+    assert operator.set(existence_threshold=1.0, east__clutter_rate=6).successful
+    assert operator.get("existence_threshold", "east.clutter_rate") == [1.0, 6.0]
+    operator.send(half, half + 2)
+    assert operator.set(existence_threshold=0.6, east__clutter_rate=5.0).successful
+    peer.spin_for(0.3)
+    widths = {stamp_of(cloud): cloud.width for cloud in operator.filtered}
+    assert widths[STAMPS[half - 2]] == 3
+    assert widths[STAMPS[half]] == 0
+
+    operator.send(half + 2, len(SCENE))
+    assert {level for level, _ in operator.levels().values()} <= {
+        DiagnosticStatus.OK,
+        DiagnosticStatus.STALE,  # nothing is sent while this waits for the report
+    }
+
+    # Deactivating brings out what was held back.
+    assert operator.change(Transition.TRANSITION_DEACTIVATE)
+    assert peer.spin_until(lambda: len(operator.smoothed) == len(SCENE))
+    operator.outputs[0].publish(SCENE[0][1])
+    peer.spin_for(0.3)
+    assert [stamp_of(cloud) for cloud in operator.filtered] == STAMPS
+    assert [stamp_of(cloud) for cloud in operator.smoothed] == STAMPS
+
+    for source in (operator.filtered, operator.smoothed):
+        found = [
+            estimates.from_msg(cloud)
+            for cloud in source
+            if stamp_of(cloud) not in STAMPS[half - 1 : half + 2]
+        ]
+        assert second_half_ospa(found) < OSPA_BOUND_M
+
+    assert operator.change(Transition.TRANSITION_CLEANUP)
+    assert peer.spin_until(lambda: not peer.node.count_publishers("/tracker/filtered/estimates"))
+    assert operator.change(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+    assert operator.state() == "finalized"
+    tracker.terminate()
+    assert tracker.wait(5.0) == 0
+    assert "Traceback" not in tracker.log.read_text()

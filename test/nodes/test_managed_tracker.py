@@ -1,0 +1,329 @@
+"""What an operator sees of a live tracker: its life, its diagnostics, its optional outputs."""
+
+import time
+from statistics import median
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from nav_msgs.msg import Odometry, Path
+from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+from test_tracker import FAST, RELIABLE, SCANS, Radars
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters import detections, diagnostics, estimates, stamps
+
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+DETECTIONS = "/radar_1/detections"
+ESTIMATES = "/tracker/filtered/estimates"
+
+
+def start(processes, *arguments, qos=RELIABLE):
+    return processes.start("tracker", "--ros-args", *FAST, *qos, *arguments)
+
+
+def options(**values):
+    return [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+
+
+def line(group, name):
+    """Return the line of that name in the next health report but one."""
+    before = len(group.health)
+    assert group.peer.spin_until(lambda: len(group.health) > before + 1)
+    return next(s for s in group.health[-1].status if s.name == f"tracker: {name}")
+
+
+def wait_for_level(group, name, level, timeout=8.0):
+    def reached():
+        return any(s.name == f"tracker: {name}" and s.level == level for s in statuses())
+
+    def statuses():
+        return group.health[-1].status if group.health else ()
+
+    return group.peer.spin_until(reached, timeout)
+
+
+def change(peer, transition):
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return peer.call(ChangeState, "/tracker/change_state", request).success
+
+
+def state(peer):
+    return peer.call(GetState, "/tracker/get_state").current_state.label
+
+
+def connected(peer):
+    group = Radars(peer)
+    group.connect()
+    return group
+
+
+def test_health_has_one_line_a_radar_one_for_the_step_and_one_for_the_outputs(processes, peer):
+    start(processes)
+    group = connected(peer)
+    group.track(0)
+    found = group.health
+    assert peer.spin_until(lambda: len(found) > 1)
+    assert {(s.name, s.hardware_id) for s in found[-1].status} == {
+        ("tracker: radar_1", "radar_1"),
+        ("tracker: radar_2", "radar_2"),
+        ("tracker: step time", "/tracker"),
+        ("tracker: outputs", "/tracker"),
+    }
+    assert {s.level for s in found[-1].status} == {DiagnosticStatus.OK}
+
+
+def test_silent_radar_is_noticed_within_two_scans_and_half_a_second(processes, peer):
+    start(processes)
+    group = connected(peer)
+    sent = []
+    for index in range(8):
+        sent.append(time.monotonic())
+        group.track(index)
+        peer.spin_for(0.2)
+    period = median(np.diff(sent))
+    allowed = sent[-1] + 2.0 * period + 0.5
+    group.health.clear()
+
+    def reported():
+        return [s for m in group.health for s in m.status if s.level == DiagnosticStatus.STALE]
+
+    for index in range(8, 15):
+        group.send(index, radars=(0,))
+        if peer.spin_until(reported, period):
+            break
+    # A hundredth of a second for the report's own way.
+    assert time.monotonic() < allowed + 0.01
+    assert {s.name for s in reported()} == {"tracker: radar_2"}
+    # Tracking goes on. The radar's return is noticed at once, though nobody waited for its scan.
+    assert peer.spin_until(lambda: len(group.filtered) > 8)
+    group.send(15)
+    assert wait_for_level(group, "radar_2", DiagnosticStatus.WARN, 0.5)
+
+
+def test_second_publisher_is_an_error_while_it_is_there(processes, peer):
+    start(processes)
+    group = connected(peer)
+    other = peer.publisher(PointCloud2, DETECTIONS, 50)
+    assert wait_for_level(group, "radar_1", DiagnosticStatus.ERROR)
+    assert line(group, "radar_1").message == f"2 publishers on {DETECTIONS}, must be one"
+    assert line(group, "radar_2").level != DiagnosticStatus.ERROR
+    peer.node.destroy_publisher(other)
+    group.track(0)
+    assert wait_for_level(group, "radar_1", DiagnosticStatus.OK)
+
+
+def test_publisher_of_incompatible_qos_is_an_error(processes, peer):
+    start(processes, *options(autostart=False))
+    group = Radars(peer)
+    for output in group.outputs:
+        peer.node.destroy_publisher(output)
+    group.outputs = [peer.publisher(PointCloud2, DETECTIONS, BEST_EFFORT)]
+    assert change(peer, Transition.TRANSITION_CONFIGURE)
+    assert change(peer, Transition.TRANSITION_ACTIVATE)
+    assert wait_for_level(group, "radar_1", DiagnosticStatus.ERROR)
+    found = line(group, "radar_1")
+    assert found.message.startswith(f"incompatible QoS on {DETECTIONS}: Best effort publisher")
+    assert diagnostics.values_of(found)["incompatible_qos"] == "1"
+
+
+def test_qos_override_is_for_its_topic_alone(processes, peer):
+    start(processes, qos=RELIABLE[:2])
+    group = connected(peer)
+    wanted = [
+        group.peer.node.get_subscriptions_info_by_topic(f"/radar_{k}/detections")[0].qos_profile
+        for k in (1, 2)
+    ]
+    assert [qos.reliability for qos in wanted] == [
+        ReliabilityPolicy.RELIABLE,
+        ReliabilityPolicy.BEST_EFFORT,
+    ]
+
+
+def test_output_qos_can_be_overridden_and_who_is_not_served_is_told(processes, peer):
+    override = f"qos_overrides.{ESTIMATES}.publisher.reliability:=best_effort"
+    start(processes, "-p", override)
+    group = connected(peer)  # asks for reliable estimates
+    heard = peer.collect(PointCloud2, ESTIMATES, BEST_EFFORT)
+    assert wait_for_level(group, "outputs", DiagnosticStatus.WARN)
+    values = diagnostics.values_of(line(group, "outputs"))
+    peer.spin_for(0.3)
+    group.send(0)
+    assert peer.spin_until(lambda: heard)
+
+    assert values == {f"incompatible_qos {ESTIMATES}": "1"}
+    assert not group.filtered
+
+
+def test_missed_deadline_is_counted(processes, peer):
+    override = f"qos_overrides.{DETECTIONS}.subscription.deadline:={300_000_000}"
+    start(processes, "-p", override)
+    group = Radars(peer)
+    peer.node.destroy_publisher(group.outputs[0])
+    offer = QoSProfile(depth=50, deadline=Duration(nanoseconds=200_000_000))
+    group.outputs[0] = peer.publisher(PointCloud2, DETECTIONS, offer)
+    group.connect()
+    group.track(0)
+    assert wait_for_level(group, "radar_1", DiagnosticStatus.WARN)
+    assert int(diagnostics.values_of(line(group, "radar_1"))["deadlines_missed"]) > 0
+
+
+def test_gaps_in_the_publishers_numbers_are_counted(processes, peer):
+    start(processes, qos=())  # best effort: what comes while nobody listens is gone
+    group = connected(peer)
+    group.track(0)
+    assert change(peer, Transition.TRANSITION_DEACTIVATE)
+    for index in range(1, 5):
+        group.send(index)
+    peer.spin_for(0.5)
+    assert change(peer, Transition.TRANSITION_ACTIVATE)
+    group.track(5)
+    assert diagnostics.values_of(line(group, "radar_1"))["gaps"] == "4"
+
+
+def test_wait_by_the_wall_clock_closes_a_scan_and_is_counted(processes, peer):
+    start(processes, *options(max_wait_s=0.4))
+    group = connected(peer)
+    group.track(0)
+    sent = time.monotonic()
+    group.send(1, radars=(0,))
+    assert peer.spin_until(lambda: len(group.filtered) == 2, 5.0)
+    assert 0.4 <= time.monotonic() - sent < 1.0
+    group.send(1, radars=(1,))  # too late for its scan
+    group.track(2)
+    assert diagnostics.values_of(line(group, "step time"))["closed_by_wait"] == "1"
+    assert diagnostics.values_of(line(group, "radar_2"))["dropped_late"] == "1"
+    assert len(group.filtered) == 3
+
+
+def test_tracks_are_published_as_odometry_and_paths_if_asked_for(processes, peer):
+    start(processes, *options(publish_path=True, publish_odometry=True, path_length=2))
+    group = Radars(peer)
+    odometry = peer.collect(Odometry, "/tracker/odometry", 50)
+    paths = peer.collect(Path, "/tracker/tracks/path", 50)
+    group.connect()
+    for index in range(4):
+        group.track(index)
+    found = estimates.from_msg(group.filtered[-1])
+    tracks = sorted(found.track_id[found.track_id > 0].tolist())
+    assert tracks
+
+    def latest(messages):
+        stamp_ns = SCANS[3].stamp_ns
+        return [m for m in messages if stamps.to_ns(m.header.stamp) == stamp_ns]
+
+    assert peer.spin_until(lambda: len(latest(paths)) == len(latest(odometry)) == len(tracks))
+    assert [m.child_frame_id for m in latest(odometry)] == [f"track_{k}" for k in tracks]
+    lengths = {len(path.poses) for path in latest(paths)}
+    assert lengths <= {1, 2}
+    assert 2 in lengths
+    for path, message in zip(latest(paths), latest(odometry), strict=True):
+        assert path.poses[-1].pose == message.pose.pose
+
+
+def test_tracks_are_not_published_unless_asked_for(processes, peer):
+    start(processes)
+    connected(peer)
+    topics = {name for name, _ in peer.node.get_topic_names_and_types()}
+    assert "/tracker/markers" in topics
+    assert not topics & {"/tracker/odometry", "/tracker/tracks/path"}
+
+
+def test_markers_can_be_left_out(processes, peer):
+    start(processes, *options(publish_markers=False))
+    group = connected(peer)
+    markers = peer.collect(MarkerArray, "/tracker/markers")
+    for index in range(2):
+        group.track(index)
+    peer.spin_for(0.3)
+    assert markers == []
+
+
+def test_cleaned_up_tracker_can_be_configured_again_and_is_as_new(processes, peer):
+    start(processes)
+    group = connected(peer)
+    group.track(0)
+    group.track(1)
+    first = bytes(group.filtered[0].data)
+    assert change(peer, Transition.TRANSITION_DEACTIVATE)
+    assert not peer.call(Trigger, "/tracker/flush").success
+    assert change(peer, Transition.TRANSITION_CLEANUP)
+    assert peer.spin_until(lambda: not peer.node.count_publishers(ESTIMATES))
+    assert change(peer, Transition.TRANSITION_CONFIGURE)
+    assert change(peer, Transition.TRANSITION_ACTIVATE)
+    group.connect()
+    group.filtered.clear()
+    group.track(0)
+    assert bytes(group.filtered[0].data) == first
+    assert diagnostics.values_of(line(group, "radar_1"))["received"] == "1"
+
+
+def test_tracker_that_cannot_be_configured_stays_unconfigured(processes, peer):
+    override = f"qos_overrides.{DETECTIONS}.subscription.reliability:=mostly"
+    tracker = start(processes, *options(autostart=False), qos=("-p", override))
+    assert not change(peer, Transition.TRANSITION_CONFIGURE)
+    assert state(peer) == "unconfigured"
+    assert f"not configured: qos_overrides.{DETECTIONS}" in tracker.log.read_text()
+    # Nothing of the attempt is left over.
+    assert not peer.node.count_publishers(ESTIMATES)
+
+
+@pytest.mark.parametrize("wrong", ["depth:=-1", "depth:=deep", "deadline:=-5", "history:=7"])
+def test_tracker_refuses_an_impossible_qos(processes, wrong):
+    override = f"qos_overrides.{DETECTIONS}.subscription.{wrong}"
+    status, text = processes.run("tracker", "--ros-args", "-p", override)
+    assert status == 2
+    assert f"qos_overrides.{DETECTIONS}" in text
+    assert "Traceback" not in text
+
+
+def test_single_parameters_are_set_and_refused_one_by_one(processes, peer):
+    start(processes, *options(autostart=False))
+    wanted = {"radar_1.clutter_rate": 30, "lag": 4, "use_sim_time": True, "survival": 1.0}
+    request = SetParameters.Request(
+        parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in wanted.items()]
+    )
+    results = peer.call(SetParameters, "/tracker/set_parameters", request).results
+    assert [(r.successful, r.reason) for r in results] == [
+        (True, ""),
+        (False, "lag: cannot change while the tracker runs, restart it with another"),
+        (True, ""),
+        (False, "survival: unknown parameter"),
+    ]
+
+
+def test_parameters_are_described_ranged_and_read_only_where_they_are_structure(processes, peer):
+    start(processes, *options(autostart=False))
+    asked = ["existence_threshold", "lag", "publish_path"]
+    request = DescribeParameters.Request(names=asked)
+    reply = peer.call(DescribeParameters, "/tracker/describe_parameters", request)
+    threshold, lag, path = reply.descriptors
+    assert [d.read_only for d in reply.descriptors] == [False, True, True]
+    assert (threshold.floating_point_range[0].to_value, lag.integer_range[0].to_value) == (1.0, 100)
+    assert path.description == "Publish ~/tracks/path, a message a track."
+
+
+def test_health_is_reported_while_simulated_time_stands_still(processes, peer):
+    start(processes, *options(use_sim_time=True))
+    health = peer.collect(DiagnosticArray, "/diagnostics")
+    assert peer.spin_until(lambda: len(health) > 1)
+
+
+def test_shut_down_tracker_brings_out_what_was_held_back(processes, peer):
+    start(processes)
+    group = connected(peer)
+    for index in range(3):
+        group.track(index)
+    assert peer.spin_until(lambda: len(group.smoothed) == 1)
+    assert change(peer, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    assert peer.spin_until(lambda: len(group.smoothed) == 3)
+    cloud = detections.to_msg(SCANS[3].detections[0], SCANS[3].stamp_ns, "radar_1")
+    group.outputs[0].publish(cloud)
+    assert state(peer) == "finalized"

@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.config import ConfigError
+from phd_jdtc_ros.core.parameters import schema
+from phd_jdtc_ros.core.simulation import paper_scenario, simulate
+from phd_jdtc_ros.nodes import settings
+from phd_jdtc_ros.nodes.settings import NAMES, TABLE, changed, resolve
+
+USUAL = resolve({})
+SMALL = {"particles_per_target": 100, "particles_per_birth": 64, "lag": 2}
+
+
+def faults(function, *arguments):
+    with pytest.raises(ConfigError) as caught:
+        function(*arguments)
+    return list(caught.value.faults)
+
+
+def test_table_describes_every_parameter_and_no_name_of_the_tracker():
+    assert not NAMES & schema({}).keys()
+    for parameter in TABLE:
+        assert parameter.description.endswith(".")
+        assert parameter.coerce(parameter.default) == parameter.default
+
+
+def test_resolve_keeps_the_nodes_own_apart():
+    found = resolve({"publish_path": True, "lag": 3})
+    assert (found.node["publish_path"], found.config.lag.scans) == (True, 3)
+    assert found.values.keys() == found.table.keys()
+
+
+def test_resolve_lists_the_faults_of_both():
+    assert faults(resolve, {"autostart": 1, "lag": -1, "survival": 0.9}) == [
+        "autostart: 1 given, must be true or false",
+        "lag: -1 given, must be a whole number, at least 0, at most 100",
+        "survival: unknown parameter",
+    ]
+
+
+def test_mutable_names_are_there():
+    assert USUAL.mutable <= USUAL.table.keys()
+    assert {"existence_threshold", "radar_2.clutter_rate", "start_3.rates"} <= USUAL.mutable
+    assert not {"lag", "radars", "autostart", "radar_1.topic", "publish_path"} & USUAL.mutable
+
+
+def test_changed_gives_what_a_start_with_it_gives():
+    change = {"radar_2.clutter_rate": 40, "existence_threshold": 0.7, "publish_markers": False}
+    found, fresh = changed(USUAL, change), resolve(change)
+    assert found.values == fresh.values
+    assert found.config.model.radars == fresh.config.model.radars
+    assert USUAL.values["radar_2.clutter_rate"] == 20.0
+
+
+def test_changed_lists_every_fault_in_the_words_of_the_start():
+    change = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "existence_threshold": 2.0}
+    assert faults(changed, USUAL, change) == [
+        "lag: cannot change while the tracker runs, restart it with another",
+        "survival: unknown parameter",
+        *faults(resolve, {"radar_1.clutter_rate": -1.0, "existence_threshold": 2.0}),
+    ]
+
+
+def test_changed_checks_the_changed_whole():
+    # Each number is allowed; one target a scan at the most is what they add up to.
+    (fault,) = faults(changed, USUAL, {"start_1.rates": [0.7, 0.7]})
+    assert fault.startswith("start_1.rates: [0.7, 0.7] given, must sum to at most 1")
+
+
+@pytest.mark.parametrize("name", sorted(USUAL.mutable - NAMES))
+def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
+    small = resolve(SMALL)
+    value = small.values[name]
+    other = [0.1, 0.05] if isinstance(value, list) else 0.3
+    scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:6]]
+    engine = small.config.engine()
+    for scan in scans[:3]:
+        engine.step(scan)
+    found = changed(small, {name: other})
+    assert found.values[name] == other
+    settings.retune(engine, found)
+    for scan in scans[3:]:
+        step = engine.step(scan)
+        assert np.isfinite(step.filtered.state).all()
+        assert np.isfinite(step.class_mass).all()
+
+
+def test_retuned_engine_steps_like_one_that_was_always_so():
+    small = resolve(SMALL)
+    scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:3]]
+    other = changed(small, {"radar_1.clutter_rate": 60.0, "existence_threshold": 0.3})
+    engine, fresh = small.config.engine(), other.config.engine()
+    settings.retune(engine, other)
+    for scan in scans:
+        ours, theirs = engine.step(scan).filtered, fresh.step(scan).filtered
+        np.testing.assert_array_equal(ours.state, theirs.state)
