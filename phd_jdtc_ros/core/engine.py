@@ -63,6 +63,10 @@ class Engine(Protocol):
         """Return the smoothed estimates still held back, oldest first, and reset."""
         ...
 
+    def retune(self, model: TrackerModel, existence_threshold: float) -> None:
+        """Go by another model of equal structure and another threshold from the next scan on."""
+        ...
+
     def reset(self) -> None:
         """Forget everything, as if newly made."""
         ...
@@ -280,6 +284,15 @@ class FixedLagSmoother:
             effective_sample_size=found.stored.effective_sample_size,
             orphans=found.link.orphans if found.link else 0,
         )
+
+    def retune(self, model: TrackerModel, existence_threshold: float) -> None:
+        """Go by another model of the same structure, and another threshold, from the next scan on.
+
+        What is kept from scan to scan, the stored sets and the links between them, was made with
+        what held then, and stays.
+        """
+        self.forward.model = model
+        self.existence_threshold = existence_threshold
 
     def flush(self) -> tuple[Estimates, ...]:
         """Return the estimates of the window, smoothed as far as it goes, and reset."""

@@ -43,6 +43,9 @@ class Parameter:
         Required length of a list.
     element : type
         Of a list: float or str.
+    mutable : bool
+        It may change between two scans; the rest is structure, or is built into what is kept from
+        scan to scan.
     """
 
     name: str
@@ -53,6 +56,7 @@ class Parameter:
     choices: tuple[str, ...] = ()
     length: int | None = None
     element: type = float
+    mutable: bool = False
 
     @property
     def allowed(self) -> str:
@@ -172,6 +176,7 @@ TOP = (
         "Probability of existence above which a target is reported.",
         0.0,
         1.0,
+        mutable=True,
     ),
     Parameter(
         "amplitude",
@@ -220,24 +225,47 @@ TOP = (
 )
 
 RADAR = (
+    Parameter(
+        "message",
+        "point_cloud",
+        "What its topic carries: PointCloud2, or RadarScan of radar_msgs, whose definition fixes "
+        "fields, units and conventions.",
+        choices=("point_cloud", "radar_scan"),
+    ),
     Parameter("topic", "", "Topic of its detections; /NAME/detections if empty."),
     Parameter("frame", "", "frame_id of its clouds; the radar's name if empty."),
     Parameter("position", [0.0, 0.0], "In the world frame, m.", length=2),
     Parameter("yaw_deg", 0.0, "Of its x axis in the world frame, degrees.", -360.0, 360.0),
-    Parameter("range_std", 300.0, "Standard deviation of the range, m.", SMALL),
-    Parameter("azimuth_std_deg", 1.0, "Standard deviation of the azimuth, degrees.", SMALL, 180.0),
+    Parameter("range_std", 300.0, "Standard deviation of the range, m.", SMALL, mutable=True),
+    Parameter(
+        "azimuth_std_deg",
+        1.0,
+        "Standard deviation of the azimuth, degrees.",
+        SMALL,
+        180.0,
+        mutable=True,
+    ),
     Parameter("max_range", 17e3, "Targets and detections beyond are ignored, m.", SMALL),
-    Parameter("clutter_rate", 20.0, "Expected false detections a scan.", 0.0, 1e6),
-    Parameter("clutter_max_range", 15e3, "They are uniform in range up to here, m.", SMALL),
+    Parameter("clutter_rate", 20.0, "Expected false detections a scan.", 0.0, 1e6, mutable=True),
+    Parameter(
+        "clutter_max_range", 15e3, "They are uniform in range up to here, m.", SMALL, mutable=True
+    ),
     Parameter(
         "false_alarm_probability",
         1e-3,
         "Probability that noise passes the detection threshold; fixes the threshold.",
         1e-30,
         0.999,
+        mutable=True,
     ),
     Parameter("fields.range", "range", "Name of the cloud's range field."),
     Parameter("fields.azimuth", "azimuth", "Name of the cloud's azimuth field."),
+    Parameter(
+        "fields.elevation",
+        "",
+        "Name of the cloud's elevation field, where its ranges are slant ranges; empty where they "
+        "are over ground.",
+    ),
     Parameter(
         "fields.amplitude",
         "amplitude",
@@ -249,7 +277,9 @@ RADAR = (
         "linear: an envelope in units of the noise's standard deviation a quadrature; db: an SNR.",
         choices=("linear", "db"),
     ),
-    Parameter("amplitude_offset_db", 0.0, "Added to every amplitude, dB.", -300.0, 300.0),
+    Parameter(
+        "amplitude_offset_db", 0.0, "Added to every amplitude, dB.", -300.0, 300.0, mutable=True
+    ),
     Parameter(
         "azimuth_convention",
         "enu_ccw",
@@ -293,7 +323,12 @@ BIRTH = (
     Parameter("velocity_std", 40.0, "m/s.", SMALL),
     Parameter("turn_rate_std", 1e-3, "rad/s.", SMALL),
     Parameter(
-        "rates", [0.005, 0.005], "Expected births an interval, a number for each class.", 0.0, 1e3
+        "rates",
+        [0.005, 0.005],
+        "Expected births an interval, a number for each class.",
+        0.0,
+        1e3,
+        mutable=True,
     ),
 )
 

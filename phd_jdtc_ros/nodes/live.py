@@ -25,7 +25,7 @@ from phd_jdtc_ros.core.types import Scan
 from . import endpoints
 from .health import InputHealth, OutputHealth, Rhythm, StepHealth
 from .outputs import Outputs
-from .settings import Settings, retune
+from .settings import Settings
 
 WARNING_PERIOD_S = 5.0
 
@@ -101,7 +101,7 @@ class LiveTracker:
     def retune(self, settings: Settings) -> None:
         """Go by changed settings from the next scan on; their structure must be the same."""
         self._settings = settings
-        retune(self._engine, settings)
+        self._engine.retune(settings.config.model, settings.config.existence_threshold)
         self._outputs.with_markers = settings.node["publish_markers"]
 
     def flush(self) -> int:

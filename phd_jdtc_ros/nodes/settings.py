@@ -12,7 +12,6 @@ from typing import Any
 
 from phd_jdtc_ros.core import config
 from phd_jdtc_ros.core.config import ConfigError, TrackerConfig
-from phd_jdtc_ros.core.engine import FixedLagSmoother
 from phd_jdtc_ros.core.parameters import Parameter, schema
 
 from .parameters import check
@@ -27,7 +26,7 @@ TABLE = (
         0.0,
         3600.0,
     ),
-    Parameter("publish_markers", True, "Publish ~/markers."),
+    Parameter("publish_markers", True, "Publish ~/markers.", mutable=True),
     Parameter("publish_path", False, "Publish ~/tracks/path, a message a track."),
     Parameter("publish_odometry", False, "Publish ~/odometry, a message a track."),
     Parameter("path_length", 100, "Positions that a path keeps.", 2, 10**5),
@@ -37,6 +36,7 @@ TABLE = (
         "A radar is silent half a second after it has missed this many of its scans.",
         0.5,
         1000.0,
+        mutable=True,
     ),
     Parameter(
         "step_time_limit",
@@ -44,24 +44,10 @@ TABLE = (
         "Time for a step above which diagnostics warn, in intervals between scans.",
         0.01,
         100.0,
+        mutable=True,
     ),
 )
 NAMES = frozenset(parameter.name for parameter in TABLE)
-
-# What holds for one step at a time can change between two of them; the rest is structure, or is
-# built into what is kept from step to step.
-_MUTABLE = frozenset(
-    {"existence_threshold", "publish_markers", "silent_after_scans", "step_time_limit"}
-)
-_MUTABLE_OF_RADAR = (
-    "range_std",
-    "azimuth_std_deg",
-    "clutter_rate",
-    "clutter_max_range",
-    "false_alarm_probability",
-    "amplitude_offset_db",
-)
-_MUTABLE_OF_BIRTH = ("rates",)
 
 
 @dataclass(frozen=True)
@@ -90,12 +76,7 @@ class Settings:
     @property
     def mutable(self) -> frozenset[str]:
         """Names of the parameters that may change while the tracker runs."""
-        values = self.values
-        return (
-            _MUTABLE
-            | {f"{radar}.{name}" for radar in values["radars"] for name in _MUTABLE_OF_RADAR}
-            | {f"{birth}.{name}" for birth in values["births"] for name in _MUTABLE_OF_BIRTH}
-        )
+        return frozenset(name for name, parameter in self.table.items() if parameter.mutable)
 
 
 def resolve(given: Mapping[str, Any]) -> Settings:
@@ -142,13 +123,3 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     if faults:
         raise ConfigError(faults)
     return found
-
-
-def retune(engine: FixedLagSmoother, settings: Settings) -> None:
-    """Let a running engine go by changed settings from its next scan on.
-
-    What it keeps from scan to scan, the stored sets and the links between them, was made with what
-    held then, and stays.
-    """
-    engine.forward.model = settings.config.model
-    engine.existence_threshold = settings.config.existence_threshold

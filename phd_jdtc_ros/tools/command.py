@@ -11,6 +11,7 @@ from typing import Any
 from msg_adapters.bag import BagError
 from phd_jdtc_ros.core.config import ConfigError, TrackerConfig, resolve
 from phd_jdtc_ros.exits import INTERRUPTED, fail
+from phd_jdtc_ros.nodes import settings
 
 from . import params_file
 
@@ -50,4 +51,6 @@ def tracker_config(arguments: argparse.Namespace) -> TrackerConfig:
     if arguments.scenario is not None:
         given = params_file.scenario_parameters(params_file.load_yaml(arguments.scenario))
     paths: Sequence[Path] = arguments.params_file
-    return resolve({**given, **params_file.from_arguments(paths, arguments.assignments)})
+    given |= params_file.from_arguments(paths, arguments.assignments)
+    # A live tracker's file may be given too; what only the node has does not matter here.
+    return resolve({name: value for name, value in given.items() if name not in settings.NAMES})

@@ -6,28 +6,30 @@ import sys
 from collections.abc import Sequence
 
 from phd_jdtc_ros.core.parameters import BIRTH, CLASS, MOTION, RADAR, TOP, Parameter
-from phd_jdtc_ros.nodes import evaluator, sensor_replay
+from phd_jdtc_ros.nodes import evaluator, sensor_replay, settings
 
 _INTRODUCTION = """\
 # Parameters
 
-Written by `make parameters` from the tables in the code. Every parameter is read-only while a node
-runs. Whole numbers are accepted where numbers are meant. All faults of a configuration are listed
-at once, and the node ends with status 2.
+Written by `make parameters` from the tables in the code. Those marked * can change while the
+tracker runs, from the next scan on: a change is checked whole and refused whole, in the words of a
+start. The others are read-only. Whole numbers are accepted where numbers are meant. All faults of a
+configuration are listed at once, and the node ends with status 2.
 """
 
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     (
         "tracker",
         "The defaults are the reference scenario; `config/paper_scenario.yaml` has them written "
-        "out. `~/` topics aside, the subscriptions' QoS can be overridden with "
-        "`qos_overrides.TOPIC.subscription.{reliability,history,depth}`.",
+        "out. QoS can be overridden: `qos_overrides.TOPIC.publisher.{reliability,history,depth}`, "
+        "and `qos_overrides.TOPIC.subscription.{reliability,history,depth,deadline}` (ns).",
         TOP,
     ),
     ("tracker, for every name in `radars`", "Names are prefixed: `radar_1.position`.", RADAR),
     ("tracker, for every name in `classes`", "", CLASS),
     ("tracker, for every name in `motions`", "", MOTION),
     ("tracker, for every name in `births`", "", BIRTH),
+    ("tracker, as a node", "Not for the offline executables.", settings.TABLE),
     (
         "sensor_replay",
         "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the bag as "
@@ -43,13 +45,18 @@ def page() -> str:
     parts = [_INTRODUCTION]
     for title, text, table in _SECTIONS:
         rows = [
-            f"| `{p.name}` | `{_shown(p.default)}` | {p.allowed} | {p.description} |" for p in table
+            f"| `{p.name}`{_mark(p)} | `{_shown(p.default)}` | {p.allowed} | {p.description} |"
+            for p in table
         ]
         head = ["| name | default | allowed | meaning |", "|---|---|---|---|"]
         parts.append(
             "\n".join([f"## {title}", "", *([text, ""] if text else []), *head, *rows, ""])
         )
     return "\n".join(parts)
+
+
+def _mark(parameter: Parameter) -> str:
+    return " *" if parameter.mutable else ""
 
 
 def _shown(default: object) -> str:

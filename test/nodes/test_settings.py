@@ -4,7 +4,6 @@ import pytest
 from phd_jdtc_ros.core.config import ConfigError
 from phd_jdtc_ros.core.parameters import schema
 from phd_jdtc_ros.core.simulation import paper_scenario, simulate
-from phd_jdtc_ros.nodes import settings
 from phd_jdtc_ros.nodes.settings import NAMES, TABLE, changed, resolve
 
 USUAL = resolve({})
@@ -78,7 +77,7 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
         engine.step(scan)
     found = changed(small, {name: other})
     assert found.values[name] == other
-    settings.retune(engine, found)
+    engine.retune(found.config.model, found.config.existence_threshold)
     for scan in scans[3:]:
         step = engine.step(scan)
         assert np.isfinite(step.filtered.state).all()
@@ -90,7 +89,7 @@ def test_retuned_engine_steps_like_one_that_was_always_so():
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:3]]
     other = changed(small, {"radar_1.clutter_rate": 60.0, "existence_threshold": 0.3})
     engine, fresh = small.config.engine(), other.config.engine()
-    settings.retune(engine, other)
+    engine.retune(other.config.model, other.config.existence_threshold)
     for scan in scans:
         ours, theirs = engine.step(scan).filtered, fresh.step(scan).filtered
         np.testing.assert_array_equal(ours.state, theirs.state)
