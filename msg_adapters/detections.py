@@ -66,7 +66,7 @@ def to_msg(detections: Detections, stamp_ns: int, frame: str) -> PointCloud2:
     )
 
 
-def from_msg(cloud: PointCloud2, radar: RadarInput, elevation_field: str = "") -> Report:
+def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     """Return the detections of a cloud, whatever its driver calls the fields.
 
     Parameters
@@ -74,10 +74,8 @@ def from_msg(cloud: PointCloud2, radar: RadarInput, elevation_field: str = "") -
     cloud : PointCloud2
         Range and azimuth (and elevation) are floats; the amplitude may be a whole number.
     radar : RadarInput
-        Field names, units and conventions.
-    elevation_field : str
-        Where the ranges are slant ranges, the field that turns them into ranges over ground; empty
-        if they are over ground already.
+        Field names, units and conventions. Where it names an elevation field, ranges are slant
+        ranges.
 
     Raises
     ------
@@ -89,8 +87,8 @@ def from_msg(cloud: PointCloud2, radar: RadarInput, elevation_field: str = "") -
     wanted: dict[str, Sequence[str]] = dict.fromkeys(
         (radar.range_field, radar.azimuth_field), point_cloud.FLOATS
     )
-    if elevation_field:
-        wanted[elevation_field] = point_cloud.FLOATS
+    if radar.elevation_field:
+        wanted[radar.elevation_field] = point_cloud.FLOATS
     has_amplitude = bool(radar.amplitude_field) and (
         radar.amplitude_field in point_cloud.field_names(cloud)
     )
@@ -105,7 +103,7 @@ def from_msg(cloud: PointCloud2, radar: RadarInput, elevation_field: str = "") -
         radar,
         distance=columns[radar.range_field],
         azimuth=columns[radar.azimuth_field],
-        elevation=columns.get(elevation_field),
+        elevation=columns.get(radar.elevation_field),
         level=columns[radar.amplitude_field] if has_amplitude else None,
     )
 

@@ -61,8 +61,11 @@ class RadarInput:
     Parameters
     ----------
     name, topic, frame : str
-    range_field, azimuth_field, amplitude_field : str
-        `amplitude_field` is empty where there is none.
+    message : str
+        ``point_cloud`` or ``radar_scan``.
+    range_field, azimuth_field, elevation_field, amplitude_field : str
+        `amplitude_field` is empty where there is none, `elevation_field` where ranges are over
+        ground.
     amplitude_in_db : bool
         The field is an SNR in dB rather than a linear envelope.
     amplitude_offset_db : float
@@ -75,8 +78,10 @@ class RadarInput:
     name: str
     topic: str
     frame: str
+    message: str
     range_field: str
     azimuth_field: str
+    elevation_field: str
     amplitude_field: str
     amplitude_in_db: bool
     amplitude_offset_db: float
@@ -405,8 +410,10 @@ def _input(values: Mapping[str, Any], name: str) -> RadarInput:
         name=name,
         topic=_name_or(values, name, "topic"),
         frame=_name_or(values, name, "frame"),
+        message=get["message"],
         range_field=get["fields.range"],
         azimuth_field=get["fields.azimuth"],
+        elevation_field=get["fields.elevation"],
         amplitude_field=get["fields.amplitude"],
         amplitude_in_db=get["amplitude_unit"] == "db",
         amplitude_offset_db=get["amplitude_offset_db"],

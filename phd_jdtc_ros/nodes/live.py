@@ -6,8 +6,9 @@ What a tracker has from its configuring to its clean-up.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock, ClockType
@@ -16,8 +17,9 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections
+from msg_adapters import detections, radar_scan
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.config import ConfigError, RadarInput
 from phd_jdtc_ros.core.evaluation import SMOOTHED
 from phd_jdtc_ros.core.scans import Rejection, Reset, ScanGrouper
 from phd_jdtc_ros.core.types import Scan
@@ -64,9 +66,10 @@ class LiveTracker:
         self._patience = self._make_patience(settings.node["max_wait_s"])
         try:
             for index, health in enumerate(self._inputs):
+                message_class, read = _reader(config.inputs[index])
                 self._subscriptions.append(
                     endpoints.subscription(
-                        node, PointCloud2, partial(self._on_detections, index), health
+                        node, message_class, partial(self._on_detections, index, read), health
                     )
                 )
         except Exception:
@@ -129,14 +132,20 @@ class LiveTracker:
         self._begin_run()
         return len(flushed)
 
-    def _on_detections(self, index: int, cloud: PointCloud2, info: Mapping[str, int]) -> None:
+    def _on_detections(
+        self,
+        index: int,
+        read: Callable[[Any, RadarInput], detections.Report],
+        message: Any,
+        info: Mapping[str, int],
+    ) -> None:
         if not self._active:
             return
         start = time.thread_time()
         radar, health = self._settings.config.inputs[index], self._inputs[index]
         health.arrived(time.monotonic(), info.get("publication_sequence_number"))
         try:
-            report = detections.from_msg(cloud, radar)
+            report = read(message, radar)
         except RejectedMessageError as error:
             self._drop(health, error.reason, f"scan rejected: {error}")
             return
@@ -229,3 +238,15 @@ class LiveTracker:
             for reason, count in sorted(health.dropped.items())
         ]
         return f"{received} clouds received, dropped: {', '.join(drops) or 'none'}"
+
+
+def _reader(radar: RadarInput) -> tuple[type, Callable[[Any, RadarInput], detections.Report]]:
+    """Return the class of a radar's messages and what reads them."""
+    if radar.message == "point_cloud":
+        return PointCloud2, detections.from_msg
+    message_class = radar_scan.installed()
+    if message_class is None:
+        raise ConfigError(
+            [f"{radar.name}.message: {radar.message} given, but radar_msgs is not installed"]
+        )
+    return message_class, radar_scan.from_msg

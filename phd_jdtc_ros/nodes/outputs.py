@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -14,8 +15,9 @@ from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from msg_adapters import diagnostics, estimates, serialised, tracks
+from msg_adapters import diagnostics, estimates, radar_tracks, serialised, tracks, vision
 from msg_adapters.tracks import Waypoint
+from phd_jdtc_ros.core.config import ConfigError
 from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.core.evaluation import FILTERED, SOURCES
 from phd_jdtc_ros.core.types import Estimates
@@ -102,9 +104,32 @@ class Outputs:
             self._odometry = (
                 make(Odometry, "~/odometry") if settings.node["publish_odometry"] else None
             )
+            self._radar_tracks = self._make_optional(
+                make, radar_tracks.installed, "~/radar_tracks", "publish_radar_tracks", settings
+            )
+            self._detections_3d = self._make_optional(
+                make, vision.installed, "~/detections_3d", "publish_detections_3d", settings
+            )
         except Exception:
             self.destroy()
             raise
+        self._run = uuid.uuid4()
+
+    @staticmethod
+    def _make_optional(
+        make: Callable[..., Any],
+        installed: Callable[[], Any],
+        topic: str,
+        switch: str,
+        settings: Settings,
+    ) -> tuple[Any, Any] | None:
+        """Return a publisher of messages that not every installation has, and their classes."""
+        if not settings.node[switch]:
+            return None
+        types = installed()
+        if types is None:
+            raise ConfigError([f"{switch}: true given, but its message package is not installed"])
+        return make(types[0], topic), types
 
     def destroy(self) -> None:
         """Take the topics back."""
@@ -114,6 +139,7 @@ class Outputs:
     def forget(self) -> None:
         """Begin a new run."""
         self._trails.clear()
+        self._run = uuid.uuid4()
 
     def publish_estimates(self, source: str, found: Estimates) -> None:
         """Publish the ``filtered`` or ``smoothed`` estimates of a stamp."""
@@ -126,6 +152,12 @@ class Outputs:
         self.publish_estimates(FILTERED, found)
         if self.with_markers:
             self._markers.publish(serialised.marker_array(found, self._frame, self._class_names))
+        if self._radar_tracks is not None:
+            publisher, types = self._radar_tracks
+            publisher.publish(radar_tracks.to_msg(found, self._frame, self._run, types))
+        if self._detections_3d is not None:
+            publisher, types = self._detections_3d
+            publisher.publish(vision.to_msg(found, self._frame, self._class_names, types))
         if self._path is not None:
             for trail in self._trails.add(found):
                 self._path.publish(tracks.to_path(trail, self._frame))

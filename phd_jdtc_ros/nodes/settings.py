@@ -29,6 +29,10 @@ TABLE = (
     Parameter("publish_markers", True, "Publish ~/markers.", mutable=True),
     Parameter("publish_path", False, "Publish ~/tracks/path, a message a track."),
     Parameter("publish_odometry", False, "Publish ~/odometry, a message a track."),
+    Parameter("publish_radar_tracks", False, "Publish ~/radar_tracks (radar_msgs/RadarTracks)."),
+    Parameter(
+        "publish_detections_3d", False, "Publish ~/detections_3d (vision_msgs/Detection3DArray)."
+    ),
     Parameter("path_length", 100, "Positions that a path keeps.", 2, 10**5),
     Parameter(
         "silent_after_scans",

@@ -255,7 +255,7 @@ def spherical(points):
 
 def test_from_msg_takes_slant_ranges_to_the_ground():
     message = spherical([(1000.0, 0.5, np.radians(60.0)), (1000.0, 0.5, np.radians(-60.0))])
-    report = adapter.from_msg(message, radar(amplitude_field=""), "elevation")
+    report = adapter.from_msg(message, radar(amplitude_field="", elevation_field="elevation"))
     assert_allclose(report.detections.measurement, [[500.0, 0.5], [500.0, 0.5]], rtol=1e-12)
 
 
@@ -270,7 +270,7 @@ def test_from_msg_limits_the_range_over_ground():
     message = spherical(
         [(0.999 * far, 0.0, np.radians(10.0)), (1.001 * far, 0.0, np.radians(10.0))]
     )
-    report = adapter.from_msg(message, radar(amplitude_field=""), "elevation")
+    report = adapter.from_msg(message, radar(amplitude_field="", elevation_field="elevation"))
     assert report.dropped == {"range": 1}
     assert len(report.detections) == 1
 
@@ -286,10 +286,12 @@ def test_from_msg_limits_the_range_over_ground():
     ],
 )
 def test_from_msg_drops_an_impossible_elevation(bad, reason):
-    report = adapter.from_msg(spherical([bad]), radar(amplitude_field=""), "elevation")
+    report = adapter.from_msg(
+        spherical([bad]), radar(amplitude_field="", elevation_field="elevation")
+    )
     assert report.dropped == {reason: 1}
 
 
 def test_from_msg_rejects_a_cloud_without_the_elevation_it_needs():
     with pytest.raises(RejectedMessageError, match="field 'elevation' is missing"):
-        adapter.from_msg(polar(GOOD), radar(), "elevation")
+        adapter.from_msg(polar(GOOD), radar(elevation_field="elevation"))
