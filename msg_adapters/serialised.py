@@ -122,7 +122,7 @@ def _record(start: int, frame: str, class_id: int, name: str, label_size: int) -
             member
             for name, marker in (("ellipse", ellipse), ("velocity", velocity), ("label", text))
             for member in (
-                (f"{name}_stamp", "(2,)<u4", marker["stamp"]),
+                (f"{name}_stamp", "(2,)<i4", marker["stamp"]),
                 (f"{name}_id", "<i4", marker["id"]),
             )
         ),
