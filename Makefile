@@ -17,12 +17,15 @@ EXTRAS     := [ros]
 TEST_EXTRAS := [ros,fast,test,study,peers,docs,dev]
 endif
 
-.PHONY: help setup demo study bench docs test check format bags parameters clean
+.PHONY: help setup demo study bench faults soak fuzz docs test check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=6 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
+	@echo "make faults  the fault matrix on live nodes, into out/faults"
+	@echo "make soak    a day of scans at full speed, SCANS=1000 for a short run, into out/soak"
+	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz"
 	@echo "make docs    the documentation as a site, into out/docs"
 	@echo "make test    run the tests"
 	@echo "make check   linters and types"
@@ -71,6 +74,17 @@ study: $(VENV)/.ready-study
 
 bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)
+
+faults: $(VENV)/.ready
+	@$(RUN) -m robustness faults
+
+SCANS ?= 14400
+
+soak: $(VENV)/.ready
+	@$(RUN) -m robustness soak --scans $(SCANS)
+
+fuzz: $(VENV)/.ready-test
+	@$(RUN) -m robustness fuzz
 
 docs: $(VENV)/.ready-study
 	@$(RUN) -m mkdocs build --quiet --strict

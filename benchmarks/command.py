@@ -6,6 +6,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "steps": steps.measure,
     "growth": growth.measure,
     "smoother": smoothing.measure,
+    "paper_smoother": partial(smoothing.measure, corrector="poisson"),
 }
 
 

@@ -9,6 +9,9 @@ Both take the particles as a resampler hands them out, every copy a row of its o
 - The k-d tree form keeps the pairs within the product's gate, found by
   `scipy.spatial.cKDTree.sparse_distance_matrix` over all whitened coordinates.
 
+Where origins are targets (the default corrector), both meet the same pairs and then drop those of
+different origins; births and spawned targets have no part in mu.
+
 Neither shares code with `phd_jdtc_ros.core.transition`.
 """
 
@@ -22,7 +25,8 @@ from scipy import sparse
 from scipy.linalg import solve_triangular
 from scipy.spatial import cKDTree
 
-from phd_jdtc_ros.core.filter import TrackerModel, scale_rows
+from phd_jdtc_ros.core.correction import scale_rows
+from phd_jdtc_ros.core.filter import TrackerModel
 from phd_jdtc_ros.core.smoother import DeathTerm, backward_step
 from phd_jdtc_ros.core.transition import GATE_SIGMA, Transition
 from phd_jdtc_ros.core.types import FloatArray, IntArray, ParticlePHD
@@ -90,6 +94,8 @@ def dense(earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: flo
         kernel = share * _dense_gaussian(
             *_pair(earlier, later, model, mode, rows, sources, dt), _motion_noise(model, mode, dt)
         )
+        if model.labelled:
+            kernel *= later.origin[rows][:, None] == earlier.origin[sources]
         mu = born[rows] + kernel @ earlier.weight[sources]
         parents, rate = _parents(earlier, model, mode, dt)
         if len(parents):
@@ -114,6 +120,9 @@ def k_d_tree(
         near, source, density = _near_gaussian(
             *_pair(earlier, later, model, mode, rows, sources, dt), _motion_noise(model, mode, dt)
         )
+        if model.labelled:
+            own = later.origin[rows[near]] == earlier.origin[sources[source]]
+            near, source, density = near[own], source[own], density[own]
         kernel = share[source] * density
         np.add.at(mu, rows[near], kernel * earlier.weight[sources[source]])
         row.append(sources[source])
@@ -165,7 +174,9 @@ def _survivors(
 def _parents(
     earlier: ParticlePHD, model: TrackerModel, mode: int, dt: float
 ) -> tuple[IntArray, FloatArray]:
-    """Return the rows that can spawn into a flat mode, and the rate of each."""
+    """Return the rows that can spawn into a flat mode within an origin, and the rate of each."""
+    if model.labelled:
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
     rate = model.spawn.rate * dt / model.modes.interval_s
     share = rate * model.spawn.transition[earlier.mode, mode]
     sources = np.flatnonzero(share > 0.0)
@@ -175,6 +186,8 @@ def _parents(
 def _born(later: ParticlePHD, model: TrackerModel, dt: float) -> FloatArray:
     """Return the birth intensity at every row, without a gate, shape (N,)."""
     total = np.zeros(len(later))
+    if model.labelled:  # births begin origins of their own
+        return total
     for mode, rows in _destinations(later, model):
         support = list(model.modes.motions[mode].support)
         for term in model.births:

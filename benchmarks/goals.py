@@ -124,7 +124,7 @@ def _least_against_tree(backend: str) -> Callable[[Mapping[str, Any]], float]:
 
 def _error(kind: str) -> Callable[[Mapping[str, Any]], float]:
     def worst(summary: Mapping[str, Any]) -> float:
-        sizes = summary["smoother"].values()
+        sizes = [*summary["smoother"].values(), *summary["paper_smoother"].values()]
         measured = [size["error"] for size in sizes if "error" in size]
         return max(one[kind] for error in measured for one in error.values())
 

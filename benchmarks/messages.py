@@ -92,7 +92,7 @@ def _whole(node: Any) -> Callable[[], None]:
 
     config = resolve({})
     # Everything but the engine's own work is to be measured.
-    node._engine = _SameAgain(_estimates(2), 2)
+    node._live._engine = _SameAgain(_estimates(2), 2)
     subscriptions = {subscription.topic_name: subscription for subscription in node.subscriptions}
     inputs = [
         (subscriptions[radar.topic].callback, detections.to_msg(report, 0, radar.frame))
@@ -105,7 +105,7 @@ def _whole(node: Any) -> Callable[[], None]:
         stamp_s += 1
         for callback, cloud in inputs:
             cloud.header.stamp.sec = stamp_s
-            callback(cloud)
+            callback(cloud, {"publication_sequence_number": stamp_s})
 
     return hand_over
 

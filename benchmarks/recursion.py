@@ -17,7 +17,6 @@ import numpy as np
 from phd_jdtc_ros.core import filter as phd_filter
 from phd_jdtc_ros.core import transition
 from phd_jdtc_ros.core.config import TrackerConfig
-from phd_jdtc_ros.core.detection_birth import Newborn
 from phd_jdtc_ros.core.engine import EXTRACTION_STREAM, FILTER_STREAM
 from phd_jdtc_ros.core.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.filter import TrackerModel
@@ -50,7 +49,6 @@ class Recursion:
     stored: list[ParticlePHD] = field(default_factory=list)
     links: list[Transition] = field(default_factory=list)
     parts_ms: dict[str, float] = field(default_factory=dict)
-    _found: tuple[Newborn, ...] = ()
     _stamp_ns: int | None = None
     _index: int = 0
 
@@ -67,20 +65,19 @@ class Recursion:
         if self._stamp_ns is not None:
             dt = (scan.stamp_ns - self._stamp_ns) * 1e-9
         self.parts_ms = dict.fromkeys(PARTS, 0.0)
-        found = self._found
         with self._timed("predict"):
             predicted = phd_filter.predict(
-                self.latest, model, self.config.budget, dt, self._index, rng, found
+                self.latest, model, self.config.budget, dt, self._index, rng
             )
         with self._timed("update"):
-            updated, self._found = phd_filter.update_scan(predicted, scan, model, dt)
+            updated, found = phd_filter.update_scan(predicted, scan, model, dt, self._index, rng)
         with self._timed("resample"):
             stored = phd_filter.resample(updated, model.modes, self.config.budget, rng)
         if self.stored:
             with self._timed("transition"):
                 self.links.append(transition.build(self.latest, stored, model, dt, found))
         with self._timed("extraction"):
-            filtered = self._extract(updated, model.modes, scan.stamp_ns, 0, self._extraction_rng)
+            filtered = self._targets(updated, scan.stamp_ns, 0)
         self.stored.append(stored)
         self.latest, self._stamp_ns, self._index = stored, scan.stamp_ns, self._index + 1
         if len(self.stored) <= lag:
@@ -91,8 +88,12 @@ class Recursion:
         # The smoothed stamp is the time of the state; scans are evenly spaced here.
         stamp_ns = scan.stamp_ns - round(lag * dt * 1e9)
         with self._timed("extraction"):
-            late = self._extract(smoothed, model.modes, stamp_ns, lag, self._extraction_rng)
+            late = self._targets(smoothed, stamp_ns, lag)
         return filtered, late
+
+    def _targets(self, phd: ParticlePHD, stamp_ns: int, lag: int) -> Estimates:
+        modes, threshold = self.config.model.modes, self.config.existence_threshold
+        return self._extract(phd, modes, stamp_ns, lag, threshold, self._extraction_rng)
 
     @contextmanager
     def _timed(self, part: str) -> Iterator[None]:
@@ -136,9 +137,11 @@ class Window:
         ]
 
 
-def window(targets: int, per_target: int, lag: int, seed: int) -> Window:
+def window(
+    targets: int, per_target: int, lag: int, seed: int, corrector: str = "bernoulli"
+) -> Window:
     """Return the sets of a filter that has tracked `targets` targets for a while."""
-    config = scenes.configuration(targets, per_target)
+    config = scenes.configuration(targets, per_target, corrector)
     scene = scenes.crowd(targets, SETTLING + lag + 1, config, seed)
     start = scenes.clouds(scene, config, np.random.default_rng(seed))
     # The filter alone: the sets do not depend on the smoother.
@@ -148,7 +151,7 @@ def window(targets: int, per_target: int, lag: int, seed: int) -> Window:
         phd = phd_filter.predict(
             stored[-1], config.model, config.budget, scene.interval_s, index, rng
         )
-        phd, _ = phd_filter.update_scan(phd, scan, config.model, scene.interval_s)
+        phd, _ = phd_filter.update_scan(phd, scan, config.model, scene.interval_s, index, rng)
         stored = [*stored, phd_filter.resample(phd, config.model.modes, config.budget, rng)]
         stored = stored[-(lag + 1) :]
     return Window(tuple(stored), config.model, scene.interval_s)

@@ -15,7 +15,9 @@ from .recursion import PARTS
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
     """Yield a table for every part that was measured, the goals last."""
     if "smoother" in summary:
-        yield _smoother(summary["smoother"])
+        yield _smoother("the smoother, a scan: one kernel and five lags", summary["smoother"])
+    if "paper_smoother" in summary:
+        yield _smoother("the same with the paper's kernel", summary["paper_smoother"])
     if "growth" in summary:
         yield _growth(summary["growth"])
     if "steps" in summary:
@@ -61,10 +63,10 @@ def _number(value: float) -> str:
     return f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
 
 
-def _smoother(sizes: Mapping[str, Any]) -> Table:
+def _smoother(title: str, sizes: Mapping[str, Any]) -> Table:
     """Return each form's time, and how many times the fastest it is."""
     table = _table(
-        "the smoother, a scan: one kernel and five lags",
+        title,
         "form",
         *(f"N = {size}" for size in sizes),
         caption="CPU medians; in brackets, as a multiple of the fastest; peak memory of a kernel",

@@ -28,13 +28,14 @@ POSITION_STD, VELOCITY_STD, TURN_RATE_STD = 100.0, 8.0, 1e-3
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
-def configuration(targets: int, per_target: int) -> TrackerConfig:
+def configuration(targets: int, per_target: int, corrector: str = "bernoulli") -> TrackerConfig:
     """Return the reference configuration with so many particles and clutter to match.
 
     Half as many false detections as targets: 200 targets give 300 detections a radar.
     """
     return resolve(
         {
+            "corrector": corrector,
             "particles_per_target": per_target,
             # In the default's proportion to the particles of a target.
             "least_particles": max(per_target // 5, 1),
@@ -106,6 +107,7 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
         multiplicity=np.ones(len(target), dtype=np.int64),
         poisson=np.full(len(target), 1.0 / count),
         components=sparse.csr_array((len(target), 0)),
+        label=np.zeros(0, dtype=np.int64),
         memory=config.model.amplitudes.born(mode, modes, rng),
     )
 

@@ -19,8 +19,7 @@ from .recursion import Window
 from .timing import Case, interleaved, peak_bytes, spread
 
 LAG = 5
-# With what births and spawned targets add, a set of T targets has about 500 T particles.
-PER_TARGET = 470
+PER_TARGET = 500
 # Number of particles by that name: (targets, whether the dense form can run).
 SIZES = {"2e3": (4, True), "1e4": (20, True), "1e5": (200, False)}
 DEATH_TERM: DeathTerm = bernoulli_death_term
@@ -28,14 +27,18 @@ DEATH_TERM: DeathTerm = bernoulli_death_term
 LEAST_SHARE = 1e-9
 
 
-def measure(quick: bool) -> dict[str, Any]:
-    """Return the times, memory and errors by number of particles."""
+def measure(quick: bool, corrector: str = "bernoulli") -> dict[str, Any]:
+    """Return the times, memory and errors by number of particles.
+
+    The corrector decides what the kernel joins: rows of one origin, or as in the paper all rows,
+    with births and spawned targets in mu.
+    """
     sizes = list(SIZES.items())[: 1 if quick else None]
-    return {size: _measure_size(*of_size, quick) for size, of_size in sizes}
+    return {size: _measure_size(*of_size, quick, corrector) for size, of_size in sizes}
 
 
-def _measure_size(targets: int, dense_runs: bool, quick: bool) -> dict[str, Any]:
-    window = recursion.window(targets, PER_TARGET, LAG, seed=0)
+def _measure_size(targets: int, dense_runs: bool, quick: bool, corrector: str) -> dict[str, Any]:
+    window = recursion.window(targets, PER_TARGET, LAG, seed=0, corrector=corrector)
     copies = [forms.copies(phd) for phd in window.stored]
     found: list[ParticlePHD] = []
 

@@ -292,7 +292,7 @@ class BagReader:
         BagError
             At the end, if a part of the file was damaged; every whole chunk has been read then.
         """
-        damage, lost = self._index.damage, 0
+        damage, lost, read = self._index.damage, 0, 0
         with self._guard(), self._file.open("rb") as stream:
             # Chunks wait by their earliest message, and their messages by their own time.
             queue: list[tuple[int, int, int, Any]] = [
@@ -311,10 +311,17 @@ class BagReader:
                     damage, lost = str(error), lost + 1
                     continue
                 for position, record in enumerate(records):
-                    if isinstance(record, Message) and self._wanted(record, topics):
-                        heapq.heappush(queue, (record.log_time, offset, position, record))
+                    if isinstance(record, Message) and record.channel_id in self._index.channels:
+                        read += 1
+                        if self._wanted(record, topics):
+                            heapq.heappush(queue, (record.log_time, offset, position, record))
+        expected = self._index.expected
+        if expected is not None and expected != read:
+            damage = damage or "its statistics do not match its messages"
         if damage:
             parts = f"; {lost} of {len(self._index.chunks)} chunks are lost" if lost else ""
+            if expected is not None and expected != read:
+                parts += f"; it says that it has {expected} messages, {read} can be read"
             raise BagError(f"{self._file}: is damaged: {damage}{parts}", corrupt=True)
 
     def _wanted(self, message: Message, topics: list[str] | None) -> bool:

@@ -3,12 +3,13 @@
 The reader of the mcap library trusts a file's summary without looking at its checksum, gives
 nothing of a file that has none, and unpacks whatever a chunk claims. Here a summary counts only if
 its checksum matches; otherwise the file is gone through from its beginning, and every chunk that
-is whole is used.
+is whole is used. Where a record's length makes no sense, the next chunk is looked for.
 """
 
 from __future__ import annotations
 
 import io
+import re
 import zlib
 from collections import Counter
 from collections.abc import Iterator
@@ -27,6 +28,17 @@ RECORD_HEAD = 9  # opcode and length
 FOOTER = RECORD_HEAD + 20
 # A chunk larger than this, packed or unpacked, is refused; recorders write 1 MiB or less.
 MAX_CHUNK = 64 * 2**20
+# What a chunk begins with: opcode, length (below 2^40), first and last time, size, checksum,
+# compression, length of its data.
+_CHUNK_HEAD = re.compile(
+    rb"\x06(?P<length>.{5}\0{3}).{16}.{5}\0{3}.{4}"
+    rb"(?:\0{4}|\x04\0{3}zstd|\x03\0{3}lz4)(?P<data>.{5}\0{3})",
+    re.DOTALL,
+)
+_LONGEST_HEAD = 64
+_BLOCK = 2**20
+# A file may be made so that every search ends at something that is no chunk.
+_MOST_SEARCHES = 1000
 
 
 class DamageError(Exception):
@@ -43,6 +55,8 @@ class Index:
     chunks : list of (earliest log time, offset, length)
     counts : Counter
         Messages by channel id.
+    expected : int or None
+        Messages that there should be, where the file says so.
     start_ns, end_ns : int
         Log times of the first and the last message.
     damage : str
@@ -53,6 +67,7 @@ class Index:
     schemas: dict[int, Schema] = field(default_factory=dict)
     chunks: list[tuple[int, int, int]] = field(default_factory=list)
     counts: Counter[int] = field(default_factory=Counter)
+    expected: int | None = None
     start_ns: int = 0
     end_ns: int = 0
     damage: str = ""
@@ -66,23 +81,17 @@ class Index:
 
 
 def index(stream: BinaryIO) -> Index:
-    """Return the index of a file: its summary's if that is whole, else by going through it.
-
-    Raises
-    ------
-    DamageError
-        If it is no MCAP file.
-    """
+    """Return the index of a file: its summary's if that is whole, else by going through it."""
     size = stream.seek(0, io.SEEK_END)
-    stream.seek(0)
-    if stream.read(len(MAGIC)) != MAGIC:
-        raise DamageError("it does not begin as an MCAP file does")
     try:
-        return _from_summary(stream, size)
+        found = _from_summary(stream, size)
     except DamageError as error:
         found = _from_records(stream, size)
         found.damage = str(error)
-        return found
+    stream.seek(0)
+    if stream.read(len(MAGIC)) != MAGIC:
+        found.damage = "it does not begin as an MCAP file does"
+    return found
 
 
 def _from_summary(stream: BinaryIO, size: int) -> Index:
@@ -126,6 +135,7 @@ def _read_summary(summary: bytes) -> Index:
     if statistics is None:
         raise DamageError("it has no statistics")
     found.counts.update(statistics.channel_message_counts)
+    found.expected = statistics.message_count
     found.start_ns = statistics.message_start_time
     found.end_ns = statistics.message_end_time
     return found
@@ -141,32 +151,69 @@ def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _from_records(stream: BinaryIO, size: int) -> Index:
-    """Go through a file's records as far as their lengths make sense; keep its whole chunks."""
+    """Go through a file's records and keep its whole chunks."""
     found = Index()
     times = []
-    position = len(MAGIC)
+    position, searches = len(MAGIC), 0
     while position + RECORD_HEAD <= size:
-        stream.seek(position)
-        head = stream.read(RECORD_HEAD)
-        length = RECORD_HEAD + int.from_bytes(head[1:], "little")
-        if position + length > size:
-            break
-        if head[0] == Opcode.CHUNK:
+        opcode, length = _head(stream, position)
+        end = position + length
+        records: list[Any] = []
+        if opcode == Opcode.CHUNK and end <= size:
             try:
                 records = unpack(stream, position, length)
             except DamageError:
-                records = []
-            messages = [record for record in records if isinstance(record, Message)]
-            for record in records:
-                found.define(record)
-            if messages:
-                stamps = [message.log_time for message in messages]
-                times += [min(stamps), max(stamps)]
-                found.counts.update(message.channel_id for message in messages)
-                found.chunks.append((min(stamps), position, length))
-        position += length
+                # Its length may be what is damaged.
+                end = end if _can_follow(stream, end, size) else size + 1
+        if end > size:
+            searches += 1
+            after = _next_chunk(stream, position + 1, size)
+            if after is None or searches > _MOST_SEARCHES:
+                break
+            position = after
+            continue
+        messages = [record for record in records if isinstance(record, Message)]
+        for record in records:
+            found.define(record)
+        if messages:
+            stamps = [message.log_time for message in messages]
+            times += [min(stamps), max(stamps)]
+            found.counts.update(message.channel_id for message in messages)
+            found.chunks.append((min(stamps), position, length))
+        position = end
     found.start_ns, found.end_ns = min(times, default=0), max(times, default=0)
     return found
+
+
+def _head(stream: BinaryIO, position: int) -> tuple[int, int]:
+    """Return a record's opcode and its length, the head included."""
+    stream.seek(position)
+    head = stream.read(RECORD_HEAD)
+    return head[0], RECORD_HEAD + int.from_bytes(head[1:], "little")
+
+
+def _can_follow(stream: BinaryIO, position: int, size: int) -> bool:
+    """Return whether a record, or the end of a file that was cut short, may be at `position`."""
+    if position + RECORD_HEAD > size:
+        return position <= size
+    opcode, length = _head(stream, position)
+    return Opcode.HEADER <= opcode <= Opcode.DATA_END and position + length <= size
+
+
+def _next_chunk(stream: BinaryIO, start: int, size: int) -> int | None:
+    """Return where the next chunk seems to begin: both its lengths must agree and fit the file."""
+    for block_at in range(start, size, _BLOCK):
+        stream.seek(block_at)
+        block = stream.read(_BLOCK + _LONGEST_HEAD)
+        at = 0
+        while (head := _CHUNK_HEAD.search(block, at)) is not None:
+            length = int.from_bytes(head["length"], "little")
+            data = int.from_bytes(head["data"], "little")
+            begin, content = block_at + head.start(), head.end() - head.start() - RECORD_HEAD
+            if length == content + data and begin + RECORD_HEAD + length <= size:
+                return begin
+            at = head.start() + 1
+    return None
 
 
 def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:

@@ -22,8 +22,8 @@ A scan's way through the core, with the module of each step::
 random generator in its filter, the lag window in its smoother). `config` turns parameters into an
 engine. `simulation` makes scans with known truth, from a script that `scenario` reads; `metrics`
 and `surveillance` compare with it, `scan_scores`, `run_totals` and `evaluation` scan by scan and
-over a run. numba, where it is installed, compiles the inner loops of `neighbours`, with the same
-results.
+over a run. numba, where it is installed, compiles the inner loops of `neighbours` and `gating`; the
+results are the same but for rounding.
 
 The method is that of Y. Qin, "Joint Target Detection, Tracking and Classification with
 Forward-Backward PHD Smoothing". Sections cited in the docstrings are the paper's; wherever the

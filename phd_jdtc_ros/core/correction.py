@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from .association import marginals
-from .types import FloatArray, IntArray, ParticlePHD, number, sum_by
+from .types import FloatArray, IntArray, ParticlePHD, by_entry, number, sum_by
 
 # Some probability to be missed is always left.
 LEAST_MISSED = 1e-6
@@ -66,7 +66,8 @@ def poisson(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray]:
     total = claims.other + claimed
     total = np.where(total > 0.0, total, 1.0)
     part = sparse.csr_array(
-        (claims.mass / total[claims.column], (claims.row, claims.column)), shape=(len(phd), size)
+        (claims.mass / total.take(claims.column), (claims.row, claims.column)),
+        shape=(len(phd), size),
     )
     missed = 1.0 - claims.detection_probability
     corrected = replace(
@@ -98,19 +99,18 @@ def bernoulli(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray
     count, size = len(origins), len(claims.other)
     # Resampling may round a mass a little above one.
     excess = np.maximum(sum_by(target, phd.weight, count), 1.0)
-    prior = phd.weight / excess[target]
+    prior = phd.weight / excess.take(target)
     seen = sum_by(target, prior * claims.detection_probability, count)
     missed = np.maximum(1.0 - seen, LEAST_MISSED)
 
-    edge, edge_of_pair = np.unique(target[claims.row] * size + claims.column, return_inverse=True)
-    edge_of_pair = edge_of_pair.ravel()
+    edge, edge_of_pair = _edges(target.take(claims.row) * size + claims.column, count * size)
     owner, column = edge // max(size, 1), edge % max(size, 1)
     components = sum_by(edge_of_pair, claims.mass, len(edge)) / excess[owner]
     probability, none = marginals(owner, column, components / missed[owner], count, claims.other)
 
     scale = probability / np.where(components > 0.0, components, 1.0) / excess[owner]
-    weight = prior * (1.0 - claims.detection_probability) * (none / missed)[target]
-    weight += sum_by(claims.row, claims.mass * scale[edge_of_pair], len(phd))
+    weight = prior * (1.0 - claims.detection_probability) * (none / missed).take(target)
+    weight += sum_by(claims.row, claims.mass * scale.take(edge_of_pair), len(phd))
     corrected = replace(
         phd,
         poisson=np.zeros(len(phd)),
@@ -122,9 +122,21 @@ def bernoulli(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray
     return corrected, np.minimum(sum_by(column, probability, size), 1.0)
 
 
+def _edges(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
+    """Return the distinct cells, ascending, and which of them each entry is, by a table of all.
+
+    As `numpy.unique`, which would sort all pairs: half of the update for many targets.
+    """
+    table = np.zeros(cells, dtype=np.int64)
+    table[cell] = 1
+    distinct: IntArray = np.flatnonzero(table)
+    table[distinct] = np.arange(len(distinct))
+    return distinct, table.take(cell)
+
+
 def scale_rows(matrix: sparse.csr_array, factor: FloatArray) -> sparse.csr_array:
     """Return a CSR array with each row multiplied by its factor; the pattern is shared."""
-    data = matrix.data * np.repeat(factor, np.diff(matrix.indptr))
+    data = matrix.data * by_entry(matrix, factor)
     return sparse.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 

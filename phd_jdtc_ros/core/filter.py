@@ -252,7 +252,7 @@ def update(
     visible = np.flatnonzero(in_range)
     row, column, log_likelihood = radar.gated_pairs(predicted.take(visible, axis=0), detections)
     row = visible.take(row)
-    log_likelihood = log_likelihood + model.amplitudes.log_likelihood(
+    log_likelihood += model.amplitudes.log_likelihood(
         phd, detections, (row, column), radar, model.modes
     )
     log_other = radar.log_clutter_intensity(detections)[None]
@@ -266,7 +266,7 @@ def update(
     claims = Claims(
         row=row,
         column=column,
-        mass=phd.weight[row] * np.exp(log_likelihood - scale[column]),
+        mass=phd.weight.take(row) * np.exp(log_likelihood - scale.take(column)),
         other=other.sum(axis=0),
         detection_probability=np.where(
             in_range, model.amplitudes.detection_probability(phd, radar, model.modes), 0.0

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .chunking import CHUNK_PAIRS, chunks, expand
 from .types import FloatArray, IntArray
 
 TURN = 2.0 * np.pi
@@ -102,3 +103,47 @@ def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> 
         range=away[entry],
         azimuth=azimuth[entry],
     )
+
+
+def near_detections(
+    lists: CellLists, predicted: FloatArray, std: FloatArray, sigmas: float, azimuth_gate: float
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the pairs within the gate.
+
+    Parameters
+    ----------
+    lists : CellLists
+    predicted : array of shape (N, 2)
+        (range, azimuth in (-pi, pi]).
+    std : array of shape (2,)
+        Of range and azimuth, metres and radians.
+    sigmas : float
+        Half width of the gate in range.
+    azimuth_gate : float
+        In azimuth, radians.
+
+    Returns
+    -------
+    particle, detection : int arrays of shape (P,)
+        Particles ascend.
+    square : array of shape (P,)
+        Square distance in standard deviations.
+    """
+    cell = lists.cell_of(predicted)
+    count = np.diff(lists.start).take(cell)
+    owner = np.flatnonzero(count)
+    count, begin = count.take(owner), lists.start.take(cell.take(owner))
+    distance, azimuth = np.ascontiguousarray(predicted.T)
+    found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
+    for part in chunks(count, CHUNK_PAIRS):
+        particle, slot = expand(owner[part], begin[part], count[part])
+        range_error = (lists.range.take(slot) - distance.take(particle)) / std[0]
+        turned, own = lists.azimuth.take(slot), azimuth.take(particle)
+        near = np.abs(range_error) <= sigmas
+        near &= (turned >= own - azimuth_gate) & (turned < own + azimuth_gate)
+        kept = np.flatnonzero(near)
+        azimuth_error = (turned.take(kept) - own.take(kept)) / std[1]
+        square = range_error.take(kept) ** 2 + azimuth_error**2
+        found.append((particle.take(kept), lists.detection.take(slot.take(kept)), square))
+    particles, detections, squares = zip(*found, strict=True)
+    return np.concatenate(particles), np.concatenate(detections), np.concatenate(squares)

@@ -8,9 +8,11 @@ first coordinate), and each query looks up one interval in each of the strips it
 intervals hold are its candidates, which are tested chunk by chunk.
 
 The test is the inner loop and there are two of it, `near_pairs` here and in `neighbours_numba`,
-which add the same numbers in the same order and so return the same bits. The compiled one is used
-where numba is installed; the environment variable ``PHD_JDTC_KERNELS`` says otherwise: ``numpy``
-or ``numba``, by default ``auto``.
+which add the same numbers in the same order and so return the same bits. So do the two that gate
+detections. Where pairs must be of one group, as of one target's origin, the compiled
+`within_groups` takes the place of all this and evaluates the kernel as well; its values differ in
+their last digits. Compiled code is used where numba is installed; the environment variable
+``PHD_JDTC_KERNELS`` says otherwise: ``numpy`` or ``numba``, by default ``auto``.
 """
 
 from __future__ import annotations
@@ -18,11 +20,12 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from .chunking import CHUNK_PAIRS, chunks, expand
+from .gating import near_detections
 from .types import FloatArray, IntArray
 
 # Axes are chosen on so many queries and points, and on one more of so many.
@@ -113,10 +116,12 @@ def candidates(
     point: FloatArray,
     point_block: IntArray,
     radius: float | FloatArray,
+    groups: tuple[IntArray, IntArray] | None = None,
 ) -> Candidates:
     """Return what is to be tested; parameters as those of `pairs_within`.
 
-    Their number, ``count.sum()``, is what a search costs.
+    Their number, ``count.sum()``, is what a search costs. Only pairs of an equal group, from 0, are
+    compared: like blocks, but many, and all of a block are searched over the same two axes.
     """
     reach = np.full(len(query), radius)
     if len(query) == 0 or len(point) == 0:
@@ -135,7 +140,11 @@ def candidates(
     span = float(first.max()) - low[0] + 3.0 * widest
     strips = int((float(second.max()) - low[1]) / width) + 2 * beyond + 3
     strip = np.floor((second - low[1]) / width) + beyond + 1.0
-    key = (point_block * strips + strip) * span + (first - low[0])
+    query_line, point_line = query_block, point_block
+    if groups is not None:
+        many = int(max(each.max() for each in groups)) + 1
+        query_line, point_line = query_block * many + groups[0], point_block * many + groups[1]
+    key = (point_line * strips + strip) * span + (first - low[0])
     rank = np.argsort(key)
 
     columns = _columns(query, np.arange(len(query)), query_block, order)
@@ -144,7 +153,7 @@ def candidates(
     owner = np.flatnonzero(inside)
     strip = np.floor(height[owner])
     above = height[owner] - strip
-    centre = (query_block[owner] * strips + strip) * span + along[owner]
+    centre = (query_line[owner] * strips + strip) * span + along[owner]
     # Looked up in sorted order, so that neighbouring places are read one after the other.
     sweep = np.argsort(centre)
     owner = owner[sweep]
@@ -152,7 +161,7 @@ def candidates(
         key[rank], centre[sweep], above[sweep], reach[owner] / width, width, span, beyond
     )
     intervals = np.zeros((2, len(query), 2 * beyond + 1), dtype=np.int64)
-    intervals[:, owner] = looked_up
+    intervals[:, owner] = looked_up.transpose(0, 2, 1)
     start, count = intervals.reshape(2, -1)
     kept = np.flatnonzero(count)
     return Candidates(
@@ -191,21 +200,20 @@ def _look_up(
 
     Returns
     -------
-    int array of shape (2, M, 2 beyond + 1)
+    int array of shape (2, 2 beyond + 1, M)
         Start and length.
     """
-    found = np.zeros((2, len(centre), 2 * beyond + 1), dtype=np.int64)
+    found = np.empty((2, 2 * beyond + 1, len(centre)), dtype=np.int64)
     rounding = 4.0 * np.spacing(key[-1] + span)
     for shift in range(-beyond, beyond + 1):
         # Of a circle, a strip so far from its centre holds no more than a chord.
         apart = np.maximum(np.maximum(shift - above, above - shift - 1.0) - ROUNDING, 0.0)
         square = radius * radius - apart * apart
-        some = np.flatnonzero(square > 0.0)
-        half = width * np.sqrt(square[some]) + rounding
-        middle = centre[some] + shift * span
+        half = width * np.sqrt(np.maximum(square, 0.0)) + rounding
+        middle = centre + shift * span
         start = key.searchsorted(middle - half, side="left")
-        found[0, some, shift + beyond] = start
-        found[1, some, shift + beyond] = key.searchsorted(middle + half, side="right") - start
+        found[0, shift + beyond] = start
+        found[1, shift + beyond] = key.searchsorted(middle + half, side="right") - start
     return found
 
 
@@ -309,9 +317,14 @@ class Backend(NamedTuple):
     ----------
     name : str
     near_pairs : callable
+        As the one here.
     layout : "C" or "F"
         Memory order of the coordinates, (K, N): numpy gathers one axis after the other, compiled
         code reads all of a point.
+    near_detections : callable
+        As that of `gating`.
+    within_groups : callable or None
+        That of `neighbours_numba`; where there is none, `near_pairs` does.
     """
 
     name: str
@@ -320,9 +333,11 @@ class Backend(NamedTuple):
         tuple[IntArray, IntArray, FloatArray],
     ]
     layout: Literal["C", "F"]
+    near_detections: Callable[..., tuple[IntArray, IntArray, FloatArray]]
+    within_groups: Callable[..., tuple[FloatArray, Any, Any, FloatArray]] | None
 
 
-NUMPY = Backend("numpy", near_pairs, "C")
+NUMPY = Backend("numpy", near_pairs, "C", near_detections, None)
 
 
 def backend(wanted: str) -> Backend:
@@ -345,7 +360,10 @@ def backend(wanted: str) -> Backend:
         if wanted == "numba":
             raise
         return NUMPY
-    return Backend("numba", neighbours_numba.near_pairs, "F")
+    compiled = neighbours_numba
+    return Backend(
+        "numba", compiled.near_pairs, "F", compiled.near_detections, compiled.within_groups
+    )
 
 
 BACKEND = backend(os.environ.get(VARIABLE, "auto"))

@@ -7,8 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from . import amplitude
-from .chunking import CHUNK_PAIRS, chunks, expand
+from . import amplitude, neighbours
 from .gating import cell_lists
 from .modes import ClassModel
 from .motion import POSITION
@@ -146,23 +145,8 @@ class RadarModel:
         measured = detections.measurement.copy()
         measured[:, 1] = wrap_angle(measured[:, 1])
         lists = cell_lists(measured, GATE_SIGMA * self.range_std, gate)
-        cell = lists.cell_of(predicted)
-        count = np.diff(lists.start).take(cell)
-        owner = np.flatnonzero(count)
-        count, begin = count[owner], lists.start.take(cell[owner])
         log_norm = -np.log(2.0 * np.pi * self.range_std * self.azimuth_std)
-        distance, azimuth = np.ascontiguousarray(predicted.T)
-        found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
-        for part in chunks(count, CHUNK_PAIRS):
-            particle, slot = expand(owner[part], begin[part], count[part])
-            range_error = (lists.range.take(slot) - distance.take(particle)) / self.range_std
-            turned, own = lists.azimuth.take(slot), azimuth.take(particle)
-            near = np.abs(range_error) <= GATE_SIGMA
-            near &= (turned >= own - gate) & (turned < own + gate)
-            kept = np.flatnonzero(near)
-            azimuth_error = (turned[kept] - own[kept]) / self.azimuth_std
-            square = range_error[kept] ** 2 + azimuth_error**2
-            log_likelihood = log_norm - 0.5 * square
-            found.append((particle[kept], lists.detection[slot[kept]], log_likelihood))
-        particles, reports, log_likelihoods = zip(*found, strict=True)
-        return np.concatenate(particles), np.concatenate(reports), np.concatenate(log_likelihoods)
+        particle, detection, square = neighbours.BACKEND.near_detections(
+            lists, predicted, self.noise_std, GATE_SIGMA, gate
+        )
+        return particle, detection, log_norm - 0.5 * square

@@ -91,7 +91,8 @@ class Band:
         """Return log g_c(a) of each pair's class, shape (P,)."""
         row, column = pairs
         per_class = radar.log_class_likelihood(detections, modes.classes)
-        likelihood: FloatArray = per_class[modes.class_of[phd.mode[row]], column]
+        place = (modes.class_of * len(detections)).take(phd.mode).take(row) + column
+        likelihood: FloatArray = per_class.take(place)
         return likelihood
 
 

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from .transition import Transition
-from .types import FloatArray, ParticlePHD, sum_by
+from .types import FloatArray, ParticlePHD, by_entry, sum_by
 
 
 class DeathTerm(Protocol):
@@ -55,11 +55,10 @@ def bernoulli_death_term(
     It is the exact backward step of a component that alone feeds mu.
     """
     parts = phd.components
-    entries = np.diff(parts.indptr)
     components = parts.shape[1]
 
     def by_component(factor: FloatArray) -> FloatArray:
-        return sum_by(parts.indices, parts.data * factor.repeat(entries), components)
+        return sum_by(parts.indices, parts.data * by_entry(parts, factor), components)
 
     survived = np.minimum(by_component(backward), 1.0)
     # A component holds one target at the most; resampling may round it a little above.
@@ -104,9 +103,8 @@ def backward_step(
     death = 1.0 - link.survival
     factor = death_term(phd, link.survival, backward)
     parts = phd.components
-    entries = np.diff(parts.indptr)
-    data = death.repeat(entries) * factor.take(parts.indices)
-    data += backward.repeat(entries)
+    data = by_entry(parts, death) * factor.take(parts.indices)
+    data += by_entry(parts, backward)
     data *= parts.data
     components = copy.copy(parts)  # the pattern is shared
     components.data = data

@@ -7,20 +7,21 @@ at 6, single weights are off by 5 %; at 7, by 1e-4.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 
-from . import birth, detection_birth
+from . import birth, detection_birth, neighbours
 from .detection_birth import Newborn
 from .filter import TrackerModel
 from .modes import ModeSpace
 from .motion import POSITION, MotionModel, whitener
 from .neighbours import candidates, near_chunks
-from .types import FloatArray, IntArray, ParticlePHD, SparseArray
+from .types import FloatArray, IntArray, ParticlePHD, SparseArray, number
 
 GATE_SIGMA = 7.0
 # Spawned mass is summed only as far out as it can change mu by this share, a tenth of what the gate
@@ -71,6 +72,25 @@ class _Kernel(NamedTuple):
     scale: FloatArray
 
 
+class _Sums(NamedTuple):
+    """A kernel's pairs by later row, and what they add to mu.
+
+    Parameters
+    ----------
+    value : array of shape (pairs,)
+    column : int array of shape (pairs,)
+        The earlier rows.
+    start : int array of shape (N_{t+1} + 1,)
+        Where each later row's pairs begin.
+    mu : array of shape (N_{t+1},)
+    """
+
+    value: FloatArray
+    column: npt.NDArray[np.int32]
+    start: npt.NDArray[np.int32]
+    mu: FloatArray
+
+
 def build(
     earlier: ParticlePHD,
     later: ParticlePHD,
@@ -107,23 +127,16 @@ def build(
     successor = {motion: motion.mean(earlier.state, dt) for motion in dict.fromkeys(modes.motions)}
     noise = {motion: motion.noise_covariance(dt) for motion in successor}
     moved = _kernel(modes, modes.transition(dt), noise, successor, survival)
-    values, columns = [], []
-    number = np.zeros(len(later), dtype=np.int64)
-    mu = np.zeros(len(later)) if model.labelled else _appearing(later, model, dt, found)
-    every = np.arange(len(later))
-    pairs = _gated_density(moved, modes, earlier, later, every, GATE_SIGMA)
-    for row, column, value in _of_one_origin(pairs, earlier, later) if model.labelled else pairs:
-        _add_by_row(mu, row, value * earlier.weight.take(column))
-        _add_by_row(number, row, None)
-        values.append(value)
-        columns.append(column.astype(np.int32))
-    if model.spawn.rate > 0.0 and len(earlier) and not model.labelled:
-        mu += _spawn_intensity(mu, earlier, later, model, dt, successor)
-
-    ratio = np.concatenate(values) if values else np.zeros(0)
-    ratio /= np.where(mu > 0.0, mu, 1.0).repeat(number)
-    column = np.concatenate(columns) if columns else np.zeros(0, dtype=np.int32)
-    start = np.concatenate([[0], np.cumsum(number)]).astype(np.int32)
+    if model.labelled:
+        ratio, column, start, mu = _within_origins(moved, modes, earlier, later)
+    else:
+        every = np.arange(len(later))
+        pairs = _gated_density(moved, modes, earlier, later, every, GATE_SIGMA)
+        ratio, column, start, mu = _summed(pairs, earlier, later)
+        mu += _appearing(later, model, dt, found)
+        if model.spawn.rate > 0.0 and len(earlier):
+            mu += _spawn_intensity(mu, earlier, later, model, dt, successor)
+    ratio /= np.where(mu > 0.0, mu, 1.0).repeat(np.diff(start))
     # A row without any explanation inside the gate goes to the row it was drawn from, which is
     # the limit of the quotient as the gate widens.
     orphan = np.flatnonzero((mu <= 0.0) & (later.parent >= 0))
@@ -223,13 +236,53 @@ def _mass_about(state: FloatArray, kernel: _Kernel, reach: FloatArray) -> FloatA
     return bound
 
 
-def _of_one_origin(
-    pairs: Iterator[tuple[IntArray, IntArray, FloatArray]], earlier: ParticlePHD, later: ParticlePHD
-) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
-    """Yield those pairs whose rows are of one target."""
+def _within_origins(
+    kernel: _Kernel, modes: ModeSpace, earlier: ParticlePHD, later: ParticlePHD
+) -> _Sums:
+    """Return the kernel between rows of one origin, and its sums."""
+    # No class turns into another: so many smaller groups.
+    key = [modes.class_of[phd.mode] + len(modes.classes) * phd.origin for phd in (later, earlier)]
+    group = number(np.concatenate(key))[1]
+    later_group, earlier_group = group[: len(later)], group[len(later) :]
+    every = np.arange(len(later))
+    compiled = neighbours.BACKEND.within_groups
+    if compiled is None or len(group) == 0:
+        groups = later_group, earlier_group
+        pairs = _gated_density(kernel, modes, earlier, later, every, GATE_SIGMA, groups)
+        return _summed(pairs, earlier, later)
+    motions = list(kernel.successor)
+    survival = np.zeros(len(modes))
+    survival[earlier.mode] = kernel.scale  # it depends on the mode alone
+    value, near, start, mu = compiled(
+        _whitened(later.state, later.mode, modes, kernel),
+        later_group,
+        later.mode,
+        np.stack([kernel.successor[motion] @ kernel.whitening[motion] for motion in motions]),
+        earlier_group,
+        earlier.mode,
+        earlier.weight,
+        np.array([motions.index(motion) for motion in modes.motions]),
+        kernel.peak * kernel.transition * survival[:, None],
+        int(group.max()) + 1,
+        GATE_SIGMA,
+    )
+    return _Sums(value, near, start, mu)
+
+
+def _summed(
+    pairs: Iterable[tuple[IntArray, IntArray, FloatArray]], earlier: ParticlePHD, later: ParticlePHD
+) -> _Sums:
+    """Return the pairs of a kernel in one, and the sums of kernel times weight by later row."""
+    values, columns = [np.zeros(0)], [np.zeros(0, dtype=np.int32)]
+    count = np.zeros(len(later), dtype=np.int64)
+    mu = np.zeros(len(later))
     for row, column, value in pairs:
-        own = np.flatnonzero(later.origin.take(row) == earlier.origin.take(column))
-        yield row.take(own), column.take(own), value.take(own)
+        _add_by_row(mu, row, value * earlier.weight.take(column))
+        _add_by_row(count, row, None)
+        values.append(value)
+        columns.append(column.astype(np.int32))
+    start = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+    return _Sums(np.concatenate(values), np.concatenate(columns), start, mu)
 
 
 def _add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray | None) -> None:
@@ -256,6 +309,7 @@ def _gated_density(
     later: ParticlePHD,
     rows: IntArray,
     radius: float | FloatArray,
+    groups: tuple[IntArray, IntArray] | None = None,
 ) -> Iterator[tuple[IntArray, IntArray, FloatArray]]:
     """Yield (place in `rows`, earlier row, density) of all pairs within the radius, in chunks.
 
@@ -278,14 +332,15 @@ def _gated_density(
             source = np.flatnonzero(reachable[earlier.mode])
             points.append(kernel.successor[motion][source] @ kernel.whitening[motion])
             sources.append(source)
+    source, mode_row = np.concatenate(sources), mode * len(earlier)
     search = candidates(
         query,
         block_of[mode],
         np.concatenate(points),
         np.repeat(np.arange(len(points)), [len(source) for source in sources]),
         radius,
+        None if groups is None else (groups[0][rows], groups[1][source]),
     )
-    source, mode_row = np.concatenate(sources), mode * len(earlier)
     for row, point, square in near_chunks(search):
         column = source.take(point)
         value = np.exp(-0.5 * square)

@@ -28,15 +28,28 @@ def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
 
     An array of the right kind is not copied; the flag is set on a view of it.
     """
-    view = np.ascontiguousarray(array, dtype=dtype).view()
+    view: Any = np.ascontiguousarray(array, dtype=dtype)
+    if not view.flags.writeable:
+        return view
+    view = view.view()
     view.flags.writeable = False
     return view
 
 
 def sum_by(index: IntArray, weight: FloatArray, size: int) -> FloatArray:
     """Return the sums of `weight` over equal `index`, shape (size,)."""
-    total: FloatArray = np.bincount(index, weights=weight, minlength=size).astype(np.float64)
+    total: FloatArray = np.bincount(index, weights=weight, minlength=size).astype(
+        np.float64, copy=False
+    )
     return total
+
+
+def by_entry(matrix: SparseArray, of_row: FloatArray) -> FloatArray:
+    """Return of each entry of a CSR array the value of its row."""
+    entries = matrix.indptr[1:] - matrix.indptr[:-1]
+    if len(matrix.data) == len(of_row) and (entries == 1).all():
+        return of_row  # as where every row has one component
+    return of_row.repeat(entries)
 
 
 def number(value: IntArray) -> tuple[IntArray, IntArray]:

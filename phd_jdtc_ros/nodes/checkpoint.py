@@ -18,9 +18,11 @@ from typing import Any
 
 import numpy as np
 
+from phd_jdtc_ros.core.engine import FixedLagSmoother
 from phd_jdtc_ros.core.snapshot import Snapshot
 
 MAGIC = b"phd_jdtc_ros checkpoint 1\n"
+WARNING_PERIOD_S = 5.0
 DIGEST_SIZE = hashlib.sha256().digest_size
 FACTS, CONFIGURATION = "facts", "configuration"
 
@@ -91,10 +93,74 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
     return Snapshot({name.removeprefix("array."): array for name, array in arrays.items()}, facts)
 
 
-def latest_stamp_ns(snapshot: Snapshot) -> int | None:
-    """Return the stamp of the last scan that a snapshot has seen."""
-    stamp_ns = snapshot.facts["filter"]["stamp_ns"]
-    return None if stamp_ns is None else int(stamp_ns)
+class Checkpoints:
+    """A tracker's checkpoints: one is read at the start, and written as scans go by.
+
+    Parameters
+    ----------
+    path : Path
+    every : int
+        Scans from one to the next; 0 for on request only.
+    max_age_s : float
+        How much older than the first scan its last one may be.
+    configuration : mapping
+        Of the tracker, without what may change while it runs.
+    log : rclpy logger
+    """
+
+    def __init__(
+        self, path: Path, every: int, max_age_s: float, configuration: Mapping[str, Any], log: Any
+    ) -> None:
+        self._path, self._every, self._max_age_s = path, every, max_age_s
+        self._configuration, self._log = configuration, log
+        self._scans = 0
+        self._found: Snapshot | None = None
+        if path.exists():
+            try:
+                self._found = read(path, configuration)
+            except CheckpointError as error:
+                log.warning(f"starting cold: {error}")
+
+    def resume(self, engine: FixedLagSmoother, stamp_ns: int) -> None:
+        """Go on from the checkpoint, if there is one, before the first scan is taken in."""
+        found, self._found = self._found, None
+        if found is None:
+            return
+        try:
+            age_s = (stamp_ns - found.facts["filter"]["stamp_ns"]) * 1e-9
+            if not 0.0 < age_s <= self._max_age_s:
+                raise ValueError(
+                    f"it ends {age_s:.1f} s before the first scan, at most {self._max_age_s:g} s "
+                    "are allowed"
+                )
+            engine.restore(found)
+        except (KeyError, TypeError, ValueError) as error:
+            self._log.warning(f"starting cold: {self._path}: {error}")
+            return
+        self._log.info(f"going on from {self._path}, {age_s:.1f} s old")
+
+    def stepped(self, engine: FixedLagSmoother) -> None:
+        """Count a scan, and write the checkpoint that is due."""
+        self._scans += 1
+        if self._every and self._scans % self._every == 0:
+            self.save(engine)
+
+    def save(self, engine: FixedLagSmoother) -> str | None:
+        """Write a checkpoint; return why it could not be written, or None."""
+        if not self._scans:
+            return "no scan has been taken in yet"
+        try:
+            write(self._path, engine.snapshot(), self._configuration)
+        except OSError as error:
+            text = f"no checkpoint: {self._path}: {error.strerror}"
+            self._log.error(text, throttle_duration_sec=WARNING_PERIOD_S)
+            return text
+        return None
+
+    def discard(self) -> None:
+        """Forget the checkpoint: its run is over."""
+        self._found, self._scans = None, 0
+        self._path.unlink(missing_ok=True)
 
 
 def _text(value: Any) -> Any:

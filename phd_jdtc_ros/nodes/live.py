@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -25,6 +26,7 @@ from phd_jdtc_ros.core.scans import Rejection, Reset, ScanGrouper
 from phd_jdtc_ros.core.types import Scan
 
 from . import endpoints
+from .checkpoint import Checkpoints
 from .health import InputHealth, OutputHealth, Rhythm, StepHealth
 from .outputs import Outputs
 from .settings import Settings
@@ -64,6 +66,7 @@ class LiveTracker:
         self._subscriptions: list[Subscription] = []
         self._outputs = Outputs(node, settings, self._served)
         self._patience = self._make_patience(settings.node["max_wait_s"])
+        self._checkpoints = self._make_checkpoints()
         try:
             for index, health in enumerate(self._inputs):
                 message_class, read = _reader(config.inputs[index])
@@ -82,6 +85,26 @@ class LiveTracker:
             return None
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         return self._node.create_timer(seconds, self._on_overdue, clock=clock, autostart=False)
+
+    def _make_checkpoints(self) -> Checkpoints | None:
+        own = self._settings.node
+        if not own["checkpoint.path"]:
+            return None
+        path = Path(own["checkpoint.path"]).expanduser()
+        if not path.parent.is_dir():
+            raise ConfigError([f"checkpoint.path: {path} given, {path.parent} is no directory"])
+        fixed = {
+            name: value
+            for name, value in self._settings.config.values.items()
+            if name not in self._settings.mutable
+        }
+        return Checkpoints(
+            path,
+            own["checkpoint.every"],
+            own["checkpoint.max_age_s"],
+            fixed,
+            self._node.get_logger(),
+        )
 
     def destroy(self) -> None:
         """Take all topics back."""
@@ -113,6 +136,12 @@ class LiveTracker:
         self._grouper.reset()
         return self._publish_flushed()
 
+    def save(self) -> str | None:
+        """Write a checkpoint; return why there is none, or None."""
+        if self._checkpoints is None:
+            return "checkpoint.path is not set"
+        return self._checkpoints.save(self._engine)
+
     def reset(self) -> None:
         """Begin anew and publish nothing."""
         self._grouper.reset()
@@ -120,6 +149,8 @@ class LiveTracker:
         self._begin_run()
 
     def _begin_run(self) -> None:
+        if self._checkpoints is not None:
+            self._checkpoints.discard()
         self._outputs.forget()
         self._pace.rhythm.pause()
         if self._patience is not None:
@@ -188,6 +219,8 @@ class LiveTracker:
                 self._publish_flushed()
                 self._pace.epoch += 1
                 continue
+            if self._checkpoints is not None:
+                self._checkpoints.resume(self._engine, event.stamp_ns)
             step = self._engine.step(event)
             self._outputs.publish_filtered(step.filtered)
             for smoothed in step.smoothed:
@@ -196,6 +229,8 @@ class LiveTracker:
             step_ms = 1e3 * (self._cpu_s + now - start)
             self._cpu_s, start = 0.0, now
             self._pace.stepped(event.stamp_ns, step_ms)
+            if self._checkpoints is not None:
+                self._checkpoints.stepped(self._engine)
             self._outputs.publish_cardinality(step, step_ms)
         self._cpu_s += time.thread_time() - start if not events else 0.0
 

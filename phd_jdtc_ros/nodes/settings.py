@@ -33,6 +33,19 @@ TABLE = (
     Parameter(
         "publish_detections_3d", False, "Publish ~/detections_3d (vision_msgs/Detection3DArray)."
     ),
+    Parameter(
+        "checkpoint.path",
+        "",
+        "File that keeps what the tracker knows, for a warm restart; empty for none.",
+    ),
+    Parameter("checkpoint.every", 0, "Scans between checkpoints; 0 for on request only.", 0, 10**6),
+    Parameter(
+        "checkpoint.max_age_s",
+        60.0,
+        "A checkpoint whose last scan is older than this at the first one is not used, s.",
+        0.0,
+        86400.0,
+    ),
     Parameter("path_length", 100, "Positions that a path keeps.", 2, 10**5),
     Parameter(
         "silent_after_scans",

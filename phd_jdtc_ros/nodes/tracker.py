@@ -49,6 +49,7 @@ class Tracker(LifecycleNode):
         )
         self.create_service(Trigger, "~/flush", self._on_flush)
         self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(Trigger, "~/checkpoint", self._on_checkpoint)
         # By the wall clock, for under simulated time a paused replay stops the other.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
@@ -80,8 +81,10 @@ class Tracker(LifecycleNode):
         service.callback = guarded
 
     def close(self) -> None:
-        """Say how the run went."""
+        """Say how the run went, and leave a checkpoint for the next start if there is one."""
         if self._live is not None:
+            if self._phase == "active":
+                self._live.save()
             self._summary = self._live.summary()
         self.get_logger().info(f"stopped; {self._summary}")
 
@@ -183,6 +186,13 @@ class Tracker(LifecycleNode):
         if response.success:
             self._live.reset()
             response.message = "reset"
+        return response
+
+    def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        fault = f"the tracker is {self._phase}"
+        if self._phase == "active":
+            fault = self._live.save()
+        response.success, response.message = fault is None, fault or "written"
         return response
 
     def _watch(self) -> None:

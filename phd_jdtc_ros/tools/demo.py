@@ -28,6 +28,8 @@ from . import command, report
 START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.
 FINISH_S = 30.0
+# What Fast DDS 2 and Fast DDS 3 call the file of profiles.
+PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 ARTEFACTS = ("estimates", "logs", "metrics.json", "report.html", "*.png")
 
 
@@ -43,6 +45,7 @@ class Processes:
             "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or str(1 + os.getpid() % 100),
             # Shared memory would leave segments behind if a process were killed.
             "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
+            **isolation(),
         }
         logs.mkdir(parents=True)
 
@@ -131,7 +134,23 @@ def run_nodes(bag: Path, out: Path) -> bool:
 
 def shipped_bag() -> Path:
     """Return the reference scenario's bag, of the checkout or of the installed package."""
-    here = Path("bags/paper_scenario")
+    return _shipped(Path("bags/paper_scenario"))
+
+
+def isolation() -> dict[str, str]:
+    """Return the environment in which Fast DDS uses the loopback interface alone.
+
+    A profile that the user has chosen stays in force.
+    """
+    profile = _shipped(Path("config/dds/localhost_only.xml"))
+    chosen = [name for name in PROFILE_VARIABLES if name in os.environ]
+    if chosen or not profile.exists():
+        return {}
+    return dict.fromkeys(PROFILE_VARIABLES, str(profile.resolve()))
+
+
+def _shipped(here: Path) -> Path:
+    """Return what the package brings, of the checkout or of the installed package."""
     if here.exists():
         return here
     try:

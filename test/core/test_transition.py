@@ -7,7 +7,7 @@ import pytest
 from scenes import gaussian_cloud, intensity, short_scenario, small
 
 from phd_jdtc_ros.core import filter as phd_filter
-from phd_jdtc_ros.core import transition
+from phd_jdtc_ros.core import neighbours, transition
 from phd_jdtc_ros.core.simulation import simulate
 from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_step
 
@@ -17,6 +17,14 @@ SPARSE_BUDGET = {
     "particles_per_birth": 16,
     "spawn.particles_per_target": 30,
 }
+
+
+@pytest.fixture(params=["numpy", "numba"])
+def backend(request, monkeypatch):
+    """Run a test with the plain and with the compiled search."""
+    if request.param == "numba":
+        pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    monkeypatch.setattr(neighbours, "BACKEND", neighbours.backend(request.param))
 
 
 def gaussian(offset, covariance):
@@ -119,6 +127,7 @@ def assert_weights_equal(found, expected):
     assert np.abs(found - expected).sum() <= 1e-5 * total
 
 
+@pytest.mark.usefixtures("backend")
 def test_build_gives_the_dense_backward_sums(run):
     _, stored, _, links, dense = run
     for earlier, later, link, (kernel, mu) in zip(
@@ -163,6 +172,7 @@ def test_build_ratio_times_mu_is_the_kernel(run):
         np.testing.assert_allclose(found[matter], expected[matter], rtol=1e-4)
 
 
+@pytest.mark.usefixtures("backend")
 def test_build_explains_each_later_row_once(run):
     # sum_s w(s) K[q, s] / mu_q is the survivors' share of row q: never above one, and near one
     # for the rows of targets, which no birth or spawn explains.
@@ -263,6 +273,36 @@ def test_build_leaves_a_birth_out_of_reach_without_a_parent():
     assert (link.ratio @ later.weight).tolist() == [0.0]
 
 
+@pytest.mark.parametrize("spread", [1.0, 50.0, 20e3])
+def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch):
+    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    # Clouds from a cell of the grid to far more than it may have cells; an origin of the later set
+    # without any past, and one of the earlier set without any future.
+    model = small().model
+    rng = np.random.default_rng(3)
+    mode = rng.integers(0, 4, 2000)
+    cloud = gaussian_cloud(rng, 2000, np.zeros(5), [spread, 2.0, spread, 2.0, 1e-3])
+    cloud[mode % 2 == 0, 4] = 0.0
+    weight = rng.uniform(0.5, 1.5, 2000)
+    earlier = intensity(cloud, weight, mode=mode, origin=rng.integers(0, 3, 2000))
+    parent = rng.permutation(2000)
+    moved = cloud[parent] + gaussian_cloud(rng, 2000, np.zeros(5), [8.0, 2.0, 8.0, 2.0, 1e-4])
+    moved[mode[parent] % 2 == 0, 4] = 0.0
+    origin = np.where(earlier.origin == 0, 3, earlier.origin)[parent]
+    later = intensity(moved, weight, mode=mode[parent], origin=origin)
+    links = {}
+    for name in ("numpy", "numba"):
+        monkeypatch.setattr(neighbours, "BACKEND", neighbours.backend(name))
+        links[name] = transition.build(earlier, later, model, 6.0)
+
+    plain, compiled = (links[name].ratio.toarray() for name in ("numpy", "numba"))
+    assert np.count_nonzero(plain) > 1000
+    assert not plain[:, later.origin == 3].any()
+    assert not plain[earlier.origin == 0].any()
+    np.testing.assert_allclose(compiled, plain, rtol=1e-12, atol=0.0)
+
+
+@pytest.mark.usefixtures("backend")
 def test_build_from_an_empty_set_has_no_rows():
     model = small().model
     later = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
@@ -271,6 +311,7 @@ def test_build_from_an_empty_set_has_no_rows():
     assert len(link.ratio @ later.weight) == 0
 
 
+@pytest.mark.usefixtures("backend")
 def test_build_to_an_empty_set_leaves_nothing_alive():
     model = small().model
     earlier = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])

@@ -13,30 +13,34 @@ from phd_jdtc_ros.core.motion import sample
 SPACING = 2500.0
 
 
-def tracked(targets, per_target):
-    """Return a model and two stored sets of well-tracked targets, an interval of 6 s apart."""
-    model = small({"corrector": "poisson"}).model  # with spawned targets in mu
+def tracked(targets, per_target, corrector="poisson", spacing=SPACING):
+    """Return a model and two stored sets of well-tracked targets, an interval of 6 s apart.
+
+    With the PHD filter's corrector spawned targets are in mu, and no origin keeps rows apart.
+    """
+    model = small({"corrector": corrector}).model
     rng = np.random.default_rng(targets)
     mode = np.repeat(np.arange(targets) % 4, per_target)
     # In a square, so that a search over one coordinate only would find rows of strangers.
     side = int(np.ceil(np.sqrt(targets)))
     place = np.repeat(np.arange(targets), per_target)
     centre = np.zeros((len(place), 5))
-    centre[:, 0], centre[:, 2] = SPACING * (place // side), SPACING * (place % side)
+    centre[:, 0], centre[:, 2] = spacing * (place // side), spacing * (place % side)
     centre[:, 1] = 40.0
     state = gaussian_cloud(rng, len(place), centre, [100.0, 7.0, 100.0, 7.0, 1e-2])
     state[mode % 2 == 0, 4] = 0.0
-    earlier = intensity(state, np.full(len(place), 1.0 / per_target), mode=mode)
+    weight = np.full(len(place), 1.0 / per_target)
+    earlier = intensity(state, weight, mode=mode, origin=place)
     moved = np.empty_like(state)
     for index, motion in enumerate(model.modes.motions):
         moved[mode == index] = sample(motion, state[mode == index], 6.0, rng)
-    later = intensity(moved, np.full(len(place), 1.0 / per_target), mode=mode)
+    later = intensity(moved, weight, mode=mode, origin=place)
     return model, earlier, later
 
 
-def candidates_of_a_build(targets, per_target, monkeypatch):
-    """Return candidates tested per later row, survival and spawn, and the kernel's pairs."""
-    model, earlier, later = tracked(targets, per_target)
+def candidates_of_a_build(monkeypatch, *scene):
+    """Return candidates tested per later row by every search, and the kernel's pairs."""
+    model, earlier, later = tracked(*scene)
     tested = []
 
     def counted(*arguments):
@@ -46,14 +50,14 @@ def candidates_of_a_build(targets, per_target, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(transition, "candidates", counted)
+        patch.setattr(neighbours, "BACKEND", neighbours.NUMPY)
         link = transition.build(earlier, later, model, 6.0)
-    assert len(tested) == 2
     return np.array(tested) / len(later), link.ratio.nnz / len(later)
 
 
 def test_build_tests_as_many_candidates_a_row_whatever_the_number_of_targets(monkeypatch):
-    few, _ = candidates_of_a_build(64, 150, monkeypatch)
-    many, _ = candidates_of_a_build(256, 150, monkeypatch)
+    few, _ = candidates_of_a_build(monkeypatch, 64, 150)
+    many, _ = candidates_of_a_build(monkeypatch, 256, 150)
     survival, spawn = many / few
     assert survival <= 1.05
     # The axes that serve best change on the way; strangers in one strip would double it.
@@ -61,10 +65,18 @@ def test_build_tests_as_many_candidates_a_row_whatever_the_number_of_targets(mon
 
 
 def test_build_tests_few_candidates_for_a_pair(monkeypatch):
-    (survival, spawn), pairs = candidates_of_a_build(8, 300, monkeypatch)
+    (survival, spawn), pairs = candidates_of_a_build(monkeypatch, 8, 300)
     assert pairs > 3.0
     assert survival <= 4.0 * pairs
     assert spawn <= 30.0 * pairs
+
+
+def test_build_within_origins_tests_no_strangers(monkeypatch):
+    # All targets in one place: without the origins every row would meet those of all targets.
+    (one,), pairs = candidates_of_a_build(monkeypatch, 4, 150, "bernoulli", 0.0)
+    (many,), _ = candidates_of_a_build(monkeypatch, 64, 150, "bernoulli", 0.0)
+    assert one <= 4.0 * pairs
+    assert many <= 1.1 * one
 
 
 def peak_bytes(call):
@@ -76,9 +88,10 @@ def peak_bytes(call):
         tracemalloc.stop()
 
 
+@pytest.mark.parametrize("corrector", ["poisson", "bernoulli"])
 @pytest.mark.parametrize("targets", [8, 32])
-def test_build_peak_memory_is_some_columns_a_row(targets):
-    model, earlier, later = tracked(targets, 150)
+def test_build_peak_memory_is_some_columns_a_row(targets, corrector):
+    model, earlier, later = tracked(targets, 150, corrector)
     peak = peak_bytes(lambda: transition.build(earlier, later, model, 6.0))
     # A dense kernel has 8 bytes for every pair of rows: 10 and 38 kB a row here.
     # Chunks of candidates are a constant part.

@@ -24,21 +24,23 @@ from benchmarks import (
 from benchmarks import report as tables
 from phd_jdtc_ros.core import transition
 from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.correction import CORRECTORS
 from phd_jdtc_ros.core.simulation import paper_scenario, simulate, truth_at
 from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import ParticlePHD
 
 LAG = 3
+BORN_ANYWHERE = {"detection_births.rates": [0.01, 0.01], "detection_births.particles": 64}
 FEW = {"particles_per_target": 100, "least_particles": 20, "particles_per_birth": 64}
-WITHOUT_ROS = ("peers", "steps", "growth", "smoother")
+WITHOUT_ROS = ("peers", "steps", "growth", "smoother", "paper_smoother")
 every_backend = pytest.mark.parametrize("backend", backends.available())
 every_death_term = pytest.mark.parametrize("death_term", DEATH_TERMS.values(), ids=DEATH_TERMS)
 
 
-@pytest.fixture(scope="module")
-def window():
+@pytest.fixture(scope="module", params=CORRECTORS)
+def window(request):
     """The stored sets of a filter with four targets, about 800 particles."""
-    return recursion.window(targets=4, per_target=200, lag=LAG, seed=3)
+    return recursion.window(targets=4, per_target=200, lag=LAG, seed=3, corrector=request.param)
 
 
 def of_rows(copies, phd):
@@ -93,8 +95,9 @@ def test_copies_stand_for_the_same_intensity(window):
     assert_allclose(copies.components.sum(axis=0), phd.components.sum(axis=0))
 
 
-def test_recursion_finds_what_the_engine_finds():
-    config = resolve({**FEW, "lag": LAG})
+@pytest.mark.parametrize("corrector", CORRECTORS)
+def test_recursion_finds_what_the_engine_finds(corrector):
+    config = resolve({**FEW, "lag": LAG, "corrector": corrector, **BORN_ANYWHERE})
     scenario = replace(paper_scenario(config.model.radars), scans=8)
     engine = config.engine()
     opened = recursion.Recursion(config, ParticlePHD.empty(config.model.state_size))
@@ -209,12 +212,13 @@ def test_summary_says_why_a_figure_is_missing(summary):
 
 
 def test_summary_measures_the_error_of_weights_not_of_mass(summary):
-    errors = summary["smoother"]["2e3"]["error"]
+    for part in ("smoother", "paper_smoother"):
+        errors = summary[part]["2e3"]["error"]
 
-    assert set(errors) == set(backends.available())
-    for error in errors.values():
-        assert error["largest_relative"] < 1e-3
-        assert error["l1"] < 1e-5
+        assert set(errors) == set(backends.available())
+        for error in errors.values():
+            assert error["largest_relative"] < 1e-3
+            assert error["l1"] < 1e-5
 
 
 def test_parts_of_a_step_add_up_to_it(summary):

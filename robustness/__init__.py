@@ -1,0 +1,16 @@
+"""What the package does under faults, measured on live nodes: ``make faults``, ``soak``, ``fuzz``.
+
+Not part of the installed package. The way of a figure::
+
+    rig         a ROS domain of its own: the nodes under test as processes, and
+    radars      a peer beside them that publishes scans and hears what comes back
+      |
+    scans, bad_scans, stamps_and_time, overload, restarts, stops    faults, on live nodes
+    bags, recordings, network, checkpoint                           files, disks, rogue peers
+    soak, decoders, raw_bytes                                       a day of scans; random input
+      |
+    figures -> report (table), out/<command>/summary.json
+
+All traffic stays on this machine: loopback, or network namespaces that are made and removed here.
+Every loop is bounded in count and time.
+"""

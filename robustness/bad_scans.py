@@ -1,0 +1,286 @@
+"""Scans that a tracker must reject or clean, and what it does with them."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2, PointField
+
+from msg_adapters import detections, interfaces
+from phd_jdtc_ros.core.types import Detections
+
+from . import scans
+from .figures import Figure, measured_or_why
+from .radars import Radars
+from .rig import LIGHT, Node, Rig
+
+NAME = "exits or NaN on bad scans"
+GOAL = "0, every reject counted"
+LARGEST = 2**32 - 1
+
+Change = Callable[[PointCloud2], None]
+
+
+@dataclass(frozen=True)
+class BadScan:
+    """A fault and the reason under which it must be counted.
+
+    Parameters
+    ----------
+    name : str
+    reason : str
+        `any` if it only has to be counted.
+    data : function of a stamp
+        Serialised cloud of the first radar.
+    count : int
+        How many are counted: 1, or as many as there are points where those are dropped one by one.
+    kept : bool
+        The scan itself is used.
+    """
+
+    name: str
+    reason: str
+    data: Callable[[int], bytes]
+    count: int = 1
+    kept: bool = False
+
+
+def _good(stamp_ns: int) -> PointCloud2:
+    return detections.to_msg(scans.reference()[0].detections[0], stamp_ns, "radar_1")
+
+
+def _changed(change: Change) -> Callable[[int], bytes]:
+    def make(stamp_ns: int) -> bytes:
+        cloud = _good(stamp_ns)
+        change(cloud)
+        return bytes(interfaces.encode(cloud))
+
+    return make
+
+
+def _set(**values: Any) -> Callable[[int], bytes]:
+    def change(cloud: PointCloud2) -> None:
+        for name, value in values.items():
+            setattr(cloud, name, value)
+
+    return _changed(change)
+
+
+def _field(which: str, **values: Any) -> Callable[[int], bytes]:
+    def change(cloud: PointCloud2) -> None:
+        for field in cloud.fields:
+            if field.name == which:
+                for key, value in values.items():
+                    setattr(field, key, value)
+
+    return _changed(change)
+
+
+def _without(name: str) -> Callable[[int], bytes]:
+    def change(cloud: PointCloud2) -> None:
+        cloud.fields = [field for field in cloud.fields if field.name != name]
+
+    return _changed(change)
+
+
+def _frame(frame: str) -> Callable[[int], bytes]:
+    def change(cloud: PointCloud2) -> None:
+        cloud.header.frame_id = frame
+
+    return _changed(change)
+
+
+def _data(change: Callable[[bytes], bytes]) -> Callable[[int], bytes]:
+    def changed(cloud: PointCloud2) -> None:
+        cloud.data = change(bytes(cloud.data))
+
+    return _changed(changed)
+
+
+def _stamp(seconds: int, nanoseconds: int) -> Callable[[int], bytes]:
+    def change(cloud: PointCloud2) -> None:
+        cloud.header.stamp.sec = seconds
+        cloud.header.stamp.nanosec = nanoseconds
+
+    return _changed(change)
+
+
+def _points(distance: float, azimuth: float, amplitude: float) -> Callable[[int], bytes]:
+    """Return a cloud of `POINTS` such points."""
+
+    def make(stamp_ns: int) -> bytes:
+        measurement = np.tile([distance, azimuth], (POINTS, 1))
+        found = Detections(measurement, np.full(POINTS, amplitude))
+        with np.errstate(invalid="ignore"):  # x and y of what is not finite
+            cloud = detections.to_msg(found, stamp_ns, "radar_1")
+        return bytes(interfaces.encode(cloud))
+
+    return make
+
+
+POINTS = 7
+
+
+def _many(stamp_ns: int) -> bytes:
+    found = Detections(np.full((100_001, 2), 500.0), np.full(100_001, 5.0))
+    return bytes(interfaces.encode(detections.to_msg(found, stamp_ns, "radar_1")))
+
+
+def _dropped(name: str, reason: str, *point: float) -> BadScan:
+    return BadScan(f"points: {name}", reason, _points(*point), POINTS, kept=True)
+
+
+def cases() -> list[BadScan]:
+    """Return every case."""
+    schema = {
+        "no fields": _set(fields=[]),
+        "no range": _without("range"),
+        "no azimuth": _without("azimuth"),
+        "range in capitals": _field("range", name="RANGE"),
+        "range a whole number": _field("range", datatype=PointField.INT32),
+        "azimuth a byte": _field("azimuth", datatype=PointField.UINT8),
+        "datatype 0": _field("azimuth", datatype=0),
+        "datatype 255": _field("range", datatype=255),
+        "two ranges a point": _field("range", count=2),
+        "no range a point": _field("range", count=0),
+        "most azimuths a point": _field("azimuth", count=LARGEST),
+        "three amplitudes a point": _field("amplitude", count=3),
+        "field beyond the step": _field("range", offset=26),
+        "field at the largest offset": _field("range", offset=LARGEST),
+        "point_step 0": _set(point_step=0),
+        "point_step too small": _set(point_step=13),
+        "largest point_step": _set(point_step=LARGEST),
+        "row_step 0": _set(row_step=0),
+        "largest row_step": _set(row_step=LARGEST),
+        "two rows said": _set(height=2),
+        "no rows said": _set(height=0),
+        "a point more said": _changed(lambda cloud: setattr(cloud, "width", cloud.width + 1)),
+        "no data": _set(data=b""),
+        "a byte short": _data(lambda data: data[:-1]),
+        "a byte long": _data(lambda data: data + b"\0"),
+        "a single byte": _set(data=b"\0"),
+    }
+    oversize = {
+        "a million points said": _set(width=10**6),
+        "a million rows said": _set(height=10**6),
+        "the most points that can be said": _set(width=LARGEST, height=LARGEST),
+        "100 001 points": _many,
+    }
+    frame = {
+        "unknown frame": _frame("base_link"),
+        "empty frame": _frame(""),
+        "the other radar's frame": _frame("radar_2"),
+        "frame with a slash": _frame("/radar_1"),
+        "frame of 10 000 letters": _frame("r" * 10_000),
+    }
+    stamp = {
+        "seconds below zero": _stamp(-5, 0),
+        "the lowest seconds": _stamp(-(2**31), 0),
+        "nanoseconds above a second": _stamp(1, LARGEST),
+    }
+    groups = {"schema": schema, "oversize": oversize, "frame": frame, "any": stamp}
+    nan, inf = float("nan"), float("inf")
+    return [
+        *(
+            BadScan(f"{reason}: {name}" if reason != "any" else f"stamp: {name}", reason, data)
+            for reason, group in groups.items()
+            for name, data in group.items()
+        ),
+        _dropped("NaN range", "not_finite", nan, 0.0, 5.0),
+        _dropped("NaN azimuth", "not_finite", 900.0, nan, 5.0),
+        _dropped("infinite azimuth", "not_finite", 900.0, inf, 5.0),
+        _dropped("infinite range", "not_finite", inf, 0.0, 5.0),
+        _dropped("NaN amplitude", "not_finite", 900.0, 0.0, nan),
+        _dropped("negative range", "range", -5.0, 0.0, 5.0),
+        _dropped("beyond the range", "range", 1e6, 0.0, 5.0),
+        _dropped("negative amplitude", "amplitude", 900.0, 0.0, -1.0),
+        _dropped("absurd amplitude", "amplitude", 900.0, 0.0, 1e30),
+    ]
+
+
+def measure(chosen: list[BadScan] | None = None) -> Figure:
+    """Send every case between good scans; count exits, lost good scans and rejects."""
+    return measured_or_why(NAME, GOAL, lambda: _measure(cases() if chosen is None else chosen))
+
+
+def _measure(chosen: list[BadScan]) -> tuple[str, bool, Mapping[str, Any]]:
+    with Rig() as rig:
+        tracker = rig.tracker(*LIGHT)
+        radars = rig.radars
+        if not radars.connected():
+            raise RuntimeError(f"the radars do not find the tracker:\n{tracker.text[-2000:]}")
+        exits, lost, wanted = [], [], Counter()
+        found: Counter[str] = Counter()
+        index = 0
+        for case in chosen:
+            index += 1
+            came = _send(radars, case, index)
+            if not tracker.alive:
+                exits.append(case.name)
+                found += _said(tracker.text)
+                tracker = _again(rig)
+                continue
+            wanted[case.reason] += case.count
+            lost += [] if came else [case.name]
+        found += _counts(radars)
+        not_finite = radars.not_finite
+    # What only has to be counted may be so under any reason.
+    uncounted = wanted - found - Counter({"any": wanted["any"]})
+    surplus = (found - wanted).total() - wanted["any"]
+    whole = not exits and not uncounted and surplus >= 0
+    text = (
+        f"{len(exits)} exits, {not_finite} with NaN, {len(lost)} good scans lost, "
+        f"{len(chosen)} cases; {'every reject counted' if whole else 'rejects not all counted'}"
+    )
+    reached = whole and not not_finite and not lost
+    return (
+        text,
+        reached,
+        {
+            "cases": len(chosen),
+            "exits": exits,
+            "good_scans_lost": lost,
+            "not_finite": not_finite,
+            "wanted": dict(wanted),
+            "counted": dict(found),
+        },
+    )
+
+
+def _send(radars: Radars, case: BadScan, index: int) -> bool:
+    """Send a case and then the good scan of the same stamp; return whether that was tracked."""
+    stamp_ns = scans.stamp_of_scan(index)
+    radars.outputs[0].publish(case.data(stamp_ns))
+    if case.kept:  # it is the first radar's report
+        radars.outputs[1].publish(scans.cloud(index, 1))
+        return radars.spin_until(lambda: stamp_ns in radars.answered, 3.0)
+    return radars.track(index, timeout_s=3.0)
+
+
+def _again(rig: Rig) -> Node:
+    """Start another tracker after an exit; its counts begin anew."""
+    tracker = rig.tracker(*LIGHT)
+    rig.radars.connected()
+    return tracker
+
+
+def _said(text: str) -> Counter[str]:
+    """Return what a tracker's last words say was dropped of the first radar's."""
+    words = re.findall(r"radar_1 (\w+) (\d+)", text.rpartition("stopped;")[2])
+    return Counter({reason: int(count) for reason, count in words})
+
+
+def _counts(radars: Radars) -> Counter[str]:
+    """Return what the first radar's line says was dropped, by reason."""
+    return Counter(
+        {
+            key.removeprefix("dropped_"): int(value)
+            for key, value in radars.values("radar_1").items()
+            if key.startswith("dropped_")
+        }
+    )

@@ -1,0 +1,235 @@
+"""Damaged and hostile bags: what is read of them, what is said, what memory it takes."""
+
+from __future__ import annotations
+
+import random
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import zstandard
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.reader import make_reader
+from mcap.records import Chunk, ChunkIndex, Message
+from mcap.stream_reader import breakup_chunk
+from mcap.writer import CompressionType, Writer
+
+from msg_adapters import interfaces, names
+from msg_adapters.bag import BagError, BagMessage, BagReader
+
+from .figures import Figure, measured_or_why
+from .stamps_and_time import BAG
+
+RECOVERY = "bag recovery"
+RECOVERY_GOAL = "100 % of intact chunks, 0 silent differences"
+OFFSETS = 1000
+SMALL_CHUNK = 4096
+EDGE = 40
+BOMB = "hostile bag's memory"
+BOMB_GOAL = "at most 256 MB"
+MOST_KIB = 256_000_000 / 1024
+BOMB_SIZE = 2**29
+# Opcode and length, before a record's content.
+RECORD_HEAD = 9
+
+# In a process of its own, so that the peak is its own: opens a bag, reads it all, says how it went.
+READ = r"""
+import re, sys
+from pathlib import Path
+from msg_adapters.bag import BagError, BagReader
+try:
+    said = str(len(list(BagReader(Path(sys.argv[1])).messages())))
+except BagError as error:
+    said = "corrupt" if error.corrupt else "refused"
+status = Path("/proc/self/status").read_text()
+print(said, re.search(r"VmHWM:\s+(\d+)", status)[1])
+"""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A chunk of the undamaged bag: where it is and the messages it holds."""
+
+    begin: int
+    end: int
+    messages: frozenset[BagMessage]
+
+
+@dataclass
+class Tally:
+    """What became of the damaged copies."""
+
+    intact: int = 0
+    recovered: int = 0
+    silent: int = 0
+    unclear: int = 0
+    copies: int = 0
+    worst: str = ""
+
+    def add(
+        self, what: str, whole: Sequence[Part], every: frozenset[BagMessage], path: Path
+    ) -> None:
+        """Read a damaged copy whose chunks `whole` are intact."""
+        found, error = outcome(path)
+        read = set(found)
+        recovered = sum(part.messages <= read for part in whole)
+        self.copies += 1
+        self.intact += len(whole)
+        self.recovered += recovered
+        if recovered < len(whole) and not self.worst:
+            self.worst = f"{what}: {recovered} of {len(whole)} chunks; {error}"
+        if not read <= every or len(found) != len(read) or (error is None and read != every):
+            self.silent += 1
+            self.worst = self.worst or f"{what}: a silent difference"
+        if error is not None and (not error.corrupt or "\n" in str(error)):
+            self.unclear += 1
+
+
+def outcome(path: Path) -> tuple[list[BagMessage], BagError | None]:
+    """Return the messages of a bag until its end or its error, and the error."""
+    found = []
+    try:
+        for message in BagReader(path).messages():
+            found.append(message)
+    except BagError as error:
+        return found, error
+    return found, None
+
+
+def measure_recovery(offsets: int = OFFSETS) -> Figure:
+    """Cut a bag short at many offsets and flip a byte at as many."""
+    return measured_or_why(RECOVERY, RECOVERY_GOAL, lambda: _recovery(offsets))
+
+
+def _recovery(offsets: int) -> tuple[str, bool, Mapping[str, Any]]:
+    tally = Tally()
+    with tempfile.TemporaryDirectory() as directory:
+        for compression in (CompressionType.ZSTD, CompressionType.NONE):
+            file = Path(directory) / f"{compression.name}.mcap"
+            _damage(rewritten(BAG, file, compression), offsets // 2, tally)
+    share = tally.recovered / tally.intact
+    text = (
+        f"{100.0 * share:.2f} % of {tally.intact} intact chunks in {tally.copies} damaged copies, "
+        f"{tally.silent} silent differences, {tally.unclear} unclear errors"
+    )
+    reached = tally.recovered == tally.intact and not tally.silent and not tally.unclear
+    return text, reached, vars(tally)
+
+
+def _damage(original: Path, offsets: int, tally: Tally) -> None:
+    """Cut a file short at `offsets` places and flip a byte at as many; read every copy."""
+    rng = random.Random(6)
+    whole = original.read_bytes()
+    parts = chunks_of(original)
+    every = frozenset(message for part in parts for message in part.messages)
+    damaged = original.with_name("damaged.mcap")
+    # Where a file begins and ends it says the most in the fewest bytes.
+    edges = [*range(EDGE), *range(len(whole) - EDGE, len(whole))]
+    places = [*edges, *(rng.randrange(len(whole)) for _ in range(offsets))][:offsets]
+    for length in places:
+        damaged.write_bytes(whole[:length])
+        intact = [part for part in parts if part.end <= length]
+        tally.add(f"cut at {length}", intact, every, damaged)
+    for offset in places:
+        data = bytearray(whole)
+        data[offset] ^= rng.randrange(1, 256)
+        damaged.write_bytes(data)
+        intact = [part for part in parts if not part.begin <= offset < part.end]
+        tally.add(f"flip at {offset}", intact, every, damaged)
+
+
+def rewritten(source: Path, file: Path, compression: CompressionType) -> Path:
+    """Write a bag's messages anew in many small chunks; return the file."""
+    reader = BagReader(source)
+    with file.open("wb") as stream:
+        writer = Writer(stream, chunk_size=SMALL_CHUNK, compression=compression)
+        writer.start("ros2")
+        channels = {}
+        for topic, kind in reader.types.items():
+            schema = writer.register_schema(kind, "ros2msg", interfaces.definition(kind).encode())
+            channels[topic] = writer.register_channel(topic, "cdr", schema)
+        for entry in reader.messages():
+            writer.add_message(
+                channels[entry.topic], entry.log_time_ns, entry.data, entry.log_time_ns
+            )
+        writer.finish()
+    return file
+
+
+def chunks_of(file: Path) -> list[Part]:
+    """Return the chunks of an undamaged file, as the mcap library reads them."""
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+        if summary is None:
+            raise ValueError(f"{file}: has no summary")
+        topics = {channel.id: channel.topic for channel in summary.channels.values()}
+        parts = []
+        for index in summary.chunk_indexes:
+            stream.seek(index.chunk_start_offset + RECORD_HEAD)
+            chunk = Chunk.read(ReadDataStream(stream))
+            held = [
+                BagMessage(topics[record.channel_id], record.log_time, record.data)
+                for record in breakup_chunk(chunk)
+                if isinstance(record, Message)
+            ]
+            begin = index.chunk_start_offset
+            parts.append(Part(begin, begin + index.chunk_length, frozenset(held)))
+    if sum(len(part.messages) for part in parts) != BagReader(file).message_count:
+        raise ValueError(f"{file}: its messages are not all different")
+    return parts
+
+
+def measure_bomb() -> Figure:
+    """Open a small file whose chunk unpacks to half a gigabyte."""
+    return measured_or_why(BOMB, BOMB_GOAL, _bomb)
+
+
+def _bomb() -> tuple[str, bool, Mapping[str, Any]]:
+    found = {}
+    with tempfile.TemporaryDirectory() as directory:
+        file = Path(directory) / "bomb.mcap"
+        for name, declared in {"honest": BOMB_SIZE, "lying": 1000}.items():
+            write_bomb(file, declared)
+            size = file.stat().st_size
+            done = subprocess.run(
+                [sys.executable, "-c", READ, str(file)],
+                capture_output=True,
+                text=True,
+                check=False,
+                timeout=60.0,
+            )
+            said = re.fullmatch(r"(\w+) (\d+)\n", done.stdout)
+            found[name] = (said[1], int(said[2])) if said else (f"rc {done.returncode}", 0)
+    most = max(kib for _, kib in found.values())
+    words = {said for said, _ in found.values()}
+    text = f"{most * 1024 / 1e6:.0f} MB for {size / 1e3:.0f} kB ({', '.join(sorted(words))})"
+    return text, words == {"corrupt"} and 0 < most <= MOST_KIB, {"peak_kib": found}
+
+
+def write_bomb(file: Path, declared: int) -> None:
+    """Write a bag whose one chunk unpacks to `BOMB_SIZE` bytes and says that it has `declared`."""
+    head = b"\x80" + (BOMB_SIZE - 9).to_bytes(8, "little")
+    packer = zstandard.ZstdCompressor(level=19).compressobj(size=BOMB_SIZE)
+    parts = [packer.compress(head + bytes(2**20 - 9))]
+    parts += [packer.compress(bytes(2**20)) for _ in range(BOMB_SIZE // 2**20 - 1)]
+    data = b"".join([*parts, packer.flush()])
+    with file.open("wb") as stream:
+        writer = Writer(stream, use_chunking=False)
+        writer.start("ros2")
+        definition = interfaces.definition(names.CLOUD).encode()
+        schema = writer.register_schema(names.CLOUD, "ros2msg", definition)
+        writer.register_channel(names.detections("radar_1"), "cdr", schema)
+        offset = stream.tell()
+        record = RecordBuilder()
+        Chunk("zstd", data, 2, 1, 0, declared).write(record)
+        chunk = record.end()
+        stream.write(chunk)
+        writer._Writer__chunk_indices.append(  # the library has no other way to write one's own
+            ChunkIndex(len(chunk), offset, "zstd", len(data), 2, 0, {}, 1, declared)
+        )
+        writer.finish()

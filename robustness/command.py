@@ -1,0 +1,134 @@
+"""The harness as a command: measure, print, write."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from rich.console import Console
+
+from . import (
+    bad_scans,
+    bags,
+    decoders,
+    network,
+    overload,
+    raw_bytes,
+    recordings,
+    report,
+    restarts,
+    soak,
+    stamps_and_time,
+)
+from .figures import Figure, all_reached, unmeasured
+
+Measure = Callable[[], Figure]
+
+ELSEWHERE = (
+    unmeasured(
+        "warm restart",
+        "within 10 % after 2 scans",
+        "it takes a checkpoint, and a test of its own compares the two runs",
+    ),
+    unmeasured(
+        "position detection, gaps, RMS",
+        "better than ED-142 en route on the paper's scenario",
+        "make study measures it, by Monte Carlo",
+    ),
+    unmeasured(
+        "line coverage",
+        "95 % core and msg_adapters, 90 % overall",
+        "make test measures it",
+    ),
+)
+
+
+def faults(_: argparse.Namespace) -> Iterator[Measure]:
+    """Yield the fault matrix, the quick and telling ones first."""
+    yield bad_scans.measure
+    yield bags.measure_recovery
+    yield bags.measure_bomb
+    yield overload.measure
+    yield stamps_and_time.measure_silence
+    yield restarts.measure_kills
+    yield restarts.measure_stops
+    yield stamps_and_time.measure_time_faults
+    yield network.measure
+    yield stamps_and_time.measure_gap
+    yield recordings.measure_full
+    yield recordings.measure_read_only
+    yield restarts.measure_second
+    for figure in ELSEWHERE:
+        yield lambda found=figure: found
+
+
+def soaking(arguments: argparse.Namespace) -> Iterator[Measure]:
+    """Yield the soak."""
+    yield lambda: soak.measure(arguments.scans)
+
+
+def fuzzing(arguments: argparse.Namespace) -> Iterator[Measure]:
+    """Yield random input, offline and live."""
+    yield lambda: decoders.measure(arguments.examples)
+    yield lambda: decoders.measure_bags(max(1, arguments.examples // 10))
+    yield lambda: raw_bytes.measure(arguments.seconds)
+
+
+COMMANDS = {"faults": faults, "soak": soaking, "fuzz": fuzzing}
+
+
+def run(measures: Iterator[Measure], console: Console) -> list[Figure]:
+    """Measure one after the other, and say how far it is."""
+    found = []
+    begin = time.monotonic()
+    for measure in measures:
+        figure = measure()
+        console.print(
+            f"{time.monotonic() - begin:4.0f} s  {figure.name}: {figure.measured or figure.reason}",
+            highlight=False,
+            markup=False,
+        )
+        found.append(figure)
+    return found
+
+
+def write(figures: Sequence[Figure], directory: Path, elapsed_s: float) -> Path:
+    """Write the summary; return where."""
+    directory.mkdir(parents=True, exist_ok=True)
+    path = directory / "summary.json"
+    summary = {
+        "figures": [figure.as_dict() for figure in figures],
+        "elapsed_s": elapsed_s,
+        "cpus": len(os.sched_getaffinity(0)),
+        "load_average": os.getloadavg()[0],
+    }
+    path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    return path
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run a command; the exit status is 1 if a measured figure misses its goal."""
+    parser = argparse.ArgumentParser("python -m robustness", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    added = {name: commands.add_parser(name) for name in COMMANDS}
+    for name, sub in added.items():
+        sub.add_argument("--out", type=Path, default=Path("out") / name, help="%(default)s")
+    added["soak"].add_argument("--scans", type=int, default=soak.SCANS, help="%(default)s")
+    added["fuzz"].add_argument("--examples", type=int, default=decoders.EXAMPLES)
+    added["fuzz"].add_argument("--seconds", type=float, default=raw_bytes.SECONDS)
+    arguments = parser.parse_args(argv)
+    console = Console()
+    begin = time.monotonic()
+    figures = run(COMMANDS[arguments.command](arguments), console)
+    elapsed_s = time.monotonic() - begin
+    console.print(report.table(arguments.command, figures))
+    console.print(write(figures, arguments.out, elapsed_s), highlight=False)
+    console.print(
+        f"{elapsed_s:.0f} s; {len(os.sched_getaffinity(0))} CPUs, load {os.getloadavg()[0]:.1f}",
+        highlight=False,
+    )
+    return 0 if all_reached(figures) else 1

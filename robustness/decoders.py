@@ -1,0 +1,192 @@
+"""Random input for the decoders and the bag reader: refused in their own words, or understood."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import random
+import tempfile
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+from mcap.writer import CompressionType
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+from msg_adapters import detections, interfaces, names
+from msg_adapters.bag import BagReader
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.config import resolve
+
+from . import bags, raw_bytes, scans
+from .figures import Figure, measured_or_why
+
+NAME = "exits or NaN on bad scans"
+GOAL = "10,000 hypothesis examples: 0 other errors, 0 NaN"
+BAGS = "bag reader on random damage"
+BAGS_GOAL = "0 errors but BagError, 0 false messages"
+EXAMPLES = 10_000
+FIELDS = ("x", "range", "azimuth", "elevation", "amplitude")
+RADAR = resolve({}).inputs[0]
+
+_SIZES = st.one_of(st.integers(0, 40), st.sampled_from([2**16, 2**31, 2**32 - 1]))
+_FIELD = st.builds(
+    PointField,
+    name=st.sampled_from(FIELDS),
+    offset=st.one_of(st.integers(0, 24), _SIZES),
+    datatype=st.one_of(st.sampled_from([7, 8]), st.integers(0, 255)),
+    count=st.one_of(st.just(1), _SIZES),
+)
+
+
+@st.composite
+def clouds(draw: st.DrawFn) -> PointCloud2:
+    """Return clouds of which about half are consistent in themselves."""
+    consistent = draw(st.booleans())
+    width, height = draw(st.integers(0, 12)), draw(st.integers(1, 2))
+    step = draw(st.integers(8, 32))
+    row = width * step + draw(st.sampled_from([0, 0, 4]))
+    data = draw(st.binary(min_size=row * height, max_size=row * height))
+    fields = draw(st.lists(_FIELD, max_size=5, unique_by=lambda field: field.name))
+    if consistent:
+        fields += [
+            PointField(name=name, offset=4 * place, datatype=PointField.FLOAT32, count=1)
+            for place, name in enumerate(("range", "azimuth"))
+            if name not in {field.name for field in fields}
+        ]
+    else:
+        width, height, step, row = (
+            draw(st.one_of(st.just(n), _SIZES)) for n in (width, height, step, row)
+        )
+        data = draw(st.one_of(st.just(data), st.binary(max_size=200)))
+    frame = draw(st.sampled_from([RADAR.frame, RADAR.frame, RADAR.frame, "map", ""]))
+    return PointCloud2(
+        header=Header(frame_id=frame),
+        width=width,
+        height=height,
+        fields=fields,
+        is_bigendian=draw(st.booleans()),
+        point_step=step,
+        row_step=row,
+        data=data,
+    )
+
+
+def measure(examples: int = EXAMPLES) -> Figure:
+    """Decode random clouds and mutated serialised ones."""
+    return measured_or_why(NAME, GOAL, lambda: _measure(examples))
+
+
+def _measure(examples: int) -> tuple[str, bool, Mapping[str, Any]]:
+    outcomes: Counter[str] = Counter()
+
+    @seed(1)
+    @settings(
+        max_examples=examples // 2,
+        database=None,
+        deadline=None,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(clouds())
+    def built(cloud: PointCloud2) -> None:
+        outcomes[_outcome(cloud)] += 1
+
+    built()
+    rng = random.Random(2)
+    with _quiet():
+        for index in range(examples - examples // 2):
+            outcomes[_decoded(raw_bytes.mutated(scans.cloud(index, 0), rng))] += 1
+    wrong = sum(count for what, count in outcomes.items() if what.startswith(("error", "NaN")))
+    rejected = sum(count for what, count in outcomes.items() if what.startswith("rejected"))
+    text = (
+        f"{outcomes.total():,} examples: {wrong} other errors or NaN, {rejected:,} rejected, "
+        f"{outcomes['decoded']:,} decoded"
+    )
+    return text, not wrong and outcomes["decoded"] > 0, dict(outcomes)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep away what Fast CDR prints of every message that it cannot read."""
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _decoded(data: bytes) -> str:
+    try:
+        cloud = interfaces.decode(data, names.CLOUD)
+    except RejectedMessageError as error:
+        return f"rejected: {error.reason}"
+    except Exception as error:
+        return f"error: {type(error).__name__}: {error}"[:120]
+    return _outcome(cloud)
+
+
+def _outcome(cloud: PointCloud2) -> str:
+    try:
+        found = detections.from_msg(cloud, RADAR).detections
+    except RejectedMessageError as error:
+        return f"rejected: {error.reason}"
+    except Exception as error:  # whatever else comes out would end a node
+        return f"error: {type(error).__name__}: {error}"[:120]
+    values = [found.measurement, *([] if found.amplitude is None else [found.amplitude])]
+    return "decoded" if all(np.isfinite(value).all() for value in values) else "NaN"
+
+
+def measure_bags(examples: int = EXAMPLES // 10) -> Figure:
+    """Read bags damaged in several places at once."""
+    return measured_or_why(BAGS, BAGS_GOAL, lambda: _bags(examples))
+
+
+def _bags(examples: int) -> tuple[str, bool, Mapping[str, Any]]:
+    rng = random.Random(3)
+    outcomes: Counter[str] = Counter()
+    with tempfile.TemporaryDirectory() as directory:
+        original = bags.rewritten(bags.BAG, Path(directory) / "whole.mcap", CompressionType.ZSTD)
+        every = set(BagReader(original).messages())
+        whole, file = original.read_bytes(), Path(directory) / "damaged.mcap"
+        for _ in range(examples):
+            file.write_bytes(_damaged(whole, rng))
+            outcomes[_read(file, every)] += 1
+    wrong = sum(n for what, n in outcomes.items() if what not in ("whole", "part", "refused"))
+    text = f"{examples:,} damaged bags: {wrong} other errors or false messages"
+    return text, not wrong, dict(outcomes)
+
+
+def _read(file: Path, every: set[Any]) -> str:
+    try:
+        found, error = bags.outcome(file)
+    except Exception as other:
+        return f"error: {type(other).__name__}: {other}"[:120]
+    if not set(found) <= every:
+        return "false messages"
+    if error is None:
+        return "whole" if set(found) == every else "silently less"
+    return "part" if found else "refused"
+
+
+def _damaged(data: bytes, rng: random.Random) -> bytes:
+    for _ in range(rng.randrange(1, 6)):
+        at, size = rng.randrange(len(data)), rng.randrange(1, 60)
+        kind = rng.randrange(4)
+        if kind == 0:
+            data = data[:at] + rng.randbytes(size) + data[at + size :]
+        elif kind == 1:
+            data = data[:at] + data[at + size :]
+        elif kind == 2:
+            data = data[:at] + rng.randbytes(size) + data[at:]
+        elif rng.random() < 0.3:
+            data = data[: max(at, 1)]
+    return data

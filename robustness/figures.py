@@ -1,0 +1,74 @@
+"""A figure: what must happen, what did, and whether that is enough."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One row of the table.
+
+    Parameters
+    ----------
+    name, goal : str
+    measured : str or None
+        In words, with numbers; None if it could not be measured.
+    reached : bool or None
+    reason : str
+        Why it was not measured.
+    details : mapping
+        The numbers behind `measured`, for the summary.
+    """
+
+    name: str
+    goal: str
+    measured: str | None
+    reached: bool | None
+    reason: str = ""
+    details: Mapping[str, Any] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figure as the summary has it."""
+        found: dict[str, Any] = {
+            "figure": self.name,
+            "goal": self.goal,
+            "measured": self.measured,
+            "reached": self.reached,
+        }
+        if self.reason:
+            found["reason"] = self.reason
+        return {**found, "details": dict(self.details)}
+
+
+class NotMeasurableError(Exception):
+    """Why a figure cannot be measured here."""
+
+
+def unmeasured(name: str, goal: str, reason: str) -> Figure:
+    """Return a figure that could not be measured."""
+    return Figure(name, goal, None, None, reason)
+
+
+def measured_or_why(
+    name: str, goal: str, measure: Callable[[], tuple[str, bool, Mapping[str, Any]]]
+) -> Figure:
+    """Return what `measure` says in words, whether that is enough, and its numbers.
+
+    What goes wrong on the way is a goal that is missed, and the other figures are measured still.
+    """
+    try:
+        text, reached, details = measure()
+    except NotMeasurableError as error:
+        return unmeasured(name, goal, str(error))
+    except (RuntimeError, OSError, subprocess.SubprocessError) as error:
+        return Figure(name, goal, f"failed: {error}", False)
+    return Figure(name, goal, text, reached, details=details)
+
+
+def all_reached(figures: Sequence[Figure]) -> bool:
+    """Return whether no figure that was measured misses its goal."""
+    return all(figure.reached is not False for figure in figures)

@@ -1,0 +1,158 @@
+"""A rogue peer on the network: two network namespaces joined by a cable, made and removed here."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from .figures import Figure, NotMeasurableError, measured_or_why
+from .rig import LIGHT, RELIABLE, Node, Rig
+
+NAME = "rogue on the LAN"
+GOAL = "0 data, 0 parameter writes"
+PROFILE = Path(__file__).parents[1] / "config" / "dds" / "localhost_only.xml"
+ADDRESSES = ("10.77.0.1", "10.77.0.2")
+ROGUE_S = 8.0
+BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
+
+
+def profile_environment() -> dict[str, str]:
+    """Return what makes Fast DDS take the profile, whatever its version."""
+    names = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+    return dict.fromkeys(names, str(PROFILE))
+
+
+# What the tracker and the replay are started with. The demo limits discovery too; without the
+# profile that limit is all there is.
+TRIALS: Mapping[str, Mapping[str, str]] = {
+    "the demo's": profile_environment(),
+    "profile alone": {**profile_environment(), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
+    "discovery range alone": {},
+}
+OPEN = "discovery range alone"
+
+
+def measure(trials: Sequence[str] = tuple(TRIALS), seconds: float = ROGUE_S) -> Figure:
+    """Let a rogue try for so long, with the shipped profile and without it."""
+    return measured_or_why(NAME, GOAL, lambda: _measure(trials, seconds))
+
+
+def _measure(trials: Sequence[str], seconds: float) -> tuple[str, bool, Mapping[str, Any]]:
+    # Each trial has a domain of its own, so they can go on side by side.
+    with cable() as (ours, theirs), ThreadPoolExecutor() as pool:
+        running = {
+            name: pool.submit(attempt, ours, theirs, TRIALS[name], seconds) for name in trials
+        }
+        found = {name: trial.result() for name, trial in running.items()}
+    text = "; ".join(
+        f"{name}: {said['data']} data, {said['parameter_writes']} writes, "
+        f"local scans {said['good']} of {said['sent']}"
+        for name, said in found.items()
+    )
+    kept_out = all(
+        said["data"] == said["parameter_writes"] == 0 and said["good"] == said["sent"]
+        for name, said in found.items()
+        if name != OPEN
+    )
+    # Without the profile the rogue must get in, or nothing has been shown.
+    shown = found[OPEN]["data"] > 0 and found[OPEN]["parameter_writes"] > 0
+    return text, kept_out and shown, found
+
+
+@contextlib.contextmanager
+def cable() -> Iterator[tuple[str, str]]:
+    """Make two network namespaces joined by a cable; yield their names.
+
+    Raises
+    ------
+    NotMeasurableError
+        If that is not possible here: it takes root, and iproute2.
+    """
+    if os.geteuid() != 0 or shutil.which("ip") is None:
+        raise NotMeasurableError("network namespaces need root and iproute2")
+    spaces = tuple(f"robust_{os.getpid()}_{side}" for side in ("ours", "theirs"))
+    try:
+        for space in spaces:
+            _ip("netns", "add", space)
+            _ip("-n", space, "link", "set", "lo", "up")
+        peer = ("peer", "name", "cable", "netns", spaces[1])
+        _ip("-n", spaces[0], "link", "add", "cable", "type", "veth", *peer)
+        for space, address in zip(spaces, ADDRESSES, strict=True):
+            _ip("-n", space, "address", "add", f"{address}/24", "dev", "cable")
+            _ip("-n", space, "link", "set", "cable", "up")
+        yield spaces
+    finally:
+        for space in spaces:  # their ends of the cable go with them
+            subprocess.run(["ip", "netns", "delete", space], capture_output=True, check=False)
+
+
+def _ip(*arguments: str) -> None:
+    done = subprocess.run(["ip", *arguments], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise NotMeasurableError(f"ip {' '.join(arguments)}: {done.stderr.strip()}")
+
+
+def attempt(
+    ours: str, theirs: str, environment: Mapping[str, str], seconds: float
+) -> dict[str, int]:
+    """Run a tracker and a replay in one namespace and a rogue in the other; say what got in."""
+    inside = ("ip", "netns", "exec", ours)
+    with Rig() as rig:
+        tracker = rig.start(
+            "tracker", "--ros-args", *RELIABLE, *LIGHT, prefix=inside, **environment
+        )
+        if not tracker.said("tracking"):
+            raise RuntimeError(f"the tracker did not start:\n{tracker.text[-2000:]}")
+        rogue = _rogue(theirs, rig.domain, seconds)
+        replay = rig.start(
+            "sensor_replay",
+            *(BAG, "--rate", "0", "--ros-args", "-p", "subscriber_timeout_s:=15.0"),
+            prefix=inside,
+            **environment,
+        )
+        said = json.loads(rogue.communicate(timeout=60.0)[0].splitlines()[-1])
+        replay.process.wait(60.0)
+        tracker.stop(signal.SIGINT)
+        return {**said, **_counts(tracker)}
+
+
+def _rogue(space: str, domain: int, seconds: float) -> subprocess.Popen[str]:
+    # As an outsider has it: no profile, and the address from a look at the network.
+    environment = {
+        **{k: v for k, v in os.environ.items() if not k.startswith(("FASTDDS_", "FASTRTPS_"))},
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+        "ROS_STATIC_PEERS": ADDRESSES[0],
+        "ROS_DOMAIN_ID": str(domain),
+    }
+    command = ["ip", "netns", "exec", space, sys.executable, "-m", "robustness.rogue", str(seconds)]
+    return subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+        text=True,
+        cwd=Path(__file__).parents[1],
+    )
+
+
+def _counts(tracker: Node) -> dict[str, int]:
+    """Return the clouds that the tracker took from the replay and from the rogue."""
+    received = re.search(r"stopped; (\d+) clouds received", tracker.text)
+    rejected = re.search(r"radar_1 frame (\d+)", tracker.text)
+    data = int(rejected[1]) if rejected else 0
+    total = int(received[1]) if received else 0
+    return {"data": data, "good": total - data, "sent": SENT}
+
+
+# The clouds of both radars in the reference scenario's bag.
+SENT = 160

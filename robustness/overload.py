@@ -1,0 +1,98 @@
+"""More scans than can be processed: what is lost is counted, and memory stays bounded."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from . import scans
+from .figures import Figure, measured_or_why
+from .radars import Radars
+from .rig import Rig
+
+NAME = "loss accounting"
+GOAL = "10x overload: exact; memory +10 MB at most"
+SCANS = 1624
+WARM_UP = 40
+FIRST_BURST = 400
+FACTOR = 10
+MOST_KIB = 10_000_000 / 1024
+
+
+def measure(count: int = SCANS) -> Figure:
+    """Send scans at ten times the rate that can be kept up with."""
+    return measured_or_why(NAME, GOAL, lambda: _measure(count))
+
+
+def _measure(count: int) -> tuple[str, bool, Mapping[str, Any]]:
+    usual = FACTOR * WARM_UP
+    clouds = scans.often(usual + FIRST_BURST + count, FACTOR)
+    with Rig() as rig:
+        # As a user has it, best effort and ten deep, but with steps slow enough for one sender.
+        tracker = rig.start("tracker", "--ros-args", "-p", "particles_per_target:=3000")
+        tracker.said("tracking")
+        radars = rig.radars
+        radars.connected()
+        period = _keeping_up(radars, clouds[:usual:FACTOR]) / FACTOR
+        # Scans that come with gaps take more memory to process; how much, the first burst shows.
+        _burst(radars, clouds[usual : usual + FIRST_BURST], period)
+        first = _received_and_lost(radars)
+        before = tracker.status("VmHWM")
+        seconds = _burst(radars, clouds[usual + FIRST_BURST :], period)
+        growth = tracker.status("VmHWM") - before
+        last = _received_and_lost(radars)
+    received, lost = (late - early for early, late in zip(first, last, strict=True))
+    sent = 2 * count
+    factor = count / seconds * period * FACTOR
+    text = (
+        f"{sent} clouds at {factor:.1f}x: {received} received + {lost} gaps = {received + lost}; "
+        f"memory +{growth * 1024 / 1e6:.1f} MB"
+    )
+    details = {
+        "sent": sent,
+        "received": received,
+        "gaps": lost,
+        "factor": factor,
+        "sustainable_hz": 1.0 / (period * FACTOR),
+        "memory_kib": growth,
+    }
+    return text, received + lost == sent and lost > 0 and growth <= MOST_KIB, details
+
+
+def _keeping_up(radars: Radars, clouds: Sequence[tuple[bytes, bytes]]) -> float:
+    """Send scans one by one, each when the one before is answered; return seconds a scan."""
+    half = len(clouds) // 2
+    for index, pair in enumerate(clouds):
+        if index == half:
+            begin = time.monotonic()
+        before = len(radars.filtered)
+        _publish(radars, pair)
+        radars.spin_until(lambda before=before: len(radars.filtered) > before, 5.0)
+    return (time.monotonic() - begin) / (len(clouds) - half)
+
+
+def _burst(radars: Radars, clouds: Sequence[tuple[bytes, bytes]], period: float) -> float:
+    """Send scans without waiting, the last when all has come to rest; return seconds for them."""
+    begin = time.monotonic()
+    for index, pair in enumerate(clouds[:-1], 1):
+        _publish(radars, pair)
+        # Nothing is heard meanwhile: a busy listener would slow the sender down.
+        time.sleep(max(0.0, begin + index * period - time.monotonic()))
+    seconds = time.monotonic() - begin
+    # What was lost at the end shows when one more is received.
+    radars.spin(2.0)
+    _publish(radars, clouds[-1])
+    radars.spin(1.0)
+    return seconds
+
+
+def _publish(radars: Radars, pair: tuple[bytes, bytes]) -> None:
+    for output, cloud in zip(radars.outputs, pair, strict=True):
+        output.publish(cloud)
+
+
+def _received_and_lost(radars: Radars) -> tuple[int, int]:
+    """Return the clouds of both radars that diagnostics say were received, and lost."""
+    lines = [radars.values(radar) for radar in ("radar_1", "radar_2")]
+    return sum(int(line["received"]) for line in lines), sum(int(line["gaps"]) for line in lines)

@@ -1,0 +1,139 @@
+"""The radars' side: sends scans to a live tracker and hears what comes back."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from msg_adapters import diagnostics, estimates, names, stamps
+from msg_adapters.errors import RejectedMessageError
+
+from . import scans
+
+REPLY_S = 5.0
+# Discovery of the one side does not tell of the other's.
+SETTLE_S = 0.5
+TOPICS = tuple(names.detections(radar) for radar in ("radar_1", "radar_2"))
+
+
+class Radars:
+    """Two radars and a listener in one node.
+
+    Attributes
+    ----------
+    filtered : list of (int, float)
+        Stamp and time of arrival (monotonic seconds) of every filtered estimate.
+    answered : set of int
+        Their stamps.
+    not_finite : int
+        Estimates and figures that held what is not finite.
+    health : list of (float, dict)
+        Time of arrival and statuses by name of every health report of the tracker.
+    """
+
+    def __init__(self, domain: int) -> None:
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self.node = rclpy.create_node("robustness_radars", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self.outputs = [self.node.create_publisher(PointCloud2, topic, 50) for topic in TOPICS]
+        self.filtered: list[tuple[int, float]] = []
+        self.answered: set[int] = set()
+        self.not_finite = 0
+        self.health: list[tuple[float, dict[str, DiagnosticStatus]]] = []
+        for source, callback in (("filtered", self._on_filtered), ("smoothed", self._on_smoothed)):
+            self.node.create_subscription(PointCloud2, names.estimates(source), callback, 1000)
+        self.node.create_subscription(DiagnosticArray, names.cardinality(), self._on_figures, 1000)
+        self.node.create_subscription(DiagnosticArray, names.DIAGNOSTICS, self._on_health, 100)
+
+    def close(self) -> None:
+        """End the node."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def spin_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Hear what comes until `condition` holds; return whether it does."""
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            left = deadline - time.monotonic()
+            if left <= 0.0:
+                return False
+            self._executor.spin_once(timeout_sec=min(left, 0.02))
+        return True
+
+    def spin(self, seconds: float) -> None:
+        """Hear what comes for so long."""
+        self.spin_until(lambda: False, seconds)
+
+    def connected(self, timeout_s: float = 20.0) -> bool:
+        """Wait until a tracker hears and is heard; return whether one does."""
+
+        def linked() -> bool:
+            heard = all(output.get_subscription_count() for output in self.outputs)
+            return heard and self.node.count_publishers(names.cardinality()) > 0
+
+        found = self.spin_until(linked, timeout_s)
+        self.spin(SETTLE_S)
+        return found
+
+    def send(self, index: int, stamp_ns: int | None = None) -> int:
+        """Publish both radars' clouds of a scan; return its stamp."""
+        stamp = scans.stamp_of_scan(index) if stamp_ns is None else stamp_ns
+        for radar, output in enumerate(self.outputs):
+            output.publish(scans.cloud(index, radar, stamp))
+        return stamp
+
+    def track(self, index: int, stamp_ns: int | None = None, timeout_s: float = REPLY_S) -> bool:
+        """Send a scan and wait for its estimate; return whether it came."""
+        stamp = self.send(index, stamp_ns)
+        return self.spin_until(lambda: stamp in self.answered, timeout_s)
+
+    def flush(self) -> bool:
+        """Ask the tracker for what it holds back; return whether it answered."""
+        client = self.node.create_client(Trigger, f"{names.TRACKER}/flush")
+        future = client.call_async(Trigger.Request())
+        done = self.spin_until(future.done, REPLY_S)
+        self.node.destroy_client(client)
+        return done
+
+    def latest_health(self) -> dict[str, DiagnosticStatus]:
+        """Wait for a health report made after this call; return its statuses by name."""
+        before = len(self.health)
+        # The next one may be on its way already.
+        if not self.spin_until(lambda: len(self.health) > before + 1, REPLY_S):
+            raise RuntimeError("no health report of the tracker comes")
+        return self.health[-1][1]
+
+    def values(self, line: str) -> dict[str, str]:
+        """Return the values of a line of a fresh health report, such as ``radar_1``."""
+        return diagnostics.values_of(self.latest_health()[f"tracker: {line}"])
+
+    def _on_filtered(self, cloud: PointCloud2) -> None:
+        stamp = stamps.to_ns(cloud.header.stamp)
+        self.filtered.append((stamp, time.monotonic()))
+        self.answered.add(stamp)
+        self._on_smoothed(cloud)
+
+    def _on_smoothed(self, cloud: PointCloud2) -> None:
+        try:
+            estimates.from_msg(cloud)
+        except RejectedMessageError:
+            self.not_finite += 1
+
+    def _on_figures(self, array: DiagnosticArray) -> None:
+        values = diagnostics.values_of(array.status[0]).values()
+        self.not_finite += any(not math.isfinite(float(value)) for value in values)
+
+    def _on_health(self, array: DiagnosticArray) -> None:
+        lines = {status.name: status for status in array.status}
+        if any(name.startswith("tracker: ") for name in lines):
+            self.health.append((time.monotonic(), lines))

@@ -1,0 +1,108 @@
+"""Mutated bytes on a radar's topic, beside a publisher that is all right."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from . import scans
+from .figures import Figure, measured_or_why
+from .radars import Radars
+from .rig import LIGHT, Node, Rig
+
+NAME = "raw CDR fuzz beside a good publisher"
+SECONDS = 30.0
+# Mutated messages between two good scans.
+BURST = 100
+REPLY_S = 3.0
+STAMP = slice(4, 12)
+ENCAPSULATION = 4
+
+
+def goal(seconds: float) -> str:
+    """Return the goal in words."""
+    return f"{seconds:g} s: 0 exits, 0 good scans lost"
+
+
+def measure(seconds: float = SECONDS, seed: int = 5) -> Figure:
+    """Publish mutated copies of scans that were already answered between the good scans."""
+    return measured_or_why(NAME, goal(seconds), lambda: _measure(seconds, seed))
+
+
+def _measure(seconds: float, seed: int) -> tuple[str, bool, Mapping[str, Any]]:
+    rng = random.Random(seed)
+    exits, lost, good, bad = 0, [], 0, 0
+    with Rig() as rig:
+        tracker, radars = _connected(rig)
+        fuzzer = radars.node.create_publisher(*_like(radars))
+        radars.spin(1.0)
+        index = 0
+        radars.track(index)
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            for _ in range(BURST):
+                # What is mutated into a valid scan is one that has been there already.
+                fuzzer.publish(mutated(scans.cloud(index, 0), rng))
+                bad += 1
+            index += 1
+            good += 1
+            came = radars.track(index, timeout_s=REPLY_S)
+            if not tracker.alive:
+                exits += 1
+                tracker = rig.tracker(*LIGHT)
+                radars.connected()
+            elif not came:
+                lost.append(index)
+        not_finite = radars.not_finite
+        tracebacks = tracker.text.count("Traceback")
+    text = f"{exits} exits, {len(lost)} of {good} good scans lost, {bad} mutated messages"
+    reached = not exits and not lost and not not_finite and not tracebacks and good > 0
+    return text, reached, {"good": good, "bad": bad, "exits": exits, "lost": lost}
+
+
+def _connected(rig: Rig) -> tuple[Node, Radars]:
+    tracker = rig.tracker(*LIGHT)
+    rig.radars.connected()
+    return tracker, rig.radars
+
+
+def _like(radars: Radars) -> tuple[Any, str, int]:
+    output = radars.outputs[0]
+    return output.msg_type, output.topic_name, 50
+
+
+def mutated(data: bytes, rng: random.Random) -> bytes:
+    """Return a message with some of its bytes changed, cut off, added or moved; not its stamp.
+
+    A changed stamp would make it a valid scan of another time.
+    """
+    change: Callable[[bytes, random.Random], bytes] = rng.choice((_flipped, _cut, _spliced, _sized))
+    found = change(data, rng)
+    return found[: STAMP.start] + data[STAMP] + found[STAMP.stop :]
+
+
+def _flipped(data: bytes, rng: random.Random) -> bytes:
+    found = bytearray(data)
+    # The head says what the rest is: it deserves more than its share.
+    reach = 300 if rng.random() < 0.7 else len(found)
+    for _ in range(rng.randrange(1, 9)):
+        found[rng.randrange(reach)] = rng.randrange(256)
+    return bytes(found)
+
+
+def _cut(data: bytes, rng: random.Random) -> bytes:
+    return data[: rng.randrange(STAMP.stop, len(data))]
+
+
+def _spliced(data: bytes, rng: random.Random) -> bytes:
+    at, size = rng.randrange(STAMP.stop, len(data)), rng.randrange(1, 200)
+    return data[:at] + rng.randbytes(size) + data[at + rng.choice((0, size)) :]
+
+
+def _sized(data: bytes, rng: random.Random) -> bytes:
+    """Put an extreme number where a length or a step may be."""
+    at = ENCAPSULATION + 4 * rng.randrange(2, 75)
+    number = rng.choice((0, 1, 2**16, 2**24, 2**31 - 1, 2**31, 2**32 - 1))
+    return data[:at] + number.to_bytes(4, "little") + data[at + 4 :]

@@ -1,0 +1,94 @@
+"""A full disk and a read-only directory: the recording ends, tracking goes on."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .figures import Figure, NotMeasurableError, measured_or_why
+from .rig import LIGHT, Node, Rig
+
+FULL = "disk full while recording"
+READ_ONLY = "read-only directory"
+GOAL = "one clear error, tracking goes on"
+SCANS = 60
+DISK = "400k"
+
+
+def measure_full() -> Figure:
+    """Record onto a small disk until it is full."""
+    return measured_or_why(FULL, GOAL, _full)
+
+
+def measure_read_only() -> Figure:
+    """Record into a directory that cannot be written."""
+    return measured_or_why(READ_ONLY, GOAL, _read_only)
+
+
+def _mounted(directory: Path, options: str) -> Sequence[str]:
+    """Return the beginning of a command that sees a small disk of its own at `directory`.
+
+    Raises
+    ------
+    NotMeasurableError
+        If that is not possible here: it takes the right to mount.
+    """
+    if os.geteuid() != 0 or shutil.which("unshare") is None:
+        raise NotMeasurableError("a disk of its own needs root and unshare")
+    directory.mkdir()
+    mount = f'mount -t tmpfs -o {options} tmpfs "{directory}"'
+    prefix = ("unshare", "--mount", "sh", "-c", f'{mount} && exec "$@"', "sh")
+    done = subprocess.run([*prefix, "true"], capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise NotMeasurableError(f"cannot mount: {done.stderr.strip()}")
+    return prefix
+
+
+def _full() -> tuple[str, bool, Mapping[str, Any]]:
+    with Rig() as rig:
+        disk = rig.directory / "disk"
+        recorder = _evaluator(rig, _mounted(disk, f"size={DISK}"), disk)
+        answered = _track(rig)
+        on = recorder.alive
+        status = recorder.stop()
+        errors = [line for line in recorder.text.splitlines() if "recording" in line]
+        text = _text(answered, errors) + f"; the evaluator {'goes on' if on else 'ended'}"
+        clear = len(errors) == 1 and "No space left" in errors[0] and _no_traceback(recorder)
+        return text, clear and on and status == 0 and answered == SCANS, {"said": errors}
+
+
+def _read_only() -> tuple[str, bool, Mapping[str, Any]]:
+    with Rig() as rig:
+        disk = rig.directory / "disk"
+        recorder = _evaluator(rig, _mounted(disk, "ro"), disk)
+        answered = _track(rig)
+        on = recorder.alive
+        status = recorder.stop()
+        errors = [line for line in recorder.text.splitlines() if "cannot be written" in line]
+        text = _text(answered, errors) + f"; the evaluator {'goes on' if on else f'rc {status}'}"
+        clear = len(errors) == 1 and "Read-only" in errors[0] and _no_traceback(recorder)
+        return text, clear and (on or status == 2) and answered == SCANS, {"said": errors}
+
+
+def _evaluator(rig: Rig, prefix: Sequence[str], disk: Path) -> Node:
+    return rig.start("evaluator", "--ros-args", "-p", f"record:={disk / 'bag'}", prefix=prefix)
+
+
+def _track(rig: Rig) -> int:
+    """Let a tracker track; return how many scans were answered."""
+    rig.tracker(*LIGHT)
+    radars = rig.radars
+    radars.connected()
+    return sum(radars.track(index) for index in range(SCANS))
+
+
+def _text(answered: int, errors: Sequence[str]) -> str:
+    return f"{len(errors)} errors said; {answered} of {SCANS} scans tracked"
+
+
+def _no_traceback(node: Node) -> bool:
+    return "Traceback" not in node.text

@@ -1,0 +1,162 @@
+"""kill -9 and restart, stopping by signals, a second tracker of the same name."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from statistics import median
+from typing import Any
+
+from .figures import Figure, measured_or_why
+from .radars import Radars
+from .rig import LIGHT, RELIABLE, Node, Rig
+from .stamps_and_time import BAG
+
+KILL = "kill -9 to first estimate"
+KILL_GOAL = "median 1.5 s, max 4 s"
+KILLS = 20
+MEDIAN_S, MOST_S = 1.5, 4.0
+SCAN_PERIOD_S = 0.05
+
+BARE = "import rclpy; rclpy.init(); rclpy.create_node('bare').destroy_node(); rclpy.shutdown()"
+
+STOP = "clean stop"
+SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM}
+# Seconds after the first line of the log.
+PHASES = (0.0, 0.01, 0.03, 0.06, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2)
+STOP_S = 1.0
+NODES: Mapping[str, tuple[object, ...]] = {
+    "tracker": (),
+    "evaluator": (),
+    "sensor_replay": (BAG, "--rate", "1", "--ros-args", "-p", "subscriber_timeout_s:=0.0"),
+}
+
+SECOND = "second tracker of the same name"
+SECOND_GOAL = "says so, rc 2; a restart after kill -9 is not held up"
+
+
+def measure_kills(kills: int = KILLS) -> Figure:
+    """Kill a tracker and start it again, time and again, while radars go on."""
+    return measured_or_why(KILL, KILL_GOAL, lambda: _kills(kills))
+
+
+def _kills(kills: int) -> tuple[str, bool, Mapping[str, Any]]:
+    with Rig() as rig:
+        tracker = rig.tracker(*LIGHT)
+        radars = rig.radars
+        radars.connected()
+        index = _send_until_answered(radars, 0)
+        took: list[float] = []
+        for _ in range(kills):
+            # What was answered until now does not count.
+            radars.spin(0.1)
+            radars.answered.clear()
+            killed = time.monotonic()
+            tracker.kill()
+            tracker = rig.start("tracker", "--ros-args", *RELIABLE, *LIGHT)
+            index = _send_until_answered(radars, index + 1)
+            if not radars.answered:
+                raise RuntimeError(f"no estimate after a restart:\n{tracker.text[-2000:]}")
+            took.append(radars.filtered[-1][1] - killed)
+    bare = median(_bare_s() for _ in range(5))
+    text = (
+        f"median {median(took):.2f} s, max {max(took):.2f} s of {kills} kills; a node of rclpy's "
+        f"own takes {bare:.2f} s here and now"
+    )
+    details = {"seconds": took, "bare_node_s": bare, "load_average": os.getloadavg()[0]}
+    return text, median(took) <= MEDIAN_S and max(took) <= MOST_S, details
+
+
+def _bare_s() -> float:
+    """Return how long it takes to start a node that does nothing, and to end it."""
+    begin = time.monotonic()
+    subprocess.run([sys.executable, "-c", BARE], check=True, timeout=30.0)
+    return time.monotonic() - begin
+
+
+def _send_until_answered(radars: Radars, index: int) -> int:
+    """Send scan after scan at a steady rate until one is answered; return its index."""
+    deadline = time.monotonic() + 20.0
+    while time.monotonic() < deadline:
+        stamp = radars.send(index)
+        if radars.spin_until(lambda s=stamp: s in radars.answered, SCAN_PERIOD_S):
+            return index
+        index += 1
+    return index
+
+
+def stop_goal(phases: int) -> str:
+    """Return the goal in words."""
+    whole = len(NODES) * len(SIGNALS) * phases
+    return f"{whole} of {whole}: rc 0 within {STOP_S:g} s, no traceback"
+
+
+def measure_stops(phases: tuple[float, ...] = PHASES) -> Figure:
+    """Stop every node by either signal at several moments after its first words."""
+    return measured_or_why(STOP, stop_goal(len(phases)), lambda: _stops(phases))
+
+
+def _stops(phases: tuple[float, ...]) -> tuple[str, bool, Mapping[str, Any]]:
+    failures, took = [], []
+    for name, arguments in NODES.items():
+        for word, number in SIGNALS.items():
+            for phase in phases:
+                with Rig() as rig:
+                    node = rig.start(name, *arguments)
+                    seconds, fault = _stopped(node, number, phase)
+                took.append(seconds)
+                if fault:
+                    failures.append(f"{name} {word} at {phase:g} s: {fault}")
+    whole = len(took)
+    text = (
+        f"{whole - len(failures)} of {whole}; median {median(took):.2f} s, most {max(took):.2f} s"
+    )
+    return text, not failures, {"failures": failures, "seconds": took}
+
+
+def _stopped(node: Node, number: int, phase: float) -> tuple[float, str]:
+    """Stop a node; return how long it took and what was wrong."""
+    deadline = time.monotonic() + 30.0
+    while not node.text and node.alive and time.monotonic() < deadline:
+        time.sleep(0.002)
+    time.sleep(phase)
+    begin = time.monotonic()
+    if node.alive:
+        node.process.send_signal(number)
+    status = _ended(node)
+    seconds = time.monotonic() - begin
+    if status != 0:
+        return seconds, f"rc {status}"
+    if "Traceback" in node.text:
+        return seconds, "traceback"
+    return seconds, "" if seconds <= STOP_S else f"took {seconds:.2f} s"
+
+
+def _ended(node: Node) -> int | None:
+    deadline = time.monotonic() + 10.0
+    while node.alive and time.monotonic() < deadline:
+        time.sleep(0.002)
+    return node.process.poll()
+
+
+def measure_second() -> Figure:
+    """Start a second tracker beside a living one."""
+    return measured_or_why(SECOND, SECOND_GOAL, _second)
+
+
+def _second() -> tuple[str, bool, Mapping[str, Any]]:
+    with Rig() as rig:
+        first = rig.tracker(*LIGHT)
+        second = rig.start("tracker", "--ros-args", *RELIABLE, *LIGHT)
+        deadline = time.monotonic() + 8.0
+        while second.alive and time.monotonic() < deadline:
+            time.sleep(0.05)
+        status = second.process.poll()
+        said = second.text.strip().splitlines()[-1:] or [""]
+        alive = first.alive
+    found = "goes on beside the first" if status is None else f"rc {status}: {said[0]}"
+    return found, status == 2 and alive, {"status": status, "first_goes_on": alive}

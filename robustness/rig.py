@@ -1,0 +1,156 @@
+"""Nodes under test as processes, in a ROS domain of their own on this machine alone."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .radars import Radars
+
+START_S, STOP_S = 30.0, 10.0
+RELIABLE = tuple(
+    word
+    for radar in ("radar_1", "radar_2")
+    for word in ("-p", f"qos_overrides./{radar}/detections.subscription.reliability:=reliable")
+)
+# A tracker whose steps take next to no time, for where the steps are not what is measured.
+LIGHT = ("-p", "particles_per_target:=200", "-p", "particles_per_birth:=256", "-p", "lag:=2")
+
+_rigs = itertools.count()
+
+
+def environment() -> None:
+    """Keep this process and its children on this machine; call before rclpy is imported."""
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    # Shared memory would leave segments behind where nodes are killed.
+    os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
+    os.environ["OMP_NUM_THREADS"] = "1"
+
+
+class Node:
+    """A running executable of the package and what it has printed.
+
+    Parameters
+    ----------
+    command : sequence of str
+    log : Path
+    domain : int
+    environment : mapping
+        Beside that of this process.
+    """
+
+    def __init__(
+        self, command: Sequence[str], log: Path, domain: int, environment: Mapping[str, str]
+    ) -> None:
+        self._log = log
+        with log.open("wb") as stream:
+            self.process = subprocess.Popen(
+                command,
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, "ROS_DOMAIN_ID": str(domain), **environment},
+            )
+
+    @property
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self.process.poll() is None
+
+    @property
+    def text(self) -> str:
+        """What it has printed so far."""
+        return self._log.read_text(errors="replace")
+
+    def said(self, text: str, timeout_s: float = START_S) -> bool:
+        """Wait until it has printed `text`; return whether it has."""
+        deadline = time.monotonic() + timeout_s
+        while text not in self.text:
+            if not self.alive or time.monotonic() > deadline:
+                return False
+            time.sleep(0.01)
+        return True
+
+    def stop(self, number: int = signal.SIGTERM) -> int | None:
+        """Ask it to end and return its exit status; None if it had to be killed."""
+        if self.alive:
+            self.process.send_signal(number)
+        try:
+            return self.process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            return None
+
+    def kill(self) -> None:
+        """End it without asking."""
+        self.process.kill()
+        self.process.wait()
+
+    def status(self, key: str) -> int:
+        """Return a number of the process, such as ``VmRSS`` (KiB) or ``Threads``."""
+        text = Path(f"/proc/{self.process.pid}/status").read_text()
+        found = re.search(rf"^{key}:\s+(\d+)", text, re.MULTILINE)
+        if found is None:
+            raise ValueError(f"/proc/{self.process.pid}/status has no {key}")
+        return int(found[1])
+
+    @property
+    def descriptors(self) -> int:
+        """Open file descriptors."""
+        return len(os.listdir(f"/proc/{self.process.pid}/fd"))
+
+
+class Rig:
+    """A domain, its nodes, and radars beside them; all ended when the block ends."""
+
+    def __init__(self) -> None:
+        self.domain = 1 + (os.getpid() + 7 * next(_rigs)) % 100
+        self._directory = tempfile.TemporaryDirectory()
+        self.directory = Path(self._directory.name)
+        self._nodes: list[Node] = []
+        self._radars: Radars | None = None
+
+    def __enter__(self) -> Rig:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._radars is not None:
+            self._radars.close()
+        for node in self._nodes:
+            node.stop()
+        self._directory.cleanup()
+
+    def start(
+        self, name: str, *arguments: object, prefix: Sequence[str] = (), **environment: str
+    ) -> Node:
+        """Start an executable, behind a command such as ``ip netns exec NAME`` if one is given."""
+        command = [*prefix, sys.executable, "-m", "phd_jdtc_ros", name, *map(str, arguments)]
+        log = self.directory / f"{len(self._nodes)}_{name}.log"
+        node = Node(command, log, self.domain, environment)
+        self._nodes.append(node)
+        return node
+
+    def tracker(self, *arguments: object) -> Node:
+        """Start a tracker that takes its detections reliably, and wait until it tracks."""
+        node = self.start("tracker", "--ros-args", *RELIABLE, *arguments)
+        if not node.said("tracking"):
+            raise RuntimeError(f"the tracker did not start:\n{node.text[-2000:]}")
+        return node
+
+    @property
+    def radars(self) -> Radars:
+        """The peer beside the nodes."""
+        if self._radars is None:
+            from .radars import Radars
+
+            self._radars = Radars(self.domain)
+        return self._radars

@@ -1,0 +1,81 @@
+"""The reference scenario's scans as serialised clouds whose stamps can be set."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+from functools import cache
+
+from msg_adapters import detections, interfaces
+from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.simulation import paper_scenario, simulate
+from phd_jdtc_ros.core.types import Scan
+
+SECOND_NS = 1_000_000_000
+START_NS = 1_700_000_000 * SECOND_NS
+# After the four bytes that say how the message is encoded come the stamp's seconds and nanoseconds.
+_STAMP = struct.Struct("<iI")
+_STAMP_OFFSET = 4
+
+
+@cache
+def reference() -> tuple[Scan, ...]:
+    """Return the scans of the reference scenario."""
+    return tuple(scan for _, scan in simulate(paper_scenario(resolve({}).model.radars), 0))
+
+
+def often(count: int, factor: int) -> tuple[tuple[bytes, bytes], ...]:
+    """Return both radars' clouds where scans come `factor` times as often as in the reference.
+
+    The targets are slower, so that they are there all the time. Stamps are those of the scans.
+    """
+    usual = paper_scenario(resolve({}).model.radars)
+    targets = tuple(
+        replace(
+            target,
+            velocity=(0.2 * target.velocity[0], 0.2 * target.velocity[1]),
+            first_scan=0,
+            last_scan=count - 1,
+        )
+        for target in usual.targets
+    )
+    interval_s = usual.interval_s / factor
+    scene = replace(usual, scans=count, targets=targets, interval_s=interval_s)
+    return tuple(_clouds(scan, scan.stamp_ns) for _, scan in simulate(scene, 0))
+
+
+def _clouds(scan: Scan, stamp_ns: int) -> tuple[bytes, bytes]:
+    first, second = (
+        bytes(interfaces.encode(detections.to_msg(report, stamp_ns, f"radar_{radar}")))
+        for radar, report in enumerate(scan.detections, 1)
+    )
+    return first, second
+
+
+@cache
+def serialised() -> tuple[tuple[bytes, bytes], ...]:
+    """Return both radars' clouds of every scan of the reference scenario."""
+    return tuple(_clouds(scan, START_NS) for scan in reference())
+
+
+def interval_ns() -> int:
+    """Return the time between two scans of the reference scenario."""
+    return round(resolve({}).model.modes.interval_s * 1e9)
+
+
+def stamp_of_scan(index: int) -> int:
+    """Return the stamp of the scan with this index, however often the scenario has come round."""
+    return START_NS + index * interval_ns()
+
+
+def stamped(data: bytes, stamp_ns: int) -> bytes:
+    """Return a serialised message with another stamp."""
+    begin, end = _STAMP_OFFSET, _STAMP_OFFSET + _STAMP.size
+    return data[:begin] + _STAMP.pack(*divmod(stamp_ns, SECOND_NS)) + data[end:]
+
+
+def cloud(index: int, radar: int, stamp_ns: int | None = None) -> bytes:
+    """Return a radar's serialised cloud of a scan; the scenario repeats itself."""
+    templates = serialised()
+    stamp = stamp_of_scan(index) if stamp_ns is None else stamp_ns
+    return stamped(templates[index % len(templates)][radar], stamp)

@@ -1,0 +1,162 @@
+"""Faults of time, live: a looped bag, shuffled scans, a radar that falls silent."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from . import scans
+from .figures import Figure, measured_or_why
+from .radars import Radars
+from .rig import LIGHT, Rig
+
+TIME_FAULTS = "time faults: bag looped 3 times; +-1 scan shuffled"
+TIME_FAULTS_GOAL = "1 reset a loop, 0 on the shuffle"
+GAP = "forward gap"
+GAP_GOAL = "1 reset above the limit; memory +10 MB at most"
+GAP_SCANS = 600
+SILENCE = "silent radar alarm"
+SILENCE_GOAL = "2 scans + 0.5 s"
+BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
+LOOPS = 3
+# Of the bag's own: some 17 scans a second.
+RATE = 100
+SHUFFLED = 40
+PERIOD_S = 0.25
+ALLOWED_S = 2.0 * PERIOD_S + 0.5
+# More than half of the intervals that the tracker goes by.
+REGULAR = 12
+
+
+def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Figure:
+    """Loop a bag, then shuffle scans; count the resets. `duration_s` plays a part of the bag."""
+    return measured_or_why(TIME_FAULTS, TIME_FAULTS_GOAL, lambda: _time_faults(loops, duration_s))
+
+
+def _time_faults(loops: int, duration_s: float) -> tuple[str, bool, Mapping[str, Any]]:
+    back_jumps, looped = _looped(loops, duration_s)
+    shuffled, dropped = _shuffled()
+    text = (
+        f"{looped} resets at {back_jumps} returns to the bag's start; "
+        f"{shuffled} resets in {SHUFFLED} shuffled scans ({dropped} dropped as late)"
+    )
+    details = {"jumps_back": back_jumps, "resets": looped, "resets_of_shuffled": shuffled}
+    return text, looped == back_jumps == loops and shuffled == 0, details
+
+
+def _looped(loops: int, duration_s: float) -> tuple[int, int]:
+    """Play a bag `loops` times; return the jumps back in the estimates' stamps and the resets."""
+    with Rig() as rig:
+        rig.tracker(*LIGHT)
+        radars = rig.radars
+        replay = rig.start(
+            "sensor_replay",
+            *(BAG, "--rate", RATE, "--loop", "--duration", duration_s),
+            *("--ros-args", "-p", "progress:=false"),
+        )
+        # The first estimates of one pass more: then so many have been whole.
+        radars.spin_until(lambda: _jumps_back(radars) >= loops, 90.0)
+        replay.stop()
+        radars.spin(0.5)
+        return _jumps_back(radars), int(radars.values("step time")["epoch"])
+
+
+def _jumps_back(radars: Radars) -> int:
+    stamps = [stamp for stamp, _ in radars.filtered]
+    return sum(later < earlier for earlier, later in pairwise(stamps))
+
+
+def _shuffled() -> tuple[int, int]:
+    """Swap scans with their neighbours; return the resets and what was dropped."""
+    with Rig() as rig:
+        rig.tracker(*LIGHT)
+        radars = rig.radars
+        radars.connected()
+        radars.track(0)
+        for first in range(1, SHUFFLED, 2):
+            radars.send(first + 1)
+            radars.send(first)
+            radars.spin(0.05)
+        dropped = int(radars.values("radar_1").get("dropped_late", 0))
+        return int(radars.values("step time")["epoch"]), dropped
+
+
+def measure_gap() -> Figure:
+    """Let both radars pause for an hour by their stamps; see whether the tracker begins anew."""
+    return measured_or_why(GAP, GAP_GOAL, _gap)
+
+
+def _gap() -> tuple[str, bool, Mapping[str, Any]]:
+    with Rig() as rig:
+        tracker = rig.tracker()
+        radars = rig.radars
+        radars.connected()
+        whole = all(radars.track(index) for index in range(SHUFFLED))
+        before = tracker.status("VmHWM")
+        begin, index = time.monotonic(), SHUFFLED
+        for _ in range(5):
+            index += GAP_SCANS
+            whole &= radars.track(index, timeout_s=30.0)
+        seconds = (time.monotonic() - begin) / 5
+        growth = tracker.status("VmHWM") - before
+        epoch = int(radars.values("step time")["epoch"])
+    text = (
+        f"{epoch} resets at 5 gaps of {GAP_SCANS} scans, {seconds:.2f} s for the scan after, "
+        f"memory +{growth / 1024:.0f} MiB{'' if whole else ', scans lost'}"
+    )
+    details = {"resets": epoch, "seconds": seconds, "memory_kib": growth}
+    return text, whole and epoch == 5 and growth <= 10_000_000 / 1024, details
+
+
+def measure_silence(repeats: int = 3) -> Figure:
+    """Stop one radar of two; time how long diagnostics take to say so."""
+    return measured_or_why(SILENCE, SILENCE_GOAL, lambda: _silence(repeats))
+
+
+def _silence(repeats: int) -> tuple[str, bool, Mapping[str, Any]]:
+    with Rig() as rig:
+        rig.tracker(*LIGHT)
+        radars = rig.radars
+        radars.connected()
+        found, index, going_on = [], 0, True
+        for _ in range(repeats):
+            _at_rate(radars, index, REGULAR, (0, 1))
+            index += REGULAR
+            stopped = time.monotonic() - PERIOD_S
+            before = len(radars.filtered)
+            _at_rate(radars, index, REGULAR, (0,))
+            index += REGULAR
+            found.append(_noticed(radars, stopped))
+            # Two scans wait for the silent radar; every other one is answered.
+            going_on &= len(radars.filtered) - before >= REGULAR - 3
+    if None in found:
+        return "not noticed", False, {"noticed_after_s": found}
+    worst = max(found)
+    text = (
+        f"{worst:.2f} s at most of {repeats}, {ALLOWED_S:g} s allowed (scans every {PERIOD_S:g} s);"
+        f" tracking {'goes on' if going_on else 'stops'}"
+    )
+    return text, worst <= ALLOWED_S and going_on, {"noticed_after_s": found}
+
+
+def _at_rate(radars: Radars, index: int, count: int, sending: tuple[int, ...]) -> None:
+    begin = time.monotonic()
+    for step in range(count):
+        for radar in sending:
+            radars.outputs[radar].publish(scans.cloud(index + step, radar))
+        radars.spin(begin + (step + 1) * PERIOD_S - time.monotonic())
+
+
+def _noticed(radars: Radars, stopped: float) -> float | None:
+    """Return how long after its last scan the second radar's line was no longer well."""
+    for arrived, lines in radars.health:
+        line = lines["tracker: radar_2"]
+        # Late and dropped scans are warned of too.
+        if arrived > stopped and line.level != DiagnosticStatus.OK and "silent" in line.message:
+            return arrived - stopped
+    return None

@@ -1,0 +1,102 @@
+"""A tracker that is killed goes on where its checkpoint ends."""
+
+import pytest
+from std_srvs.srv import Trigger
+from test_tracker import FAST, RELIABLE, Radars
+
+KILLED_AFTER, SCANS = 5, 8
+
+
+def start(processes, path, every=1, *others):
+    options = [f"checkpoint.path:={path}", f"checkpoint.every:={every}", *others]
+    words = [word for option in options for word in ("-p", option)]
+    return processes.start("tracker", "--ros-args", *FAST, *RELIABLE, *words)
+
+
+def tracked(peer, processes, first, last, *arguments):
+    """Track some scans with a new tracker; return it, its radars and what it said of each."""
+    process = start(processes, *arguments)
+    # A killed one stays in the graph for a while: its subscriptions say nothing of the new one.
+    assert peer.spin_until(lambda: "tracking" in process.log.read_text())
+    group = Radars(peer)
+    group.connect()
+    peer.spin_for(2.0)
+    for index in range(first, last):
+        group.track(index)
+    return process, group, [bytes(cloud.data) for cloud in group.filtered]
+
+
+def end(peer, process, group, kill=False):
+    (process.kill if kill else process.terminate)()
+    process.wait(10.0)
+    for output in group.outputs:
+        peer.node.destroy_publisher(output)
+    topic = "/tracker/filtered/estimates"
+    subscription = next(s for s in peer.node.subscriptions if s.topic_name == topic)
+    peer.node.destroy_subscription(subscription)
+
+
+def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_path):
+    process, group, whole = tracked(peer, processes, 0, SCANS, tmp_path / "other")
+    end(peer, process, group)
+    path = tmp_path / "tracker.ckpt"
+    process, group, _ = tracked(peer, processes, 0, KILLED_AFTER, path)
+    peer.spin_for(0.5)  # it is written after the estimates have gone out
+    end(peer, process, group, kill=True)
+    assert path.exists()
+    process, group, rest = tracked(peer, processes, KILLED_AFTER, SCANS, path)
+    assert rest == whole[KILLED_AFTER:]
+    assert "going on from" in process.log.read_text()
+    assert peer.call(Trigger, "/tracker/flush").success
+    assert not path.exists()  # a run that has ended has nothing to go on from
+
+
+def test_stopped_tracker_leaves_a_checkpoint_and_says_on_request_whether_it_wrote_one(
+    processes, peer, tmp_path
+):
+    path = tmp_path / "tracker.ckpt"
+    process, group, _ = tracked(peer, processes, 0, 3, path, 0)
+    assert not path.exists()
+    assert peer.call(Trigger, "/tracker/checkpoint").success
+    assert path.exists()
+    path.unlink()
+    end(peer, process, group)
+    assert process.returncode == 0
+    assert path.exists()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda path: path.write_bytes(path.read_bytes()[:-7]), "damaged"),
+        (lambda path: path.write_bytes(b"something else"), "not a checkpoint"),
+    ],
+    ids=["damaged", "foreign"],
+)
+def test_unusable_checkpoint_is_refused_with_a_reason(processes, peer, tmp_path, spoil, said):
+    path = tmp_path / "tracker.ckpt"
+    process, group, first = tracked(peer, processes, 0, 2, path)
+    end(peer, process, group)
+    spoil(path)
+    process, group, again = tracked(peer, processes, 0, 2, path)
+    assert again == first
+    log = process.log.read_text()
+    assert "starting cold" in log
+    assert said in log
+
+
+def test_stale_checkpoint_and_one_of_another_tracker_are_refused(processes, peer, tmp_path):
+    path = tmp_path / "tracker.ckpt"
+    process, group, _ = tracked(peer, processes, 0, 2, path)
+    end(peer, process, group)
+    process, group, _ = tracked(peer, processes, 4, 5, path, 0, "checkpoint.max_age_s:=10.0")
+    end(peer, process, group)
+    assert "at most 10 s are allowed" in process.log.read_text()
+    process, group, _ = tracked(peer, processes, 2, 3, path, 0, "lag:=3")
+    assert "another lag" in process.log.read_text()
+
+
+def test_missing_directory_is_a_bad_parameter(processes, tmp_path):
+    process = start(processes, tmp_path / "none" / "tracker.ckpt")
+    assert process.wait(20.0) == 2
+    assert "checkpoint.path" in process.log.read_text()

@@ -1,0 +1,36 @@
+"""A bounded part of ``make faults``, ``make soak`` and ``make fuzz`` on live nodes."""
+
+import pytest
+
+from robustness import bad_scans, raw_bytes, recordings, soak
+
+CASES = bad_scans.cases()
+
+
+def test_there_are_as_many_cases_as_there_have_to_be():
+    assert len(CASES) >= 30
+    assert len({case.name for case in CASES}) == len(CASES)
+
+
+def test_tracker_counts_every_bad_scan_and_loses_no_good_one():
+    figure = bad_scans.measure()
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_tracker_outlives_mutated_bytes_beside_a_good_publisher():
+    figure = raw_bytes.measure(seconds=1.0)
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_tracker_does_not_grow_over_a_short_run():
+    figure = soak.measure(60)
+    assert figure.details["scans"] == 60
+    assert figure.details["not_finite"] == 0
+    assert (figure.details["descriptors"], figure.details["threads"]) == (0, 0)
+
+
+def test_full_disk_ends_the_recording_and_not_the_tracking():
+    figure = recordings.measure_full()
+    if figure.measured is None:
+        pytest.skip(figure.reason)
+    assert figure.reached, (figure.measured, figure.details)

@@ -1,0 +1,84 @@
+"""A bounded part of what the harness does without nodes, and its own parts."""
+
+import json
+import random
+
+import pytest
+
+from msg_adapters import interfaces, names, stamps
+from robustness import bags, command, decoders, figures, raw_bytes, report, scans
+
+
+def test_bags_are_recovered():
+    figure = bags.measure_recovery(100)
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_a_bomb_is_refused_within_its_memory():
+    figure = bags.measure_bomb()
+    assert figure.reached, figure.measured
+
+
+def test_decoders_refuse_or_understand_random_clouds():
+    figure = decoders.measure(200)
+    assert figure.reached, figure.details
+
+
+def test_bag_reader_says_bag_error_whatever_the_damage():
+    figure = decoders.measure_bags(60)
+    assert figure.reached, figure.details
+
+
+def test_stamped_cloud_has_the_stamp_and_nothing_else_changed():
+    before = interfaces.decode(scans.cloud(3, 0, scans.START_NS), names.CLOUD)
+    after = interfaces.decode(scans.cloud(3, 0, 12_345_678_901), names.CLOUD)
+    assert stamps.to_ns(after.header.stamp) == 12_345_678_901
+    assert bytes(after.data) == bytes(before.data)
+
+
+def test_mutated_messages_differ_and_keep_the_stamp():
+    rng = random.Random(0)
+    data = scans.cloud(0, 0)
+    made = [raw_bytes.mutated(data, rng) for _ in range(200)]
+    assert all(message[raw_bytes.STAMP] == data[raw_bytes.STAMP] for message in made)
+    assert sum(message != data for message in made) > 190
+
+
+@pytest.mark.parametrize(
+    ("measure", "reached"),
+    [(lambda: ("fine", True, {}), True), (lambda: ("bad", False, {}), False)],
+)
+def test_figure_says_what_was_measured(measure, reached):
+    figure = figures.measured_or_why("name", "goal", measure)
+    assert figure.reached is reached
+    assert figures.all_reached([figure]) is reached
+
+
+def raising(error):
+    def measure():
+        raise error
+
+    return measure
+
+
+def test_figure_that_cannot_be_measured_says_why_and_is_no_failure():
+    error = figures.NotMeasurableError("no root")
+    figure = figures.measured_or_why("name", "goal", raising(error))
+    assert (figure.measured, figure.reached, figure.reason) == (None, None, "no root")
+    assert figures.all_reached([figure])
+
+
+def test_figure_whose_measurement_fails_is_not_reached():
+    figure = figures.measured_or_why("name", "goal", raising(RuntimeError("it died")))
+    assert figure.reached is False
+    assert "it died" in figure.measured
+
+
+def test_summary_and_table_hold_every_figure(tmp_path):
+    found = [figures.Figure("one", "goal", "1", True), *command.ELSEWHERE]
+    path = command.write(found, tmp_path / "out", 1.0)
+    summary = json.loads(path.read_text())
+    assert [entry["figure"] for entry in summary["figures"]] == [f.name for f in found]
+    assert summary["figures"][1]["measured"] is None
+    assert summary["figures"][1]["reason"]
+    assert report.table("faults", found).row_count == len(found)

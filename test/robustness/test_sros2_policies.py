@@ -1,0 +1,104 @@
+"""The shipped policies give each node what it uses on the live graph, and nothing else."""
+
+import time
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import rclpy
+
+from robustness.rig import Rig
+from robustness.stamps_and_time import BAG
+
+POLICIES = Path(__file__).parents[2] / "config" / "sros2" / "policies.xml"
+QUERIES = {
+    ("topics", "publish"): "get_publisher_names_and_types_by_node",
+    ("topics", "subscribe"): "get_subscriber_names_and_types_by_node",
+    ("services", "reply"): "get_service_names_and_types_by_node",
+    ("services", "request"): "get_client_names_and_types_by_node",
+}
+# Every option that takes a topic or a service is on.
+SIMULATED = ("-p", "use_sim_time:=true")
+ARGUMENTS = {
+    "tracker": ("--ros-args", "-p", "publish_path:=true", "-p", "publish_odometry:=true"),
+    "evaluator": ("--ros-args", "-p", "record:={directory}/bag"),
+    "sensor_replay": (
+        *(BAG, "--rate", "0", "--ros-args", "-p", "start_paused:=true"),
+        *("-p", "flush_service:=/tracker/flush"),
+    ),
+}
+# Recorded where tf2_msgs is installed; the wheels do not bring it.
+OPTIONAL = {"/tf_static"}
+
+
+def allowed():
+    """Return the rights by node and by kind."""
+    found = {}
+    for profile in ElementTree.parse(POLICIES).iter("profile"):
+        rights = {key: set() for key in QUERIES}
+        for group in profile:
+            for verb in ("publish", "subscribe", "reply", "request"):
+                if group.get(verb) == "ALLOW":
+                    rights[group.tag, verb] |= {entry.text for entry in group}
+        found[profile.get("node")] = rights
+    return found
+
+
+@pytest.fixture(scope="module")
+def used():
+    """Return what each node has on the live graph, by kind."""
+    with Rig() as rig:
+        for name, arguments in ARGUMENTS.items():
+            words = [str(word).format(directory=rig.directory) for word in arguments]
+            rig.start(name, *words, *SIMULATED)
+        context = rclpy.Context()
+        rclpy.init(context=context, domain_id=rig.domain)
+        watcher = rclpy.create_node("watcher", context=context)
+
+        def graph():
+            there = set(watcher.get_node_names())
+            return {
+                name: {
+                    key: {entry for entry, _ in getattr(watcher, query)(name, "/")}
+                    for key, query in QUERIES.items()
+                }
+                for name in ARGUMENTS
+                if name in there
+            }
+
+        # Until it is complete and has been the same for a while.
+        found, since, end = {}, time.monotonic(), time.monotonic() + 30.0
+        while time.monotonic() < end:
+            try:
+                now = graph()
+            except rclpy._rclpy_pybind11.NodeNameNonExistentError:
+                now = {}
+            if now != found:
+                found, since = now, time.monotonic()
+            if len(found) == len(ARGUMENTS) and time.monotonic() - since > 2.0:
+                break
+            time.sleep(0.1)
+        watcher.destroy_node()
+        rclpy.shutdown(context=context)
+        return found
+
+
+@pytest.mark.parametrize("name", ARGUMENTS)
+@pytest.mark.parametrize("key", QUERIES, ids=["publish", "subscribe", "reply", "request"])
+def test_policies_allow_what_a_node_uses_and_nothing_else(used, name, key):
+    assert allowed()[name][key] - OPTIONAL == used[name][key] - OPTIONAL
+
+
+def test_policies_let_no_node_write_parameters_of_another():
+    for name, rights in allowed().items():
+        if name != "operator":
+            assert not {
+                entry for entry in rights["services", "request"] if "set_parameters" in entry
+            }
+
+
+def test_policies_have_an_enclave_for_every_node():
+    document = ElementTree.parse(POLICIES)
+    paths = {enclave.get("path") for enclave in document.iter("enclave")}
+    assert document.getroot().get("version") == "0.2.0"
+    assert paths == {f"/phd_jdtc_ros/{name}" for name in (*ARGUMENTS, "operator")}
