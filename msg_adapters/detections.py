@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
 
 from phd_jdtc_ros.core.config import RadarInput
 from phd_jdtc_ros.core.radar import wrap_angle
@@ -80,7 +81,7 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     Raises
     ------
     RejectedMessageError
-        ``frame`` if the cloud is in another frame than the radar's, and see
+        ``frame`` if the cloud is in another frame than the radar's; see `stamp_of` and
         `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, radar)
@@ -94,18 +95,36 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     )
     if has_amplitude:
         wanted[radar.amplitude_field] = NUMBERS
-    columns = {
-        name: column.astype(np.float64)
-        for name, column in point_cloud.decode(cloud, wanted).items()
-    }
+    # A signalling NaN is one more number that is none; it will be dropped.
+    with np.errstate(invalid="ignore"):
+        columns = {
+            name: column.astype(np.float64)
+            for name, column in point_cloud.decode(cloud, wanted).items()
+        }
     return select(
-        stamps.to_ns(cloud.header.stamp),
+        stamp_of(cloud.header),
         radar,
         distance=columns[radar.range_field],
         azimuth=columns[radar.azimuth_field],
         elevation=columns.get(radar.elevation_field),
         level=columns[radar.amplitude_field] if has_amplitude else None,
     )
+
+
+def stamp_of(header: Header) -> int:
+    """Return a header's stamp in nanoseconds.
+
+    Raises
+    ------
+    RejectedMessageError
+        ``schema`` if it is before 1970 or its nanoseconds are a second or more.
+    """
+    sec, nanosec = header.stamp.sec, header.stamp.nanosec
+    if sec < 0 or nanosec >= stamps.NS_PER_S:
+        raise RejectedMessageError(
+            "schema", f"stamp {sec} s {nanosec} ns, must be from 0 s and below {stamps.NS_PER_S} ns"
+        )
+    return stamps.to_ns(header.stamp)
 
 
 def require_frame(frame: str, radar: RadarInput) -> None:

@@ -13,8 +13,8 @@ import numpy as np
 
 from phd_jdtc_ros.core.config import RadarInput
 
-from . import interfaces, stamps
-from .detections import Report, require_frame, select
+from . import interfaces
+from .detections import Report, require_frame, select, stamp_of
 from .errors import RejectedMessageError
 from .point_cloud import MAX_POINTS
 
@@ -57,7 +57,7 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
         [(r.range, r.azimuth, r.elevation, r.amplitude) for r in scan.returns], dtype=np.float64
     ).reshape(-1, 4)
     return select(
-        stamps.to_ns(scan.header.stamp),
+        stamp_of(scan.header),
         replace(radar, amplitude_in_db=True, compass=False),
         distance=rows[:, 0],
         azimuth=rows[:, 1],

@@ -1,8 +1,8 @@
 """The backward kernel between two stored particle sets, built once a scan.
 
 The kernel K and its normaliser mu do not depend on later scans, so they are cached and every lag
-costs one sparse product. Only pairs within 7 standard deviations of the process noise are kept:
-at 6, single weights are off by 5 %; at 7, by 1e-4.
+costs one sparse product. Only pairs within 7.5 standard deviations of the process noise are kept:
+at 6, single weights are off by 5 %, at 7 by up to 2e-3, and at 7.5 by less than 1e-4.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .motion import POSITION, MotionModel, whitener
 from .neighbours import candidates, near_chunks
 from .types import FloatArray, IntArray, ParticlePHD, SparseArray, number
 
-GATE_SIGMA = 7.0
+GATE_SIGMA = 7.5
 # Spawned mass is summed only as far out as it can change mu by this share, a tenth of what the gate
 # may cost: for most rows to 5 or 6 sigma, a quarter less to test.
 SPAWN_TOLERANCE = 1e-5

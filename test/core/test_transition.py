@@ -163,7 +163,7 @@ def test_backward_steps_equal_the_dense_equations(run, name):
 
 def test_build_ratio_times_mu_is_the_kernel(run):
     # Entry by entry, where an ancestor explains more than a millionth of the later row.
-    # What lies beyond the gate at seven sigma is less.
+    # What lies beyond the gate is less.
     _, stored, _, links, dense = run
     for earlier, link, (kernel, mu) in zip(stored[:-1], links, dense, strict=True):
         expected = kernel * earlier.weight / np.where(mu > 0.0, mu, np.inf)[:, None]

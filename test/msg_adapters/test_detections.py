@@ -295,3 +295,12 @@ def test_from_msg_drops_an_impossible_elevation(bad, reason):
 def test_from_msg_rejects_a_cloud_without_the_elevation_it_needs():
     with pytest.raises(RejectedMessageError, match="field 'elevation' is missing"):
         adapter.from_msg(polar(GOOD), radar(elevation_field="elevation"))
+
+
+@pytest.mark.parametrize(("sec", "nanosec"), [(-1, 0), (-(2**31), 5), (5, 10**9), (5, 2**32 - 1)])
+def test_from_msg_rejects_impossible_stamps(sec, nanosec):
+    message = adapter.to_msg(Detections(np.zeros((0, 2)), np.zeros(0)), 1, FRAME)
+    message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+    with pytest.raises(RejectedMessageError, match="stamp") as error:
+        adapter.from_msg(message, radar())
+    assert error.value.reason == "schema"
