@@ -128,7 +128,7 @@ def write_results(
     study_figures.write_all(results, out / "figures")
     for table in study_figures.tables(summary):
         console.print(table)
-    console.print(f"results: {out}", markup=False, highlight=False)
+    console.print(f"results: {out}", soft_wrap=True, markup=False, highlight=False)
 
 
 def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:

@@ -49,7 +49,7 @@ def write(
     if not _write_page(page, title, summary, run, evaluation):
         print("report: no page without plotly; to have it: pip install plotly", file=sys.stderr)
         return FAILED
-    console.print(f"report: {page}")
+    console.print(f"report: {page}", soft_wrap=True, markup=False, highlight=False)
     return OK
 
 
