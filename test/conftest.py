@@ -16,7 +16,7 @@ settings.load_profile("project")
 def pytest_collection_modifyitems(items):
     """Give tests on live nodes a second chance: a busy machine delays discovery now and then.
 
-    What is wrong fails twice. Without the plug-in, as where ROS brings pytest, they have one chance.
+    What is wrong fails twice. Where the plug-in is not installed they have one chance.
     """
     for item in items:
         if item.path.parent.name in ("nodes", "robustness", "launching"):
