@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import math
 import os
 import signal
@@ -42,10 +43,8 @@ def measure(quick: bool) -> dict[str, Any]:
     and what the operating system takes.
     """
     messages.environment()
-    try:
-        import rclpy  # noqa: F401
-    except ImportError as error:
-        return {"value": None, "reason": f"rclpy is missing: {error}"}
+    if importlib.util.find_spec("rclpy") is None:
+        return {"value": None, "reason": "rclpy is missing"}
     from .radars import Radars
 
     scans = _scans(20 if quick else 60)

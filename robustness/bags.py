@@ -23,12 +23,12 @@ from msg_adapters import interfaces, names
 from msg_adapters.bag import BagError, BagMessage, BagReader
 
 from .figures import Figure, measured_or_why
+from .small_chunks import rewritten
 from .stamps_and_time import BAG
 
 RECOVERY = "bag recovery"
 RECOVERY_GOAL = "100 % of intact chunks, 0 silent differences"
 OFFSETS = 1000
-SMALL_CHUNK = 4096
 EDGE = 40
 BOMB = "hostile bag's memory"
 BOMB_GOAL = "at most 256 MB"
@@ -141,24 +141,6 @@ def _damage(original: Path, offsets: int, tally: Tally) -> None:
         damaged.write_bytes(data)
         intact = [part for part in parts if not part.begin <= offset < part.end]
         tally.add(f"flip at {offset}", intact, every, damaged)
-
-
-def rewritten(source: Path, file: Path, compression: CompressionType) -> Path:
-    """Write a bag's messages anew in many small chunks; return the file."""
-    reader = BagReader(source)
-    with file.open("wb") as stream:
-        writer = Writer(stream, chunk_size=SMALL_CHUNK, compression=compression)
-        writer.start("ros2")
-        channels = {}
-        for topic, kind in reader.types.items():
-            schema = writer.register_schema(kind, "ros2msg", interfaces.definition(kind).encode())
-            channels[topic] = writer.register_channel(topic, "cdr", schema)
-        for entry in reader.messages():
-            writer.add_message(
-                channels[entry.topic], entry.log_time_ns, entry.data, entry.log_time_ns
-            )
-        writer.finish()
-    return file
 
 
 def chunks_of(file: Path) -> list[Part]:

@@ -29,14 +29,6 @@ LIGHT = ("-p", "particles_per_target:=200", "-p", "particles_per_birth:=256", "-
 _rigs = itertools.count()
 
 
-def environment() -> None:
-    """Keep this process and its children on this machine; call before rclpy is imported."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-    # Shared memory would leave segments behind where nodes are killed.
-    os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
-    os.environ["OMP_NUM_THREADS"] = "1"
-
-
 class Node:
     """A running executable of the package and what it has printed.
 

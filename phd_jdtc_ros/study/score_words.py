@@ -8,28 +8,14 @@ from typing import Any
 
 from phd_jdtc_ros.core.evaluation import SMOOTHED, SOURCES
 
+from .score_columns import GOSPA, OSPA, OSPA2, SURVEILLANCE, Columns
 from .style import class_name
 
 NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
-# Heading, key in a set's figures, and how its values are written.
-DISTANCES = (
-    ("OSPA", "ospa", "{:.1f} m"),
-    ("localisation", "localization", "{:.1f} m"),
-    ("cardinality", "cardinality", "{:.1f} m"),
-    ("number error", "cardinality_abs_error", "{:.3f}"),
-    ("GOSPA", "gospa", "{:.1f} m"),
-    ("missed", "missed", "{:.3f}"),
-    ("false", "false", "{:.3f}"),
-)
-SURVEILLANCE = (
-    ("position RMS", "position_rms", "{:.1f} m"),
-    ("position detected", "position_detection", "{:.2%}"),
-    ("longest gap", "longest_gap_s", "{:.1f} s"),
-    ("long gaps", "long_gap_share", "{:.1%}"),
-    ("missed in them", "long_gap_misses", "{:.2%}"),
-    ("OSPA(2)", "ospa2", "{:.1f} m"),
-)
+# The localisation part is shown once, OSPA's.
+DISTANCES = (*OSPA, *(column for column in GOSPA if column[0] not in {name for name, _, _ in OSPA}))
+WITH_OSPA2 = (*SURVEILLANCE, OSPA2)
 
 
 def tables(summary: Mapping[str, Any]) -> str:
@@ -43,14 +29,14 @@ def tables(summary: Mapping[str, Any]) -> str:
             "<h2>Scores</h2>",
             _table(summary, DISTANCES, "Means over all scans."),
             "<details>\n<summary>Surveillance figures, classes taken for each other</summary>",
-            _table(summary, SURVEILLANCE, over),
+            _table(summary, WITH_OSPA2, over),
             _confusion(_score(summary, SMOOTHED, "all", "confusion")),
             "</details>",
         )
     )
 
 
-def _table(summary: Mapping[str, Any], columns: Sequence[tuple[str, str, str]], note: str) -> str:
+def _table(summary: Mapping[str, Any], columns: Columns, note: str) -> str:
     """Return one table, without the columns that no set has a value for."""
     keys = _set_keys(summary)
     known = [
@@ -152,7 +138,7 @@ def tiles(summary: Mapping[str, Any]) -> str:
     )
 
 
-def _rows(summary: Mapping[str, Any], columns: Sequence[tuple[str, str, str]], key: str) -> str:
+def _rows(summary: Mapping[str, Any], columns: Columns, key: str) -> str:
     """Return one set's rows, the filter's above the smoother's."""
     name = "all classes" if key == "all" else key.replace("_", " ")
     rows = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from rich.console import Group
@@ -12,27 +12,7 @@ from rich.table import Table
 from phd_jdtc_ros.core.evaluation import FILTERED, SMOOTHED, Evaluation
 from phd_jdtc_ros.core.types import FloatArray
 
-# Heading, key in a set's figures, and how its values are written.
-Columns: TypeAlias = "Sequence[tuple[str, str, str]]"
-OSPA = (
-    ("OSPA", "ospa", "{:.1f} m"),
-    ("localisation", "localization", "{:.1f} m"),
-    ("cardinality", "cardinality", "{:.1f} m"),
-    ("number error", "cardinality_abs_error", "{:.3f}"),
-)
-GOSPA = (
-    ("GOSPA", "gospa", "{:.1f} m"),
-    ("localisation", "gospa_localization", "{:.1f} m"),
-    ("missed", "missed", "{:.3f}"),
-    ("false", "false", "{:.3f}"),
-)
-SURVEILLANCE = (
-    ("position RMS", "position_rms", "{:.1f} m"),
-    ("position detected", "position_detection", "{:.2%}"),
-    ("longest gap", "longest_gap_s", "{:.1f} s"),
-    ("long gaps", "long_gap_share", "{:.1%}"),
-    ("missed in them", "long_gap_misses", "{:.2%}"),
-)
+from .score_columns import GOSPA, OSPA, SURVEILLANCE, Columns
 
 
 def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from msg_adapters import estimates as estimates_adapter
 from msg_adapters import interfaces, markers, names
 from msg_adapters import truth as truth_adapter
 from msg_adapters.bag import BagError, BagMessage, BagReader, BagWriter, Topic
+from robustness.small_chunks import rewritten
 
 RADAR = names.detections("radar_1")
 POSES = names.poses("filtered", 0)
@@ -60,23 +61,8 @@ def write(directory, entries, topics=TOPICS):
 
 
 def chunked(directory, source, chunk_size=300, compression=CompressionType.NONE):
-    """Write a bag's messages anew in small chunks, as other recorders do; return the file."""
     directory.mkdir()
-    file = directory / "small_0.mcap"
-    reader = BagReader(source)
-    with file.open("wb") as stream:
-        writer = Writer(stream, chunk_size=chunk_size, compression=compression)
-        writer.start("ros2")
-        channels = {}
-        for topic, kind in reader.types.items():
-            schema = writer.register_schema(kind, "ros2msg", interfaces.definition(kind).encode())
-            channels[topic] = writer.register_channel(topic, "cdr", schema)
-        for entry in reader.messages():
-            writer.add_message(
-                channels[entry.topic], entry.log_time_ns, entry.data, entry.log_time_ns
-            )
-        writer.finish()
-    return file
+    return rewritten(source, directory / "small_0.mcap", compression, chunk_size)
 
 
 @pytest.fixture(scope="module")
