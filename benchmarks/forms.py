@@ -26,7 +26,7 @@ from scipy.linalg import solve_triangular
 from scipy.spatial import cKDTree
 
 from phd_jdtc_ros.core.correction import scale_rows
-from phd_jdtc_ros.core.filter import TrackerModel
+from phd_jdtc_ros.core.model import TrackerModel
 from phd_jdtc_ros.core.smoother import DeathTerm, backward_step
 from phd_jdtc_ros.core.transition import GATE_SIGMA, Transition
 from phd_jdtc_ros.core.types import FloatArray, IntArray, ParticlePHD

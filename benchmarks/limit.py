@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phd_jdtc_ros.core.filter import TrackerModel
+from phd_jdtc_ros.core.model import TrackerModel
 from phd_jdtc_ros.core.motion import whitener
 from phd_jdtc_ros.core.types import FloatArray, ParticlePHD
 

@@ -19,7 +19,8 @@ from phd_jdtc_ros.core import transition
 from phd_jdtc_ros.core.config import TrackerConfig
 from phd_jdtc_ros.core.engine import EXTRACTION_STREAM, FILTER_STREAM
 from phd_jdtc_ros.core.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.filter import TrackerModel
+from phd_jdtc_ros.core.model import TrackerModel
+from phd_jdtc_ros.core.prediction import predict
 from phd_jdtc_ros.core.simulation import simulate
 from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.transition import Transition
@@ -66,9 +67,7 @@ class Recursion:
             dt = (scan.stamp_ns - self._stamp_ns) * 1e-9
         self.parts_ms = dict.fromkeys(PARTS, 0.0)
         with self._timed("predict"):
-            predicted = phd_filter.predict(
-                self.latest, model, self.config.budget, dt, self._index, rng
-            )
+            predicted = predict(self.latest, model, self.config.budget, dt, self._index, rng)
         with self._timed("update"):
             updated, found = phd_filter.update_scan(predicted, scan, model, dt, self._index, rng)
         with self._timed("resample"):
@@ -148,9 +147,7 @@ def window(
     rng = np.random.default_rng([seed, FILTER_STREAM])
     stored = [start]
     for index, (_, scan) in enumerate(simulate(scene, seed)):
-        phd = phd_filter.predict(
-            stored[-1], config.model, config.budget, scene.interval_s, index, rng
-        )
+        phd = predict(stored[-1], config.model, config.budget, scene.interval_s, index, rng)
         phd, _ = phd_filter.update_scan(phd, scan, config.model, scene.interval_s, index, rng)
         stored = [*stored, phd_filter.resample(phd, config.model.modes, config.budget, rng)]
         stored = stored[-(lag + 1) :]

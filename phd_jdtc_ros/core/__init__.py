@@ -5,7 +5,7 @@ A scan's way through the core, with the module of each step::
     reports (radar, stamp, Detections)         types
       |  grouped by stamp                      scans
     Scan
-      |  predict: survive, spawn, be born      filter, motion, modes, spawn, birth
+      |  predict: survive, spawn, be born      prediction, motion, modes, spawn, birth
       |  update, radar by radar                filter, radar, amplitude, signature
       |    one target an origin                correction, association, matching
       |    targets found by detections         detection_birth

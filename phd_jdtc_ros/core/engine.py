@@ -15,7 +15,8 @@ import numpy as np
 from . import filter as phd_filter
 from . import transition
 from .extraction import Extraction
-from .filter import ParticleBudget, TrackerModel
+from .model import ParticleBudget, TrackerModel
+from .prediction import predict
 from .smoother import DeathTerm, backward_pass
 from .snapshot import Snapshot
 from .transition import Transition
@@ -152,7 +153,7 @@ class ForwardFilter:
         """
         model, rng = self.model, self._rng
         earlier, dt = self._earlier(scan.stamp_ns)
-        predicted = phd_filter.predict(earlier, model, self.budget, dt, self._scan_index, rng)
+        predicted = predict(earlier, model, self.budget, dt, self._scan_index, rng)
         updated, found = phd_filter.update_scan(predicted, scan, model, dt, self._scan_index, rng)
         stored = phd_filter.resample(updated, model.modes, self.budget, rng)
         first = self._latest is None

@@ -17,7 +17,7 @@ from scipy import sparse
 
 from . import birth, detection_birth, neighbours
 from .detection_birth import Newborn
-from .filter import TrackerModel
+from .model import TrackerModel
 from .modes import ModeSpace
 from .motion import POSITION, MotionModel, whitener
 from .neighbours import candidates, near_chunks

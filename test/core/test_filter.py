@@ -7,10 +7,12 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.core import amplitude
 from phd_jdtc_ros.core import filter as phd_filter
-from phd_jdtc_ros.core.filter import ParticleBudget, predict, resample, update_scan
+from phd_jdtc_ros.core.filter import resample, update_scan
+from phd_jdtc_ros.core.model import ORIGINS_PER_SCAN, ParticleBudget
 from phd_jdtc_ros.core.modes import ClassModel
 from phd_jdtc_ros.core.motion import OMEGA
-from phd_jdtc_ros.core.types import Detections, Scan
+from phd_jdtc_ros.core.prediction import predict
+from phd_jdtc_ros.core.types import Detections, ParticlePHD, Scan
 
 # The PHD filter itself; what the other corrector does is tested in test_correction.
 CONFIG = small({"corrector": "poisson"})
@@ -147,11 +149,11 @@ def test_predict_draws_modes_by_the_transition_over_the_interval():
 
 
 def test_predict_names_births_after_term_and_scan():
-    empty = phd_filter.ParticlePHD.empty(5)
+    empty = ParticlePHD.empty(5)
     rng = np.random.default_rng(0)
     scans = [predict(empty, MODEL, CONFIG.budget, 6.0, index, rng) for index in (0, 1)]
     names = [set(scan.origin.tolist()) for scan in scans]
-    assert names == [{0, 1, 2, 3}, {phd_filter.ORIGINS_PER_SCAN + term for term in range(4)}]
+    assert names == [{0, 1, 2, 3}, {ORIGINS_PER_SCAN + term for term in range(4)}]
     for term, (mean, _) in enumerate(zip(MODEL.births, range(4), strict=True)):
         near = scans[0].state[scans[0].origin == term]
         assert np.abs(near[:, 0] - mean.mean[0]).max() < 6.0 * 200.0
@@ -159,7 +161,7 @@ def test_predict_names_births_after_term_and_scan():
 
 def test_predict_of_nothing_without_births_is_nothing():
     model = replace(MODEL, births=())
-    empty = phd_filter.ParticlePHD.empty(5)
+    empty = ParticlePHD.empty(5)
     predicted = predict(empty, model, CONFIG.budget, 6.0, 0, np.random.default_rng(0))
     assert len(predicted) == 0
 
@@ -272,7 +274,7 @@ def test_update_without_clutter_explains_a_detection_wholly():
 
 
 def test_update_of_nothing_is_nothing():
-    updated = update(phd_filter.ParticlePHD.empty(5), reports(), RADAR, MODES)
+    updated = update(ParticlePHD.empty(5), reports(), RADAR, MODES)
     assert (len(updated), updated.components.shape) == (0, (0, 4))
 
 
@@ -356,5 +358,5 @@ def test_resample_is_unbiased_in_every_component():
 
 
 def test_resample_of_nothing_is_nothing():
-    kept = resample(phd_filter.ParticlePHD.empty(5), MODES, CONFIG.budget, np.random.default_rng(0))
+    kept = resample(ParticlePHD.empty(5), MODES, CONFIG.budget, np.random.default_rng(0))
     assert len(kept) == 0

@@ -8,6 +8,7 @@ from scipy import sparse
 
 from phd_jdtc_ros.core import filter as phd_filter
 from phd_jdtc_ros.core import transition
+from phd_jdtc_ros.core.prediction import predict
 from phd_jdtc_ros.core.smoother import (
     DEATH_TERMS,
     backward_step,
@@ -32,7 +33,7 @@ def forward(start, model, budget, scans, rng):
     for index, detections in enumerate(scans):
         predicted = start
         if index:
-            predicted = phd_filter.predict(stored[-1], model, budget, DT, index, rng)
+            predicted = predict(stored[-1], model, budget, DT, index, rng)
         updated, _ = phd_filter.update(predicted, detections, model.radars[0], model, DT)
         stored.append(phd_filter.resample(updated, model.modes, budget, rng))
     return stored

@@ -5,8 +5,8 @@ import pytest
 from scenes import intensity, small
 
 from phd_jdtc_ros.core.correction import poisson
-from phd_jdtc_ros.core.filter import predict
 from phd_jdtc_ros.core.motion import OMEGA
+from phd_jdtc_ros.core.prediction import predict
 
 CONFIG = small({"spawn.particles_per_target": 20_000})
 MODEL = replace(CONFIG.model, births=())

@@ -8,8 +8,10 @@ from scenes import gaussian_cloud, intensity, short_scenario, small
 
 from phd_jdtc_ros.core import filter as phd_filter
 from phd_jdtc_ros.core import neighbours, transition
+from phd_jdtc_ros.core.prediction import predict
 from phd_jdtc_ros.core.simulation import simulate
 from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_step
+from phd_jdtc_ros.core.types import ParticlePHD
 
 SPARSE_BUDGET = {
     "particles_per_target": 80,
@@ -70,10 +72,10 @@ def stored_run(model, budget, stamps_s, seed, start=None):
     """Return the stored sets of a short run with unequal intervals, and those intervals."""
     rng = np.random.default_rng(seed)
     scans = [scan for _, scan in simulate(short_scenario(len(stamps_s)), seed)]
-    stored = [phd_filter.ParticlePHD.empty(5) if start is None else start]
+    stored = [ParticlePHD.empty(5) if start is None else start]
     intervals = np.diff(stamps_s, prepend=-4.0)
     for index, (scan, dt) in enumerate(zip(scans, intervals, strict=True)):
-        phd = phd_filter.predict(stored[-1], model, budget, dt, index, rng)
+        phd = predict(stored[-1], model, budget, dt, index, rng)
         phd, _ = phd_filter.update_scan(phd, scan, model, dt, index, rng)
         stored.append(phd_filter.resample(phd, model.modes, budget, rng))
     return (stored[1:], intervals[1:]) if start is None else (stored, intervals)
@@ -306,7 +308,7 @@ def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch
 def test_build_from_an_empty_set_has_no_rows():
     model = small().model
     later = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
-    link = transition.build(phd_filter.ParticlePHD.empty(5), later, model, 6.0)
+    link = transition.build(ParticlePHD.empty(5), later, model, 6.0)
     assert link.ratio.shape == (0, 3)
     assert len(link.ratio @ later.weight) == 0
 
@@ -315,5 +317,5 @@ def test_build_from_an_empty_set_has_no_rows():
 def test_build_to_an_empty_set_leaves_nothing_alive():
     model = small().model
     earlier = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
-    link = transition.build(earlier, phd_filter.ParticlePHD.empty(5), model, 6.0)
+    link = transition.build(earlier, ParticlePHD.empty(5), model, 6.0)
     np.testing.assert_array_equal(link.ratio @ np.zeros(0), np.zeros(3))

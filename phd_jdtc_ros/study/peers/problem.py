@@ -9,7 +9,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.filter import TrackerModel
+from phd_jdtc_ros.core.model import TrackerModel
 from phd_jdtc_ros.core.motion import ConstantVelocity
 from phd_jdtc_ros.core.radar import RadarModel
 
