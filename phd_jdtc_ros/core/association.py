@@ -58,8 +58,14 @@ def marginals(
     propagation", IEEE Transactions on Aerospace and Electronic Systems 50(4), 2014.
     """
     clutter = np.maximum(clutter, LEAST_CLUTTER)
-    edge, none = _propagated(target, detection, odds, targets, clutter)
-    for edges in _small_loops(target, detection, targets, len(clutter)):
+    edge, none = np.empty(len(target)), np.ones(targets)
+    loops = _small_loops(target, detection, targets, len(clutter))
+    alone = np.ones(len(target), dtype=bool)
+    for edges in loops:
+        alone[edges] = False
+    rest = np.flatnonzero(alone)
+    edge[rest], none[:] = _propagated(target[rest], detection[rest], odds[rest], targets, clutter)
+    for edges in loops:
         of, own = np.unique(target[edges], return_inverse=True)
         sought, column = np.unique(detection[edges], return_inverse=True)
         ratio = odds[edges] / clutter[detection[edges]]
@@ -71,14 +77,15 @@ def _propagated(
     target: IntArray, detection: IntArray, odds: FloatArray, targets: int, clutter: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the marginals by belief propagation."""
-    free = 1.0 / clutter[detection]  # message to the target: how free the detection is
+    rival = clutter[detection]
+    free = 1.0 / rival  # message to the target: how free the detection is
     for _ in range(ITERATIONS):
         taken = odds * free
-        others = sum_by(target, taken, targets)[target] - taken
+        others = np.bincount(target, taken, targets).take(target) - taken
         wanted = odds / (1.0 + np.maximum(others, 0.0))  # message to the detection
-        others = sum_by(detection, wanted, len(clutter))[detection] - wanted
-        before, free = free, 1.0 / (clutter[detection] + np.maximum(others, 0.0))
-        if np.all(np.abs(free - before) <= TOLERANCE * before):
+        others = np.bincount(detection, wanted, len(clutter)).take(detection) - wanted
+        before, free = free, 1.0 / (rival + np.maximum(others, 0.0))
+        if (np.abs(free - before) <= TOLERANCE * before).all():
             break
     taken = odds * free
     total = 1.0 + sum_by(target, taken, targets)

@@ -1,4 +1,4 @@
-"""Intervals of candidates, expanded a few at a time.
+"""Intervals of candidates, expanded a few at a time, and the pairs that are found among them.
 
 Searches leave for every query an interval of a sorted list. Expanding all at once would make
 temporaries of many megabytes, which leave the cache and keep paying for page faults.
@@ -8,13 +8,30 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
-from .types import IntArray
+from .types import FloatArray, IntArray
 
 # Candidates expanded at a time: temporaries of 128 kB stay inside the second-level cache.
 CHUNK_PAIRS = 1 << 14
+
+
+class Pairs(NamedTuple):
+    """Queries and points that are near each other.
+
+    Parameters
+    ----------
+    query, point : int arrays of shape (pairs,)
+        Queries ascend.
+    square : array of shape (pairs,)
+        Square distance.
+    """
+
+    query: IntArray
+    point: IntArray
+    square: FloatArray
 
 
 def chunks(count: IntArray, most: int) -> Iterator[slice]:

@@ -103,7 +103,7 @@ def bernoulli(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray
     seen = sum_by(target, prior * claims.detection_probability, count)
     missed = np.maximum(1.0 - seen, LEAST_MISSED)
 
-    edge, edge_of_pair = _edges(target.take(claims.row) * size + claims.column, count * size)
+    edge, edge_of_pair = _edges((target * size).take(claims.row) + claims.column, count * size)
     owner, column = edge // max(size, 1), edge % max(size, 1)
     components = sum_by(edge_of_pair, claims.mass, len(edge)) / excess[owner]
     probability, none = marginals(owner, column, components / missed[owner], count, claims.other)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
-from scipy.cluster.vq import kmeans2
 
 from . import resampling
 from .modes import ModeSpace
@@ -96,13 +95,14 @@ def _moments(
     majority = class_mass.argmax(axis=1) if count else np.zeros(0, dtype=np.int64)
     kept = target_class == majority[group]
     row, group = row[kept], group[kept]
-    share = weight[kept] / class_mass[group, majority[group]]
+    share = weight[kept] / class_mass[np.arange(count), majority].take(group)
 
     # Axis by axis, so that no temporary is larger than a column.
     dimension = phd.state.shape[1]
-    offset = np.ascontiguousarray(phd.state[row].T)
+    offset = np.stack([axis.take(row) for axis in phd.state.T])
     state = np.stack([sum_by(group, share * axis, count) for axis in offset], axis=1)
-    offset -= state.T.take(group, axis=1)
+    for axis in range(dimension):
+        offset[axis] -= state[:, axis].take(group)
     covariance = np.empty((count, dimension, dimension))
     for i in range(dimension):
         spread = share * offset[i]
@@ -134,6 +134,9 @@ def clusters(
     -----
     Sec. IV-C, Steps 5 and 6: resample within each class, then cluster within each class.
     """
+    # Loaded when it is asked for, which the default never does: a live node starts sooner.
+    from scipy.cluster.vq import kmeans2
+
     target_class = modes.class_of[phd.mode]
     rows, groups, count = [], [], 0
     for class_id in range(len(modes.classes)):

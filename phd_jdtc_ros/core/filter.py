@@ -168,7 +168,7 @@ def resample(
     row = order[kept]
     factor = copies[kept] * copy_weight[group[kept]] / weight[kept]
     return ParticlePHD(
-        state=phd.state[row],
+        state=phd.state.take(row, axis=0),
         mode=phd.mode[row],
         origin=phd.origin[row],
         parent=phd.parent[row],

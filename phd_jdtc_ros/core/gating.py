@@ -55,6 +55,12 @@ class CellLists(NamedTuple):
         cell: IntArray = np.minimum(turned, azimuths - 1) * (ranges + 1) + away
         return cell
 
+    def in_sigmas(
+        self, std: FloatArray, azimuth_gate: float
+    ) -> tuple[FloatArray, FloatArray, float]:
+        """Return the ranges, the azimuths and the gate in azimuth in standard deviations."""
+        return self.range / std[0], self.azimuth / std[1], azimuth_gate / float(std[1])
+
 
 def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> CellLists:
     """List detections by cell.
@@ -118,9 +124,9 @@ def near_detections(
     std : array of shape (2,)
         Of range and azimuth, metres and radians.
     sigmas : float
-        Half width of the gate in range.
+        Radius of the gate in standard deviations.
     azimuth_gate : float
-        In azimuth, radians.
+        Its half width in azimuth, radians; at most pi.
 
     Returns
     -------
@@ -133,17 +139,21 @@ def near_detections(
     count = np.diff(lists.start).take(cell)
     owner = np.flatnonzero(count)
     count, begin = count.take(owner), lists.start.take(cell.take(owner))
-    distance, azimuth = np.ascontiguousarray(predicted.T)
+    distance, azimuth = np.ascontiguousarray((predicted / std).T)
+    listed_range, listed_azimuth, turned_gate = lists.in_sigmas(std, azimuth_gate)
     found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
     for part in chunks(count, CHUNK_PAIRS):
         particle, slot = expand(owner[part], begin[part], count[part])
-        range_error = (lists.range.take(slot) - distance.take(particle)) / std[0]
-        turned, own = lists.azimuth.take(slot), azimuth.take(particle)
-        near = np.abs(range_error) <= sigmas
-        near &= (turned >= own - azimuth_gate) & (turned < own + azimuth_gate)
+        range_error = listed_range.take(slot) - distance.take(particle)
+        azimuth_error = listed_azimuth.take(slot) - azimuth.take(particle)
+        square = range_error * range_error
+        square += azimuth_error * azimuth_error
+        near = square <= sigmas * sigmas
+        # Half a turn off on both sides is one detection, not two.
+        near &= azimuth_error >= -turned_gate
+        near &= azimuth_error < turned_gate
         kept = np.flatnonzero(near)
-        azimuth_error = (turned.take(kept) - own.take(kept)) / std[1]
-        square = range_error.take(kept) ** 2 + azimuth_error**2
-        found.append((particle.take(kept), lists.detection.take(slot.take(kept)), square))
+        detection = lists.detection.take(slot.take(kept))
+        found.append((particle.take(kept), detection, square.take(kept)))
     particles, detections, squares = zip(*found, strict=True)
     return np.concatenate(particles), np.concatenate(detections), np.concatenate(squares)

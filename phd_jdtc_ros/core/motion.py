@@ -103,7 +103,8 @@ class CoordinatedTurn:
     -----
     Sec. V, F_{k,CT} and Q_{k,CT}. Deviation: the printed position terms -cos(wT)/w do not vanish
     at T = 0; the integral of the rotating velocity gives -(1 - cos wT)/w in the first row and
-    +(1 - cos wT)/w in the third. Both quotients are written with sinc, which is exact at w = 0.
+    +(1 - cos wT)/w in the third. Both quotients are written with the half angle a = wT/2, as
+    T (sin a / a) cos a and T (sin a / a) sin a, which is exact at w = 0.
     """
 
     noise_density: float
@@ -113,10 +114,12 @@ class CoordinatedTurn:
     def mean(self, state: FloatArray, dt: float) -> FloatArray:
         """Return F(omega, dt) x of each row; shape (N, D)."""
         omega = state[:, OMEGA]
-        angle = omega * dt
-        cos, sin = np.cos(angle), np.sin(angle)
-        along = dt * np.sinc(angle / np.pi)
-        across = 0.5 * dt * angle * np.sinc(angle / (2.0 * np.pi)) ** 2
+        half = 0.5 * dt * omega
+        cos_half, sin_half = np.cos(half), np.sin(half)
+        straight = half == 0.0
+        chord = dt * np.where(straight, 1.0, sin_half) / np.where(straight, 1.0, half)
+        along, across = chord * cos_half, chord * sin_half
+        cos, sin = 1.0 - 2.0 * sin_half**2, 2.0 * sin_half * cos_half
         vx, vy = state[:, VX], state[:, VY]
         return np.stack(
             [

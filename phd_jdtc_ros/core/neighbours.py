@@ -9,9 +9,9 @@ intervals hold are its candidates, which are tested chunk by chunk.
 
 The test is the inner loop and there are two of it, `near_pairs` here and in `neighbours_numba`,
 which add the same numbers in the same order and so return the same bits. So do the two that gate
-detections. Where pairs must be of one group, as of one target's origin, the compiled
-`within_groups` takes the place of all this and evaluates the kernel as well; its values differ in
-their last digits. Compiled code is used where numba is installed; the environment variable
+detections. Where pairs must be of one group, as of one target's origin, `grids` takes the place of
+the sweep; the compiled `within_groups` evaluates the kernel as well, and its values differ in their
+last digits. Compiled code is used where numba is installed; the environment variable
 ``PHD_JDTC_KERNELS`` says otherwise: ``numpy`` or ``numba``, by default ``auto``.
 """
 
@@ -24,7 +24,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from .chunking import CHUNK_PAIRS, chunks, expand
+from .chunking import CHUNK_PAIRS, Pairs, chunks, expand
 from .gating import near_detections
 from .types import FloatArray, IntArray
 
@@ -33,22 +33,6 @@ SAMPLE, SPARSE = 24, 128
 # In strips: what rounding may do to a place. Candidates may be too many, never too few.
 ROUNDING = 1e-6
 VARIABLE = "PHD_JDTC_KERNELS"
-
-
-class Pairs(NamedTuple):
-    """Queries and points that are near each other.
-
-    Parameters
-    ----------
-    query, point : int arrays of shape (pairs,)
-        Queries ascend.
-    square : array of shape (pairs,)
-        Square distance.
-    """
-
-    query: IntArray
-    point: IntArray
-    square: FloatArray
 
 
 @dataclass(frozen=True)
@@ -116,12 +100,10 @@ def candidates(
     point: FloatArray,
     point_block: IntArray,
     radius: float | FloatArray,
-    groups: tuple[IntArray, IntArray] | None = None,
 ) -> Candidates:
     """Return what is to be tested; parameters as those of `pairs_within`.
 
-    Their number, ``count.sum()``, is what a search costs. Only pairs of an equal group, from 0, are
-    compared: like blocks, but many, and all of a block are searched over the same two axes.
+    Their number, ``count.sum()``, is what a search costs.
     """
     reach = np.full(len(query), radius)
     if len(query) == 0 or len(point) == 0:
@@ -130,7 +112,7 @@ def candidates(
     blocks = int(max(query_block.max(), point_block.max())) + 1
     widest = float(reach.max())
     order = _selective_axes(query, query_block, point, point_block, widest, blocks)
-    first, second = _columns(point, np.arange(len(point)), point_block, order[:, :2])
+    first, second = columns_of(point, np.arange(len(point)), point_block, order[:, :2])
     low = float(first.min()) - 2.0 * widest, float(second.min())
     # Strips fit the usual radius; the few larger ones reach beyond the neighbouring strips.
     width = max(float(reach.mean()), widest / 3.0) * (1.0 + ROUNDING)
@@ -140,20 +122,16 @@ def candidates(
     span = float(first.max()) - low[0] + 3.0 * widest
     strips = int((float(second.max()) - low[1]) / width) + 2 * beyond + 3
     strip = np.floor((second - low[1]) / width) + beyond + 1.0
-    query_line, point_line = query_block, point_block
-    if groups is not None:
-        many = int(max(each.max() for each in groups)) + 1
-        query_line, point_line = query_block * many + groups[0], point_block * many + groups[1]
-    key = (point_line * strips + strip) * span + (first - low[0])
+    key = (point_block * strips + strip) * span + (first - low[0])
     rank = np.argsort(key)
 
-    columns = _columns(query, np.arange(len(query)), query_block, order)
+    columns = columns_of(query, np.arange(len(query)), query_block, order)
     along, height = columns[0] - low[0], (columns[1] - low[1]) / width + beyond + 1.0
     inside = (height >= 0.0) & (height < strips) & (along >= 0.0) & (along <= span - widest)
     owner = np.flatnonzero(inside)
     strip = np.floor(height[owner])
     above = height[owner] - strip
-    centre = (query_line[owner] * strips + strip) * span + along[owner]
+    centre = (query_block[owner] * strips + strip) * span + along[owner]
     # Looked up in sorted order, so that neighbouring places are read one after the other.
     sweep = np.argsort(centre)
     owner = owner[sweep]
@@ -166,7 +144,7 @@ def candidates(
     kept = np.flatnonzero(count)
     return Candidates(
         query=columns,
-        point=_columns(point, rank, point_block[rank], order),
+        point=columns_of(point, rank, point_block[rank], order),
         limit=reach**2,
         rank=rank,
         owner=kept // (2 * beyond + 1),
@@ -217,7 +195,7 @@ def _look_up(
     return found
 
 
-def _columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) -> FloatArray:
+def columns_of(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) -> FloatArray:
     """Return some rows' coordinates on the axes of their block.
 
     Parameters
@@ -324,7 +302,7 @@ class Backend(NamedTuple):
     near_detections : callable
         As that of `gating`.
     within_groups : callable or None
-        That of `neighbours_numba`; where there is none, `near_pairs` does.
+        That of `neighbours_numba`; where there is none, that of `grids` finds the pairs.
     """
 
     name: str

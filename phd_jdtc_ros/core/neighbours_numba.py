@@ -251,8 +251,7 @@ def within_groups(
 @_compiled(
     types.int64(
         *(_READ_INTS, _READ_INTS, _READ, _READ, _READ_INTS, _READ_ROWS),
-        *(types.float64, types.float64, types.float64, types.float64),
-        *(_INTS, _INTS, _FLOATS),
+        *(types.float64, types.float64, _INTS, _INTS, _FLOATS),
     )
 )
 def _gate(
@@ -262,8 +261,6 @@ def _gate(
     listed_azimuth: FloatArray,
     cell: IntArray,
     predicted: FloatArray,
-    range_std: float,
-    azimuth_std: float,
     sigmas: float,
     azimuth_gate: float,
     row: IntArray,
@@ -275,15 +272,14 @@ def _gate(
     for one in range(len(cell)):
         away, azimuth = predicted[one, 0], predicted[one, 1]
         for slot in range(start[cell[one]], start[cell[one] + 1]):
-            range_error = (listed_range[slot] - away) / range_std
-            turned = listed_azimuth[slot]
-            azimuth_error = (turned - azimuth) / azimuth_std
+            range_error = listed_range[slot] - away
+            azimuth_error = listed_azimuth[slot] - azimuth
             row[found], column[found] = one, detection[slot]
             square[found] = range_error * range_error + azimuth_error * azimuth_error
             found += (
-                (abs(range_error) <= sigmas)
-                & (turned >= azimuth - azimuth_gate)
-                & (turned < azimuth + azimuth_gate)
+                (square[found] <= sigmas * sigmas)
+                & (azimuth_error >= -azimuth_gate)
+                & (azimuth_error < azimuth_gate)
             )
     return found
 
@@ -296,8 +292,9 @@ def near_detections(
     room = int(np.diff(lists.start).take(cell).sum()) + 1
     row, column = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     square = np.empty(room)
+    listed_range, listed_azimuth, turned_gate = lists.in_sigmas(std, azimuth_gate)
     found = _gate(
-        *(lists.start, lists.detection, lists.range, lists.azimuth, cell, predicted),
-        *(float(std[0]), float(std[1]), sigmas, azimuth_gate, row, column, square),
+        *(lists.start, lists.detection, listed_range, listed_azimuth, cell, predicted / std),
+        *(sigmas, turned_gate, row, column, square),
     )
     return row[:found], column[:found], square[:found]

@@ -109,7 +109,9 @@ def _survivors(
     state = np.empty((len(copy), phd.state.shape[1]))
     for index, motion_model in enumerate(modes.motions):
         chosen = np.flatnonzero(mode == index)
-        state[chosen] = motion.sample(motion_model, phd.state[copy[chosen]], dt, rng)
+        state[chosen] = motion.sample(
+            motion_model, phd.state.take(copy.take(chosen), axis=0), dt, rng
+        )
     memory = model.amplitudes.moved(phd.memory[copy], mode, modes, rng)
     return _fresh(state, mode, phd.origin[copy], copy, weight, memory)
 
@@ -128,7 +130,7 @@ def _spawned(
     state = np.empty((len(parent), phd.state.shape[1]))
     for index, motion_model in enumerate(model.modes.motions):
         chosen = np.flatnonzero(mode == index)
-        centre = motion_model.mean(phd.state[parent[chosen]], dt)
+        centre = motion_model.mean(phd.state.take(parent.take(chosen), axis=0), dt)
         support = list(motion_model.support)
         noise = rng.standard_normal((len(chosen), len(support))) * spawn.std[support]
         centre[:, support] += noise

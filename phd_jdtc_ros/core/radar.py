@@ -66,8 +66,10 @@ class RadarModel:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""
         east = state[:, POSITION[0]] - self.position[0]
         north = state[:, POSITION[1]] - self.position[1]
-        azimuth = wrap_angle(np.arctan2(north, east) - self.yaw)
-        return np.stack([np.hypot(east, north), azimuth], axis=1)
+        # Turned into the sensor's frame first, the azimuth needs no wrapping.
+        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        ahead, left = cos * east + sin * north, cos * north - sin * east
+        return np.stack([np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)], axis=1)
 
     def to_world(self, measurement: FloatArray) -> FloatArray:
         """Return world (x, y) in metres of (range, azimuth) rows; shape (M, 2)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .types import FloatArray, IntArray, sum_by
+from .types import FloatArray, IntArray, run_starts, sum_by
 
 
 def allocate(
@@ -66,17 +66,17 @@ def systematic(
         return np.zeros(0, dtype=np.int64)
     mass = sum_by(group, weight, len(count))
     offset = rng.random(len(count))
-    expected = weight * (count / np.where(mass > 0.0, mass, 1.0))[group]
+    expected = weight * (count / np.where(mass > 0.0, mass, 1.0)).take(group)
     running = np.cumsum(expected)
-    last = np.append(np.flatnonzero(np.diff(group)), len(group) - 1)
+    last = np.append(run_starts(group)[1:], len(group)) - 1
     base = np.zeros(len(count))
     base[group[last]] = running[last]
     base = np.concatenate([[0.0], base[:-1]])
-    within = running - np.maximum.accumulate(base)[group]
+    within = running - np.maximum.accumulate(base).take(group)
     # The comb's teeth stand at offset, offset + 1, ...: count those passed so far. Rounding must
     # not decide whether the group's last tooth is hit, so the last particle passes them all.
-    passed = np.ceil(within - offset[group])
-    passed = np.clip(passed, 0.0, count[group])
+    passed = np.ceil(within - offset.take(group))
+    passed = np.clip(passed, 0.0, count.take(group))
     passed[last] = count[group[last]]
     previous = np.concatenate([[0.0], passed[:-1]])
     previous[np.append(0, last[:-1] + 1)] = 0.0

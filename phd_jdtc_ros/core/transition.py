@@ -17,6 +17,7 @@ from scipy import sparse
 
 from . import birth, detection_birth, neighbours
 from .detection_birth import Newborn
+from .grids import within_groups
 from .model import TrackerModel
 from .modes import ModeSpace
 from .motion import POSITION, MotionModel, whitener
@@ -298,7 +299,7 @@ def _whitened(state: FloatArray, mode: IntArray, modes: ModeSpace, kernel: _Kern
     for motion, matrix in kernel.whitening.items():
         own = np.array([other == motion for other in modes.motions])
         chosen = np.flatnonzero(own[mode])
-        whitened[chosen] = state[chosen] @ matrix
+        whitened[chosen] = state.take(chosen, axis=0) @ matrix
     return whitened
 
 
@@ -316,7 +317,7 @@ def _gated_density(
     Destination modes that share their motion and their possible sources are one block of a common
     search; coordinates outside a motion's support are all zero.
     """
-    state, mode = later.state[rows], later.mode[rows]
+    state, mode = later.state.take(rows, axis=0), later.mode.take(rows)
     query = _whitened(state, mode, modes, kernel)
     density = np.empty((len(modes), len(earlier)))
     block_of = np.empty(len(modes), dtype=np.int64)
@@ -330,19 +331,21 @@ def _gated_density(
         block_of[index] = blocks.setdefault((motion, reachable.tobytes()), len(points))
         if block_of[index] == len(points):
             source = np.flatnonzero(reachable[earlier.mode])
-            points.append(kernel.successor[motion][source] @ kernel.whitening[motion])
+            points.append(kernel.successor[motion].take(source, axis=0) @ kernel.whitening[motion])
             sources.append(source)
     source, mode_row = np.concatenate(sources), mode * len(earlier)
-    search = candidates(
-        query,
-        block_of[mode],
-        np.concatenate(points),
-        np.repeat(np.arange(len(points)), [len(source) for source in sources]),
-        radius,
-        None if groups is None else (groups[0][rows], groups[1][source]),
-    )
-    for row, point, square in near_chunks(search):
-        column = source.take(point)
+    point, block = np.concatenate(points), block_of[mode]
+    point_block = np.repeat(np.arange(len(points)), [len(source) for source in sources])
+    if len(query) == 0 or len(point) == 0:
+        return
+    if groups is None:
+        near = near_chunks(candidates(query, block, point, point_block, radius))
+    else:
+        line = groups[0][rows] * len(points) + block
+        point_line = groups[1][source] * len(points) + point_block
+        near = within_groups(query, line, point, point_line, GATE_SIGMA)
+    for row, found, square in near:
+        column = source.take(found)
         value = np.exp(-0.5 * square)
         value *= density.take(mode_row.take(row) + column)
         yield row, column, value

@@ -60,7 +60,7 @@ def brute_pairs(radar, predicted, detections):
     error = predicted[:, None, :] - detections.measurement[None, :, :]
     turn = np.exp(1j * error[..., 1])
     scaled = np.stack([error[..., 0], np.angle(turn)], axis=-1) / radar.noise_std
-    near = (np.abs(scaled) <= GATE_SIGMA).all(axis=-1)
+    near = (scaled**2).sum(axis=-1) <= GATE_SIGMA**2
     log_likelihood = -0.5 * (scaled**2).sum(axis=-1) - np.log(
         2.0 * np.pi * radar.range_std * radar.azimuth_std
     )
@@ -127,11 +127,12 @@ def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
     state[:, [0, 2]] = rng.normal([-9e3, 0.0], 300.0, (200, 2))  # on the cut
     measurement = radar.measure(state[:5]).copy()
     turned = measurement + np.array([0.0, turns * 2.0 * np.pi])
-    phd = intensity(state, np.full(200, 0.01), mode=rng.integers(0, 4, 200))
+    phd = intensity(state, np.full(200, 0.004), mode=rng.integers(0, 4, 200))
     amplitudes = np.full(5, 20.0)
+    missed, _ = update(phd, Detections(np.zeros((0, 2)), np.zeros(0)), radar, model, 6.0)
     plain, _ = update(phd, Detections(measurement, amplitudes), radar, model, 6.0)
     shifted, _ = update(phd, Detections(turned, amplitudes), radar, model, 6.0)
-    assert plain.weight.sum() > 1.0
+    assert plain.weight.sum() > missed.weight.sum() + 0.1
     np.testing.assert_allclose(shifted.weight, plain.weight, rtol=1e-9)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scenes import gaussian_cloud, intensity, small
 
-from phd_jdtc_ros.core import neighbours, transition
+from phd_jdtc_ros.core import grids, neighbours, transition
 from phd_jdtc_ros.core.gating import cell_lists
 from phd_jdtc_ros.core.motion import sample
 
@@ -43,13 +43,17 @@ def candidates_of_a_build(monkeypatch, *scene):
     model, earlier, later = tracked(*scene)
     tested = []
 
-    def counted(*arguments):
-        found = neighbours.candidates(*arguments)
-        tested.append(found.count.sum())
-        return found
+    def counted(search):
+        def count(*arguments):
+            found = search(*arguments)
+            tested.append(found.count.sum())
+            return found
+
+        return count
 
     with monkeypatch.context() as patch:
-        patch.setattr(transition, "candidates", counted)
+        patch.setattr(transition, "candidates", counted(neighbours.candidates))
+        patch.setattr(grids, "grid_candidates", counted(grids.grid_candidates))
         patch.setattr(neighbours, "BACKEND", neighbours.NUMPY)
         link = transition.build(earlier, later, model, 6.0)
     return np.array(tested) / len(later), link.ratio.nnz / len(later)
