@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import sparse
 
+from . import neighbours
 from .chunking import Pairs
-from .neighbours import ROUNDING, Candidates, columns_of, near_chunks
+from .neighbours import ROUNDING, Candidates, near_chunks
 from .types import FloatArray, IntArray, run_starts
 
 # Cells are as high as the radius and so many times as slender: what a row of them holds beside the
@@ -53,9 +55,10 @@ def grid_candidates(
 ) -> Candidates:
     """Return what is to be tested; parameters as those of `within_groups`."""
     groups = 1 + int(max(query_group.max(), point_group.max()))
-    low, extent = _extents(point, point_group, groups)
-    order = np.argsort(-extent, axis=1, kind="stable")
-    corner, wide = (np.take_along_axis(each, order[:, :2], axis=1).T for each in (low, extent))
+    by_axis = np.ascontiguousarray(point.T)
+    low, extent = _extents(by_axis, point_group, groups)
+    axes = np.argsort(-extent, axis=1, kind="stable")[:, :2]
+    corner, wide = (np.take_along_axis(each, axes, axis=1).T for each in (low, extent))
     finest = np.array([[radius / SLENDER], [radius]])
     points = np.bincount(point_group, minlength=groups)
     area = (wide / finest).prod(axis=0) / (CELLS_A_POINT * np.maximum(points, 1))
@@ -63,32 +66,29 @@ def grid_candidates(
     across, down = (wide / width).astype(np.int64) + 1
     first = np.cumsum(across * down) - across * down
 
-    along, height = _places(point, point_group, order, corner, width)
+    along, height = _places(point, point_group, axes, corner, width)
     cell = first.take(point_group) + along.astype(np.int64)
     cell += height.astype(np.int64) * across.take(point_group)
-    rank = np.argsort(cell, kind="stable")
-    number = np.bincount(cell, minlength=int((across * down).sum()))
-    begin = np.concatenate([[0], np.cumsum(number)])
+    rank, begin = _by_cell(cell, int((across * down).sum()))
 
-    place = _places(query, query_group, order, corner, width)
+    place = _places(query, query_group, axes, corner, width)
     grid = (first.take(query_group), across.take(query_group), down.take(query_group))
     start, count = _rows_of_cells(place, grid, begin, (radius / width[1]).take(query_group))
     kept = np.flatnonzero(count)
     return Candidates(
-        query=columns_of(query, np.arange(len(query)), query_group, order),
-        point=columns_of(point, rank, point_group[rank], order),
+        query=np.asarray(query.T, order=neighbours.BACKEND.layout),
+        point=np.asarray(by_axis.take(rank, axis=1), order=neighbours.BACKEND.layout),
         limit=np.full(len(query), radius**2),
         rank=rank,
         owner=kept // start.shape[1],
-        start=start.ravel()[kept],
-        count=count.ravel()[kept],
+        start=start.ravel().take(kept),
+        count=count.ravel().take(kept),
     )
 
 
-def _extents(point: FloatArray, group: IntArray, groups: int) -> tuple[FloatArray, FloatArray]:
+def _extents(by_axis: FloatArray, group: IntArray, groups: int) -> tuple[FloatArray, FloatArray]:
     """Return each group's lowest coordinates and how far it extends; zeros where it is empty."""
     run = run_starts(group)
-    by_axis = np.ascontiguousarray(point.T)
     low, high = np.full((groups, len(by_axis)), np.inf), np.full((groups, len(by_axis)), -np.inf)
     np.minimum.at(low, group[run], np.minimum.reduceat(by_axis, run, axis=1).T)
     np.maximum.at(high, group[run], np.maximum.reduceat(by_axis, run, axis=1).T)
@@ -96,12 +96,24 @@ def _extents(point: FloatArray, group: IntArray, groups: int) -> tuple[FloatArra
     return np.where(empty, 0.0, low), np.where(empty, 0.0, high - low)
 
 
+def _by_cell(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
+    """Return the points in the order of their cells, and where each cell begins."""
+    # Making a CSR array is a counting sort, twice as fast as an argsort.
+    column = np.arange(len(cell))
+    table = sparse.csr_array(
+        (np.ones(len(cell), dtype=np.int8), (cell, column)), shape=(cells, len(cell))
+    )
+    return table.indices.astype(np.int64), table.indptr.astype(np.int64)
+
+
 def _places(
-    value: FloatArray, group: IntArray, order: IntArray, corner: FloatArray, width: FloatArray
+    value: FloatArray, group: IntArray, axes: IntArray, corner: FloatArray, width: FloatArray
 ) -> FloatArray:
     """Return where in its group's grid each row stands, in cells, shape (2, N)."""
-    place = columns_of(value, np.arange(len(value)), group, order[:, :2])
+    flat, begin = np.ascontiguousarray(value).ravel(), np.arange(len(value)) * value.shape[1]
+    place = np.empty((2, len(value)))
     for axis in range(2):
+        place[axis] = flat.take(begin + axes[:, axis].take(group))
         place[axis] -= corner[axis].take(group)
         place[axis] /= width[axis].take(group)
     return place
@@ -131,18 +143,19 @@ def _rows_of_cells(
     start, count : int arrays of shape (Q, 3)
     """
     (along, height), (first, across, down) = place, grid
-    start, count = (np.zeros((len(along), 3), dtype=np.int64) for _ in range(2))
-    middle = np.floor(height)
+    start, count = (np.empty((len(along), 3), dtype=np.int64) for _ in range(2))
+    middle, last = np.floor(height), across - 1.0
     for column, shift in enumerate((-1.0, 0.0, 1.0)):
         row = middle + shift
         # Of a circle, a row so far from its centre holds no more than a chord.
         apart = np.maximum(np.maximum(row - height, height - row - 1.0) - ROUNDING, 0.0)
         half = SLENDER * np.sqrt(np.maximum(reach * reach - apart * apart, 0.0)) + ROUNDING
-        left = np.maximum(np.floor(along - half), 0.0)
-        right = np.minimum(np.floor(along + half), across - 1.0)
-        seen = np.flatnonzero((row >= 0.0) & (row < down) & (left <= right))
-        begins = first.take(seen) + row.take(seen).astype(np.int64) * across.take(seen)
-        own = begin.take(begins + left.take(seen).astype(np.int64))
-        start[seen, column] = own
-        count[seen, column] = begin.take(begins + right.take(seen).astype(np.int64) + 1) - own
+        line = first + across * np.minimum(np.maximum(row, 0.0), down - 1.0)
+        # Beside the grid, the cells at its edge are tested in vain.
+        left = line + np.minimum(np.maximum(np.floor(along - half), 0.0), last)
+        right = line + np.minimum(np.maximum(np.floor(along + half), 0.0), last)
+        start[:, column] = begin.take(left.astype(np.int64))
+        count[:, column] = begin.take(right.astype(np.int64) + 1)
+        count[:, column] -= start[:, column]
+        count[:, column] *= (row >= 0.0) & (row < down)
     return start, count

@@ -112,7 +112,7 @@ def candidates(
     blocks = int(max(query_block.max(), point_block.max())) + 1
     widest = float(reach.max())
     order = _selective_axes(query, query_block, point, point_block, widest, blocks)
-    first, second = columns_of(point, np.arange(len(point)), point_block, order[:, :2])
+    first, second = _columns(point, np.arange(len(point)), point_block, order[:, :2])
     low = float(first.min()) - 2.0 * widest, float(second.min())
     # Strips fit the usual radius; the few larger ones reach beyond the neighbouring strips.
     width = max(float(reach.mean()), widest / 3.0) * (1.0 + ROUNDING)
@@ -125,7 +125,7 @@ def candidates(
     key = (point_block * strips + strip) * span + (first - low[0])
     rank = np.argsort(key)
 
-    columns = columns_of(query, np.arange(len(query)), query_block, order)
+    columns = _columns(query, np.arange(len(query)), query_block, order)
     along, height = columns[0] - low[0], (columns[1] - low[1]) / width + beyond + 1.0
     inside = (height >= 0.0) & (height < strips) & (along >= 0.0) & (along <= span - widest)
     owner = np.flatnonzero(inside)
@@ -144,7 +144,7 @@ def candidates(
     kept = np.flatnonzero(count)
     return Candidates(
         query=columns,
-        point=columns_of(point, rank, point_block[rank], order),
+        point=_columns(point, rank, point_block[rank], order),
         limit=reach**2,
         rank=rank,
         owner=kept // (2 * beyond + 1),
@@ -195,7 +195,7 @@ def _look_up(
     return found
 
 
-def columns_of(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) -> FloatArray:
+def _columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) -> FloatArray:
     """Return some rows' coordinates on the axes of their block.
 
     Parameters
