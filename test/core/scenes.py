@@ -6,6 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from phd_jdtc_ros.core import config
+from phd_jdtc_ros.core.motion import OMEGA
 from phd_jdtc_ros.core.simulation import paper_scenario
 from phd_jdtc_ros.core.types import Detections, ParticlePHD
 
@@ -29,6 +30,9 @@ PLAIN = {
     "start.position": [8e3, 6e3],
     "start.rates": [0.01],
 }
+
+
+TARGETS = np.array([[6e3, 8e3], [6.6e3, 8.2e3], [-9e3, 0.0]])
 
 
 def small(given=None):
@@ -85,3 +89,17 @@ def short_scenario(scans, clutter_rate=5.0):
     scenario = reference_scenario()
     radars = tuple(replace(radar, clutter_rate=clutter_rate) for radar in scenario.radars)
     return replace(scenario, scans=scans, radars=radars)
+
+
+def scattered(seed=0, count=300, mass=2.0):
+    """Return particles about three places, one on the azimuth's cut, in all modes."""
+    rng = np.random.default_rng(seed)
+    state = np.zeros((count, 5))
+    state[:, [0, 2]] = TARGETS[rng.integers(0, 3, count)] + rng.normal(0.0, 300.0, (count, 2))
+    state[:, [1, 3]] = rng.normal(0.0, 30.0, (count, 2))
+    mode = rng.integers(0, 4, count)
+    state[:, OMEGA] = np.where(mode % 2 == 1, rng.normal(0.0, 1e-2, count), 0.0)
+    weight = rng.exponential(1.0, count)
+    return intensity(
+        state, weight * mass / weight.sum(), mode=mode, origin=rng.integers(0, 3, count)
+    )

@@ -2,16 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import intensity, no_detections, small
+from scenes import TARGETS, intensity, no_detections, scattered, small
 from scipy.stats import norm
 
 from phd_jdtc_ros.core import amplitude
 from phd_jdtc_ros.core import filter as phd_filter
 from phd_jdtc_ros.core.filter import resample, update_scan
-from phd_jdtc_ros.core.model import ORIGINS_PER_SCAN, ParticleBudget
+from phd_jdtc_ros.core.model import ParticleBudget
 from phd_jdtc_ros.core.modes import ClassModel
-from phd_jdtc_ros.core.motion import OMEGA
-from phd_jdtc_ros.core.prediction import predict
 from phd_jdtc_ros.core.types import Detections, ParticlePHD, Scan
 
 # The PHD filter itself; what the other corrector does is tested in test_correction.
@@ -21,26 +19,11 @@ MODES = MODEL.modes
 # Much clutter, so that weak detections are in doubt.
 RADARS = tuple(replace(radar, clutter_rate=200.0) for radar in MODEL.radars)
 RADAR = RADARS[1]  # at the world's origin
-TARGETS = np.array([[6e3, 8e3], [6.6e3, 8.2e3], [-9e3, 0.0]])
 
 
 def update(phd, detections, radar, modes):
     updated, _ = phd_filter.update(phd, detections, radar, replace(MODEL, modes=modes), 6.0)
     return updated
-
-
-def scattered(seed=0, count=300, mass=2.0):
-    """Return particles about three places, one on the azimuth's cut, in all modes."""
-    rng = np.random.default_rng(seed)
-    state = np.zeros((count, 5))
-    state[:, [0, 2]] = TARGETS[rng.integers(0, 3, count)] + rng.normal(0.0, 300.0, (count, 2))
-    state[:, [1, 3]] = rng.normal(0.0, 30.0, (count, 2))
-    mode = rng.integers(0, 4, count)
-    state[:, OMEGA] = np.where(mode % 2 == 1, rng.normal(0.0, 1e-2, count), 0.0)
-    weight = rng.exponential(1.0, count)
-    return intensity(
-        state, weight * mass / weight.sum(), mode=mode, origin=rng.integers(0, 3, count)
-    )
 
 
 def reports(amplitudes=(20.0, 5.0, 4.0, 4.0), radar=RADAR):
@@ -83,95 +66,6 @@ def dense_update(phd, detections, radar, modes):
         numerator[n] = p_d[c] * likelihood * phd.weight[n]
     total = numerator.sum(axis=0)
     return phd.poisson * missed, numerator / (clutter + total), total / (clutter + total)
-
-
-@pytest.mark.parametrize("dt", [6.0, 2.0, 9.5])
-def test_predict_mass_is_that_of_survivors_spawned_and_born(dt):
-    phd = scattered()
-    predicted = predict(phd, MODEL, CONFIG.budget, dt, 3, np.random.default_rng(0))
-    share = dt / 6.0
-    births = share * sum(term.rate.sum() for term in MODEL.births)
-    expected = 0.99**share * 2.0 + 0.01 * share * 2.0 + births
-    assert predicted.weight.sum() == pytest.approx(expected, rel=1e-12)
-    born = predicted.parent < 0
-    assert predicted.weight[born].sum() == pytest.approx(births, rel=1e-12)
-
-
-def test_predict_uses_each_class_survival():
-    classes = tuple(
-        replace(model, survival_probability=p)
-        for model, p in zip(MODES.classes, (0.9, 0.5), strict=True)
-    )
-    model = replace(
-        MODEL,
-        modes=replace(MODES, classes=classes),
-        births=(),
-        spawn=replace(MODEL.spawn, rate=0.0),
-    )
-    phd = scattered()
-    before = phd.class_mass(MODES.class_of, 2)
-    predicted = predict(phd, model, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
-    after = predicted.class_mass(MODES.class_of, 2)
-    np.testing.assert_allclose(after, before * [0.9, 0.5], rtol=1e-12)
-
-
-def test_predict_moves_every_copy_with_noise_of_its_own():
-    state = np.repeat([[0.0, 10.0, 0.0, 5.0, 0.0]], 2, axis=0)
-    phd = intensity(state, [0.6, 0.2], multiplicity=np.array([3, 1]))
-    model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
-    predicted = predict(phd, model, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
-    assert len(predicted) == 4
-    assert len(np.unique(predicted.state[:, 0])) == 4
-    np.testing.assert_array_equal(predicted.parent, [0, 0, 0, 1])
-    np.testing.assert_array_equal(predicted.multiplicity, 1)
-    np.testing.assert_allclose(predicted.weight, np.full(4, 0.2 * 0.99))
-
-
-def test_predict_survivors_keep_class_and_origin():
-    phd = scattered()
-    model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
-    predicted = predict(phd, model, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
-    source = phd.mode[predicted.parent]
-    np.testing.assert_array_equal(MODES.class_of[predicted.mode], MODES.class_of[source])
-    np.testing.assert_array_equal(predicted.origin, phd.origin[predicted.parent])
-    assert (predicted.mode != source).any()
-
-
-def test_predict_draws_modes_by_the_transition_over_the_interval():
-    count = 20_000
-    phd = intensity(np.zeros((count, 5)), np.full(count, 1e-4), mode=np.full(count, 2))
-    model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
-    predicted = predict(phd, model, CONFIG.budget, 3.0, 1, np.random.default_rng(0))
-    share = np.bincount(predicted.mode, minlength=4) / count
-    expected = MODES.transition(3.0)[2]
-    error = 4.5 * np.sqrt(expected * (1.0 - expected) / count)
-    assert (np.abs(share - expected) <= error).all()
-
-
-def test_predict_names_births_after_term_and_scan():
-    empty = ParticlePHD.empty(5)
-    rng = np.random.default_rng(0)
-    scans = [predict(empty, MODEL, CONFIG.budget, 6.0, index, rng) for index in (0, 1)]
-    names = [set(scan.origin.tolist()) for scan in scans]
-    assert names == [{0, 1, 2, 3}, {ORIGINS_PER_SCAN + term for term in range(4)}]
-    for term, (mean, _) in enumerate(zip(MODEL.births, range(4), strict=True)):
-        near = scans[0].state[scans[0].origin == term]
-        assert np.abs(near[:, 0] - mean.mean[0]).max() < 6.0 * 200.0
-
-
-def test_predict_of_nothing_without_births_is_nothing():
-    model = replace(MODEL, births=())
-    empty = ParticlePHD.empty(5)
-    predicted = predict(empty, model, CONFIG.budget, 6.0, 0, np.random.default_rng(0))
-    assert len(predicted) == 0
-
-
-def test_predict_leaves_all_weight_in_the_poisson_part():
-    phd = scattered()
-    updated = update(phd, reports(), RADAR, MODES)
-    predicted = predict(updated, MODEL, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
-    assert predicted.components.shape == (len(predicted), 0)
-    np.testing.assert_array_equal(predicted.weight, predicted.poisson)
 
 
 @pytest.mark.parametrize("radar", RADARS, ids=lambda radar: radar.name)
