@@ -49,7 +49,14 @@ setup(
     ],
     extras_require={
         "ros": ROS_WHEELS,
-        "test": ["pytest", "pytest-rerunfailures", "pytest-timeout", "hypothesis", "rosbags"],
+        "test": [
+            "pytest",
+            "pytest-cov",
+            "pytest-rerunfailures",
+            "pytest-timeout",
+            "hypothesis",
+            "rosbags",
+        ],
         # A compiled inner loop of the smoother, with the same results; ROS has it as python3-numba.
         "fast": ["numba>=0.59"],
         "study": ["dask", "distributed"],
