@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.simulation import (
     paper_scenario,
     truth_at,
 )
-from phd_jdtc_ros.core.types import FloatArray, ParticlePHD
+from phd_jdtc_ros.core.types import IntArray, ParticlePHD
 
 # Targets are within this of the origin, metres; both radars see all of it.
 FIELD_RADIUS = 13e3
@@ -113,8 +113,8 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
 
 
 def _modes_of(
-    truth: Truth, config: TrackerConfig, target: FloatArray, rng: np.random.Generator
-) -> FloatArray:
+    truth: Truth, config: TrackerConfig, target: IntArray, rng: np.random.Generator
+) -> IntArray:
     """Return a flat mode of each row's class, drawn evenly."""
     class_of = config.model.modes.class_of
     first = np.searchsorted(class_of, truth.class_id[target])

@@ -3,9 +3,13 @@
 import os
 import sys
 
-# Before anything imports rclpy: this process and its children stay on this machine, and leave no
-# shared memory behind where they are killed.
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+from .isolation import ISOLATED
+
+# Before anything imports rclpy: the shipped profile keeps this process and its children on this
+# machine, and they leave no shared memory behind where they are killed. With LOCALHOST for a range
+# as well, a restarted node would be heard seconds later.
+os.environ.update(ISOLATED)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
 os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
 os.environ["OMP_NUM_THREADS"] = "1"
 

@@ -16,30 +16,24 @@ from pathlib import Path
 from typing import Any
 
 from .figures import Figure, NotMeasurableError, measured_or_why
+from .isolation import ISOLATED, OPEN
 from .rig import LIGHT, RELIABLE, Node, Rig
 
 NAME = "rogue on the LAN"
 GOAL = "0 data, 0 parameter writes"
-PROFILE = Path(__file__).parents[1] / "config" / "dds" / "localhost_only.xml"
 ADDRESSES = ("10.77.0.1", "10.77.0.2")
 ROGUE_S = 8.0
 BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
 
 
-def profile_environment() -> dict[str, str]:
-    """Return what makes Fast DDS take the profile, whatever its version."""
-    names = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-    return dict.fromkeys(names, str(PROFILE))
-
-
 # What the tracker and the replay are started with. The demo limits discovery too; without the
 # profile that limit is all there is.
 TRIALS: Mapping[str, Mapping[str, str]] = {
-    "the demo's": profile_environment(),
-    "profile alone": {**profile_environment(), "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
-    "discovery range alone": {},
+    "the demo's": {**ISOLATED, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
+    "profile alone": {**ISOLATED, "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
+    "discovery range alone": {**OPEN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
 }
-OPEN = "discovery range alone"
+WITHOUT = "discovery range alone"
 
 
 def measure(trials: Sequence[str] = tuple(TRIALS), seconds: float = ROGUE_S) -> Figure:
@@ -62,10 +56,10 @@ def _measure(trials: Sequence[str], seconds: float) -> tuple[str, bool, Mapping[
     kept_out = all(
         said["data"] == said["parameter_writes"] == 0 and said["good"] == said["sent"]
         for name, said in found.items()
-        if name != OPEN
+        if name != WITHOUT
     )
     # Without the profile the rogue must get in, or nothing has been shown.
-    shown = found[OPEN]["data"] > 0 and found[OPEN]["parameter_writes"] > 0
+    shown = found[WITHOUT]["data"] > 0 and found[WITHOUT]["parameter_writes"] > 0
     return text, kept_out and shown, found
 
 

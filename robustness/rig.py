@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 import re
 import signal
@@ -13,6 +12,8 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from .domains import Domain
 
 if TYPE_CHECKING:
     from .radars import Radars
@@ -25,8 +26,6 @@ RELIABLE = tuple(
 )
 # A tracker whose steps take next to no time, for where the steps are not what is measured.
 LIGHT = ("-p", "particles_per_target:=200", "-p", "particles_per_birth:=256", "-p", "lag:=2")
-
-_rigs = itertools.count()
 
 
 class Node:
@@ -105,7 +104,8 @@ class Rig:
     """A domain, its nodes, and radars beside them; all ended when the block ends."""
 
     def __init__(self) -> None:
-        self.domain = 1 + (os.getpid() + 7 * next(_rigs)) % 100
+        self._domain = Domain()
+        self.domain = self._domain.number
         self._directory = tempfile.TemporaryDirectory()
         self.directory = Path(self._directory.name)
         self._nodes: list[Node] = []
@@ -119,13 +119,26 @@ class Rig:
             self._radars.close()
         for node in self._nodes:
             node.stop()
+        self._domain.release()
         self._directory.cleanup()
 
     def start(
         self, name: str, *arguments: object, prefix: Sequence[str] = (), **environment: str
     ) -> Node:
         """Start an executable, behind a command such as ``ip netns exec NAME`` if one is given."""
-        command = [*prefix, sys.executable, "-m", "phd_jdtc_ros", name, *map(str, arguments)]
+        module = ("phd_jdtc_ros", name, *map(str, arguments))
+        return self.run(name, *module, prefix=prefix, **environment)
+
+    def run(
+        self,
+        name: str,
+        module: str,
+        *arguments: str,
+        prefix: Sequence[str] = (),
+        **environment: str,
+    ) -> Node:
+        """Start a module of Python's, under a name for its log."""
+        command = [*prefix, sys.executable, "-m", module, *arguments]
         log = self.directory / f"{len(self._nodes)}_{name}.log"
         node = Node(command, log, self.domain, environment)
         self._nodes.append(node)

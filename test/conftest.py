@@ -4,7 +4,11 @@ import os
 # and leave no shared memory behind when they kill nodes.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
-os.environ["ROS_DOMAIN_ID"] = str(1 + os.getpid() % 100)
+
+from robustness.domains import Domain
+
+# Never released: it is this process's until that ends.
+os.environ["ROS_DOMAIN_ID"] = str(Domain().number)
 
 import pytest
 from hypothesis import settings

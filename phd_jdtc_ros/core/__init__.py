@@ -6,24 +6,24 @@ A scan's way through the core, with the module of each step::
       |  grouped by stamp                      scans
     Scan
       |  predict: survive, spawn, be born      prediction, motion, modes, spawn, birth
-      |  update, radar by radar                filter, radar, amplitude, signature
+      |  update, radar by radar                filter, radar, gating, amplitude, signature
       |    one target an origin                correction, association, matching
       |    targets found by detections         detection_birth
     ParticlePHD, split into components         types
       |------------- targets ---------------> extraction -> Estimates (filtered)
       |  resample within (class, origin)       filter, resampling
     stored set t+1
-      |  kernel from set t, cached             transition, neighbours (neighbours_numba)
+      |  kernel from set t, cached             transition, grids, neighbours
       |  backward over the lag window          smoother
     ParticlePHD at t, smoothed weights
       |------------- targets ---------------> extraction -> Estimates (smoothed)
 
-`engine` runs these steps and is the only place that holds state (the last stored set and the
-random generator in its filter, the lag window in its smoother). `config` turns parameters into an
-engine. `simulation` makes scans with known truth, from a script that `scenario` reads; `metrics`
-and `surveillance` compare with it, `scan_scores`, `run_totals` and `evaluation` scan by scan and
-over a run. numba, where it is installed, compiles the inner loops of `neighbours` and `gating`; the
-results are the same but for rounding.
+`engine` runs these steps and is the only place that holds state (the last stored set and the random
+generator in its filter, the lag window in its smoother, and the `track_numbers` in use). `config`
+turns parameters into an engine. `simulation` makes scans with known truth, from a script that
+`scenario` reads; `metrics` and `surveillance` compare with it, `scan_scores`, `run_totals` and
+`evaluation` scan by scan and over a run. numba, where it is installed, compiles the inner loops of
+`neighbours`, `grids` and `gating` (`neighbours_numba`); the results are the same but for rounding.
 
 The method is that of Y. Qin, "Joint Target Detection, Tracking and Classification with
 Forward-Backward PHD Smoothing". Sections cited in the docstrings are the paper's; wherever the

@@ -58,13 +58,13 @@ def marginals(
     propagation", IEEE Transactions on Aerospace and Electronic Systems 50(4), 2014.
     """
     clutter = np.maximum(clutter, LEAST_CLUTTER)
-    edge, none = np.empty(len(target)), np.ones(targets)
+    edge = np.empty(len(target))
     loops = _small_loops(target, detection, targets, len(clutter))
     alone = np.ones(len(target), dtype=bool)
     for edges in loops:
         alone[edges] = False
     rest = np.flatnonzero(alone)
-    edge[rest], none[:] = _propagated(target[rest], detection[rest], odds[rest], targets, clutter)
+    edge[rest], none = _propagated(target[rest], detection[rest], odds[rest], targets, clutter)
     for edges in loops:
         of, own = np.unique(target[edges], return_inverse=True)
         sought, column = np.unique(detection[edges], return_inverse=True)

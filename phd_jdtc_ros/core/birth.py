@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 from .modes import ModeSpace
 from .motion import POSITION
+from .sobol import sobol_points
 from .types import FloatArray, IntArray, read_only
 
 # Birth terms are not evaluated farther out than this many standard deviations in any coordinate.
@@ -42,13 +41,6 @@ class BirthTerm:
     def __post_init__(self) -> None:
         for name in ("mean", "std", "rate"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-
-
-@lru_cache(maxsize=8)
-def sobol_points(dimension: int, count: int) -> FloatArray:
-    """Return `count` unscrambled Sobol points, shape (count, dimension); count a power of two."""
-    points: FloatArray = qmc.Sobol(dimension, scramble=False).random_base2(count.bit_length() - 1)
-    return points
 
 
 def shifted(points: FloatArray, shift: FloatArray) -> FloatArray:

@@ -32,6 +32,7 @@ from .motion import (
 )
 from .parameters import BIRTH, RADAR, Value, schema
 from .radar import RadarModel
+from .scans import ScanGrouper
 from .signature import AmplitudeModel, Band, Ignored, Memory
 from .smoother import DEATH_TERMS
 from .spawn import SpawnModel
@@ -106,6 +107,10 @@ class TrackerConfig:
     existence_threshold : float
         Probability of existence above which a target is reported.
     seed : int
+    max_gap_s : float
+        How far apart scans of one run may be, seconds.
+    reorder_scans : int
+        How many of the newest scans are held back for what arrives out of order.
     """
 
     values: dict[str, Value]
@@ -116,11 +121,22 @@ class TrackerConfig:
     lag: Lag
     existence_threshold: float
     seed: int
+    max_gap_s: float
+    reorder_scans: int
 
     @property
     def reset_threshold_s(self) -> float:
         """How far back stamps must jump to be a new run, seconds."""
         return RESET_THRESHOLD_SCANS * self.model.modes.interval_s
+
+    def grouper(self) -> ScanGrouper:
+        """Return what makes scans of the radars' reports."""
+        return ScanGrouper(
+            len(self.inputs),
+            self.reset_threshold_s,
+            self.max_gap_s,
+            self.reorder_scans,
+        )
 
     def engine(self) -> FixedLagSmoother:
         """Return a new tracker."""
@@ -195,6 +211,8 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         lag=Lag(values["lag"], values["lag_s"] or None),
         existence_threshold=values["existence_threshold"],
         seed=values["seed"],
+        max_gap_s=values["max_gap_scans"] * values["interval_s"],
+        reorder_scans=values["reorder_scans"],
     )
 
 

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from .birth import shifted, sobol_points
+from .birth import shifted
 from .modes import ModeSpace
 from .motion import OMEGA, POSITION, STATE_SIZE, VELOCITY
 from .radar import RadarModel
+from .sobol import sobol_points
 from .types import Detections, FloatArray, IntArray, read_only, sum_by
 
 # Newborn targets are not evaluated at speeds or turn rates beyond this many standard deviations.
@@ -85,11 +86,14 @@ class Newborn:
         Detections with a newborn mass worth keeping.
     mass : array of shape (J, C)
         Probability that each is a new target of each class.
+    amplitude : array of shape (J,) or None
+        Those of the detections, where they have any.
     """
 
     radar: RadarModel
     measurement: FloatArray
     mass: FloatArray
+    amplitude: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.measurement)
@@ -98,7 +102,8 @@ class Newborn:
 def newborn(radar: RadarModel, detections: Detections, mass: FloatArray) -> Newborn:
     """Return the detections whose newborn mass, of shape (M, C), is worth keeping."""
     kept = mass.sum(axis=1) >= LEAST_MASS
-    return Newborn(radar, detections.measurement[kept], mass[kept])
+    amplitude = None if detections.amplitude is None else detections.amplitude[kept]
+    return Newborn(radar, detections.measurement[kept], mass[kept], amplitude)
 
 
 def sample(
@@ -109,11 +114,21 @@ def sample(
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
     """Draw the newborn targets of one radar.
 
+    Parameters
+    ----------
+    found : Newborn
+        J detections.
+    model : DetectionBirthModel
+    modes : ModeSpace
+    rng : numpy.random.Generator
+
     Returns
     -------
     state : array of shape (N, D)
+        In the world frame; N is J times the particles of a detection.
     mode : int array of shape (N,)
     weight : array of shape (N,)
+        In targets.
     detection : int array of shape (N,)
         The row of `found` that each particle comes from.
     """

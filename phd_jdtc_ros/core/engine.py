@@ -7,8 +7,8 @@ and the random generator.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -19,8 +19,9 @@ from .model import ParticleBudget, TrackerModel
 from .prediction import predict
 from .smoother import DeathTerm, backward_pass
 from .snapshot import Snapshot
+from .track_numbers import TrackNumbers
 from .transition import Transition
-from .types import Estimates, FloatArray, IntArray, ParticlePHD, Scan
+from .types import Estimates, FloatArray, ParticlePHD, Scan
 
 # Second words of the seeds, so that what is drawn for one purpose says nothing of another.
 EXTRACTION_STREAM, FILTER_STREAM = 1, 2
@@ -62,6 +63,10 @@ class Engine(Protocol):
 
     def flush(self) -> tuple[Estimates, ...]:
         """Return the smoothed estimates still held back, oldest first, and reset."""
+        ...
+
+    def interrupt(self) -> tuple[Estimates, ...]:
+        """Do as `flush`, but give tracks found from now on numbers that no other has had."""
         ...
 
     def retune(self, model: TrackerModel, existence_threshold: float) -> None:
@@ -193,35 +198,6 @@ class ForwardFilter:
         return stored, (stamp_ns - latest_ns) * 1e-9
 
 
-class TrackNumbers:
-    """Numbers tracks from 1 in the order of their first report; keeps the numbers in use."""
-
-    def __init__(self, number: dict[int, int] | None = None, count: int = 0) -> None:
-        self._number = number or {}
-        self._count = count
-
-    def numbered(self, estimates: Estimates) -> Estimates:
-        """Return the estimates with numbers for labels; 0 stays 0."""
-        numbers = [self._of(label) if label else 0 for label in estimates.track_id.tolist()]
-        return replace(estimates, track_id=np.array(numbers, dtype=np.int64))
-
-    def _of(self, label: int) -> int:
-        if label not in self._number:
-            self._count += 1
-            self._number[label] = self._count
-        return self._number[label]
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        """What is known, for a snapshot: the arguments of a new one."""
-        return {"number": [list(pair) for pair in self._number.items()], "count": self._count}
-
-    def forget_all_but(self, labels: list[IntArray]) -> None:
-        """Drop the numbers of targets that can no longer be reported."""
-        alive = set((np.concatenate(labels) + 1).tolist())
-        self._number = {label: n for label, n in self._number.items() if label in alive}
-
-
 @dataclass
 class FixedLagSmoother:
     """SMC PHD filter with a fixed-lag backward smoother over the general mode.
@@ -297,11 +273,20 @@ class FixedLagSmoother:
 
     def flush(self) -> tuple[Estimates, ...]:
         """Return the estimates of the window, smoothed as far as it goes, and reset."""
-        rest = []
-        while self._stored:
-            rest.append(self._smooth_oldest())
+        rest = self._smooth_rest()
         self.reset()
-        return tuple(rest)
+        return rest
+
+    def interrupt(self) -> tuple[Estimates, ...]:
+        """Do as `flush`, but give tracks found from now on numbers that no other has had.
+
+        For a gap in a time that goes on: whoever follows tracks by their numbers must not take a
+        new target for an old one.
+        """
+        rest, given = self._smooth_rest(), self._tracks.count
+        self.reset()
+        self._tracks = TrackNumbers(count=given)
+        return rest
 
     def snapshot(self) -> Snapshot:
         """Return all that the tracker holds; it shares its arrays, which nobody changes."""
@@ -350,6 +335,13 @@ class FixedLagSmoother:
         self._rng.bit_generator.state = facts["rng"]
         self._tracks = TrackNumbers({int(k): int(n) for k, n in tracks["number"]}, tracks["count"])
         self._stamps, self._stored, self._links = list(facts["stamps_ns"]), stored, links
+
+    def _smooth_rest(self) -> tuple[Estimates, ...]:
+        """Smooth the window as far as it goes, and empty it."""
+        rest = []
+        while self._stored:
+            rest.append(self._smooth_oldest())
+        return tuple(rest)
 
     def _smooth_oldest(self) -> Estimates:
         """Smooth the oldest stored set with all that follow, and drop it from the window."""

@@ -10,11 +10,10 @@ import numpy as np
 from .metrics import assign
 from .run_totals import OSPA2_WINDOW, RunTotals
 from .scan_scores import ALL, PointSet, ScanScore, set_scores
+from .sources import FILTERED, SMOOTHED, SOURCES
 from .surveillance import LONG_GAP_S
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
-
-FILTERED, SMOOTHED = SOURCES = ("filtered", "smoothed")
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")

@@ -114,6 +114,8 @@ def _joined(
         found, model.detection_births, model.modes, rng
     )
     count = len(weight)
+    amplitude = None if found.amplitude is None else found.amplitude.take(detection)
+    memory = model.amplitudes.born(mode, model.modes, rng, amplitude)
     labels = origin + np.arange(len(found)) if model.labelled else np.full(len(found), -1)
     own = sparse.csr_array((weight, detection, np.arange(count + 1)), shape=(count, len(found)))
     return ParticlePHD(
@@ -125,7 +127,7 @@ def _joined(
         poisson=np.concatenate([phd.poisson, np.zeros(count)]),
         components=sparse.block_diag([phd.components, own], format="csr"),
         label=np.concatenate([phd.label, labels]),
-        memory=np.concatenate([phd.memory, model.amplitudes.born(mode, model.modes, rng)]),
+        memory=np.concatenate([phd.memory, memory]),
     )
 
 

@@ -42,6 +42,7 @@ def within_groups(
     point : array of shape (P, K)
     point_group : int array of shape (P,)
     radius : float
+        In units of the coordinates: standard deviations, once whitened.
     """
     yield from near_chunks(grid_candidates(query, query_group, point, point_group, radius))
 
@@ -61,8 +62,10 @@ def grid_candidates(
     corner, wide = (np.take_along_axis(each, axes, axis=1).T for each in (low, extent))
     finest = np.array([[radius / SLENDER], [radius]])
     points = np.bincount(point_group, minlength=groups)
-    area = (wide / finest).prod(axis=0) / (CELLS_A_POINT * np.maximum(points, 1))
-    width = finest * np.sqrt(np.maximum(area, 1.0))
+    cells, most = wide / finest, CELLS_A_POINT * np.maximum(points, 1)
+    # A cloud that is a line has no area.
+    coarser = np.maximum(np.sqrt(cells.prod(axis=0) / most), cells.max(axis=0) / most)
+    width = finest * np.maximum(coarser, 1.0)
     across, down = (wide / width).astype(np.int64) + 1
     first = np.cumsum(across * down) - across * down
 

@@ -23,6 +23,21 @@ class TrackerModel:
     """Everything the recursion assumes about targets and radars.
 
     Rates and probabilities hold for the mode space's nominal interval and follow the true one.
+
+    Parameters
+    ----------
+    modes : ModeSpace
+        Classes, their motions, and how they change.
+    births : tuple of BirthTerm
+        Where targets are known to appear.
+    detection_births : DetectionBirthModel
+        How often they appear anywhere else.
+    spawn : SpawnModel
+    amplitudes : AmplitudeModel
+    radars : tuple of RadarModel
+        In the order in which their detections are taken in.
+    corrector : Corrector
+    state_size : int
     """
 
     modes: ModeSpace

@@ -10,8 +10,8 @@ intervals hold are its candidates, which are tested chunk by chunk.
 The test is the inner loop and there are two of it, `near_pairs` here and in `neighbours_numba`,
 which add the same numbers in the same order and so return the same bits. So do the two that gate
 detections. Where pairs must be of one group, as of one target's origin, `grids` takes the place of
-the sweep; the compiled `within_groups` evaluates the kernel as well, and its values differ in their
-last digits. Compiled code is used where numba is installed; the environment variable
+the sweep; the compiled `kernel_within_groups` evaluates the kernel as well, and its values differ
+in their last digits. Compiled code is used where numba is installed; the environment variable
 ``PHD_JDTC_KERNELS`` says otherwise: ``numpy`` or ``numba``, by default ``auto``.
 """
 
@@ -62,14 +62,16 @@ class Candidates:
     count: IntArray
 
 
-def pairs_within(
+def candidates(
     query: FloatArray,
     query_block: IntArray,
     point: FloatArray,
     point_block: IntArray,
     radius: float | FloatArray,
-) -> Pairs:
-    """Find every (query, point) pair of one block at most `radius` apart.
+) -> Candidates:
+    """Return what is to be tested to find every (query, point) pair of one block within a radius.
+
+    Their number, ``count.sum()``, is what a search costs.
 
     Parameters
     ----------
@@ -81,29 +83,6 @@ def pairs_within(
     point_block : int array of shape (P,)
     radius : float or array of shape (Q,)
         Positive.
-
-    Returns
-    -------
-    Pairs
-        A tuple of query index, point index and square distance.
-    """
-    found = list(near_chunks(candidates(query, query_block, point, point_block, radius)))
-    if not found:
-        none = np.zeros(0, dtype=np.int64)
-        return Pairs(none, none, np.zeros(0))
-    return Pairs(*(np.concatenate(part) for part in zip(*found, strict=True)))
-
-
-def candidates(
-    query: FloatArray,
-    query_block: IntArray,
-    point: FloatArray,
-    point_block: IntArray,
-    radius: float | FloatArray,
-) -> Candidates:
-    """Return what is to be tested; parameters as those of `pairs_within`.
-
-    Their number, ``count.sum()``, is what a search costs.
     """
     reach = np.full(len(query), radius)
     if len(query) == 0 or len(point) == 0:
@@ -301,8 +280,8 @@ class Backend(NamedTuple):
         code reads all of a point.
     near_detections : callable
         As that of `gating`.
-    within_groups : callable or None
-        That of `neighbours_numba`; where there is none, that of `grids` finds the pairs.
+    kernel_within_groups : callable or None
+        That of `neighbours_numba`; where there is none, `grids` finds the pairs.
     """
 
     name: str
@@ -312,7 +291,7 @@ class Backend(NamedTuple):
     ]
     layout: Literal["C", "F"]
     near_detections: Callable[..., tuple[IntArray, IntArray, FloatArray]]
-    within_groups: Callable[..., tuple[FloatArray, Any, Any, FloatArray]] | None
+    kernel_within_groups: Callable[..., tuple[FloatArray, Any, Any, FloatArray]] | None
 
 
 NUMPY = Backend("numpy", near_pairs, "C", near_detections, None)
@@ -340,7 +319,7 @@ def backend(wanted: str) -> Backend:
         return NUMPY
     compiled = neighbours_numba
     return Backend(
-        "numba", compiled.near_pairs, "F", compiled.near_detections, compiled.within_groups
+        "numba", compiled.near_pairs, "F", compiled.near_detections, compiled.kernel_within_groups
     )
 
 

@@ -125,7 +125,7 @@ def _widest_two(cloud: FloatArray) -> tuple[int, int]:
         *(_READ_INTS, _READ_ROWS, types.int64, types.float64),
     )
 )
-def within_groups(
+def kernel_within_groups(
     query: FloatArray,
     query_group: IntArray,
     query_mode: IntArray,

@@ -149,6 +149,22 @@ TOP = (
         False,
         "The mode matrix follows the interval in whole steps, so it needs no rate matrix.",
     ),
+    Parameter(
+        "max_gap_scans",
+        15.0,
+        "Longest gap between scans that is predicted over, in intervals; after a longer one the "
+        "tracker starts anew.",
+        2.0,
+        1e6,
+    ),
+    Parameter(
+        "reorder_scans",
+        0,
+        "Scans held back, to be put in order where stamps arrive out of order; estimates come so "
+        "many scans later.",
+        0,
+        2,
+    ),
     Parameter("lag", 5, "Smoothing lag, scans.", 0, 100),
     Parameter("lag_s", 0.0, "Smoothing lag, s; above 0 it replaces lag.", 0.0, 1e5),
     Parameter(
@@ -198,15 +214,40 @@ TOP = (
         0.0,
         1e3,
     ),
-    Parameter("detection_births.velocity_std", 40.0, "m/s.", SMALL),
-    Parameter("detection_births.turn_rate_std", 1e-3, "rad/s.", SMALL),
+    Parameter(
+        "detection_births.velocity_std",
+        40.0,
+        "Standard deviation of a newborn target's velocity about zero along each axis, m/s.",
+        SMALL,
+    ),
+    Parameter(
+        "detection_births.turn_rate_std",
+        1e-3,
+        "Standard deviation of a newborn target's turn rate about zero, rad/s.",
+        SMALL,
+    ),
     Parameter(
         "detection_births.particles", 1024, "Particles a detection; a power of two.", 2, 2**16
     ),
     Parameter("spawn.rate", 0.01, "Expected spawned targets a target and interval.", 0.0, 1.0),
-    Parameter("spawn.position_std", 10.0, "Of a spawned position about its parent, m.", SMALL),
-    Parameter("spawn.velocity_std", 1.0, "Of a spawned velocity about its parent, m/s.", SMALL),
-    Parameter("spawn.turn_rate_std", 1e-4, "Of a spawned turn rate, rad/s.", SMALL),
+    Parameter(
+        "spawn.position_std",
+        10.0,
+        "Standard deviation of a spawned position about its parent's along each axis, m.",
+        SMALL,
+    ),
+    Parameter(
+        "spawn.velocity_std",
+        1.0,
+        "Standard deviation of a spawned velocity about its parent's along each axis, m/s.",
+        SMALL,
+    ),
+    Parameter(
+        "spawn.turn_rate_std",
+        1e-4,
+        "Standard deviation of a spawned turn rate about its parent's, rad/s.",
+        SMALL,
+    ),
     Parameter("spawn.particles_per_target", 100, "Particles of what one target spawns.", 1, 10**5),
     Parameter(
         "spawn.class_transition",
@@ -234,8 +275,16 @@ RADAR = (
     ),
     Parameter("topic", "", "Topic of its detections; /NAME/detections if empty."),
     Parameter("frame", "", "frame_id of its clouds; the radar's name if empty."),
-    Parameter("position", [0.0, 0.0], "In the world frame, m.", length=2),
-    Parameter("yaw_deg", 0.0, "Of its x axis in the world frame, degrees.", -360.0, 360.0),
+    Parameter(
+        "position", [0.0, 0.0], "Where the radar is in the world frame, x and y, m.", length=2
+    ),
+    Parameter(
+        "yaw_deg",
+        0.0,
+        "Direction of the radar's x axis in the world frame, counter-clockwise from x, degrees.",
+        -360.0,
+        360.0,
+    ),
     Parameter("range_std", 300.0, "Standard deviation of the range, m.", SMALL, mutable=True),
     Parameter(
         "azimuth_std_deg",
@@ -248,7 +297,11 @@ RADAR = (
     Parameter("max_range", 17e3, "Targets and detections beyond are ignored, m.", SMALL),
     Parameter("clutter_rate", 20.0, "Expected false detections a scan.", 0.0, 1e6, mutable=True),
     Parameter(
-        "clutter_max_range", 15e3, "They are uniform in range up to here, m.", SMALL, mutable=True
+        "clutter_max_range",
+        15e3,
+        "Range up to which false detections are spread evenly, m.",
+        SMALL,
+        mutable=True,
     ),
     Parameter(
         "false_alarm_probability",
@@ -307,7 +360,7 @@ MOTION = (
     Parameter(
         "model",
         "constant_velocity",
-        "Motion model.",
+        "How a target moves: straight on, or turning at a rate of its own.",
         choices=("constant_velocity", "coordinated_turn"),
     ),
     Parameter("noise_density", 1.0, "Spectral density of the acceleration, m^2/s^3.", SMALL),
@@ -317,11 +370,36 @@ MOTION = (
 )
 
 BIRTH = (
-    Parameter("position", [0.0, 0.0], "Mean in the world frame, m.", length=2),
-    Parameter("velocity", [0.0, 0.0], "Mean in the world frame, m/s.", length=2),
-    Parameter("position_std", 200.0, "m.", SMALL),
-    Parameter("velocity_std", 40.0, "m/s.", SMALL),
-    Parameter("turn_rate_std", 1e-3, "rad/s.", SMALL),
+    Parameter(
+        "position",
+        [0.0, 0.0],
+        "Mean position of a newborn target in the world frame, x and y, m.",
+        length=2,
+    ),
+    Parameter(
+        "velocity",
+        [0.0, 0.0],
+        "Mean velocity of a newborn target in the world frame, x and y, m/s.",
+        length=2,
+    ),
+    Parameter(
+        "position_std",
+        200.0,
+        "Standard deviation of a newborn target's position along each axis, m.",
+        SMALL,
+    ),
+    Parameter(
+        "velocity_std",
+        40.0,
+        "Standard deviation of a newborn target's velocity along each axis, m/s.",
+        SMALL,
+    ),
+    Parameter(
+        "turn_rate_std",
+        1e-3,
+        "Standard deviation of a newborn target's turn rate about zero, rad/s.",
+        SMALL,
+    ),
     Parameter(
         "rates",
         [0.005, 0.005],

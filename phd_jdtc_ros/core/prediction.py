@@ -112,7 +112,7 @@ def _survivors(
         state[chosen] = motion.sample(
             motion_model, phd.state.take(copy.take(chosen), axis=0), dt, rng
         )
-    memory = model.amplitudes.moved(phd.memory[copy], mode, modes, rng)
+    memory = model.amplitudes.moved(phd.memory[copy], mode, modes, dt, rng)
     return _fresh(state, mode, phd.origin[copy], copy, weight, memory)
 
 

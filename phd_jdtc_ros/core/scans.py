@@ -5,10 +5,15 @@ a stamp of its own makes a scan of its own. A scan is closed when every live rad
 its stamp, or as soon as a later stamp has come. A radar is live by its stamps: it stops being
 waited for once it has missed two scans, and is waited for again from its next report on. Whoever
 must not wait for a later stamp closes what waits with `close_all`, when it likes.
+
+Where stamps arrive out of order, scans can be held back: the newest K of them stay open, so that
+what belongs between or before them still finds its place. With K = 1 nothing is lost as long as
+every report comes before any of the scan after the next, and the order within that changes nothing.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -24,8 +29,26 @@ class Rejection(Enum):
     LATE = "late"
 
 
+@dataclass(frozen=True)
 class Reset:
-    """The stamps jumped back: what follows belongs to a new run."""
+    """The stamps jumped: what follows belongs to a new run.
+
+    Parameters
+    ----------
+    jump_s : float
+        How far from the scan or report before, seconds; negative for back.
+    """
+
+    jump_s: float
+
+    @property
+    def ahead(self) -> bool:
+        """Whether time went on, without scans."""
+        return self.jump_s > 0.0
+
+    def __str__(self) -> str:
+        way = "ahead" if self.ahead else "back"
+        return f"stamps jumped {way} by {abs(self.jump_s):.1f} s"
 
 
 @dataclass
@@ -38,10 +61,16 @@ class ScanGrouper:
         How many radars are configured.
     reset_threshold_s : float
         A stamp further back than this behind the newest is a new run and not a late report.
+    max_gap_s : float
+        A scan later than this after the one before is of a new run.
+    reorder_scans : int
+        How many of the newest scans are held back for what arrives out of order.
     """
 
     radars: int
     reset_threshold_s: float
+    max_gap_s: float = math.inf
+    reorder_scans: int = 0
     _pending: dict[int, dict[int, Detections]] = field(init=False, default_factory=dict)
     _misses: list[int] = field(init=False)
     _last_stamp: list[int | None] = field(init=False)
@@ -78,14 +107,14 @@ class ScanGrouper:
         -------
         list of Scan or Reset
             The scans that this report closes, oldest first. A `Reset` among them parts the scans
-            of the old run from what follows.
+            of one run from those of the next.
         Rejection
             If the report is not part of any scan.
         """
         events: list[Scan | Reset] = []
         newest = max(self._pending, default=self._closed_ns)
         if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
-            events = [*self.close_all(), Reset()]
+            events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
             self.reset()
         last = self._last_stamp[radar]
         if stamp_ns == last or radar in self._pending.get(stamp_ns, ()):
@@ -98,22 +127,33 @@ class ScanGrouper:
         return events + self._close_complete()
 
     def close_all(self) -> list[Scan | Reset]:
-        """Close every pending scan, complete or not, oldest first."""
-        return [self._close(stamp_ns) for stamp_ns in sorted(self._pending)]
+        """Close every pending scan, complete or not, held back or not, oldest first."""
+        return [event for stamp_ns in sorted(self._pending) for event in self._close(stamp_ns)]
 
     def _close_complete(self) -> list[Scan | Reset]:
-        *older, newest = sorted(self._pending)
-        closed: list[Scan | Reset] = [self._close(stamp_ns) for stamp_ns in older]
-        live = {r for r in range(self.radars) if self._misses[r] < MISSES_UNTIL_SILENT}
-        if live <= self._pending[newest].keys():
-            closed.append(self._close(newest))
-        return closed
+        """Close the oldest as long as enough later ones are there: one less if it is complete."""
+        events: list[Scan | Reset] = []
+        stamps = sorted(self._pending)
+        while stamps:
+            later = len(stamps) - 1
+            needed = self.reorder_scans + (not self._complete(stamps[0]))
+            if later < needed:
+                break
+            events += self._close(stamps.pop(0))
+        return events
 
-    def _close(self, stamp_ns: int) -> Scan:
+    def _complete(self, stamp_ns: int) -> bool:
+        live = {r for r in range(self.radars) if self._misses[r] < MISSES_UNTIL_SILENT}
+        return live <= self._pending[stamp_ns].keys()
+
+    def _close(self, stamp_ns: int) -> list[Scan | Reset]:
+        """Return the scan, behind a reset if it comes after too long a gap."""
         reports = self._pending.pop(stamp_ns)
         for radar, last in enumerate(self._last_stamp):
             # A radar whose newer report is already here is late for nothing.
             if radar not in reports and (last is None or last < stamp_ns):
                 self._misses[radar] += 1
+        gap_ns = 0 if self._closed_ns is None else stamp_ns - self._closed_ns
         self._closed_ns = stamp_ns
-        return Scan(stamp_ns, tuple(reports.get(radar) for radar in range(self.radars)))
+        scan = Scan(stamp_ns, tuple(reports.get(radar) for radar in range(self.radars)))
+        return [Reset(gap_ns * 1e-9), scan] if gap_ns > self.max_gap_s * 1e9 else [scan]

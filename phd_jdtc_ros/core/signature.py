@@ -26,14 +26,28 @@ class AmplitudeModel(Protocol):
         """Return the detections as the update may see them."""
         ...
 
-    def born(self, mode: IntArray, modes: ModeSpace, rng: np.random.Generator) -> FloatArray:
-        """Return the memory of new particles of flat modes `mode`, shape (N,)."""
+    def born(
+        self,
+        mode: IntArray,
+        modes: ModeSpace,
+        rng: np.random.Generator,
+        amplitude: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the memory of new particles of flat modes `mode`, shape (N,).
+
+        `amplitude` is that of the detection which founded each, where one did and has one.
+        """
         ...
 
     def moved(
-        self, memory: FloatArray, mode: IntArray, modes: ModeSpace, rng: np.random.Generator
+        self,
+        memory: FloatArray,
+        mode: IntArray,
+        modes: ModeSpace,
+        dt: float,
+        rng: np.random.Generator,
     ) -> FloatArray:
-        """Return the memory of survivors a scan later, shape (N,)."""
+        """Return the memory of survivors `dt` seconds later, shape (N,)."""
         ...
 
     def detection_probability(
@@ -62,12 +76,23 @@ class Band:
         """Return the detections unchanged."""
         return detections
 
-    def born(self, mode: IntArray, modes: ModeSpace, rng: np.random.Generator) -> FloatArray:
+    def born(
+        self,
+        mode: IntArray,
+        modes: ModeSpace,
+        rng: np.random.Generator,
+        amplitude: FloatArray | None = None,
+    ) -> FloatArray:
         """Return no memory; nothing is drawn."""
         return np.zeros(len(mode))
 
     def moved(
-        self, memory: FloatArray, mode: IntArray, modes: ModeSpace, rng: np.random.Generator
+        self,
+        memory: FloatArray,
+        mode: IntArray,
+        modes: ModeSpace,
+        dt: float,
+        rng: np.random.Generator,
     ) -> FloatArray:
         """Return no memory; nothing is drawn."""
         return memory
@@ -112,7 +137,7 @@ class Memory:
     Parameters
     ----------
     jitter : float
-        Standard deviation of the step of ln(1 + d) a scan, against depletion.
+        Standard deviation of the step of ln(1 + d) a nominal interval, against depletion.
 
     Notes
     -----
@@ -126,18 +151,42 @@ class Memory:
         """Return the detections unchanged."""
         return detections
 
-    def born(self, mode: IntArray, modes: ModeSpace, rng: np.random.Generator) -> FloatArray:
-        """Return ln(1 + d), uniform over each particle's class band."""
+    def born(
+        self,
+        mode: IntArray,
+        modes: ModeSpace,
+        rng: np.random.Generator,
+        amplitude: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return ln(1 + d): uniform over each particle's class band, or what an amplitude tells.
+
+        Notes
+        -----
+        With the amplitude a and the flat prior, a^2 / 2(1 + d) is exponential between the values
+        that it has at the edges of the band.
+        """
         low, high = _band_edges(mode, modes)
-        drawn: FloatArray = low + (high - low) * rng.random(len(mode))
-        return drawn
+        uniform = rng.random(len(mode))
+        if amplitude is None:
+            drawn: FloatArray = low + (high - low) * uniform
+            return drawn
+        half = 0.5 * np.maximum(amplitude, SMALLEST_AMPLITUDE) ** 2
+        least, most = half * np.exp(-high), half * np.exp(-low)
+        exponential = least - np.log1p(uniform * np.expm1(least - most))
+        return np.clip(np.log(half / exponential), low, high)
 
     def moved(
-        self, memory: FloatArray, mode: IntArray, modes: ModeSpace, rng: np.random.Generator
+        self,
+        memory: FloatArray,
+        mode: IntArray,
+        modes: ModeSpace,
+        dt: float,
+        rng: np.random.Generator,
     ) -> FloatArray:
         """Return the memory a small random step on, reflected into the band."""
         low, high = _band_edges(mode, modes)
-        stepped = memory + self.jitter * rng.standard_normal(len(memory))
+        step = self.jitter * np.sqrt(dt / modes.interval_s)
+        stepped = memory + step * rng.standard_normal(len(memory))
         stepped = np.where(stepped < low, 2.0 * low - stepped, stepped)
         stepped = np.where(stepped > high, 2.0 * high - stepped, stepped)
         inside: FloatArray = np.clip(stepped, low, high)

@@ -28,6 +28,8 @@ GATE_SIGMA = 7.5
 # Spawned mass is summed only as far out as it can change mu by this share, a tenth of what the gate
 # may cost: for most rows to 5 or 6 sigma, a quarter less to test.
 SPAWN_TOLERANCE = 1e-5
+# Of the histogram that bounds the spawned mass; coarser ones bound it less closely.
+MOST_BINS = 4096
 
 
 @dataclass(frozen=True)
@@ -222,17 +224,19 @@ def _spawn_intensity(
 def _mass_about(state: FloatArray, kernel: _Kernel, reach: FloatArray) -> FloatArray:
     """Return at least the scaled mass that has a successor within `reach` of each state, (N,).
 
-    Counted in bins as wide as the reach, three of them on the position axis that holds less.
+    Counted in bins at least as wide as the reach, three of them on the position axis that holds
+    less.
     """
     bound = np.full(len(state), np.inf)
     for axis in POSITION:
         moved = np.array([successor[:, axis] for successor in kernel.successor.values()])
         low, high = moved.min(), moved.max()
-        bins = int((high - low) / reach[axis]) + 1
+        width = max(reach[axis], (high - low) / MOST_BINS)
+        bins = int((high - low) / width) + 1
         mass = np.zeros(bins + 4)
-        for place in ((moved - low) / reach[axis]).astype(np.int64):
+        for place in ((moved - low) / width).astype(np.int64):
             mass[2:-2] += np.bincount(place, kernel.scale, minlength=bins)
-        own = np.floor((state[:, axis] - low) / reach[axis]).clip(-1, bins).astype(np.int64) + 2
+        own = np.floor((state[:, axis] - low) / width).clip(-1, bins).astype(np.int64) + 2
         bound = np.minimum(bound, (mass[:-2] + mass[1:-1] + mass[2:])[own - 1])
     return bound
 
@@ -246,7 +250,7 @@ def _within_origins(
     group = number(np.concatenate(key))[1]
     later_group, earlier_group = group[: len(later)], group[len(later) :]
     every = np.arange(len(later))
-    compiled = neighbours.BACKEND.within_groups
+    compiled = neighbours.BACKEND.kernel_within_groups
     if compiled is None or len(group) == 0:
         groups = later_group, earlier_group
         pairs = _gated_density(kernel, modes, earlier, later, every, GATE_SIGMA, groups)
@@ -315,7 +319,8 @@ def _gated_density(
     """Yield (place in `rows`, earlier row, density) of all pairs within the radius, in chunks.
 
     Destination modes that share their motion and their possible sources are one block of a common
-    search; coordinates outside a motion's support are all zero.
+    search; coordinates outside a motion's support are all zero. With groups of the later and the
+    earlier rows, only those of one group are paired, and the radius is one number.
     """
     state, mode = later.state.take(rows, axis=0), later.mode.take(rows)
     query = _whitened(state, mode, modes, kernel)
@@ -343,7 +348,7 @@ def _gated_density(
     else:
         line = groups[0][rows] * len(points) + block
         point_line = groups[1][source] * len(points) + point_block
-        near = within_groups(query, line, point, point_line, GATE_SIGMA)
+        near = within_groups(query, line, point, point_line, float(radius))
     for row, found, square in near:
         column = source.take(found)
         value = np.exp(-0.5 * square)

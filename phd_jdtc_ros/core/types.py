@@ -1,7 +1,8 @@
 """Values that travel through the tracker: scans in, particle intensities, estimates out.
 
 Every type is frozen and its arrays are read-only, so a value that one stage has handed on can be
-kept by another (the fixed-lag window keeps many) without a copy.
+kept by another (the fixed-lag window keeps many) without a copy. Nobody writes to the entries of
+sparse arrays either, which scipy needs writable.
 
 Dimension letters, the same everywhere: N particles, M detections, J components,
 T targets, O modes, C classes, D state, Z measurement.
@@ -232,7 +233,9 @@ class Estimates:
     lag : int
         How many later scans the estimates have seen; 0 for filtered ones.
     state : array of shape (T, D)
+        In the world frame; metres, metres per second, radians per second.
     covariance : array of shape (T, D, D)
+        Of the particles about it, in the same units.
     weight : array of shape (T,)
         Mass of the component: the probability that the target exists, up to the PHD's bias.
     class_probability : array of shape (T, C)

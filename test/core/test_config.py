@@ -214,6 +214,23 @@ def test_reset_threshold_is_three_nominal_intervals():
     assert config.resolve({"interval_s": 4.0}).reset_threshold_s == pytest.approx(12.0)
 
 
+def test_grouper_goes_by_the_configuration():
+    given = {"interval_s": 4.0, "max_gap_scans": 10, "reorder_scans": 1, "radars": ["a", "b", "c"]}
+    grouper = config.resolve(given).grouper()
+    assert (grouper.radars, grouper.reset_threshold_s) == (3, 12.0)
+    assert (grouper.max_gap_s, grouper.reorder_scans) == (40.0, 1)
+    usual = config.resolve({}).grouper()
+    assert (usual.max_gap_s, usual.reorder_scans) == (90.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("max_gap_scans", 1.0), ("reorder_scans", 3), ("reorder_scans", -1)]
+)
+def test_resolve_refuses_what_no_grouper_can_do(name, value):
+    with pytest.raises(config.ConfigError, match=f"{name}: {value} given, must be"):
+        config.resolve({name: value})
+
+
 def test_resolve_does_not_change_what_it_was_given():
     given = {"lag": 2, "start_1.position": [1, 2]}
     config.resolve(given)

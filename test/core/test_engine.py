@@ -54,6 +54,36 @@ def test_engine_starts_anew_after_a_reset(forget):
     assert all_same(run(engine), first)
 
 
+def tracks(found):
+    return {number for one in found for number in one.track_id.tolist()} - {0}
+
+
+def test_engine_interrupted_gives_out_the_rest_and_new_numbers():
+    usual, engine = small({"lag": 2}).engine(), small({"lag": 2}).engine()
+    filtered, _, rest = run(usual)
+    for scan in SCANS:
+        engine.step(scan)
+    assert all_same([engine.interrupt()], [rest])
+    again, smoothed, flushed = run(engine)
+    highest = max(tracks([*filtered, *rest]))
+    assert min(tracks([*again, *smoothed, *flushed])) == highest + 1
+    # As new but for the numbers.
+    for first, second in zip(filtered, again, strict=True):
+        np.testing.assert_array_equal(first.state, second.state)
+        shifted = np.where(first.track_id > 0, first.track_id + highest, 0)
+        np.testing.assert_array_equal(shifted, second.track_id)
+
+
+def test_engine_flushed_after_an_interruption_numbers_from_one_again():
+    engine = small({"lag": 2}).engine()
+    first = run(engine)
+    for scan in SCANS:
+        engine.step(scan)
+    engine.interrupt()
+    engine.flush()
+    assert all_same(run(engine), first)
+
+
 def test_engine_finds_the_targets_of_the_scene():
     engine = small({"particles_per_target": 500, "particles_per_birth": 512}).engine()
     filtered, smoothed, flushed = run(engine)

@@ -70,6 +70,21 @@ def test_within_groups_of_a_group_without_points_are_none():
     assert check(point, np.full(50, 2), point, np.zeros(50, dtype=np.int64), 7.0) == 0
 
 
+@pytest.mark.parametrize("axis", [0, 2])
+def test_a_cloud_like_a_line_needs_no_more_cells_than_its_points_can_fill(axis, monkeypatch):
+    point = np.zeros((2, 3))
+    point[1, axis] = 1e9
+    group = np.zeros(2, dtype=np.int64)
+    cells = []
+    by_cell = grids._by_cell
+    monkeypatch.setattr(
+        grids, "_by_cell", lambda cell, number: cells.append(number) or by_cell(cell, number)
+    )
+
+    assert check(point, group, point, group, 7.5) == 2
+    assert cells[0] <= 4 * grids.CELLS_A_POINT
+
+
 def test_within_groups_of_far_spread_clouds_need_few_cells():
     rng = np.random.default_rng(0)
     point, group = clouds(rng, 20, 2000, 4, 1e6)

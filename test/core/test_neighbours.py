@@ -13,6 +13,14 @@ from scipy.spatial.distance import cdist
 from phd_jdtc_ros.core import neighbours
 
 
+def pairs_within(query, query_block, point, point_block, radius):
+    """Return the query, the point and the square distance of all near pairs."""
+    search = neighbours.candidates(query, query_block, point, point_block, radius)
+    found = list(neighbours.near_chunks(search))
+    none = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
+    return [np.concatenate(part) for part in zip(none, *found, strict=True)]
+
+
 def brute_force(query, query_block, point, point_block, radius):
     limit = np.full(len(query), radius)[:, None]
     near = (cdist(query, point) <= limit) & (query_block[:, None] == point_block)
@@ -20,7 +28,7 @@ def brute_force(query, query_block, point, point_block, radius):
 
 
 def check(query, query_block, point, point_block, radius):
-    row, column, square = neighbours.pairs_within(query, query_block, point, point_block, radius)
+    row, column, square = pairs_within(query, query_block, point, point_block, radius)
     found = list(zip(row.tolist(), column.tolist(), strict=True))
     expected = brute_force(query, query_block, point, point_block, radius)
     assert len(found) == len(expected)
@@ -126,7 +134,7 @@ def test_pairs_within_of_far_queries_are_none(query):
 
 @pytest.mark.parametrize(("queries", "points"), [(0, 3), (3, 0), (0, 0)])
 def test_pairs_within_of_nothing_are_none(queries, points):
-    row, column, square = neighbours.pairs_within(
+    row, column, square = pairs_within(
         np.zeros((queries, 3)),
         np.zeros(queries, int),
         np.zeros((points, 3)),
@@ -159,7 +167,7 @@ def test_backends_return_the_same_bits(seed, kind, sizes, dimension, chunk):
             mock.patch.object(neighbours, "BACKEND", neighbours.backend(name)),
             mock.patch.object(neighbours, "CHUNK_PAIRS", chunk),
         ):
-            results.append(neighbours.pairs_within(*parts, 7.0))
+            results.append(pairs_within(*parts, 7.0))
     for plain, compiled in zip(*results, strict=True):
         assert plain.dtype == compiled.dtype
         np.testing.assert_array_equal(plain, compiled)

@@ -115,3 +115,10 @@ def test_schema_holds_the_reference_scene():
 
 def test_schema_takes_the_defaults_for_a_faulty_list_of_names():
     assert "radar_1.range_std" in schema({"radars": 3})
+
+
+@pytest.mark.parametrize("parameter", [*TOP, *(p for group in GROUPS.values() for p in group)])
+def test_description_says_what_the_parameter_is(parameter):
+    assert parameter.description.endswith(".")
+    # A unit alone, or what is left of a sentence, is none.
+    assert len(parameter.description.split()) >= 3

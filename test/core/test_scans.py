@@ -39,8 +39,13 @@ def shape(events):
     ]
 
 
-def grouper(radars=2):
-    return ScanGrouper(radars, reset_threshold_s=10.0)
+def grouper(radars=2, **options):
+    return ScanGrouper(radars, reset_threshold_s=10.0, **options)
+
+
+def ordered(radars=2):
+    """Return a grouper that holds one scan back."""
+    return grouper(radars, reorder_scans=1)
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(3))))
@@ -127,6 +132,61 @@ def test_add_resets_once_when_the_stamps_jump_back(pending):
         feed(group, (0, 106))
     events = feed(group, (0, 0), (1, 0), (0, 6), (1, 6))
     assert shape(events) == [*old, Reset, (0, (0, 1)), (6, (0, 1))]
+
+
+def test_add_says_how_far_the_stamps_jumped_back():
+    group = grouper()
+    feed(group, (0, 100), (1, 100), (0, 106))
+    (_, found) = group.add(1, START, report())
+    assert found == Reset(-106.0)
+    assert not found.ahead
+    assert str(found) == "stamps jumped back by 106.0 s"
+
+
+@pytest.mark.parametrize(("gap_s", "reset"), [(30.0, False), (30.001, True)])
+def test_add_resets_behind_a_gap_above_the_limit(gap_s, reset):
+    group = grouper(max_gap_s=30.0)
+    feed(group, (0, 0), (1, 0))
+    found = [*feed(group, (0, gap_s)), *feed(group, (1, gap_s))]
+    assert shape(found) == [*([Reset] if reset else []), (gap_s, (0, 1))]
+
+
+def test_add_says_how_far_the_stamps_jumped_ahead():
+    group = grouper(1, max_gap_s=30.0)
+    feed(group, (0, 0))
+    found, scan = group.add(0, START + 3600 * S, report())
+    assert found == Reset(3600.0)
+    assert found.ahead
+    assert str(found) == "stamps jumped ahead by 3600.0 s"
+    assert scan.stamp_ns == START + 3600 * S
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_add_takes_both_radars_in_after_a_gap_whichever_is_first(first):
+    group = grouper(max_gap_s=30.0)
+    feed(group, (0, 0), (1, 0))
+    events = feed(group, (first, 100), (1 - first, 100), (0, 106), (1, 106))
+    assert shape(events) == [Reset, (100, (0, 1)), (106, (0, 1))]
+
+
+def test_add_takes_a_gap_for_none_while_one_radar_goes_on():
+    group = grouper(max_gap_s=30.0)
+    events = feed(group, (0, 0), (1, 0), *((0, 6 * k) for k in range(1, 10)), (1, 60), (0, 60))
+    assert Reset not in shape(events)
+    assert shape(events)[-1] == (60, (0, 1))
+
+
+def test_reset_forgets_the_stamp_that_a_gap_begins_with():
+    group = grouper(1, max_gap_s=30.0)
+    feed(group, (0, 0))
+    group.reset()
+    assert shape(feed(group, (0, 100))) == [(100, (0,))]
+
+
+def test_close_all_resets_behind_a_gap_too():
+    group = grouper(max_gap_s=30.0)
+    feed(group, (0, 0), (1, 0), (0, 100))
+    assert shape(group.close_all()) == [Reset, (100, (0,))]
 
 
 @pytest.mark.parametrize(("back_s", "reset"), [(10.0, False), (10.001, True)])
@@ -242,3 +302,112 @@ def test_add_makes_whole_scans_of_radars_that_all_report(radars, scans, seed):
     )
     assert shape(events) == [(6 * k, tuple(range(radars))) for k in range(scans)]
     assert not group.waiting
+
+
+def test_add_drops_swapped_scans_unless_it_holds_one_back():
+    swapped = [(0, 0), (0, 12), (0, 6), (0, 24), (0, 18), (0, 30)]
+    assert shape(feed(grouper(1), *swapped)).count(Rejection.LATE) == 2
+    group = ordered(1)
+    events = feed(group, *swapped) + group.close_all()
+    assert shape(events) == [(6 * k, (0,)) for k in range(6)]
+
+
+def test_add_holds_one_whole_scan_back():
+    group = ordered()
+    assert feed(group, (0, 0), (1, 0)) == []
+    assert group.waiting
+    assert shape(feed(group, (0, 6))) == [(0, (0, 1))]
+    assert shape(feed(group, (1, 6))) == []
+    assert shape(group.close_all()) == [(6, (0, 1))]
+
+
+def test_add_holds_back_as_many_scans_as_it_is_told_to():
+    group = grouper(1, reorder_scans=2)
+    events = feed(group, (0, 8), (0, 4), (0, 0), (0, 12))
+    assert shape(events) == [(0, (0,)), (4, (0,))]
+
+
+def test_add_takes_in_a_radar_that_is_a_scan_behind():
+    group = ordered()
+    stream = [(0, 0)]
+    for k in range(1, 8):
+        stream += [(0, 6 * k), (1, 6 * (k - 1))]
+    events = feed(group, *stream) + group.close_all()
+    assert shape(events) == [*((6 * k, (0, 1)) for k in range(7)), (42, (0,))]
+
+
+def test_add_holding_back_closes_an_incomplete_scan_with_the_second_later_stamp():
+    group = ordered()
+    assert feed(group, (0, 0), (0, 6)) == []
+    assert shape(feed(group, (0, 12))) == [(0, (0,))]
+
+
+@pytest.mark.parametrize("hold", [0, 1])
+def test_add_loses_the_first_report_back_of_a_silent_radar_unless_it_holds_one_back(hold):
+    group = grouper(reorder_scans=hold)
+    feed(group, (0, 0), (1, 0), *((0, 6 * k) for k in range(1, 9)))
+    # Where nothing is held back, the scan was closed at once by the radar that is there.
+    found = shape(feed(group, (1, 48), (0, 54), (1, 54), (0, 60), (1, 60)))
+    lost = Rejection.LATE in found
+    assert lost == (hold == 0)
+    assert ((48, (0, 1)) in found) == (hold == 1)
+    assert (54, (0, 1)) in found
+
+
+def test_add_holding_back_gives_out_all_before_a_reset():
+    group = ordered()
+    feed(group, (0, 100), (1, 100))
+    events = feed(group, (0, 106), (0, 0), (1, 0), (0, 6))
+    assert shape(events) == [(100, (0, 1)), (106, (0,)), Reset, (0, (0, 1))]
+
+
+def test_add_holding_back_resets_behind_a_gap_in_the_order_of_stamps():
+    group = grouper(1, max_gap_s=5.0, reorder_scans=1)
+    # From 0 to 9 is too far, but 3 lies between.
+    events = feed(group, (0, 0), (0, 9), (0, 3), (0, 12)) + group.close_all()
+    assert shape(events) == [(0, (0,)), (3, (0,)), Reset, (9, (0,)), (12, (0,))]
+
+
+@st.composite
+def shuffled_streams(draw):
+    """Return reports of some radars in order, and so that none comes after the scan after next."""
+    radars = draw(st.integers(1, 3))
+    steps = draw(st.lists(st.integers(1, 3 * S), min_size=1, max_size=15))
+    stamps = [START + sum(steps[:k]) for k in range(len(steps))]
+    in_order = [(radar, stamp) for stamp in stamps for radar in range(radars)]
+    left, shuffled = list(in_order), []
+    while left:
+        oldest = stamps.index(left[0][1])
+        within = [entry for entry in left if stamps.index(entry[1]) <= oldest + 1]
+        chosen = draw(st.sampled_from(within))
+        left.remove(chosen)
+        shuffled.append(chosen)
+    return radars, in_order, shuffled
+
+
+@settings(deadline=None, max_examples=150)
+@given(case=shuffled_streams())
+def test_add_holding_one_back_makes_the_same_scans_in_any_order_within_it(case):
+    radars, in_order, shuffled = case
+
+    def scans(stream):
+        group = ordered(radars)
+        events = []
+        for radar, stamp_ns in stream:
+            found = group.add(radar, stamp_ns, report(stamp_ns + radar))
+            assert not isinstance(found, Rejection)
+            events += found
+        return [
+            (scan.stamp_ns, *(None if d is None else d.measurement[0, 0] for d in scan.detections))
+            for scan in events + group.close_all()
+        ]
+
+    assert scans(shuffled) == scans(in_order) == scans_of(in_order, radars)
+
+
+def scans_of(stream, radars):
+    """Return what the scans of a stream must hold, whole and in order."""
+    return [
+        (stamp_ns, *(float(stamp_ns + radar) for radar in range(radars)))
+        for stamp_ns in sorted({stamp_ns for _, stamp_ns in stream})
+    ]

@@ -53,11 +53,45 @@ def test_memory_is_born_uniform_in_the_band_of_its_class():
 
 def test_memory_moves_by_its_jitter_and_stays_in_the_band():
     memory = np.linspace(*BANDS[0], 5000)
-    moved = Memory(0.1).moved(memory, np.zeros(5000, dtype=int), MODES, np.random.default_rng(0))
+    mode, rng = np.zeros(5000, dtype=int), np.random.default_rng(0)
+    moved = Memory(0.1).moved(memory, mode, MODES, MODES.interval_s, rng)
 
     assert moved.min() >= BANDS[0, 0]
     assert moved.max() <= BANDS[0, 1]
     assert np.std(moved - memory) == pytest.approx(0.1, rel=0.05)
+
+
+def test_memory_moves_twice_as_far_in_an_interval_four_times_as_long():
+    memory = np.full(5000, BANDS[0].mean())
+    mode = np.zeros(5000, dtype=int)
+    short, long = (
+        Memory(0.1).moved(memory, mode, MODES, dt, np.random.default_rng(0)) - memory
+        for dt in (MODES.interval_s, 4.0 * MODES.interval_s)
+    )
+
+    np.testing.assert_allclose(long, 2.0 * short)
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 3.0, 40.0, 200.0, 1e4])
+@pytest.mark.parametrize("mode", [0, 2])
+def test_memory_born_of_a_detection_follows_its_amplitude(mode, amplitude):
+    count = 20_000
+    born = Memory(0.1).born(
+        np.full(count, mode), MODES, np.random.default_rng(0), np.full(count, amplitude)
+    )
+
+    low, high = BANDS[MODES.class_of[mode]]
+    edges = np.linspace(low, high, 2001)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    # The flat prior times the Rayleigh density of the amplitude.
+    log_density = -middle - 0.5 * max(amplitude, 1e-6) ** 2 * np.exp(-middle)
+    share = np.exp(log_density - log_density.max())
+    share /= share.sum()
+    mean = share @ middle
+    error = np.sqrt(share @ (middle - mean) ** 2 / count)
+    assert born.min() >= low
+    assert born.max() <= high
+    assert born.mean() == pytest.approx(mean, abs=4.5 * error + 1e-3 * (high - low))
 
 
 def test_memory_likelihood_integrates_to_its_detection_probability():

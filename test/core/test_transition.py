@@ -215,6 +215,15 @@ def test_build_spawn_beyond_its_radius_is_within_the_tolerance(run, monkeypatch)
         assert left_out.max() <= transition.SPAWN_TOLERANCE
 
 
+def test_build_bounds_spawned_mass_in_little_memory_however_narrow_the_spawn():
+    model = small({"spawn.rate": 0.5, "spawn.position_std": 1e-6, "corrector": "poisson"}).model
+    state = [[0.0, 10.0, 0.0, 10.0, 0.0], [2e4, 10.0, 2e4, 10.0, 0.0]]
+    earlier = intensity(state, [1.0, 1.0])
+    later = intensity([model.modes.motions[0].mean(np.array(state), 6.0)[0]], [1.0])
+    link = transition.build(earlier, later, model, 6.0)
+    assert link.ratio.nnz == 1
+
+
 @pytest.mark.parametrize("rate", [0.0, 0.01])
 def test_build_gives_an_orphan_to_its_parent(rate):
     model = replace(small({"spawn.rate": rate}).model, births=())

@@ -4,14 +4,15 @@ from xml.etree import ElementTree
 
 import pytest
 
-from phd_jdtc_ros.tools.demo import PROFILE_VARIABLES, isolation
+from phd_jdtc_ros.tools.shipped import PROFILE_VARIABLES, isolation
 from robustness import network
+from robustness.isolation import ISOLATED, PROFILE
 
 SPACE = "{http://www.eprosima.com}"
 
 
 def test_profile_names_the_loopback_interface_alone():
-    document = ElementTree.parse(network.PROFILE)
+    document = ElementTree.parse(PROFILE)
     listed = [a.text for a in document.iter(f"{SPACE}interfaceWhiteList") for a in a]
     assert listed == ["127.0.0.1"]
     assert [e.text for e in document.iter(f"{SPACE}useBuiltinTransports")] == ["false"]
@@ -22,7 +23,7 @@ def test_profile_names_the_loopback_interface_alone():
 def test_demo_uses_the_profile(monkeypatch):
     for name in PROFILE_VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    assert isolation() == dict.fromkeys(PROFILE_VARIABLES, str(network.PROFILE))
+    assert isolation() == ISOLATED
 
 
 def test_demo_leaves_a_profile_of_the_user_in_force(monkeypatch):
@@ -31,7 +32,7 @@ def test_demo_leaves_a_profile_of_the_user_in_force(monkeypatch):
 
 
 def test_rogue_gets_in_without_the_profile_and_not_with_it():
-    figure = network.measure(("the demo's", network.OPEN), seconds=3.0)
+    figure = network.measure(("the demo's", network.WITHOUT), seconds=3.0)
     if figure.measured is None:
         pytest.skip(figure.reason)
     assert figure.reached, figure.measured

@@ -25,7 +25,7 @@ They are not told classes or amplitudes, for which Stone Soup's trackers have no
 probability of detection is the mean of the classes', and every estimate carries class 0: only the
 set ``all`` of their scores means anything. What amplitude is worth to such a tracker can be
 seen with `gnn_loud`, which sees the strong detections alone, and what the birth places are worth
-with `gnn_anywhere`. Both start tracks wherever detections are.
+with `gnn_anywhere`, which starts tracks wherever detections are.
 
 Notes
 -----

@@ -42,9 +42,9 @@ def gnn(
 
 
 def gnn_loud(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
-    """Return the estimates of `gnn` from strong detections alone, with tracks started anywhere.
+    """Return the estimates of `gnn` from strong detections alone.
 
-    The threshold leaves so little clutter that no birth places are needed.
+    The threshold leaves so little clutter that two detections confirm a track.
 
     Parameters
     ----------

@@ -62,4 +62,4 @@ AT_BIRTH_PLACES = TrackSettings(gate=3.5, points=4, tentative_looks=2, looks=5, 
 ANYWHERE = TrackSettings(gate=3.0, points=6, tentative_looks=2, looks=3, birth_gate=None)
 # The same above a threshold on the amplitude that leaves hardly any clutter.
 LOUD_THRESHOLD = 5.0
-LOUD = TrackSettings(gate=4.0, points=2, tentative_looks=2, looks=4, birth_gate=None)
+LOUD = TrackSettings(gate=4.0, points=2, tentative_looks=2, looks=4, birth_gate=4.0)

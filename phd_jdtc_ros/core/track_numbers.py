@@ -1,0 +1,47 @@
+"""Numbers for tracks, small and in the order of their first report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .types import Estimates, IntArray
+
+
+class TrackNumbers:
+    """Numbers tracks in the order of their first report; keeps the numbers in use.
+
+    Parameters
+    ----------
+    number : dict of label to number, or None
+        Those in use.
+    count : int
+        How many have been given, from 1 on.
+    """
+
+    def __init__(self, number: dict[int, int] | None = None, count: int = 0) -> None:
+        self._number = number or {}
+        self.count = count
+
+    def numbered(self, estimates: Estimates) -> Estimates:
+        """Return the estimates with numbers for labels; 0 stays 0."""
+        numbers = [self._of(label) if label else 0 for label in estimates.track_id.tolist()]
+        return replace(estimates, track_id=np.array(numbers, dtype=np.int64))
+
+    def _of(self, label: int) -> int:
+        if label not in self._number:
+            self.count += 1
+            self._number[label] = self.count
+        return self._number[label]
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What is known, for a snapshot: the arguments of a new one."""
+        return {"number": [list(pair) for pair in self._number.items()], "count": self.count}
+
+    def forget_all_but(self, labels: list[IntArray]) -> None:
+        """Drop the numbers of targets that can no longer be reported."""
+        alive = set((np.concatenate(labels) + 1).tolist())
+        self._number = {label: n for label, n in self._number.items() if label in alive}

@@ -1,0 +1,48 @@
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from robustness import domains
+from robustness.domains import Domain
+
+CLAIM = "from robustness.domains import Domain; d = Domain(); print(d.number, flush=True); input()"
+
+
+def test_domain_is_one_processs_alone(monkeypatch):
+    monkeypatch.setattr(domains, "DOMAINS", range(90, 93))
+    taken = []
+
+    def take_four():
+        for _ in range(4):
+            taken.append(Domain())
+
+    with pytest.raises(RuntimeError, match="90 to 92 are all taken"):
+        take_four()
+    numbers = [domain.number for domain in taken]
+    assert len(set(numbers)) == len(numbers)
+    for domain in taken:
+        domain.release()
+
+
+def test_domain_of_another_process_is_passed_over_until_that_ends(monkeypatch):
+    with subprocess.Popen(
+        [sys.executable, "-c", CLAIM], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        number = int(other.stdout.readline())
+        assert domains._locked(number) is None
+        other.kill()
+    monkeypatch.setattr(domains, "DOMAINS", range(number, number + 1))
+    mine = Domain()
+    assert mine.number == number
+    mine.release()
+
+
+def test_domain_whose_ports_are_taken_is_passed_over():
+    mine = Domain()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as foreign:
+        foreign.bind(("127.0.0.1", 7410 + 250 * mine.number))
+        assert not domains._ports_free(mine.number)
+    assert domains._ports_free(mine.number)
+    mine.release()
