@@ -116,7 +116,7 @@ def _parts(node: Any) -> dict[str, Callable[[], None]]:
     from sensor_msgs.msg import PointCloud2
     from visualization_msgs.msg import MarkerArray
 
-    from msg_adapters import detections, estimates, serialised
+    from msg_adapters import detections, estimates, markers, poses
 
     config = resolve({})
     names = tuple(model.name for model in config.model.modes.classes)
@@ -143,10 +143,10 @@ def _parts(node: Any) -> dict[str, Callable[[], None]]:
     def publish_poses() -> None:
         for _ in ("filtered", "smoothed"):
             for class_id in range(len(names)):
-                outputs[PoseArray].publish(serialised.pose_array(found, class_id, FRAME))
+                outputs[PoseArray].publish(poses.to_cdr(found, class_id, FRAME))
 
     def publish_markers() -> None:
-        outputs[MarkerArray].publish(serialised.marker_array(found, FRAME, names))
+        outputs[MarkerArray].publish(markers.to_cdr(found, FRAME, names))
 
     return {
         "decode two clouds": decode,

@@ -13,8 +13,9 @@ from launch.actions import (
     IncludeLaunchDescription,
     OpaqueFunction,
     RegisterEventHandler,
+    TimerAction,
 )
-from launch.event_handlers import OnProcessExit
+from launch.event_handlers import OnProcessExit, OnProcessIO
 from launch.events import Shutdown
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
@@ -24,18 +25,24 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch import LaunchDescription
 from msg_adapters import names
 from msg_adapters.bag import BagReader
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.tools import live_file
 
 PACKAGE = "phd_jdtc_ros"
 # The tracker's arguments, and what they are here.
 TRACKER_ARGUMENTS = {
     "params_file": ("{share}/config/paper_scenario.yaml", "ROS parameter file of the tracker"),
     "namespace": ("", "of the tracker and the evaluator; none if empty"),
-    "use_sim_time": ("false", "the tracker takes the time from the replay's /clock"),
+    "use_sim_time": ("false", "take the time from the replay's /clock"),
     "rviz": ("false", "start RViz too"),
+    "frames": ("true", "publish the radars' frames"),
     "respawn": ("false", "start the tracker again if it ends"),
+    "localhost_only": ("true", "keep DDS on this machine, by a profile for Fast DDS"),
 }
+# After the replay the last scores take a second or two. Without truth the evaluator has none to
+# end with.
+FINISH_S = 10.0
+# What those who listen to the replay say once they do.
+READY = {"tracker": "tracking ", "evaluator": "waiting for "}
 
 
 def generate_launch_description():
@@ -66,7 +73,7 @@ def generate_launch_description():
 def _nodes(context, share):
     given = {name: LaunchConfiguration(name).perform(context) for name in TRACKER_ARGUMENTS}
     out, bag = (LaunchConfiguration(name).perform(context) for name in ("out", "bag"))
-    config = resolve(params_file.load(Path(given["params_file"])))
+    config = live_file.load(Path(given["params_file"]))
     topics = [source.topic for source in config.inputs]
     tracker_name = "/".join(["", *filter(None, [given["namespace"].strip("/")]), "tracker"])
     tracker = IncludeLaunchDescription(
@@ -80,7 +87,6 @@ def _nodes(context, share):
         name="evaluator",
         namespace=given["namespace"],
         output="screen",
-        # By the wall clock always: it ends after the replay's clock has stopped.
         parameters=[
             {
                 "tracker": tracker_name,
@@ -88,6 +94,9 @@ def _nodes(context, share):
                 "radar_topics": topics,
                 "report": f"{out}/metrics.json",
                 "exit_after_scans": BagReader(Path(bag)).counts[names.TRUTH],
+                "use_sim_time": ParameterValue(
+                    LaunchConfiguration("use_sim_time"), value_type=bool
+                ),
             },
         ],
     )
@@ -107,15 +116,42 @@ def _nodes(context, share):
             }
         ],
     )
-    # The evaluator ends by itself once it has seen everything; a replay that gives up ends it too.
-    finished = [
-        RegisterEventHandler(
-            OnProcessExit(target_action=evaluator, on_exit=[EmitEvent(event=Shutdown())])
-        ),
-        RegisterEventHandler(OnProcessExit(target_action=replay, on_exit=_end_if_failed)),
-    ]
-    return [evaluator, tracker, replay, *finished]
+    # The evaluator ends by itself once it has seen everything.
+    finished = OnProcessExit(target_action=evaluator, on_exit=[EmitEvent(event=Shutdown())])
+    ended = OnProcessExit(on_exit=_end_after)
+    handlers = [RegisterEventHandler(h) for h in (finished, ended, _once_heard(replay))]
+    # The tracker's file sets the environment for all that follow it.
+    return [*handlers, tracker, evaluator]
 
 
-def _end_if_failed(event, context):
-    return [EmitEvent(event=Shutdown(reason="the replay failed"))] if event.returncode else []
+def _once_heard(replay):
+    """Return what starts the replay when tracker and evaluator are up.
+
+    It knows when it is heard itself, but not when the evaluator hears the tracker: the two get the
+    time that the replay takes to start.
+    """
+    awaited = dict(READY)
+
+    def listen(event):
+        name = event.process_name.rsplit("-", 1)[0]
+        if name not in awaited or awaited[name] not in event.text.decode(errors="replace"):
+            return None
+        del awaited[name]
+        return None if awaited else [replay]
+
+    return OnProcessIO(on_stdout=listen, on_stderr=listen)
+
+
+def _end_after(event, context):
+    """End all soon after the replay, and at once if it or the tracker failed.
+
+    A tracker that is started again may fail.
+    """
+    name = event.process_name.rsplit("-", 1)[0]
+    if name == "sensor_replay" and not event.returncode:
+        end = EmitEvent(event=Shutdown(reason="the bag has been played"))
+        return [TimerAction(period=FINISH_S, actions=[end])]
+    again = name == "tracker" and LaunchConfiguration("respawn").perform(context) == "true"
+    if not event.returncode or again or name not in ("tracker", "sensor_replay"):
+        return []
+    return [EmitEvent(event=Shutdown(reason=f"{name} failed"))]

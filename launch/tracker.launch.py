@@ -11,20 +11,26 @@ from ament_index_python.packages import (
     get_package_prefix,
     get_package_share_directory,
 )
-from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
-from launch.conditions import IfCondition
+from launch.actions import (
+    DeclareLaunchArgument,
+    LogInfo,
+    OpaqueFunction,
+    SetEnvironmentVariable,
+)
 from launch.substitutions import LaunchConfiguration, TextSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.tools import live_file
 
 PACKAGE = "phd_jdtc_ros"
 RESPAWN_DELAY_S = 2.0
-# What rviz/demo.rviz shows of the tracker.
+# What Fast DDS 2 and Fast DDS 3 call the file of profiles.
+PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+# What rviz/demo.rviz shows of the tracker, and of the radars.
 SHOWN = ("filtered/estimates", "smoothed/estimates", "markers")
+SHOWN_DETECTIONS = ("/radar_1/detections", "/radar_2/detections")
 
 
 def generate_launch_description():
@@ -48,6 +54,12 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument("rviz", default_value="false", description="start RViz too"),
             DeclareLaunchArgument(
+                "frames",
+                default_value="true",
+                choices=["true", "false"],
+                description="publish the radars' frames; false where somebody else does",
+            ),
+            DeclareLaunchArgument(
                 "respawn", default_value="true", description="start the tracker again if it ends"
             ),
             DeclareLaunchArgument(
@@ -55,11 +67,29 @@ def generate_launch_description():
                 default_value="",
                 description="detections to ask for reliably, separated by commas",
             ),
+            DeclareLaunchArgument(
+                "localhost_only",
+                default_value="false",
+                choices=["true", "false"],
+                description="keep DDS on this machine, by a profile for Fast DDS, for all that is "
+                "started from here on",
+            ),
+            # First, for it counts for what is started after it.
+            OpaqueFunction(function=_isolation, args=[f"{share}/config/dds/localhost_only.xml"]),
             OpaqueFunction(function=_tracker, args=[simulated]),
             OpaqueFunction(function=_frames),
             OpaqueFunction(function=_rviz, args=[simulated, f"{share}/rviz/demo.rviz"]),
         ]
     )
+
+
+def _isolation(context, profile):
+    """Return the environment that keeps DDS on this machine; a profile of the user's own stays."""
+    if LaunchConfiguration("localhost_only").perform(context) != "true":
+        return []
+    if any(name in context.environment for name in PROFILE_VARIABLES):
+        return [LogInfo(msg="localhost_only: the profile in the environment stays in force")]
+    return [SetEnvironmentVariable(name, profile) for name in PROFILE_VARIABLES]
 
 
 def _tracker(context, simulated):
@@ -85,19 +115,25 @@ def _tracker(context, simulated):
     ]
 
 
+def _config(context):
+    return live_file.load(Path(LaunchConfiguration("params_file").perform(context)))
+
+
 def _frames(context):
     """Return a publisher of the transform from the world to every radar, where tf2_ros is."""
+    if LaunchConfiguration("frames").perform(context) != "true":
+        return []
     try:
         get_package_prefix("tf2_ros")
     except PackageNotFoundError:
         return [LogInfo(msg="tf2_ros is not installed: nobody publishes the radars' frames")]
-    path = LaunchConfiguration("params_file").perform(context)
-    config = resolve(params_file.load(Path(path)))
+    config = _config(context)
     return [
         Node(
             package="tf2_ros",
             executable="static_transform_publisher",
             name=f"{radar.name}_frame",
+            namespace=LaunchConfiguration("namespace"),
             arguments=[
                 *("--x", str(radar.position[0]), "--y", str(radar.position[1])),
                 *("--yaw", str(radar.yaw)),
@@ -109,8 +145,16 @@ def _frames(context):
 
 
 def _rviz(context, simulated, view):
+    if LaunchConfiguration("rviz").perform(context) != "true":
+        return []
     namespace = LaunchConfiguration("namespace").perform(context).strip("/")
-    prefix = f"/{namespace}" if namespace else ""
+    tracker = "/".join(["", *filter(None, [namespace]), "tracker"])
+    # As many of the radars as the view has displays for; a cloud is all that they can show.
+    clouds = [source.topic for source in _config(context).inputs if source.message == "point_cloud"]
+    shown = [
+        *((f"/tracker/{topic}", f"{tracker}/{topic}") for topic in SHOWN),
+        *zip(SHOWN_DETECTIONS, clouds, strict=False),
+    ]
     return [
         Node(
             package="rviz2",
@@ -118,9 +162,6 @@ def _rviz(context, simulated, view):
             name="rviz",
             arguments=["-d", TextSubstitution(text=view)],
             parameters=[simulated],
-            remappings=[(f"/tracker/{topic}", f"{prefix}/tracker/{topic}") for topic in SHOWN]
-            if prefix
-            else [],
-            condition=IfCondition(LaunchConfiguration("rviz")),
+            remappings=[(name, topic) for name, topic in shown if name != topic],
         )
     ]

@@ -6,7 +6,7 @@ import contextlib
 import heapq
 import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -15,27 +15,18 @@ import yaml
 from mcap.records import Message
 from mcap.writer import CompressionType, Writer
 
-from . import chunks, interfaces, stamps
+from . import chunks, interfaces, mcap_index, stamps
+from .errors import BagError as BagError
 
 _METADATA = "metadata.yaml"
 # A damaged byte costs one chunk.
 CHUNK_SIZE = 2**14
+# What may wait at a time for earlier messages further on in the file; recorders write messages as
+# they come, so that few wait.
+MAX_WAITING = 2**27
+_MESSAGE_COST = 2**8  # bytes that a waiting message takes beside its data
 _ENDLESS = {"sec": 9223372036, "nsec": 854775807}
 ROS_DISTRO = "jazzy"
-
-
-class BagError(Exception):
-    """A bag that cannot be used; one line that says which and why.
-
-    Attributes
-    ----------
-    corrupt : bool
-        The file is damaged, rather than missing or of another kind.
-    """
-
-    def __init__(self, message: str, corrupt: bool = False) -> None:
-        super().__init__(message)
-        self.corrupt = corrupt
 
 
 @dataclass(frozen=True)
@@ -134,6 +125,7 @@ class BagWriter:
         self._topics: dict[str, Topic] = {}
         self._schemas: dict[str, int] = {}
         self._counts: Counter[str] = Counter()
+        self._why_closed = "closed"
         self._first_ns: int | None = None
         self._last_ns = 0
 
@@ -161,7 +153,15 @@ class BagWriter:
         self._topics[topic.name] = topic
 
     def write(self, topic: str, data: bytes, log_time_ns: int) -> None:
-        """Write one message's CDR bytes."""
+        """Write one message's CDR bytes.
+
+        Raises
+        ------
+        BagError
+            If that is not possible, or has failed before.
+        """
+        if self._stream.closed:
+            raise BagError(f"{self._directory}: cannot be written: {self._why_closed}")
         with self._writing():
             self._writer.add_message(
                 channel_id=self._channels[topic],
@@ -195,6 +195,7 @@ class BagWriter:
         except OSError as error:
             with contextlib.suppress(OSError):
                 self._stream.close()
+            self._why_closed = f"closed after an error: {error.strerror}"
             raise BagError(f"{self._directory}: cannot be written: {error.strerror}") from error
 
     def _metadata(self) -> dict[str, Any]:
@@ -255,8 +256,7 @@ class BagReader:
         self.path = path
         self._file = _mcap_file(path)
         with self._guard(), self._file.open("rb") as stream:
-            self._index = chunks.index(stream)
-        self.message_count = sum(self._index.counts.values())
+            self._index = mcap_index.index(stream)
         self.start_ns, self.end_ns = self._index.start_ns, self._index.end_ns
         self.types: dict[str, str] = {}
         self.counts: Counter[str] = Counter()
@@ -284,45 +284,74 @@ class BagReader:
         if wrong:
             raise BagError(f"{self.path}: {'; '.join(wrong)}")
 
-    def messages(self, topics: list[str] | None = None) -> Iterator[BagMessage]:
+    def messages(
+        self, topics: list[str] | None = None, until_ns: int | None = None
+    ) -> Iterator[BagMessage]:
         """Yield the messages of `topics` (all if None) in order of log time.
+
+        No chunk is read that begins after `until_ns`, where that is given.
 
         Raises
         ------
         BagError
-            At the end, if a part of the file was damaged; every whole chunk has been read then.
+            At the end, if a part of the file was damaged; every whole chunk, and every whole
+            message outside of chunks, has been read then. At once, if messages of more than
+            `MAX_WAITING` bytes would have to wait for earlier ones further on in the file.
         """
-        damage, lost, read = self._index.damage, 0, 0
+        lost: list[str] = []
+        read: Counter[int] = Counter()
+        waiting = 0
         with self._guard(), self._file.open("rb") as stream:
-            # Chunks wait by their earliest message, and their messages by their own time.
+            # Pieces wait by their earliest message, and their messages by their own time.
             queue: list[tuple[int, int, int, Any]] = [
-                (start, offset, -1, length) for start, offset, length in self._index.chunks
+                (start, offset, -1, length)
+                for start, offset, length in (*self._index.chunks, *self._index.runs)
             ]
             heapq.heapify(queue)
             while queue:
-                _, offset, place, held = heapq.heappop(queue)
+                time_ns, offset, place, held = heapq.heappop(queue)
+                if until_ns is not None and time_ns > until_ns:
+                    break
                 if place >= 0:
+                    waiting -= len(held.data) + _MESSAGE_COST
                     topic = self._index.channels[held.channel_id].topic
                     yield BagMessage(topic, held.log_time, held.data)
                     continue
                 try:
                     records = chunks.unpack(stream, offset, held)
                 except chunks.DamageError as error:
-                    damage, lost = str(error), lost + 1
+                    lost.append(str(error))
                     continue
                 for position, record in enumerate(records):
                     if isinstance(record, Message) and record.channel_id in self._index.channels:
-                        read += 1
+                        read[record.channel_id] += 1
                         if self._wanted(record, topics):
+                            waiting += len(record.data) + _MESSAGE_COST
                             heapq.heappush(queue, (record.log_time, offset, position, record))
-        expected = self._index.expected
-        if expected is not None and expected != read:
+                if waiting > MAX_WAITING:
+                    raise BagError(
+                        f"{self._file}: is too far out of the order of time: more than "
+                        f"{MAX_WAITING // 2**20} MiB of its messages would have to wait at once"
+                    )
+        # What has not been read cannot be counted.
+        self._require_all(read, lost, partly=until_ns is not None and until_ns < self.end_ns)
+
+    def _require_all(self, read: Counter[int], lost: Sequence[str], partly: bool) -> None:
+        """Raise `BagError` if not all was read: messages by channel, why a chunk was lost each."""
+        damage = lost[-1] if lost else self._index.damage
+        # A file may leave out how many messages each channel has.
+        counts = read if partly else self._index.counts or read
+        unknown = partly or self._index.expected is None
+        expected = read.total() if unknown else self._index.expected
+        if expected != read.total() or counts != read:
             damage = damage or "its statistics do not match its messages"
-        if damage:
-            parts = f"; {lost} of {len(self._index.chunks)} chunks are lost" if lost else ""
-            if expected is not None and expected != read:
-                parts += f"; it says that it has {expected} messages, {read} can be read"
-            raise BagError(f"{self._file}: is damaged: {damage}{parts}", corrupt=True)
+        if not damage:
+            return
+        if lost:
+            damage += f"; {len(lost)} of {len(self._index.chunks)} chunks are lost"
+        if expected != read.total():
+            damage += f"; it says that it has {expected} messages, {read.total()} can be read"
+        raise BagError(f"{self._file}: is damaged: {damage}", corrupt=True)
 
     def _wanted(self, message: Message, topics: list[str] | None) -> bool:
         channel = self._index.channels[message.channel_id]

@@ -8,6 +8,7 @@ can fill in as a whole: a `Writer` lays out a record once; it is then repeated a
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -73,3 +74,15 @@ class Record:
     def repeated(self, count: int) -> npt.NDArray[np.void]:
         """Return `count` copies, writable by member."""
         return np.frombuffer(bytearray(self.data * count), dtype=self.members)
+
+
+def layout(members: Mapping[str, tuple[str, int]], size: int) -> np.dtype[np.void]:
+    """Return the type of a record of `size` bytes from its members' types and offsets."""
+    return np.dtype(
+        {
+            "names": list(members),
+            "formats": [kind for kind, _ in members.values()],
+            "offsets": [offset for _, offset in members.values()],
+            "itemsize": size,
+        }
+    )

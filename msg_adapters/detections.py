@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
@@ -21,6 +22,7 @@ from .errors import RejectedMessageError
 MAX_AMPLITUDE = 1e6
 # Drivers send levels as whole decibels too.
 NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
+BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -171,22 +173,21 @@ def select(
     # The radar sees nothing from behind: an elevation beyond the zenith is none.
     in_range = (distance >= 0.0) & (over_ground >= 0.0) & (over_ground <= radar.max_range)
     possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
-    kept = finite & in_range & possible
-    dropped = Counter(
-        {
-            "not_finite": int(np.count_nonzero(~finite)),
-            "range": int(np.count_nonzero(finite & ~in_range)),
-            "amplitude": int(np.count_nonzero(finite & in_range & ~possible)),
-        }
-    )
-    return Report(
-        stamp_ns,
-        Detections(
-            np.stack([over_ground[kept], wrap_angle(azimuth[kept])], axis=1),
-            None if level is None else amplitude[kept],
-        ),
-        +dropped,
-    )
+
+    kept, dropped = _sorted_out({"not_finite": finite, "range": in_range, "amplitude": possible})
+    measurement = np.stack([over_ground[kept], wrap_angle(azimuth[kept])], axis=1)
+    found = Detections(measurement, None if level is None else amplitude[kept])
+    return Report(stamp_ns, found, dropped)
+
+
+def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
+    """Return which points pass every test, and how many fail first at each."""
+    dropped: Counter[str] = Counter()
+    kept = np.ones(len(next(iter(passed.values()))), dtype=bool)
+    for reason, passes in passed.items():
+        dropped[reason] = int(np.count_nonzero(kept & ~passes))
+        kept = kept & passes
+    return kept, +dropped
 
 
 def _linear_amplitude(raw: FloatArray, radar: RadarInput) -> FloatArray:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from phd_jdtc_ros.core.evaluation import ScanScore
-
 from . import stamps
+
+if TYPE_CHECKING:
+    # Scores bring an optimiser with them, which a tracker does without.
+    from phd_jdtc_ros.core.scan_scores import ScanScore
 
 
 def status(

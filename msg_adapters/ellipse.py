@@ -11,11 +11,11 @@ RADIUS_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 
 
 def outline(covariance: FloatArray, radius: float, points: int) -> FloatArray:
-    """Return a closed outline about the origin, shape (2, points).
+    """Return closed outlines about the origin, shape (..., 2, points).
 
     Parameters
     ----------
-    covariance : array of shape (2, 2)
+    covariance : array of shape (..., 2, 2)
         A negative variance, which rounding can leave, counts as zero.
     radius : float
         In standard deviations.
@@ -25,5 +25,7 @@ def outline(covariance: FloatArray, radius: float, points: int) -> FloatArray:
     variance, axes = np.linalg.eigh(covariance)
     turn = np.linspace(0.0, 2.0 * np.pi, points)
     circle = np.stack([np.cos(turn), np.sin(turn)])
-    line: FloatArray = axes @ (np.sqrt(np.maximum(variance, 0.0))[:, None] * circle) * radius
+    spread = axes * (radius * np.sqrt(np.maximum(variance, 0.0)))[..., None, :]
+    line: FloatArray = spread @ circle
+    line[..., -1] = line[..., 0]
     return line

@@ -1,4 +1,4 @@
-"""Why a message was refused."""
+"""Why a message or a bag was refused."""
 
 from __future__ import annotations
 
@@ -17,3 +17,17 @@ class RejectedMessageError(ValueError):
     def __init__(self, reason: str, detail: str) -> None:
         super().__init__(detail)
         self.reason = reason
+
+
+class BagError(Exception):
+    """A bag that cannot be used; one line that says which and why.
+
+    Attributes
+    ----------
+    corrupt : bool
+        The file is damaged, rather than missing or of another kind.
+    """
+
+    def __init__(self, message: str, corrupt: bool = False) -> None:
+        super().__init__(message)
+        self.corrupt = corrupt

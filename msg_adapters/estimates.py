@@ -1,9 +1,9 @@
-"""Estimates to and from point clouds, and to pose arrays."""
+"""Estimates to and from point clouds."""
 
 from __future__ import annotations
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
+from geometry_msgs.msg import Quaternion
 from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.core.motion import OMEGA, STATE_SIZE, VX, VY, X, Y
@@ -91,18 +91,3 @@ def heading(vx: float, vy: float) -> Quaternion:
     """Return the orientation of something that moves along (vx, vy)."""
     half = 0.5 * float(np.arctan2(vy, vx))
     return Quaternion(x=0.0, y=0.0, z=float(np.sin(half)), w=float(np.cos(half)))
-
-
-def to_pose_array(estimates: Estimates, class_id: int, frame: str) -> PoseArray:
-    """Return the poses of the estimates of one class, facing where they move."""
-    rows = estimates.state[estimates.class_id == class_id]
-    return PoseArray(
-        header=stamps.header(estimates.stamp_ns, frame),
-        poses=[
-            Pose(
-                position=Point(x=float(row[X]), y=float(row[Y]), z=0.0),
-                orientation=heading(row[VX], row[VY]),
-            )
-            for row in rows
-        ],
-    )

@@ -12,7 +12,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mcap_ros2._dynamic import serialize_dynamic
 from rclpy.serialization import deserialize_message
 
 from .errors import RejectedMessageError
@@ -70,6 +69,9 @@ def definition(type_name: str) -> str:
 
 @cache
 def _encoder(type_name: str) -> Any:
+    # Loaded when something is recorded: a tracker starts sooner without.
+    from mcap_ros2._dynamic import serialize_dynamic
+
     return serialize_dynamic(type_name, definition(type_name))[type_name]
 
 

@@ -1,21 +1,20 @@
-"""Estimates as markers that read well over a map."""
+"""Estimates as markers that read well over a map, written as bytes: there are three a target."""
 
 from __future__ import annotations
 
-import numpy as np
-from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
-from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker, MarkerArray
+from collections.abc import Sequence
+from functools import lru_cache
 
-from phd_jdtc_ros.core.motion import POSITION, VX, VY, X, Y
+import numpy as np
+from visualization_msgs.msg import Marker
+
+from phd_jdtc_ros.core.motion import POSITION, VX, VY
 from phd_jdtc_ros.core.types import Estimates, FloatArray
 
-from . import stamps
+from . import cdr, stamps
 from .ellipse import outline
-from .palette import COLOURS, class_rgb
+from .palette import class_rgb
 
-PALETTE = tuple(class_rgb(k) for k in range(len(COLOURS)))
 ELLIPSE_SIGMA = 3.0
 # For a map that shows 30 km on a thousand pixels: lines are between one and two pixels wide,
 # letters 13 pixels high, and an arrow of 60 m/s reaches 60 pixels, out of its ellipse.
@@ -25,37 +24,34 @@ LINE_WIDTH = 40.0
 ELLIPSE_POINTS = 33
 
 
-def to_msg(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> MarkerArray:
-    """Return a clearing marker, then an ellipse, a velocity and a label for every estimate.
+def to_cdr(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> bytes:
+    """Return a serialised ``visualization_msgs/MarkerArray``.
 
-    Namespaces are ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name.
+    A clearing marker, then an ellipse, a velocity and a label for every estimate, in the namespaces
+    ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name.
+
+    Estimates of one class whose labels are equally long, and that begin at the same alignment,
+    have the same layout; each layout is made once and filled in for all of them together.
     """
-    clear = Marker(header=stamps.header(estimates.stamp_ns, frame), action=Marker.DELETEALL)
-    array = MarkerArray(markers=[clear])
-    for index, state in enumerate(estimates.state):
-        class_id = int(estimates.class_id[index])
-        colour = ColorRGBA(**dict(zip("rgb", PALETTE[class_id % len(PALETTE)], strict=True)), a=1.0)
-        name = class_names[class_id]
-        share = estimates.class_probability[index, class_id]
-        here, ahead = (
-            _point(state[X], state[Y]),
-            _point(
-                state[X] + VELOCITY_SECONDS * state[VX], state[Y] + VELOCITY_SECONDS * state[VY]
-            ),
-        )
-        base = (estimates.stamp_ns, frame, index, colour)
-        ellipse = _marker(*base, f"{name}/ellipse", Marker.LINE_STRIP)
-        ellipse.scale = Vector3(x=LINE_WIDTH, y=0.0, z=0.0)
-        ellipse.points = _ellipse(state, estimates.covariance[index])
-        velocity = _marker(*base, f"{name}/velocity", Marker.ARROW)
-        velocity.scale = Vector3(x=LINE_WIDTH, y=3.0 * LINE_WIDTH, z=3.0 * LINE_WIDTH)
-        velocity.points = [here, ahead]
-        label = _marker(*base, f"{name}/label", Marker.TEXT_VIEW_FACING)
-        label.scale = Vector3(x=0.0, y=0.0, z=LABEL_HEIGHT)
-        label.pose.position = _point(state[X], state[Y] + 2.0 * LABEL_HEIGHT)
-        label.text = label_text(int(estimates.track_id[index]), name, share)
-        array.markers += [ellipse, velocity, label]
-    return array
+    clear = cdr.Writer()
+    clear.put("I", 1 + 3 * len(estimates))
+    _put(clear, estimates.stamp_ns, frame, "", Marker.ARROW, Marker.DELETEALL, points=0)
+    labels = _labels(estimates, class_names)
+    rows: dict[cdr.Record, list[int]] = {}
+    end = len(clear.data)
+    for row, class_id in enumerate(estimates.class_id.tolist()):
+        # Equal for equal layouts, and kept from scan to scan.
+        start, name = end % cdr.LARGEST_ALIGNMENT, class_names[class_id]
+        record = _record(start, frame, class_id, name, len(labels[row]))
+        rows.setdefault(record, []).append(row)
+        end += len(record.data)
+    lines = _lines(estimates)
+    pieces = [b""] * len(estimates)
+    for record, chosen in rows.items():
+        data, size = _filled(record, estimates, chosen, lines, labels), len(record.data)
+        for place, row in enumerate(chosen):
+            pieces[row] = data[place * size : (place + 1) * size]
+    return cdr.ENCAPSULATION + bytes(clear.data) + b"".join(pieces)
 
 
 def label_text(track_id: int, class_name: str, share: float) -> str:
@@ -63,26 +59,113 @@ def label_text(track_id: int, class_name: str, share: float) -> str:
     return f"{track_id} {class_name} {share:.0%}" if track_id else f"{class_name} {share:.0%}"
 
 
-def _marker(
-    stamp_ns: int, frame: str, index: int, colour: ColorRGBA, namespace: str, kind: int
-) -> Marker:
-    return Marker(
-        header=stamps.header(stamp_ns, frame),
-        ns=namespace,
-        id=index,
-        type=kind,
-        action=Marker.ADD,
-        pose=Pose(orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)),
-        color=colour,
-        lifetime=Duration(sec=0, nanosec=0),
+def _labels(estimates: Estimates, class_names: tuple[str, ...]) -> list[bytes]:
+    class_id = estimates.class_id.tolist()
+    share = estimates.class_probability[np.arange(len(estimates)), class_id].tolist()
+    return [
+        label_text(track, class_names[k], s).encode()
+        for track, k, s in zip(estimates.track_id.tolist(), class_id, share, strict=True)
+    ]
+
+
+def _lines(estimates: Estimates) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return positions (T, 2), ends of arrows (T, 2) and ellipses (T, ELLIPSE_POINTS, 2)."""
+    plane = list(POSITION)
+    position = estimates.state[:, plane]
+    ahead = position + VELOCITY_SECONDS * estimates.state[:, [VX, VY]]
+    covariance = estimates.covariance[:, plane][:, :, plane]
+    around = outline(covariance, ELLIPSE_SIGMA, ELLIPSE_POINTS).transpose(0, 2, 1)
+    return position, ahead, position[:, None] + around
+
+
+def _filled(
+    record: cdr.Record,
+    estimates: Estimates,
+    chosen: list[int],
+    lines: tuple[FloatArray, FloatArray, FloatArray],
+    labels: Sequence[bytes],
+) -> bytes:
+    """Return the markers of the chosen estimates, which have one layout."""
+    position, ahead, ellipse = (line[chosen] for line in lines)
+    filled = record.repeated(len(chosen))
+    for kind in ("ellipse", "velocity", "label"):
+        filled[f"{kind}_stamp"] = divmod(estimates.stamp_ns, stamps.NS_PER_S)
+        filled[f"{kind}_id"] = chosen
+    filled["outline"][..., :2] = ellipse
+    filled["arrow"][:, 0, :2], filled["arrow"][:, 1, :2] = position, ahead
+    filled["place"] = position + np.array([0.0, 2.0 * LABEL_HEIGHT])
+    filled["label"] = [labels[row] for row in chosen]
+    return filled.tobytes()
+
+
+@lru_cache(maxsize=256)
+def _record(start: int, frame: str, class_id: int, name: str, label_size: int) -> cdr.Record:
+    """Lay out the three markers of an estimate, from the byte `start` of the message on."""
+    writer = cdr.Writer(start)
+    colour = class_rgb(class_id)
+    kinds = (
+        ("ellipse", Marker.LINE_STRIP, (LINE_WIDTH, 0.0, 0.0), ELLIPSE_POINTS, ""),
+        ("velocity", Marker.ARROW, (LINE_WIDTH, 3.0 * LINE_WIDTH, 3.0 * LINE_WIDTH), 2, ""),
+        ("label", Marker.TEXT_VIEW_FACING, (0.0, 0.0, LABEL_HEIGHT), 0, " " * label_size),
     )
+    at = {
+        kind: _put(
+            *(writer, 0, frame, f"{name}/{kind}", shape),
+            scale=scale,
+            colour=colour,
+            points=points,
+            text=text,
+        )
+        for kind, shape, scale, points, text in kinds
+    }
+    members = {f"{kind}_stamp": ("(2,)<i4", at[kind]["stamp"]) for kind in at}
+    members |= {f"{kind}_id": ("<i4", at[kind]["id"]) for kind in at}
+    members |= {
+        "outline": (f"({ELLIPSE_POINTS},3)<f8", at["ellipse"]["points"]),
+        "arrow": ("(2,3)<f8", at["velocity"]["points"]),
+        "place": ("(2,)<f8", at["label"]["position"]),
+        "label": (f"S{label_size}", at["label"]["text"]),
+    }
+    return cdr.Record(bytes(writer.data), cdr.layout(members, len(writer.data)))
 
 
-def _point(x: float, y: float) -> Point:
-    return Point(x=float(x), y=float(y), z=0.0)
-
-
-def _ellipse(state: FloatArray, covariance: FloatArray) -> list[Point]:
-    """Return a closed outline of the position covariance at `ELLIPSE_SIGMA`."""
-    around = outline(covariance[np.ix_(POSITION, POSITION)], ELLIPSE_SIGMA, ELLIPSE_POINTS)
-    return [_point(state[X] + dx, state[Y] + dy) for dx, dy in around.T]
+def _put(
+    writer: cdr.Writer,
+    stamp_ns: int,
+    frame: str,
+    namespace: str,
+    kind: int,
+    action: int = Marker.ADD,
+    *,
+    scale: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    colour: tuple[float, ...] | None = None,
+    points: int,
+    text: str = "",
+) -> dict[str, int]:
+    """Append a ``visualization_msgs/Marker`` member by member; return where some of them stand."""
+    at = {"stamp": writer.header(stamp_ns, frame)}
+    writer.string(namespace)
+    at["id"] = writer.put("i", 0)
+    writer.put("i", kind, action)
+    at["position"] = writer.put("d", 0.0, 0.0, 0.0)
+    writer.put("d", 0.0, 0.0, 0.0, 1.0)  # orientation
+    writer.put("d", *scale)
+    writer.put("f", *((*colour, 1.0) if colour else (0.0, 0.0, 0.0, 0.0)))
+    writer.put("i", 0)  # lifetime, seconds and nanoseconds
+    writer.put("I", 0)
+    writer.put("B", 0)  # frame_locked
+    writer.put("I", points)
+    if points:
+        at["points"] = writer.put("d", *[0.0] * (3 * points))
+    writer.put("I", 0)  # colors
+    writer.string("")  # texture_resource
+    writer.header(0, "")  # texture
+    writer.string("")
+    writer.put("I", 0)
+    writer.put("I", 0)  # uv_coordinates
+    at["text"] = writer.string(text)
+    writer.string("")  # mesh_resource
+    writer.string("")  # mesh_file
+    writer.put("I", 0)
+    writer.put("B", 0)  # mesh_use_embedded_materials
+    return at

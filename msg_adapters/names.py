@@ -34,7 +34,7 @@ def cardinality(tracker: str = TRACKER) -> str:
     return f"{tracker}/cardinality"
 
 
-def published(classes: int, tracker: str = TRACKER) -> dict[str, str]:
+def published(classes: int, tracker: str = TRACKER, scores: str = OSPA) -> dict[str, str]:
     """Return every topic that the tracker and the evaluator publish, with its type."""
     sources = ("filtered", "smoothed")
     clouds = {estimates(source, tracker): CLOUD for source in sources}
@@ -45,5 +45,5 @@ def published(classes: int, tracker: str = TRACKER) -> dict[str, str]:
         f"{tracker}/markers": MARKERS,
         cardinality(tracker): FIGURES,
         DIAGNOSTICS: FIGURES,
-        OSPA: FIGURES,
+        scores: FIGURES,
     }

@@ -97,6 +97,22 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
         ``oversize`` above `MAX_POINTS`; ``schema`` if a field is missing or of another type or
         count, or if the steps do not fit each other or the data.
     """
+    layout = _checked_layout(cloud, wanted)
+    count = cloud.width * cloud.height
+    points = np.ndarray(
+        shape=(cloud.height, cloud.width),
+        dtype=layout,
+        buffer=bytes(cloud.data) if count else b"",
+        strides=(cloud.row_step, cloud.point_step) if count else None,
+    ).ravel()
+    return {
+        name: points[name].astype(points[name].dtype.newbyteorder("="), copy=True)
+        for name in wanted
+    }
+
+
+def _checked_layout(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> np.dtype[np.void]:
+    """Return where the wanted fields stand in a point, if all of it fits the cloud's data."""
     count = cloud.width * cloud.height
     if count > MAX_POINTS:
         raise RejectedMessageError("oversize", f"{count} points, at most {MAX_POINTS} are allowed")
@@ -109,20 +125,7 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
             raise RejectedMessageError(
                 "schema", f"field {name!r} is missing; the cloud has {sorted(by_name)}"
             )
-        code = _CODES.get(field.datatype, "unknown")
-        if code not in allowed or field.count != 1:
-            raise RejectedMessageError(
-                "schema",
-                f"field {name!r} has type {code}, count {field.count}; "
-                f"must be one of {', '.join(allowed)}, count 1",
-            )
-        if field.offset + np.dtype(code).itemsize > cloud.point_step:
-            raise RejectedMessageError("schema", f"field {name!r} reaches beyond the point's step")
-        if field.offset > MAX_OFFSET:
-            raise RejectedMessageError(
-                "schema", f"field {name!r} begins at byte {field.offset}, at most {MAX_OFFSET}"
-            )
-        formats.append(order + code)
+        formats.append(order + _checked_code(field, allowed, cloud.point_step))
         offsets.append(field.offset)
     if cloud.row_step < cloud.width * cloud.point_step or len(cloud.data) != (
         cloud.row_step * cloud.height
@@ -132,21 +135,25 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
             f"{len(cloud.data)} bytes of data, row_step {cloud.row_step} and point_step "
             f"{cloud.point_step} do not fit {cloud.height} x {cloud.width} points",
         )
-    layout = np.dtype(
-        {
-            "names": list(wanted),
-            "formats": formats,
-            "offsets": offsets,
-            # The strides alone say the step; numpy has no items of 2 GiB and more.
-        }
-    )
-    points = np.ndarray(
-        shape=(cloud.height, cloud.width),
-        dtype=layout,
-        buffer=bytes(cloud.data) if count else b"",
-        strides=(cloud.row_step, cloud.point_step) if count else None,
-    ).ravel()
-    return {
-        name: points[name].astype(points[name].dtype.newbyteorder("="), copy=True)
-        for name in wanted
-    }
+    # The strides alone say the step; numpy has no items of 2 GiB and more.
+    return np.dtype({"names": list(wanted), "formats": formats, "offsets": offsets})
+
+
+def _checked_code(field: PointField, allowed: Sequence[str], point_step: int) -> str:
+    """Return the type code of a field that is of an allowed type and within its point."""
+    code = _CODES.get(field.datatype, "unknown")
+    if code not in allowed or field.count != 1:
+        raise RejectedMessageError(
+            "schema",
+            f"field {field.name!r} has type {code}, count {field.count}; "
+            f"must be one of {', '.join(allowed)}, count 1",
+        )
+    if field.offset + np.dtype(code).itemsize > point_step:
+        raise RejectedMessageError(
+            "schema", f"field {field.name!r} reaches beyond the point's step"
+        )
+    if field.offset > MAX_OFFSET:
+        raise RejectedMessageError(
+            "schema", f"field {field.name!r} begins at byte {field.offset}, at most {MAX_OFFSET}"
+        )
+    return code

@@ -46,7 +46,8 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
     ------
     RejectedMessageError
         ``frame`` if the scan is in another frame than the radar's; ``oversize`` above
-        `point_cloud.MAX_POINTS` returns.
+        `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp makes no sense, see
+        `detections.stamp_of`.
     """
     require_frame(scan.header.frame_id, radar)
     if len(scan.returns) > MAX_POINTS:

@@ -6,9 +6,12 @@
 from __future__ import annotations
 
 import importlib
+import os
+import signal
 import sys
 from collections.abc import Sequence
 from functools import partial
+from types import ModuleType
 
 EXECUTABLES = {
     "sensor_replay": ("phd_jdtc_ros.nodes.sensor_replay", "plays a bag's detections and truth"),
@@ -27,9 +30,26 @@ EXECUTABLES = {
 
 def run(name: str, argv: Sequence[str] | None = None) -> int:
     """Run an executable and return its exit status; `argv` without its name."""
-    module = importlib.import_module(EXECUTABLES[name][0])
-    status: int = module.main(sys.argv[1:] if argv is None else argv)
+    status: int = _module(name).main(sys.argv[1:] if argv is None else argv)
     return status
+
+
+def _module(name: str) -> ModuleType:
+    """Import an executable's module, which takes a second; a signal ends it without a word.
+
+    A node handles signals by itself once it runs, and is asked to stop by SIGTERM too.
+    """
+    path = EXECUTABLES[name][0]
+    node = path.startswith("phd_jdtc_ros.nodes.")
+    # Nothing has begun, so there is nothing to finish. The numbers are those of `exits`.
+    status = 0 if node else 128 + signal.SIGINT
+    numbers = (signal.SIGINT, signal.SIGTERM) if node else (signal.SIGINT,)
+    before = {number: signal.signal(number, lambda *_: os._exit(status)) for number in numbers}
+    module = importlib.import_module(path)
+    if not node:
+        for number in numbers:
+            signal.signal(number, before[number])
+    return module
 
 
 def _usage() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from msg_adapters.bag import BagError
+from msg_adapters.errors import BagError
 from phd_jdtc_ros.core.config import ConfigError
 
 OK, FAILED, USAGE, CORRUPT, INTERRUPTED = 0, 1, 2, 3, 130

@@ -5,9 +5,10 @@ Not part of the installed package. The way of a figure::
     rig         a ROS domain of its own: the nodes under test as processes, and
     radars      a peer beside them that publishes scans and hears what comes back
       |
-    scans, bad_scans, stamps_and_time, overload, restarts, stops    faults, on live nodes
-    bags, recordings, network, checkpoint                           files, disks, rogue peers
-    soak, decoders, raw_bytes                                       a day of scans; random input
+    scans, bad_scans, stamps_and_time, overload, restarts    faults, on live nodes
+    warm_restart, publishers
+    bags, recordings, network                                files, disks, rogue peers
+    soak, decoders, raw_bytes                                a day of scans; random input
       |
     figures -> report (table), out/<command>/summary.json
 

@@ -161,7 +161,7 @@ def chunks_of(file: Path) -> list[Part]:
             ]
             begin = index.chunk_start_offset
             parts.append(Part(begin, begin + index.chunk_length, frozenset(held)))
-    if sum(len(part.messages) for part in parts) != BagReader(file).message_count:
+    if sum(len(part.messages) for part in parts) != BagReader(file).counts.total():
         raise ValueError(f"{file}: its messages are not all different")
     return parts
 

@@ -17,23 +17,20 @@ from . import (
     decoders,
     network,
     overload,
+    publishers,
     raw_bytes,
     recordings,
     report,
     restarts,
     soak,
     stamps_and_time,
+    warm_restart,
 )
 from .figures import Figure, all_reached, unmeasured
 
 Measure = Callable[[], Figure]
 
 ELSEWHERE = (
-    unmeasured(
-        "warm restart",
-        "within 10 % after 2 scans",
-        "it takes a checkpoint, and a test of its own compares the two runs",
-    ),
     unmeasured(
         "position detection, gaps, RMS",
         "better than ED-142 en route on the paper's scenario",
@@ -54,7 +51,9 @@ def faults(_: argparse.Namespace) -> Iterator[Measure]:
     yield bags.measure_bomb
     yield overload.measure
     yield stamps_and_time.measure_silence
+    yield publishers.measure
     yield restarts.measure_kills
+    yield warm_restart.measure
     yield restarts.measure_stops
     yield stamps_and_time.measure_time_faults
     yield network.measure

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -64,8 +63,8 @@ def measured_or_why(
         text, reached, details = measure()
     except NotMeasurableError as error:
         return unmeasured(name, goal, str(error))
-    except (RuntimeError, OSError, subprocess.SubprocessError) as error:
-        return Figure(name, goal, f"failed: {error}", False)
+    except Exception as error:  # of any kind: a fault of the measurement itself, too
+        return Figure(name, goal, f"failed: {type(error).__name__}: {error}", False)
     return Figure(name, goal, text, reached, details=details)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from phd_jdtc_ros.tools.shipped import PROFILE_VARIABLES
+
 PROFILE = Path(__file__).parents[1] / "config" / "dds" / "localhost_only.xml"
-# Fast DDS 2 and 3.
-VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-ISOLATED = dict.fromkeys(VARIABLES, str(PROFILE))
-OPEN = dict.fromkeys(VARIABLES, "")
+ISOLATED = dict.fromkeys(PROFILE_VARIABLES, str(PROFILE))
+OPEN = dict.fromkeys(PROFILE_VARIABLES, "")

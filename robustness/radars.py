@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, estimates, names, stamps
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.types import Estimates
 
 from . import scans
 
@@ -32,6 +33,8 @@ class Radars:
         Stamp and time of arrival (monotonic seconds) of every filtered estimate.
     answered : set of int
         Their stamps.
+    found : dict of stamp to Estimates
+        None for those that cannot be read.
     not_finite : int
         Estimates and figures that held what is not finite.
     health : list of (float, dict)
@@ -47,6 +50,7 @@ class Radars:
         self.outputs = [self.node.create_publisher(PointCloud2, topic, 50) for topic in TOPICS]
         self.filtered: list[tuple[int, float]] = []
         self.answered: set[int] = set()
+        self.found: dict[int, Estimates | None] = {}
         self.not_finite = 0
         self.health: list[tuple[float, dict[str, DiagnosticStatus]]] = []
         for source, callback in (("filtered", self._on_filtered), ("smoothed", self._on_smoothed)):
@@ -85,6 +89,11 @@ class Radars:
         self.spin(SETTLE_S)
         return found
 
+    def leave_the_topics(self) -> None:
+        """Take the publishers back, for a driver of another process; nothing can be sent then."""
+        while self.outputs:
+            self.node.destroy_publisher(self.outputs.pop())
+
     def send(self, index: int, stamp_ns: int | None = None) -> int:
         """Publish both radars' clouds of a scan; return its stamp."""
         stamp = scans.stamp_of_scan(index) if stamp_ns is None else stamp_ns
@@ -121,13 +130,14 @@ class Radars:
         stamp = stamps.to_ns(cloud.header.stamp)
         self.filtered.append((stamp, time.monotonic()))
         self.answered.add(stamp)
-        self._on_smoothed(cloud)
+        self.found[stamp] = self._on_smoothed(cloud)
 
-    def _on_smoothed(self, cloud: PointCloud2) -> None:
+    def _on_smoothed(self, cloud: PointCloud2) -> Estimates | None:
         try:
-            estimates.from_msg(cloud)
+            return estimates.from_msg(cloud)
         except RejectedMessageError:
             self.not_finite += 1
+            return None
 
     def _on_figures(self, array: DiagnosticArray) -> None:
         values = diagnostics.values_of(array.status[0]).values()

@@ -8,7 +8,7 @@ from functools import cache
 
 from msg_adapters import detections, interfaces
 from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.simulation import paper_scenario, simulate
+from phd_jdtc_ros.core.simulation import Truth, paper_scenario, simulate
 from phd_jdtc_ros.core.types import Scan
 
 SECOND_NS = 1_000_000_000
@@ -19,9 +19,18 @@ _STAMP_OFFSET = 4
 
 
 @cache
+def _simulated() -> tuple[tuple[Truth, Scan], ...]:
+    return tuple(simulate(paper_scenario(resolve({}).model.radars), 0))
+
+
 def reference() -> tuple[Scan, ...]:
     """Return the scans of the reference scenario."""
-    return tuple(scan for _, scan in simulate(paper_scenario(resolve({}).model.radars), 0))
+    return tuple(scan for _, scan in _simulated())
+
+
+def truth() -> tuple[Truth, ...]:
+    """Return what there was at each of them."""
+    return tuple(truth for truth, _ in _simulated())
 
 
 def often(count: int, factor: int) -> tuple[tuple[bytes, bytes], ...]:

@@ -58,6 +58,8 @@ def _measure(count: int) -> tuple[str, bool, Mapping[str, Any]]:
         answered, alive = len(radars.answered), tracker.alive
         status = tracker.stop()
         not_finite = radars.not_finite
+    if not samples:
+        raise RuntimeError(f"no scan was answered; the tracker's exit status is {status}")
     half = np.array(samples[len(samples) // 2 :])
     slope = np.polyfit(half[:, 0], half[:, 1], 1)[0] if len(half) > 1 else float("nan")
     growth = float(slope * (count - count / 2))

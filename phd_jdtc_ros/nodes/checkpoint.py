@@ -21,8 +21,9 @@ import numpy as np
 from phd_jdtc_ros.core.engine import FixedLagSmoother
 from phd_jdtc_ros.core.snapshot import Snapshot
 
+from .runtime import WARNING_PERIOD_S
+
 MAGIC = b"phd_jdtc_ros checkpoint 1\n"
-WARNING_PERIOD_S = 5.0
 DIGEST_SIZE = hashlib.sha256().digest_size
 FACTS, CONFIGURATION = "facts", "configuration"
 
@@ -115,10 +116,11 @@ class Checkpoints:
         self._configuration, self._log = configuration, log
         self._scans = 0
         self._found: Snapshot | None = None
-        if path.exists():
-            try:
-                self._found = read(path, configuration)
-            except CheckpointError as error:
+        try:
+            self._found = read(path, configuration)
+        except CheckpointError as error:
+            # Before the first run there is none.
+            if not isinstance(error.__cause__, FileNotFoundError):
                 log.warning(f"starting cold: {error}")
 
     def resume(self, engine: FixedLagSmoother, stamp_ns: int) -> None:
@@ -160,7 +162,11 @@ class Checkpoints:
     def discard(self) -> None:
         """Forget the checkpoint: its run is over."""
         self._found, self._scans = None, 0
-        self._path.unlink(missing_ok=True)
+        try:
+            self._path.unlink(missing_ok=True)
+        except OSError as error:
+            text = f"the checkpoint of a run that is over stays: {self._path}: {error.strerror}"
+            self._log.error(text, throttle_duration_sec=WARNING_PERIOD_S)
 
 
 def _text(value: Any) -> Any:

@@ -8,7 +8,6 @@ from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
-from rclpy.exceptions import ParameterException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import (
     DurabilityPolicy,
@@ -19,11 +18,10 @@ from rclpy.qos import (
     qos_check_compatible,
     qos_policy_name_from_kind,
 )
-from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from phd_jdtc_ros.core.config import ConfigError
-
+from . import overridable
 from .health import InputHealth, OutputHealth, Publishers
 
 
@@ -67,16 +65,14 @@ def publisher(
             f"{full}: a subscription asks for incompatible QoS ({policy}), nothing comes to it"
         )
 
-    return _made(
-        full,
-        lambda: node.create_lifecycle_publisher(
+    with overridable.qos_of(full):
+        return node.create_lifecycle_publisher(
             message_type,
             topic,
             qos,
             event_callbacks=PublisherEventCallbacks(incompatible_qos=on_incompatible),
             qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-        ),
-    )
+        )
 
 
 def subscription(
@@ -112,9 +108,8 @@ def subscription(
         )
 
     usual = QoSOverridingOptions.with_default_policies().policy_kinds
-    return _made(
-        health.topic,
-        lambda: node.create_subscription(
+    with overridable.qos_of(health.topic):
+        return node.create_subscription(
             message_type,
             health.topic,
             callback,
@@ -125,27 +120,18 @@ def subscription(
             qos_overriding_options=QoSOverridingOptions(
                 [*usual, QoSPolicyKind.DEADLINE], callback=possible
             ),
-        ),
-    )
+        )
 
 
 def publishers(node: LifecycleNode, listener: Subscription) -> Publishers:
     """Return who publishes what `listener` listens to, and who of them it cannot hear."""
-    offered = [info.qos_profile for info in node.get_publishers_info_by_topic(listener.topic_name)]
-    verdicts = [qos_check_compatible(qos, listener.qos_profile) for qos in offered]
+    found = node.get_publishers_info_by_topic(listener.topic_name)
+    verdicts = [qos_check_compatible(info.qos_profile, listener.qos_profile) for info in found]
     return Publishers(
-        len(offered),
+        frozenset(tuple(info.endpoint_gid) for info in found),
         tuple(
             reason.removeprefix("ERROR: ").rstrip("; ")
             for fits, reason in verdicts
             if fits == QoSCompatibility.ERROR
         ),
     )
-
-
-def _made(topic: str, make: Callable[[], Any]) -> Any:
-    try:
-        return make()
-    # What rclpy raises for a policy it does not know, for one of another type, and for a refusal.
-    except (RuntimeError, ParameterException, ValueError, InvalidQosOverridesError) as error:
-        raise ConfigError([f"qos_overrides.{topic}: {error}"]) from error

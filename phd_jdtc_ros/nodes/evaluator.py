@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
+import os
 import time
 from collections import deque
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rich.console import Console
@@ -19,6 +21,7 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import diagnostics, estimates, names, truth
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.config import ConfigError
 from phd_jdtc_ros.core.evaluation import (
     SOURCES,
     Evaluation,
@@ -27,15 +30,16 @@ from phd_jdtc_ros.core.evaluation import (
 )
 from phd_jdtc_ros.core.motion import POSITION
 from phd_jdtc_ros.core.parameters import SMALL, Parameter
-from phd_jdtc_ros.exits import OK
+from phd_jdtc_ros.exits import FAILED, OK
 from phd_jdtc_ros.study.table import metrics, score_tables
 
-from . import parameters, runtime
+from . import arguments, overridable, parameters, runtime
 from .recorder import Recorder
+from .runtime import WARNING_PERIOD_S
 
-INPUT_QOS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+INPUT_DEPTH = 100
 OUTPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-WARNING_PERIOD_S = 5.0
+CHECK_PERIOD_S = 0.1
 # Once the last score is in, what else is on its way to the recording gets this long.
 LINGER_S = 0.5
 # Of a node that may run for months: scans that a late cloud may still belong to, and step times.
@@ -72,6 +76,7 @@ class Evaluator(Node):
         super().__init__("evaluator")
         self._values = parameters.resolve(self, TABLE, {})
         self.exit_status: int | None = None
+        self._report = _report_path(self._values["report"])
         self._evaluation = Evaluation(
             self._values["classes"], self._values["cutoff"], self._values["order"], KEPT_SCANS
         )
@@ -79,22 +84,24 @@ class Evaluator(Node):
         self._complete_since: float | None = None
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
         self._recorder = self._make_recorder()
-        tracker = self._values["tracker"]
-        self.create_subscription(
-            PointCloud2, self._values["truth_topic"], self._on_truth, INPUT_QOS
-        )
-        for source in SOURCES:
-            self.create_subscription(
-                PointCloud2,
-                names.estimates(source, tracker),
-                partial(self._on_estimates, source),
-                INPUT_QOS,
-            )
-        self.create_subscription(
-            DiagnosticArray, names.cardinality(tracker), self._on_figures, INPUT_QOS
-        )
-        self.create_timer(0.1, self._check_complete)
+        self._subscribe()
+        # By the wall clock, for simulated time stops with the replay, before the last scores.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(CHECK_PERIOD_S, self._check_complete, clock=steady)
         self.get_logger().info("waiting for estimates and truth")
+
+    def _subscribe(self) -> None:
+        tracker = self._values["tracker"]
+        inputs = [
+            (PointCloud2, self._values["truth_topic"], self._on_truth),
+            *(
+                (PointCloud2, names.estimates(source, tracker), partial(self._on_estimates, source))
+                for source in SOURCES
+            ),
+            (DiagnosticArray, names.cardinality(tracker), self._on_figures),
+        ]
+        for message_type, topic, callback in inputs:
+            overridable.subscribe(self, message_type, topic, callback, INPUT_DEPTH)
 
     def _make_recorder(self) -> Recorder | None:
         if not self._values["record"]:
@@ -102,7 +109,9 @@ class Evaluator(Node):
         topics = {
             **dict.fromkeys(self._values["radar_topics"], names.CLOUD),
             self._values["truth_topic"]: names.CLOUD,
-            **names.published(self._values["classes"], self._values["tracker"]),
+            **names.published(
+                self._values["classes"], self._values["tracker"], self._scores.topic_name
+            ),
         }
         return Recorder(self, Path(self._values["record"]), topics)
 
@@ -111,10 +120,12 @@ class Evaluator(Node):
         if self._recorder is not None:
             self._recorder.close()
         summary = metrics(self._evaluation, np.array(self._step_ms))
-        if self._values["report"]:
-            path = Path(self._values["report"])
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(summary, indent=2) + "\n")
+        if self._report is not None:
+            try:
+                self._report.write_text(json.dumps(summary, indent=2) + "\n")
+            except OSError as error:  # the disk may have become full since the start
+                self.get_logger().error(f"no report: {self._report}: {error.strerror}")
+                self.exit_status = FAILED
         if summary["scans"]:
             Console().print(score_tables(summary))
 
@@ -139,9 +150,18 @@ class Evaluator(Node):
 
     def _on_figures(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            values: dict[str, Any] = diagnostics.values_of(status)
-            if "step_ms" in values:
-                self._step_ms.append(float(values["step_ms"]))
+            text = diagnostics.values_of(status).get("step_ms")
+            if text is None:
+                continue
+            try:
+                step_ms = float(text)
+            except ValueError:
+                step_ms = math.nan
+            if math.isfinite(step_ms):
+                self._step_ms.append(step_ms)
+            else:
+                topic = names.cardinality(self._values["tracker"])
+                self._warn(f"{topic}: step_ms is {text!r}, must be a finite number")
 
     def _publish(self, scores: Sequence[ScanScore]) -> None:
         for score in scores:
@@ -163,6 +183,27 @@ class Evaluator(Node):
         self.get_logger().warning(text, throttle_duration_sec=WARNING_PERIOD_S)
 
 
+def _report_path(given: str) -> Path | None:
+    """Return where the report goes, its directory made; None if none is wanted.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be written there.
+    """
+    if not given:
+        return None
+    path = Path(given)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError([f"report: {given} given, {path.parent}: {error.strerror}"]) from error
+    if os.path.isdir(path) or not os.access(path if os.path.exists(path) else path.parent, os.W_OK):
+        raise ConfigError([f"report: {given} given, cannot be written"])
+    return path
+
+
 def main(argv: Sequence[str]) -> int:
     """Run the evaluator node."""
+    arguments.check("evaluator", __doc__, argv)
     return runtime.run("evaluator", Evaluator, argv)

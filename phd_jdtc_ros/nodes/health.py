@@ -6,6 +6,7 @@ Ages are by the wall clock: a radar whose driver has died sends no stamps to go 
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from statistics import median
 
@@ -13,10 +14,15 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics
 
+from .numbering import Numbering
+
 # A radar is silent this much after the scans that it may miss, at the latest half a second after.
 SILENCE_SLACK_S = 0.3
 # A warning stays this long after its cause.
 WARNING_MEMORY_S = 10.0
+# A killed publisher is in the graph for the middleware's lease, of 20 s at the most as it comes.
+# Those that are there together for longer have lived together.
+LEASE_S = 30.0
 # Intervals that the usual one is taken from.
 KEPT_INTERVALS = 9
 
@@ -52,17 +58,18 @@ class Rhythm:
 
 @dataclass(frozen=True)
 class Publishers:
-    """Who publishes on a topic.
+    """Who publishes on a topic as the graph has it: a killed one stays there for a while.
 
     Parameters
     ----------
-    count : int
+    identities : frozenset
+        What the middleware tells them apart by.
     incompatible : tuple of str
         Why those that cannot be heard cannot, one entry each.
     """
 
-    count: int
-    incompatible: tuple[str, ...]
+    identities: frozenset[Hashable]
+    incompatible: tuple[str, ...] = ()
 
 
 @dataclass
@@ -80,24 +87,25 @@ class InputHealth:
     topic: str
     rhythm: Rhythm
     received: int = 0
-    gaps: int = 0
     deadlines_missed: int = 0
     incompatible_qos: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
     _heard_s: float | None = None
-    _sequence: int | None = None
+    _numbering: Numbering = field(default_factory=Numbering)
+    _listed_since_s: dict[Hashable, float] = field(default_factory=dict)
     _trouble_s: float | None = None
 
     def arrived(self, now_s: float, sequence: int | None) -> None:
-        """Count a message and the gap before it.
-
-        `sequence` is its publication's number. Numbers that go back are another publisher's.
-        """
+        """Count a message and those lost before it; `sequence` is its publication's number."""
         self.received += 1
         self._heard_s = now_s
-        if sequence is not None and self._sequence is not None:
-            self.gaps += max(sequence - self._sequence - 1, 0)
-        self._sequence = sequence
+        if sequence is not None:
+            self._numbering.add(sequence)
+
+    @property
+    def gaps(self) -> int:
+        """Messages that were published and did not come, of those numbered."""
+        return self._numbering.lost
 
     def drop(self, reason: str, count: int, now_s: float) -> None:
         """Count what was not used."""
@@ -120,8 +128,8 @@ class InputHealth:
 
         A silent radar is STALE: nothing is known of it, and tracking goes on without it.
         """
-        if heard.count > 1:
-            return DiagnosticStatus.ERROR, f"{heard.count} publishers on {self.topic}, must be one"
+        if self._shared(now_s, scans):
+            return DiagnosticStatus.ERROR, f"several publishers on {self.topic}, must be one"
         if heard.incompatible:
             return DiagnosticStatus.ERROR, f"incompatible QoS on {self.topic}: " + "; ".join(
                 heard.incompatible
@@ -130,12 +138,27 @@ class InputHealth:
             return DiagnosticStatus.STALE, "nothing received yet"
         if self.silent(now_s, scans):
             return DiagnosticStatus.STALE, f"silent for {now_s - self._heard_s:.1f} s"
+        if len(heard.identities) > 1:
+            return DiagnosticStatus.WARN, (
+                f"{len(heard.identities)} publishers listed on {self.topic}, must be one; "
+                "a killed one goes by itself"
+            )
         if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
             return DiagnosticStatus.WARN, "input was dropped or missed its deadline"
         return DiagnosticStatus.OK, "receiving"
 
+    def _shared(self, now_s: float, scans: float) -> bool:
+        """Return whether more than one publisher lives: by what they send, or by the graph."""
+        if self._numbering.several and not self.silent(now_s, scans):
+            return True
+        long = [since for since in self._listed_since_s.values() if now_s - since > LEASE_S]
+        return len(long) > 1
+
     def status(self, node: str, now_s: float, scans: float, heard: Publishers) -> DiagnosticStatus:
         """Return the radar's line."""
+        self._listed_since_s = {
+            identity: self._listed_since_s.get(identity, now_s) for identity in heard.identities
+        }
         level, text = self.judged(now_s, scans, heard)
         values: dict[str, object] = {"topic": self.topic, "received": self.received}
         if self._heard_s is not None:
@@ -145,7 +168,7 @@ class InputHealth:
             "gaps": self.gaps,
             "deadlines_missed": self.deadlines_missed,
             "incompatible_qos": self.incompatible_qos,
-            "publishers": heard.count,
+            "publishers": len(heard.identities),
             **{f"dropped_{reason}": count for reason, count in sorted(self.dropped.items())},
         }
         return diagnostics.status(f"{node}: {self.name}", values, level, text, self.name)

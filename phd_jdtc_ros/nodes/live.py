@@ -5,6 +5,7 @@ What a tracker has from its configuring to its clean-up.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -21,17 +22,16 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import detections, radar_scan
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.config import ConfigError, RadarInput
-from phd_jdtc_ros.core.evaluation import SMOOTHED
-from phd_jdtc_ros.core.scans import Rejection, Reset, ScanGrouper
-from phd_jdtc_ros.core.types import Scan
+from phd_jdtc_ros.core.scans import Rejection, Reset
+from phd_jdtc_ros.core.sources import SMOOTHED
+from phd_jdtc_ros.core.types import Estimates, Scan
 
 from . import endpoints
 from .checkpoint import Checkpoints
 from .health import InputHealth, OutputHealth, Rhythm, StepHealth
 from .outputs import Outputs
+from .runtime import WARNING_PERIOD_S
 from .settings import Settings
-
-WARNING_PERIOD_S = 5.0
 
 
 class LiveTracker:
@@ -54,7 +54,7 @@ class LiveTracker:
         config = settings.config
         nominal_s = config.model.modes.interval_s
         self._engine = config.engine()
-        self._grouper = ScanGrouper(len(config.inputs), config.reset_threshold_s)
+        self._grouper = config.grouper()
         self._inputs = [
             InputHealth(radar.name, radar.topic, Rhythm(nominal_s)) for radar in config.inputs
         ]
@@ -66,8 +66,8 @@ class LiveTracker:
         self._subscriptions: list[Subscription] = []
         self._outputs = Outputs(node, settings, self._served)
         self._patience = self._make_patience(settings.node["max_wait_s"])
-        self._checkpoints = self._make_checkpoints()
         try:
+            self._checkpoints = self._make_checkpoints()
             for index, health in enumerate(self._inputs):
                 message_class, read = _reader(config.inputs[index])
                 self._subscriptions.append(
@@ -90,9 +90,12 @@ class LiveTracker:
         own = self._settings.node
         if not own["checkpoint.path"]:
             return None
-        path = Path(own["checkpoint.path"]).expanduser()
-        if not path.parent.is_dir():
+        # Where pathlib raises if it may not look, os.path finds nothing.
+        path = Path(os.path.expanduser(own["checkpoint.path"]))
+        if not os.path.isdir(path.parent):
             raise ConfigError([f"checkpoint.path: {path} given, {path.parent} is no directory"])
+        if os.path.isdir(path):
+            raise ConfigError([f"checkpoint.path: {path} given, must be a file, is a directory"])
         fixed = {
             name: value
             for name, value in self._settings.config.values.items()
@@ -101,7 +104,8 @@ class LiveTracker:
         return Checkpoints(
             path,
             own["checkpoint.every"],
-            own["checkpoint.max_age_s"],
+            # What is predicted over after a restart is a gap like any other.
+            min(own["checkpoint.max_age_s"], self._settings.config.max_gap_s),
             fixed,
             self._node.get_logger(),
         )
@@ -128,13 +132,13 @@ class LiveTracker:
         """Go by changed settings from the next scan on; their structure must be the same."""
         self._settings = settings
         self._engine.retune(settings.config.model, settings.config.existence_threshold)
-        self._outputs.with_markers = settings.node["publish_markers"]
+        self._outputs.show_markers(settings.node["publish_markers"])
 
     def flush(self) -> int:
         """Close all scans, publish all smoothed estimates, begin anew; return their number."""
         self._handle(self._grouper.close_all(), time.thread_time())
         self._grouper.reset()
-        return self._publish_flushed()
+        return self._end_run(self._engine.flush())
 
     def save(self) -> str | None:
         """Write a checkpoint; return why there is none, or None."""
@@ -147,6 +151,7 @@ class LiveTracker:
         self._grouper.reset()
         self._engine.reset()
         self._begin_run()
+        self._outputs.clear_markers()
 
     def _begin_run(self) -> None:
         if self._checkpoints is not None:
@@ -156,12 +161,12 @@ class LiveTracker:
         if self._patience is not None:
             self._patience.cancel()
 
-    def _publish_flushed(self) -> int:
-        flushed = self._engine.flush()
-        for found in flushed:
+    def _end_run(self, rest: Sequence[Estimates]) -> int:
+        """Publish the smoothed estimates that were held back; return their number."""
+        for found in rest:
             self._outputs.publish_estimates(SMOOTHED, found)
         self._begin_run()
-        return len(flushed)
+        return len(rest)
 
     def _on_detections(
         self,
@@ -208,15 +213,16 @@ class LiveTracker:
     def _on_overdue(self) -> None:
         self._patience.cancel()
         events = self._grouper.close_all()
-        self._pace.closed_by_wait += len(events)
+        self._pace.closed_by_wait += sum(isinstance(event, Scan) for event in events)
         self._handle(events, time.thread_time())
 
     def _handle(self, events: Sequence[Scan | Reset], start: float) -> None:
         """Step through closed scans; `start` is the CPU time when their last report came."""
         for event in events:
             if isinstance(event, Reset):
-                self._node.get_logger().warning("stamps jumped back: starting anew")
-                self._publish_flushed()
+                limit = ", more than max_gap_scans" if event.ahead else ""
+                self._node.get_logger().warning(f"{event}{limit}: starting anew")
+                self._end_run(self._engine.interrupt() if event.ahead else self._engine.flush())
                 self._pace.epoch += 1
                 continue
             if self._checkpoints is not None:

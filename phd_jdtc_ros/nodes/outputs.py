@@ -13,13 +13,22 @@ from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry, Path
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import PointCloud2
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
-from msg_adapters import diagnostics, estimates, radar_tracks, serialised, tracks, vision
+from msg_adapters import (
+    diagnostics,
+    estimates,
+    markers,
+    poses,
+    radar_tracks,
+    stamps,
+    tracks,
+    vision,
+)
 from msg_adapters.tracks import Waypoint
 from phd_jdtc_ros.core.config import ConfigError
 from phd_jdtc_ros.core.engine import Step
-from phd_jdtc_ros.core.evaluation import FILTERED, SOURCES
+from phd_jdtc_ros.core.sources import FILTERED, SOURCES
 from phd_jdtc_ros.core.types import Estimates
 
 from . import endpoints
@@ -83,7 +92,7 @@ class Outputs:
         self._class_names = tuple(c.name for c in settings.config.model.modes.classes)
         self._trails = Trails(settings.node["path_length"])
         self._made: list[Any] = []
-        self.with_markers = settings.node["publish_markers"]
+        self._with_markers = settings.node["publish_markers"]
 
         def make(kind: type, topic: str, qos: Callable[[], Any] = endpoints.output_qos) -> Any:
             self._made.append(endpoints.publisher(node, kind, topic, qos(), health))
@@ -141,17 +150,29 @@ class Outputs:
         self._trails.clear()
         self._run = uuid.uuid4()
 
+    def show_markers(self, shown: bool) -> None:
+        """Publish markers from now on, or take back those that were published."""
+        if not shown:
+            self.clear_markers()
+        self._with_markers = shown
+
+    def clear_markers(self) -> None:
+        """Take back the markers that were published: a late joiner would still get the last."""
+        if self._with_markers:
+            clear = Marker(header=stamps.header(0, self._frame), action=Marker.DELETEALL)
+            self._markers.publish(MarkerArray(markers=[clear]))
+
     def publish_estimates(self, source: str, found: Estimates) -> None:
         """Publish the ``filtered`` or ``smoothed`` estimates of a stamp."""
         self._clouds[source].publish(estimates.to_msg(found, self._frame))
         for class_id, publisher in enumerate(self._poses[source]):
-            publisher.publish(serialised.pose_array(found, class_id, self._frame))
+            publisher.publish(poses.to_cdr(found, class_id, self._frame))
 
     def publish_filtered(self, found: Estimates) -> None:
         """Publish everything that is made of a scan's filtered estimates."""
         self.publish_estimates(FILTERED, found)
-        if self.with_markers:
-            self._markers.publish(serialised.marker_array(found, self._frame, self._class_names))
+        if self._with_markers:
+            self._markers.publish(markers.to_cdr(found, self._frame, self._class_names))
         if self._radar_tracks is not None:
             publisher, types = self._radar_tracks
             publisher.publish(radar_tracks.to_msg(found, self._frame, self._run, types))

@@ -1,12 +1,9 @@
-"""The scans of a bag in order, and a line that shows how far they are."""
+"""The scans of a bag in order."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from msg_adapters.bag import BagError, BagMessage, BagReader
 
@@ -79,10 +76,13 @@ class Playback:
         self._bag = bag
         self._topics = list(topics)
         self._scan_topics = frozenset(scan_topics)
-        self.first_ns = bag.start_ns + round(start_s * 1e9)
+        # A little more than there is, is as much as any more, which may be too much for a number.
+        longest_s = (bag.end_ns - bag.start_ns) / 1e9 + 1.0
+        self.first_ns = bag.start_ns + round(min(start_s, longest_s) * 1e9)
         self.last_ns = bag.end_ns
         if duration_s:
-            self.last_ns = min(self.last_ns, self.first_ns + round(duration_s * 1e9))
+            end_ns = self.first_ns + round(min(duration_s, longest_s) * 1e9)
+            self.last_ns = min(self.last_ns, end_ns)
         self.damage: BagError | None = None
         self.rewind()
         if self.upcoming is None:
@@ -129,18 +129,19 @@ class Playback:
 
     def _chosen(self, from_ns: int) -> Iterator[BagMessage]:
         try:
-            for message in self._bag.messages(self._topics):
-                if from_ns <= message.log_time_ns <= self.last_ns:
+            for message in self._bag.messages(self._topics, self.last_ns):
+                if from_ns <= message.log_time_ns:
                     yield message
         except BagError as error:
             self.damage = error
 
     def before(self, time_ns: int, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield the messages of `topics` recorded before `time_ns`."""
+        """Yield the messages of `topics` recorded before `time_ns`; no more of the bag is read."""
         try:
             for message in self._bag.messages(list(topics)):
-                if message.log_time_ns < time_ns:
-                    yield message
+                if message.log_time_ns >= time_ns:
+                    return
+                yield message
         except BagError as error:
             self.damage = error
 
@@ -150,48 +151,3 @@ def _groups_of(scan: list[BagMessage], after: list[BagMessage]) -> Iterator[Grou
         yield Group(tuple(scan), scan[0].stamp_ns)
     for message in after:
         yield Group((message,), None)
-
-
-class ProgressLine:
-    """A line on the terminal with the bag's time; nothing where there is no terminal.
-
-    Parameters
-    ----------
-    shown : bool
-    first_s, last_s : float
-        The part that is played, in the bag's time.
-    """
-
-    def __init__(self, shown: bool, first_s: float, last_s: float) -> None:
-        console = Console()
-        self._progress = Progress(
-            TextColumn("replay {task.fields[doing]}"),
-            BarColumn(),
-            TextColumn("{task.fields[time]:.1f} of {task.fields[last]:.1f} s"),
-            TextColumn("{task.fields[scans]} scans"),
-            TimeElapsedColumn(),
-            console=console,
-            disable=not (shown and console.is_terminal),
-        )
-        self._first_s = first_s
-        self._length_s = max(last_s - first_s, 1e-9)
-        self._scans = 0
-        self._task = self._progress.add_task(
-            "replay", total=self._length_s, scans=0, time=first_s, last=last_s, doing="waits"
-        )
-        self._progress.start()
-
-    def show(self, time_s: float, doing: str, scans: int = 0) -> None:
-        """Show the bag's time and what is being done, and count scans on."""
-        self._scans += scans
-        self._progress.update(
-            self._task,
-            completed=time_s - self._first_s,
-            scans=self._scans,
-            time=time_s,
-            doing=doing,
-        )
-
-    def stop(self) -> None:
-        """Leave the line as it is."""
-        self._progress.stop()

@@ -5,15 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 from msg_adapters import interfaces
 from msg_adapters.bag import BagError, BagWriter, Topic
 
 # Deep enough that a burst waits in the queue instead of being lost.
 INPUT_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+# For those who offer no more, as drivers do.
+MODEST_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 # For what was published once, before the recording began.
 LATCHED_QOS = QoSProfile(
     depth=1000,
@@ -28,6 +33,7 @@ STATIC_FRAMES_TYPE = "tf2_msgs/msg/TFMessage"
 class Recorder:
     """Subscribes for a node and writes a bag, with the time of arrival as log time.
 
+    It listens reliably, so that nothing is lost, and best effort to whom offers no more.
     ``/tf_static`` is recorded too, where tf2_msgs is installed.
 
     Parameters
@@ -40,19 +46,36 @@ class Recorder:
     """
 
     def __init__(self, node: Node, directory: Path, topics: Mapping[str, str]) -> None:
+        self._node = node
         self._clock = node.get_clock()
         self._logger = node.get_logger()
         self._bag: BagWriter | None = BagWriter(directory)
+        self._heard: dict[str, Subscription] = {}
         for topic, type_name in (_static_frames() | dict(topics)).items():
             latched = topic == STATIC_FRAMES
             self._bag.add_topic(Topic(topic, type_name, transient_local=latched))
-            node.create_subscription(
-                interfaces.message_class(type_name),
-                topic,
-                partial(self._write, topic),
-                LATCHED_QOS if latched else INPUT_QOS,
-                raw=True,
-            )
+            self._listen(topic, type_name, LATCHED_QOS if latched else INPUT_QOS)
+
+    def _listen(self, topic: str, type_name: str, qos: QoSProfile) -> None:
+        self._heard[topic] = self._node.create_subscription(
+            interfaces.message_class(type_name),
+            topic,
+            partial(self._write, topic),
+            qos,
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=partial(self._ask_less, topic, type_name)
+            ),
+            raw=True,
+        )
+
+    def _ask_less(self, topic: str, type_name: str, event: Any) -> None:
+        """Listen best effort instead, where that is what a publisher cannot fulfil."""
+        if event.last_policy_kind != QoSPolicyKind.RELIABILITY:
+            self._logger.warning(f"{topic}: a publisher's QoS does not fit, it is not recorded")
+            return
+        self._logger.info(f"{topic}: offered best effort, recorded best effort")
+        self._node.destroy_subscription(self._heard[topic])
+        self._listen(topic, type_name, MODEST_QOS)
 
     def _write(self, topic: str, data: bytes) -> None:
         if self._bag is None:

@@ -12,28 +12,41 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import rclpy
-from rclpy.exceptions import NameValidationException
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos_overriding_options import InvalidQosOverridesError
 from rclpy.signals import SignalHandlerOptions
 
-from msg_adapters.bag import BagError
+from msg_adapters.errors import BagError
 from phd_jdtc_ros.core.config import ConfigError
-from phd_jdtc_ros.exits import OK, fail
+from phd_jdtc_ros.exits import FAILED, OK, fail
 
 # The longest a stop request waits for the spin loop to look.
 POLL_SECONDS = 0.1
+# A warning that could be repeated without end is said once in this time.
+WARNING_PERIOD_S = 5.0
+# What users can cause; all else is a traceback.
+REPORTED = (
+    ConfigError,
+    BagError,
+    InvalidQosOverridesError,
+    NameValidationException,
+    ParameterException,
+)
 
 
 class RunnableNode(Protocol):
     """What `run` needs of a node beside its being one."""
 
     exit_status: int | None
-    """None while the node has work; its exit status once it has ended by itself."""
+    """None while the node has work; its exit status once it has ended by itself or failed."""
 
     def close(self) -> None:
-        """Finish all output; called once, whatever ended the node."""
+        """Finish all output; called once, whatever ended the node.
+
+        It may set the exit status if that fails.
+        """
         ...
 
 
@@ -74,21 +87,32 @@ def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
     node = None
     try:
         node = make_node()
-        return _spin(node, stop)
-    except (ConfigError, BagError, InvalidQosOverridesError, NameValidationException) as error:
+        _spin(node, stop)
+    except REPORTED as error:
         return fail(name, error)
     finally:
+        _end(node, stop)
+    return node.exit_status or OK
+
+
+def _end(node: Node | None, stop: StopRequest) -> None:
+    """Close a node, and take it and ROS down even if that fails."""
+    try:
         if node is not None:
             node.close()
-            node.destroy_node()
-        rclpy.try_shutdown()
-        stop.ignore_further()
-        # The process ends here. Its last collection would look at every object of the numerical
-        # libraries, which takes most of the time of a stop.
-        gc.freeze()
+    finally:
+        try:
+            if node is not None:
+                node.destroy_node()
+        finally:
+            rclpy.try_shutdown()
+            stop.ignore_further()
+            # The process ends here. Its last collection would look at every object of the numerical
+            # libraries, which takes most of the time of a stop.
+            gc.freeze()
 
 
-def _spin(node: Node, stop: StopRequest) -> int:
+def _spin(node: Node, stop: StopRequest) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
@@ -96,7 +120,10 @@ def _spin(node: Node, stop: StopRequest) -> int:
             executor.spin_once(timeout_sec=POLL_SECONDS)
     except ExternalShutdownException:
         pass
+    except Exception:
+        # What was left half-way must not be stored as if it were whole: `close` looks at this.
+        node.exit_status = FAILED
+        raise
     finally:
         executor.remove_node(node)
         executor.shutdown(timeout_sec=0.0)
-    return node.exit_status or OK

@@ -2,32 +2,30 @@
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Sequence
 from enum import Enum, auto
 from pathlib import Path
 from typing import Any
 
-import rclpy
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
-from rclpy.utilities import remove_ros_args
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import names, stamps
+from msg_adapters import stamps
 from msg_adapters.bag import BagReader
-from phd_jdtc_ros.core.config import ConfigError
-from phd_jdtc_ros.core.parameters import Parameter
 from phd_jdtc_ros.exits import FAILED, OK, fail
 
-from . import parameters, playable, runtime
-from .playback import Group, Playback, ProgressLine
+from . import parameters, playable, replay_parameters, runtime, seek_parameter
+from .bag_clock import BagClock
+from .lock_step import GIVE_UP_S, LockStep
+from .playback import Group, Playback
+from .progress_line import ProgressLine
+from .replay_parameters import SEEK
 
 OUTPUT_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED_QOS = QoSProfile(
@@ -38,61 +36,12 @@ LATCHED_QOS = QoSProfile(
 CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 CLOCK_PERIOD_S = 0.01
 TICK_S = 0.005
-SLOWEST_RATE = 0.1
 
 # Endpoints see each other a moment after the graph shows them.
 SETTLE_S = 0.5
-# In lock-step an estimate may be held back until a later stamp comes (radars without a common
-# scan), so after this long a few more stamps are allowed out.
-PATIENCE_S = 1.0
-MOST_OUTSTANDING = 4
-GIVE_UP_S = 30.0
 ACKNOWLEDGE_S = 5.0
-
-_AT_THE_START = (
-    Parameter("bag", "", "Path of the bag: a rosbag2 directory or an MCAP file."),
-    Parameter(
-        "rate",
-        1.0,
-        "Speed against the recording, from 0.1; 0 is lock-step: a stamp is published once the "
-        "estimate of the one before has come back.",
-        0.0,
-        1000.0,
-    ),
-    Parameter("loop", False, "Start again at the end."),
-    Parameter("start_s", 0.0, "Skip this much of the bag, s.", 0.0),
-    Parameter("duration_s", 0.0, "Play this much of the bag, s; 0 for all.", 0.0),
-    Parameter("start_paused", False, "Wait for ~/resume or ~/step."),
-    Parameter(
-        "topics",
-        [],
-        "Topics to play; empty for all but /clock, /diagnostics, /rosout, /parameter_events and "
-        "what is under /tracker and /evaluator.",
-        element=str,
-    ),
-    Parameter(
-        "subscriber_timeout_s",
-        5.0,
-        "Longest wait for subscribers of the detections and the truth, s.",
-        0.0,
-        3600.0,
-    ),
-    Parameter(
-        "estimates_topic",
-        names.estimates("filtered"),
-        "What comes back in lock-step.",
-    ),
-    Parameter("flush_service", "", "Service called at the end, such as /tracker/flush."),
-    Parameter("progress", True, "Draw a progress line, where there is a terminal."),
-)
-SEEK = Parameter(
-    "seek_s",
-    0.0,
-    "Set while it runs, not before: go on from here, s from the bag's start; refused outside the "
-    "part that is played.",
-    0.0,
-)
-TABLE = (*_AT_THE_START, SEEK)
+# So long a look at what has arrived may take: signals wait for it.
+LOOK_S = 0.05
 
 
 class State(Enum):
@@ -109,8 +58,8 @@ class SensorReplay(Node):
 
     def __init__(self, flags: dict[str, Any]) -> None:
         super().__init__("sensor_replay")
-        self._values = parameters.resolve(self, _AT_THE_START, flags)
-        _check(self._values)
+        self._values = parameters.resolve(self, replay_parameters.AT_THE_START, flags)
+        replay_parameters.check(self._values)
         self.exit_status: int | None = None
         bag = BagReader(Path(self._values["bag"]))
         self._played = playable.choose(bag, self._values["topics"])
@@ -123,9 +72,9 @@ class SensorReplay(Node):
             for topic, message_class in self._played.classes.items()
         }
         self._clock_output = self.create_publisher(Clock, "/clock", CLOCK_QOS)
-        self._estimate_ns: int | None = None
-        self._outstanding: list[int] = []
-        if self._lock_step:
+        self._lock_step: LockStep | None = None
+        if self._values["rate"] == 0.0:
+            self._lock_step = LockStep()
             self.create_subscription(
                 PointCloud2, self._values["estimates_topic"], self._on_estimate, OUTPUT_QOS
             )
@@ -147,38 +96,23 @@ class SensorReplay(Node):
             self._values["start_s"],
             self._values["duration_s"],
         )
-        self._now_ns = bag.start_ns
-        self._line = ProgressLine(
-            bool(self._values["progress"]),
-            *(self._playback.seconds(t) for t in (self._playback.first_ns, self._playback.last_ns)),
-        )
+        self._bag_clock = BagClock(self._values["rate"], bag.start_ns)
+        self._line = ProgressLine(bool(self._values["progress"]), *self._part_s)
         for name, callback in (
             ("pause", self._on_pause),
             ("resume", self._on_resume),
             ("step", self._on_step),
         ):
             self.create_service(Trigger, f"~/{name}", callback)
-        self._make_seek()
+        seek_parameter.declare(self, self._seek_fault, self._seek)
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
 
-    def _make_seek(self) -> None:
-        self.declare_parameter(
-            SEEK.name,
-            SEEK.default,
-            ParameterDescriptor(
-                description=SEEK.description,
-                additional_constraints=f"must be {SEEK.allowed}",
-                dynamic_typing=True,  # a whole number is a number too
-            ),
-            ignore_override=True,
-        )
-        self.add_on_set_parameters_callback(self._check_seek)
-        self.add_post_set_parameters_callback(self._seek)
-
     @property
-    def _lock_step(self) -> bool:
-        return bool(self._values["rate"] == 0.0)
+    def _part_s(self) -> tuple[float, float]:
+        """The part that is played, seconds since the bag's start."""
+        first_ns, last_ns = self._playback.first_ns, self._playback.last_ns
+        return self._playback.seconds(first_ns), self._playback.seconds(last_ns)
 
     def close(self) -> None:
         """Stop the progress line."""
@@ -218,58 +152,44 @@ class SensorReplay(Node):
 
     def _begin(self) -> None:
         """Make what comes next due now, forgetting what went before."""
-        self._outstanding.clear()
-        self._estimate_ns = None
+        if self._lock_step:
+            self._lock_step.begin()
         if self._playback.upcoming is not None:
-            self._now_ns = self._playback.upcoming.log_time_ns
+            self._bag_clock.now_ns = self._playback.upcoming.log_time_ns
         latched = [topic for topic in playable.LATCHED if topic in self._outputs]
-        for message in self._playback.before(self._now_ns, latched) if latched else ():
+        for message in self._playback.before(self._bag_clock.now_ns, latched) if latched else ():
             self._outputs[message.topic].publish(message.data)
-        self._restart_clock()
-
-    def _restart_clock(self) -> None:
-        """Let the bag's time run on from where it stands."""
-        self._wall_start = time.monotonic()
-        self._bag_start_ns = self._now_ns
+        self._bag_clock.run_on()
 
     def _play(self) -> None:
         while (group := self._playback.upcoming) is not None:
             if self._paused and self._steps == 0:
                 return
-            if not (self._may_follow() if self._lock_step else self._is_due(group)):
+            if not self._may_go_out(group):
                 return
             self._publish_group(group)
             self._playback.advance()
-        if self._values["loop"]:
+        if not self._values["loop"]:
+            self._enter(State.DRAINING)
+        # The first scan of the next turn waits for the last of this one too.
+        elif self._settled():
             self._playback.rewind()
             self._begin()
-        else:
-            self._enter(State.DRAINING)
 
-    def _is_due(self, group: Group) -> bool:
-        if self._steps:
-            return True
-        elapsed_ns = (time.monotonic() - self._wall_start) * 1e9 * self._values["rate"]
-        due = group.log_time_ns - self._bag_start_ns <= elapsed_ns
-        if not due:
-            self._now_ns = self._bag_start_ns + int(elapsed_ns)
-        return bool(due)
-
-    def _may_follow(self) -> bool:
-        """Return whether lock-step lets the next stamp out."""
-        while self._outstanding and (self._estimate_ns or 0) >= self._outstanding[0]:
-            self._outstanding.pop(0)
-            self._since = time.monotonic()
-        if not self._outstanding:
-            return True
-        waited = time.monotonic() - self._since
-        if waited > GIVE_UP_S:
+    def _may_go_out(self, group: Group) -> bool:
+        if self._lock_step is None:
+            return self._steps > 0 or self._bag_clock.is_due(group.log_time_ns)
+        now = time.monotonic()
+        if self._lock_step.hopeless(now):
             self._fail(f"no estimate on {self._values['estimates_topic']} for {GIVE_UP_S:g} s")
             return False
-        return waited > PATIENCE_S and len(self._outstanding) < MOST_OUTSTANDING
+        return self._lock_step.may_follow(now)
+
+    def _settled(self) -> bool:
+        return self._lock_step is None or self._lock_step.settled(time.monotonic())
 
     def _publish_group(self, group: Group) -> None:
-        self._now_ns = group.log_time_ns
+        self._bag_clock.now_ns = group.log_time_ns
         self._publish_clock()
         for message in group.messages:
             self._outputs[message.topic].publish(message.data)
@@ -278,32 +198,36 @@ class SensorReplay(Node):
         self._show(0 if group.stamp_ns is None else 1)
         answered = any(message.topic in self._played.detections for message in group.messages)
         if self._lock_step and answered and group.stamp_ns is not None:
-            self._outstanding.append(group.stamp_ns)
-            if len(self._outstanding) == 1:
-                self._since = time.monotonic()
+            self._lock_step.published(group.stamp_ns, time.monotonic())
 
     def _show(self, scans: int = 0) -> None:
         doing = "paused" if self._paused else "plays"
-        self._line.show(self._playback.seconds(self._now_ns), doing, scans)
+        self._line.show(self._playback.seconds(self._bag_clock.now_ns), doing, scans)
 
     def _drain(self) -> None:
         """Wait until what was published has arrived, then flush the tracker if asked to."""
-        waited = time.monotonic() - self._since
-        if self._lock_step and not self._may_follow() and waited < PATIENCE_S:
+        if not self._settled():
             return
-        for output in self._outputs.values():
-            output.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_S))
+        waited_s = time.monotonic() - self._since
+        look = Duration(seconds=LOOK_S)
+        arrived = all(output.wait_for_all_acked(look) for output in self._outputs.values())
+        if not arrived and waited_s < ACKNOWLEDGE_S:
+            return
         if self._flush is None:
             self._end()
         elif self._flush.service_is_ready():
             self._flushed = self._flush.call_async(Trigger.Request())
             self._enter(State.FLUSHING)
-        elif waited > ACKNOWLEDGE_S:
+        elif waited_s > ACKNOWLEDGE_S:
             self._fail(f"service {self._values['flush_service']} does not exist")
 
     def _finish_flush(self) -> None:
         if self._flushed is not None and self._flushed.done():
-            self._end()
+            answer = self._flushed.result()
+            if answer.success:
+                self._end()
+            else:
+                self._fail(f"service {self._values['flush_service']} refuses: {answer.message}")
         elif time.monotonic() - self._since > GIVE_UP_S:
             self._fail(f"service {self._values['flush_service']} does not answer")
 
@@ -320,10 +244,11 @@ class SensorReplay(Node):
         self.exit_status = FAILED
 
     def _publish_clock(self) -> None:
-        self._clock_output.publish(Clock(clock=stamps.from_ns(self._now_ns)))
+        self._clock_output.publish(Clock(clock=stamps.from_ns(self._bag_clock.now_ns)))
 
     def _on_estimate(self, cloud: PointCloud2) -> None:
-        self._estimate_ns = stamps.to_ns(cloud.header.stamp)
+        if self._lock_step:
+            self._lock_step.answered(stamps.to_ns(cloud.header.stamp), time.monotonic())
         self._tick()
 
     def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -333,38 +258,36 @@ class SensorReplay(Node):
 
     def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._paused = False
-        self._restart_clock()
+        self._run_on()
         self._show()
         return _done(response, "playing")
 
     def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._paused = True
         self._steps += 1
+        self._run_on()
         return _done(response, "one stamp")
 
-    def _check_seek(self, given: list[rclpy.Parameter]) -> SetParametersResult:
-        faults = [self._seek_fault(p.value) for p in given if p.name == SEEK.name]
-        reason = "; ".join(fault for fault in faults if fault)
-        return SetParametersResult(successful=not reason, reason=reason)
+    def _run_on(self) -> None:
+        """Let time go on from where a pause has held it."""
+        self._bag_clock.run_on()
+        if self._lock_step:
+            self._lock_step.run_on(time.monotonic())
 
     def _seek_fault(self, value: Any) -> str:
         """Return why the replay cannot go to `value`, or nothing if it can."""
         if self._state in (State.DRAINING, State.FLUSHING):
             return f"{SEEK.name}: {value} given, but the bag has been played to its end"
         seconds = SEEK.coerce(value)
-        first, last = (
-            self._playback.seconds(t) for t in (self._playback.first_ns, self._playback.last_ns)
-        )
+        first, last = self._part_s
         if not isinstance(seconds, float) or not first <= seconds <= last:
             return f"{SEEK.name}: {value} given, must be a number from {first:g} to {last:g}"
         return ""
 
-    def _seek(self, given: list[rclpy.Parameter]) -> None:
-        for parameter in given:
-            if parameter.name == SEEK.name:
-                self._playback.seek(self._playback.time_ns(float(parameter.value)))
-                self._begin()
-                self._show()
+    def _seek(self, seconds: float) -> None:
+        self._playback.seek(self._playback.time_ns(seconds))
+        self._begin()
+        self._show()
 
 
 def _done(response: Trigger.Response, text: str) -> Trigger.Response:
@@ -373,30 +296,7 @@ def _done(response: Trigger.Response, text: str) -> Trigger.Response:
     return response
 
 
-def _check(values: dict[str, Any]) -> None:
-    faults = []
-    if not values["bag"]:
-        faults.append("bag: '' given, must be the path of a bag")
-    if 0.0 < values["rate"] < SLOWEST_RATE:
-        faults.append(f"rate: {values['rate']:g} given, must be 0 or at least {SLOWEST_RATE:g}")
-    if faults:
-        raise ConfigError(faults)
-
-
-def _flags(argv: Sequence[str]) -> dict[str, Any]:
-    """Return the parameters that plain command-line flags set."""
-    parser = argparse.ArgumentParser("sensor_replay", description=__doc__)
-    parser.add_argument("bag", nargs="?", help="rosbag2 directory or MCAP file")
-    parser.add_argument("--rate", type=float, help="speed; 0 is lock-step")
-    parser.add_argument("--start", type=float, dest="start_s", help="skip, s")
-    parser.add_argument("--duration", type=float, dest="duration_s", help="play this much, s")
-    parser.add_argument("--loop", action="store_true", default=None)
-    parser.add_argument("--start-paused", action="store_true", default=None)
-    given = vars(parser.parse_args(remove_ros_args(["sensor_replay", *argv])[1:]))
-    return {name: value for name, value in given.items() if value is not None}
-
-
 def main(argv: Sequence[str]) -> int:
     """Run the replay node."""
-    flags = _flags(argv)
+    flags = replay_parameters.flags(argv)
     return runtime.run("sensor_replay", lambda: SensorReplay(flags), argv)

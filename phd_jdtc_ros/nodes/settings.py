@@ -21,8 +21,8 @@ TABLE = (
     Parameter(
         "max_wait_s",
         0.0,
-        "Longest a scan waits by the wall clock for the radars that have not reported it, s; at 0 "
-        "it waits for a later stamp.",
+        "Longest a scan waits by the wall clock for the radars that have not reported it, or is "
+        "held back by reorder_scans, s; at 0 it waits for a later stamp.",
         0.0,
         3600.0,
     ),
@@ -42,7 +42,8 @@ TABLE = (
     Parameter(
         "checkpoint.max_age_s",
         60.0,
-        "A checkpoint whose last scan is older than this at the first one is not used, s.",
+        "A checkpoint whose last scan is older than this, or than max_gap_scans, at the first one "
+        "is not used, s.",
         0.0,
         86400.0,
     ),

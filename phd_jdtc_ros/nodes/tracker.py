@@ -18,8 +18,10 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics
 from phd_jdtc_ros.core.config import ConfigError
+from phd_jdtc_ros.exits import USAGE
 
-from . import endpoints, parameters, runtime, settings
+from . import arguments, endpoints, parameters, runtime, settings
+from .instance import Claim
 from .live import LiveTracker
 
 HEALTH_PERIOD_S = 1.0
@@ -36,6 +38,8 @@ class Tracker(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("tracker")
         self.exit_status: int | None = None
+        # First of all, for others are found in the background while the rest is made.
+        self._claim = Claim(self, self._give_way)
         self._settings = settings.resolve(parameters.given(self))
         parameters.declare(
             self, self._settings.table, self._settings.values, self._settings.mutable
@@ -59,6 +63,14 @@ class Tracker(LifecycleNode):
         else:
             self.get_logger().info("unconfigured; waiting for a transition")
 
+    def _give_way(self) -> None:
+        if self.exit_status is None:
+            self.exit_status = USAGE
+            self.get_logger().error(
+                f"another tracker runs as {self.get_fully_qualified_name()}: this one ends; "
+                "a namespace or another name (-r __ns:=/NAME, -r __node:=NAME) tells them apart"
+            )
+
     def _start(self) -> None:
         self.trigger_configure()
         if self._fault is not None:
@@ -81,7 +93,13 @@ class Tracker(LifecycleNode):
         service.callback = guarded
 
     def close(self) -> None:
-        """Say how the run went, and leave a checkpoint for the next start if there is one."""
+        """Say how the run went, and leave a checkpoint for the next start if there is one.
+
+        Nothing of both if it ends because the name, and so the checkpoint, is another's, or because
+        a step failed half-way.
+        """
+        if self.exit_status is not None:
+            return
         if self._live is not None:
             if self._phase == "active":
                 self._live.save()
@@ -222,4 +240,5 @@ class Tracker(LifecycleNode):
 
 def main(argv: Sequence[str]) -> int:
     """Run the tracker node."""
+    arguments.check("tracker", __doc__, argv)
     return runtime.run("tracker", Tracker, argv)

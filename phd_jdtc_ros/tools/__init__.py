@@ -1,1 +1,1 @@
-"""The executables that are no nodes: simulate, track a bag, report, run the demo."""
+"""The executables that are no nodes: simulate, track a bag, report, a study, and the demo."""

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from msg_adapters.bag import BagError
-from phd_jdtc_ros.core.config import ConfigError, TrackerConfig, resolve
-from phd_jdtc_ros.exits import INTERRUPTED, fail
-from phd_jdtc_ros.nodes import settings
+from phd_jdtc_ros.core.config import ConfigError, TrackerConfig
+from phd_jdtc_ros.exits import INTERRUPTED, USAGE, fail
 
-from . import params_file
+from . import live_file, params_file
 
 # OSPA's c (metres) and p where nothing else is asked for.
 CUTOFF, ORDER = 1000.0, 2.0
@@ -25,6 +24,10 @@ def guarded(name: str, work: Callable[[], int]) -> int:
         return work()
     except (ConfigError, BagError) as error:
         return fail(name, error)
+    except OSError as error:  # a path that cannot be written, a full disk
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"{name}: {where}{error.strerror or error}", file=sys.stderr)
+        return USAGE
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
         return INTERRUPTED
@@ -52,5 +55,5 @@ def tracker_config(arguments: argparse.Namespace) -> TrackerConfig:
         given = params_file.scenario_parameters(params_file.load_yaml(arguments.scenario))
     paths: Sequence[Path] = arguments.params_file
     given |= params_file.from_arguments(paths, arguments.assignments)
-    # A live tracker's file may be given too; what only the node has does not matter here.
-    return resolve({name: value for name, value in given.items() if name not in settings.NAMES})
+    # A live tracker's file may be given too.
+    return live_file.config(given)

@@ -16,21 +16,26 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
-
 from msg_adapters import names
 from msg_adapters.bag import BagError, BagReader
 from phd_jdtc_ros.core.config import resolve
 from phd_jdtc_ros.exits import FAILED, OK
+from phd_jdtc_ros.study import figures
 
-from . import command, report
+from . import command, report, shipped
 
 START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.
 FINISH_S = 30.0
-# What Fast DDS 2 and Fast DDS 3 call the file of profiles.
-PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-ARTEFACTS = ("estimates", "logs", "metrics.json", "report.html", "*.png")
+METRICS, RECORDING, LOGS = "metrics.json", "estimates", "logs"
+# All that a demo leaves, by its path in the directory of its output.
+ARTEFACTS = (
+    METRICS,
+    report.PAGE,
+    *(f"{picture.name}.png" for picture in figures.PICTURES),
+    *(f"{LOGS}/{node}.log" for node in ("evaluator", "tracker", "sensor_replay")),
+    *(f"{RECORDING}/{name}" for name in (f"{RECORDING}_0.mcap", "metadata.yaml")),
+)
 
 
 class Processes:
@@ -45,9 +50,9 @@ class Processes:
             "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or str(1 + os.getpid() % 100),
             # Shared memory would leave segments behind if a process were killed.
             "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
-            **isolation(),
+            **shipped.isolation(),
         }
-        logs.mkdir(parents=True)
+        logs.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Processes:
         return self
@@ -111,17 +116,19 @@ class Processes:
 def run_nodes(bag: Path, out: Path) -> bool:
     """Run the three nodes over a bag into `out`; return whether all went well."""
     scans = BagReader(bag).counts[names.TRUTH]
+    if not scans:
+        raise BagError(f"{bag}: nothing on {names.TRUTH}, which the demo scores against")
     reliable = {
         f"qos_overrides.{radar.topic}.subscription.reliability": "reliable"
         for radar in resolve({}).inputs
     }
     reporting = {
-        "report": out / "metrics.json",
-        "record": out / "estimates",
+        "report": out / METRICS,
+        "record": out / RECORDING,
         "exit_after_scans": scans,
     }
     flushing = {"flush_service": f"{names.TRACKER}/flush", "subscriber_timeout_s": 20.0}
-    with Processes(out / "logs") as nodes:
+    with Processes(out / LOGS) as nodes:
         nodes.start("evaluator", [], reporting)
         nodes.start("tracker", [], reliable)
         # The replay knows when it is heard itself, but not when the tracker is: that one gets the
@@ -134,38 +141,16 @@ def run_nodes(bag: Path, out: Path) -> bool:
 
 def shipped_bag() -> Path:
     """Return the reference scenario's bag, of the checkout or of the installed package."""
-    return _shipped(Path("bags/paper_scenario"))
-
-
-def isolation() -> dict[str, str]:
-    """Return the environment in which Fast DDS uses the loopback interface alone.
-
-    A profile that the user has chosen stays in force.
-    """
-    profile = _shipped(Path("config/dds/localhost_only.xml"))
-    chosen = [name for name in PROFILE_VARIABLES if name in os.environ]
-    if chosen or not profile.exists():
-        return {}
-    return dict.fromkeys(PROFILE_VARIABLES, str(profile.resolve()))
-
-
-def _shipped(here: Path) -> Path:
-    """Return what the package brings, of the checkout or of the installed package."""
-    if here.exists():
-        return here
-    try:
-        return Path(get_package_share_directory("phd_jdtc_ros")) / here
-    except LookupError:  # no ROS installation, or the package is not in it
-        return here
+    return shipped.find(Path("bags/paper_scenario"))
 
 
 def _clear(out: Path) -> None:
     """Remove what an earlier demo left, and nothing else."""
-    for pattern in ARTEFACTS:
-        for path in out.glob(pattern):
-            files = [path] if path.is_file() else [*path.iterdir(), path]
-            for file in files:
-                file.rmdir() if file.is_dir() else file.unlink()
+    for name in ARTEFACTS:
+        (out / name).unlink(missing_ok=True)
+    # A recording needs a new directory; one with other files in it is not removed.
+    if (out / RECORDING).is_dir():
+        (out / RECORDING).rmdir()
 
 
 def main(argv: Sequence[str]) -> int:
@@ -180,10 +165,15 @@ def main(argv: Sequence[str]) -> int:
             raise BagError(f"{arguments.bag}: no such bag")
         out: Path = arguments.out
         _clear(out)
-        if not run_nodes(arguments.bag, out):
-            return FAILED
-        summary = json.loads((out / "metrics.json").read_text())
-        report.write(out / "estimates", out, resolve({}), arguments.bag.resolve().name, summary)
+        # Who ends the demo ends its nodes too.
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+        try:
+            if not run_nodes(arguments.bag, out):
+                return FAILED
+        finally:
+            signal.signal(signal.SIGTERM, before)
+        summary = json.loads((out / METRICS).read_text())
+        report.write(out / RECORDING, out, resolve({}), arguments.bag.resolve().name, summary)
         return OK
 
     return command.guarded("demo", work)

@@ -21,21 +21,14 @@ from phd_jdtc_ros.exits import FAILED, OK
 from phd_jdtc_ros.study import monte_carlo, study_figures
 from phd_jdtc_ros.study.monte_carlo import Outcome, Plan, Scene, Store, Study, Task
 
-from . import command, params_file
+from . import command, params_file, shipped
 
 PUBLISHED = Path("config/studies/published.yaml")
 
 
 def published_study() -> Path:
     """Return the published study's file, of the checkout or of the installed package."""
-    if PUBLISHED.exists():
-        return PUBLISHED
-    try:
-        from ament_index_python.packages import get_package_share_directory
-
-        return Path(get_package_share_directory("phd_jdtc_ros")) / PUBLISHED
-    except (ImportError, LookupError):  # no ROS installation, or the package is not in it
-        return PUBLISHED
+    return shipped.find(PUBLISHED)
 
 
 def load_study(path: Path, assigned: Mapping[str, Any]) -> Study:

@@ -6,15 +6,16 @@ import sys
 from collections.abc import Sequence
 
 from phd_jdtc_ros.core.parameters import BIRTH, CLASS, MOTION, RADAR, TOP, Parameter
-from phd_jdtc_ros.nodes import evaluator, sensor_replay, settings
+from phd_jdtc_ros.nodes import evaluator, replay_parameters, settings
 
 _INTRODUCTION = """\
 # Parameters
 
 Written by `make parameters` from the tables in the code. Those marked * can change while the
-tracker runs, from the next scan on: a change is checked whole and refused whole, in the words of a
-start. The others are read-only. Whole numbers are accepted where numbers are meant. All faults of a
-configuration are listed at once, and the node ends with status 2.
+tracker runs, from the next scan on: a change is checked as a whole, with all else that is set, and
+refused as a whole with every reason. All others are fixed at the start, but for `seek_s` of
+`sensor_replay`. Whole numbers are accepted where numbers are meant. All faults of a configuration
+are listed at once, and the node ends with status 2.
 """
 
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
@@ -34,7 +35,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         "sensor_replay",
         "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the bag as "
         "an argument set the parameters of the same meaning.",
-        sensor_replay.TABLE,
+        replay_parameters.TABLE,
     ),
     ("evaluator", "", evaluator.TABLE),
 )

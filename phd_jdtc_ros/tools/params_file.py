@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +12,9 @@ import yaml
 from phd_jdtc_ros.core.config import ConfigError
 from phd_jdtc_ros.core.parameters import flatten
 
-# Sections of a parameter file that apply to the tracker.
-_SECTIONS = ("/**", "/**/tracker", "tracker", "/tracker")
+_NODE = "tracker"
+# What the parts of a section's name stand for, each with the slash before it.
+_WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
 
 
 def load_yaml(path: Path) -> Any:
@@ -35,21 +37,49 @@ def load_yaml(path: Path) -> Any:
 def load(path: Path) -> dict[str, Any]:
     """Return the tracker's parameters in a ROS parameter file, by dotted name.
 
+    As ROS has it, a section is for every node that its name fits (``*`` is one part of a name,
+    ``**`` any number of them), and of two values the later one wins. The tracker may be in any
+    namespace.
+
     Raises
     ------
     ConfigError
-        If it is no such file.
+        If it is no such file, or has sections of trackers in several namespaces.
     """
-    document = load_yaml(path)
-    sections = document if isinstance(document, Mapping) else {}
+    sections = list(_sections(load_yaml(path)))
+    trackers = {name for name, _ in sections if name.endswith(f"/{_NODE}") and "*" not in name}
+    if len(trackers) > 1:
+        listed = ", ".join(sorted(trackers))
+        raise ConfigError([f"{path}: has sections of several trackers, {listed}: must be one"])
     found: dict[str, Any] = {}
-    for name in _SECTIONS:
-        section = sections.get(name)
-        if isinstance(section, Mapping) and isinstance(section.get("ros__parameters"), Mapping):
-            found.update(flatten(section["ros__parameters"]))
+    for name, given in sections:
+        if _is_for(name, next(iter(trackers), None)):
+            found.update(flatten(given))
     if not found:
-        raise ConfigError([f"{path}: has no ros__parameters under any of {', '.join(_SECTIONS)}"])
+        raise ConfigError(
+            [f"{path}: has no ros__parameters under {_NODE}, /NAMESPACE/{_NODE} or /**"]
+        )
     return found
+
+
+def _sections(document: Any, prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield the full name and the parameters of every section; namespaces may be nested."""
+    for key, value in document.items() if isinstance(document, Mapping) else ():
+        name = f"{prefix}/{str(key).strip('/')}"
+        given = value.get("ros__parameters") if isinstance(value, Mapping) else None
+        if isinstance(given, Mapping):
+            yield name, given
+        else:
+            yield from _sections(value, name)
+
+
+def _is_for(section: str, tracker: str | None) -> bool:
+    """Return whether a section is for the tracker of that full name, or of any if it has none."""
+    parts = section.split("/")[1:]
+    if tracker is None:
+        return parts[-1] in (_NODE, *_WILDCARDS)
+    pattern = "".join(_WILDCARDS.get(part, "/" + re.escape(part)) for part in parts)
+    return re.fullmatch(pattern, tracker) is not None
 
 
 def scenario_parameters(document: Any) -> dict[str, Any]:

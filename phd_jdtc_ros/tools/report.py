@@ -19,6 +19,8 @@ from phd_jdtc_ros.study.table import metrics, score_tables
 
 from . import command
 
+PAGE = "report.html"
+
 
 def write(
     bag: Path, out: Path, config: TrackerConfig, title: str, summary: dict[str, Any] | None
@@ -37,15 +39,15 @@ def write(
         The run's figures where they are known; otherwise they are computed from the bag.
     """
     run = load.record(bag, config)
+    out.mkdir(parents=True, exist_ok=True)
     evaluation = run.evaluate(command.CUTOFF, command.ORDER)
     if summary is None:
         summary = metrics(evaluation, run.step_ms)
-    out.mkdir(parents=True, exist_ok=True)
     figures.write_all(run, evaluation, out)
     console = Console()
     if summary["scans"]:
         console.print(score_tables(summary))
-    page = out / "report.html"
+    page = out / PAGE
     if not _write_page(page, title, summary, run, evaluation):
         print("report: no page without plotly; to have it: pip install plotly", file=sys.stderr)
         return FAILED

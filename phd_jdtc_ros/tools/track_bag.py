@@ -20,7 +20,7 @@ from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.config import TrackerConfig
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.evaluation import FILTERED, SMOOTHED
-from phd_jdtc_ros.core.scans import Rejection, Reset, Scan, ScanGrouper
+from phd_jdtc_ros.core.scans import Rejection, Reset, Scan
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.exits import OK, fail
 from phd_jdtc_ros.study import load
@@ -43,7 +43,7 @@ class OfflineTracker:
         self._config = config
         self._bag = bag
         self._engine: Engine = config.engine()
-        self._grouper = ScanGrouper(len(config.inputs), config.reset_threshold_s)
+        self._grouper = config.grouper()
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self.scans = 0
         self.dropped: Counter[str] = Counter()
@@ -72,7 +72,8 @@ class OfflineTracker:
     def _handle(self, events: Sequence[Scan | Reset]) -> None:
         for event in events:
             if isinstance(event, Reset):
-                self._write_all(SMOOTHED, self._engine.flush())
+                rest = self._engine.interrupt() if event.ahead else self._engine.flush()
+                self._write_all(SMOOTHED, rest)
                 continue
             step = self._engine.step(event)
             self.scans += 1

@@ -1,6 +1,7 @@
 """The demo's launch file, run as `ros2 launch` runs it, where a ROS installation has launch."""
 
 import json
+import os
 import tempfile
 import unittest
 from pathlib import Path
@@ -22,6 +23,7 @@ except LookupError:
     pytest.skip("the package is not built with colcon", allow_module_level=True)
 
 OUT = Path(tempfile.mkdtemp())
+PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
 @pytest.mark.launch_test
@@ -34,6 +36,8 @@ def generate_test_description():
 
 
 class TestDemo(unittest.TestCase):
+    """While the nodes run."""
+
     def test_evaluator_ends_by_itself(self, proc_info):
         proc_info.assertWaitForStartup(process="evaluator", timeout=20)
         proc_info.assertWaitForShutdown(process="evaluator", timeout=90)
@@ -41,8 +45,20 @@ class TestDemo(unittest.TestCase):
 
 @launch_testing.post_shutdown_test()
 class TestDemoAfterwards(unittest.TestCase):
+    """Once all have ended."""
+
+    @classmethod
+    def tearDownClass(cls):
+        # Launch has set them in this very process.
+        for name in PROFILE_VARIABLES:
+            os.environ.pop(name, None)
+
     def test_every_node_ended_well(self, proc_info):
         asserts.assertExitCodes(proc_info)
+
+    def test_every_node_kept_to_this_machine(self, proc_info):
+        profiles = {info.env.get(name) for info in proc_info for name in PROFILE_VARIABLES}
+        assert profiles == {str(SHARE / "config" / "dds" / "localhost_only.xml")}
 
     def test_every_scan_was_scored(self):
         assert json.loads((OUT / "metrics.json").read_text())["scans"] == 80

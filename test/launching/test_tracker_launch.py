@@ -1,4 +1,4 @@
-"""The tracker's launch file, run with executables that only say what they were told."""
+"""The tracker's launch file, run with executables that only say how they were started."""
 
 import json
 import os
@@ -23,14 +23,28 @@ EXECUTABLES = {
     "tf2_ros": "static_transform_publisher",
     "rviz2": "rviz2",
 }
+MINE = """
+/**/tracker:
+  ros__parameters:
+    use_sim_time: false
+    publish_path: true
+    qos_overrides: {/north/points: {subscription: {reliability: reliable}}}
+    radars: [north]
+    north: {topic: /north/points, frame: north_link}
+"""
+PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
 @pytest.fixture
 def said(tmp_path, monkeypatch):
-    """Return a function that launches the file and returns the arguments of what it started."""
+    """Return a function that launches the file and returns how it started what it started."""
     prefix = tmp_path / "prefix"
     notes = tmp_path / "notes"
     notes.mkdir()
+    for name in PROFILE_VARIABLES:
+        # Set first, or what launch sets in this very process would outlive the test.
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
 
     def install(package, executable):
         marker = prefix / "share" / "ament_index" / "resource_index" / "packages" / package
@@ -41,7 +55,7 @@ def said(tmp_path, monkeypatch):
         script.write_text(
             f"#!{sys.executable}\nimport json, os, sys\n"
             f"with open(f'{notes}/{executable}_{{os.getpid()}}', 'w') as file:\n"
-            "    json.dump(sys.argv[1:], file)\n"
+            "    json.dump({'arguments': sys.argv[1:], 'environment': dict(os.environ)}, file)\n"
         )
         script.chmod(0o755)
 
@@ -77,7 +91,8 @@ def said(tmp_path, monkeypatch):
 def test_the_tracker_gets_its_parameters_and_its_name(said):
     found = said(["phd_jdtc_ros"], namespace="alpha", use_sim_time="true")
 
-    (arguments,) = found["tracker"]
+    (started,) = found["tracker"]
+    arguments = started["arguments"]
     assert "__node:=tracker" in arguments
     assert "__ns:=/alpha" in arguments
     assert any(entry.endswith("config/paper_scenario.yaml") for entry in arguments)
@@ -88,7 +103,8 @@ def test_every_radar_gets_its_frame(said):
     found = said(["phd_jdtc_ros", "tf2_ros"])
 
     places = {}
-    for arguments in found["static_transform_publisher"]:
+    for started in found["static_transform_publisher"]:
+        arguments = started["arguments"]
         given = dict(zip(arguments[0:10:2], arguments[1:10:2], strict=True))
         assert given["--frame-id"] == "map"
         places[given["--child-frame-id"]] = [float(given[k]) for k in ("--x", "--y", "--yaw")]
@@ -98,6 +114,51 @@ def test_every_radar_gets_its_frame(said):
 def test_rviz_shows_the_tracker_of_the_namespace(said):
     found = said(["phd_jdtc_ros", "rviz2"], namespace="alpha", rviz="true")
 
-    (arguments,) = found["rviz2"]
-    assert any(entry.endswith("rviz/demo.rviz") for entry in arguments)
-    assert "/tracker/markers:=/alpha/tracker/markers" in arguments
+    (started,) = found["rviz2"]
+    assert any(entry.endswith("rviz/demo.rviz") for entry in started["arguments"])
+    assert "/tracker/markers:=/alpha/tracker/markers" in started["arguments"]
+
+
+def test_frames_are_left_to_others_if_asked(said):
+    found = said(["phd_jdtc_ros", "tf2_ros"], frames="false")
+
+    assert len(found["tracker"]) == 1
+    assert found["static_transform_publisher"] == []
+
+
+def test_parameters_of_the_node_alone_are_no_obstacle(said, tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(MINE)
+    found = said([*EXECUTABLES], params_file=str(path), rviz="true")
+
+    assert len(found["tracker"]) == 1
+    (frame,) = found["static_transform_publisher"]
+    assert "north_link" in frame["arguments"]
+    (rviz,) = found["rviz2"]
+    assert "/radar_1/detections:=/north/points" in rviz["arguments"]
+    assert "/radar_2/detections" not in " ".join(rviz["arguments"])
+
+
+def test_dds_stays_as_it_is_unless_asked(said):
+    (started,) = said(["phd_jdtc_ros"])["tracker"]
+
+    assert not {*PROFILE_VARIABLES} & {*started["environment"]}
+
+
+def test_all_that_is_started_keeps_to_this_machine_if_asked(said):
+    found = said([*EXECUTABLES], localhost_only="true", rviz="true")
+
+    profile = SHARE / "config" / "dds" / "localhost_only.xml"
+    processes = [started["environment"] for name in found for started in found[name]]
+    assert len(processes) == 4
+    for environment in processes:
+        for name in PROFILE_VARIABLES:
+            assert Path(environment[name]).samefile(profile)
+
+
+def test_a_dds_profile_of_the_users_stays_in_force(said, monkeypatch):
+    monkeypatch.setenv(PROFILE_VARIABLES[0], "/etc/site.xml")
+    (started,) = said(["phd_jdtc_ros"], localhost_only="true")["tracker"]
+
+    assert started["environment"][PROFILE_VARIABLES[0]] == "/etc/site.xml"
+    assert PROFILE_VARIABLES[1] not in started["environment"]

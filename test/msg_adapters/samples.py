@@ -5,6 +5,7 @@ from array import array
 from dataclasses import fields, is_dataclass
 
 import numpy as np
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
@@ -104,6 +105,28 @@ def estimates(count=3, classes=2, lag=5):
         class_id=np.arange(count) % classes,
         track_id=np.arange(count) * 1000,
     )
+
+
+def many_estimates(count):
+    """Return estimates of random numbers, with no tracks."""
+    rng = np.random.default_rng(count)
+    root = rng.standard_normal((count, 5, 5))
+    probability = rng.dirichlet([0.3, 0.3], count)
+    return Estimates(
+        stamp_ns=1_500_000_007,
+        lag=0,
+        state=100.0 * rng.standard_normal((count, 5)),
+        covariance=100.0 * root @ root.transpose(0, 2, 1),
+        weight=np.ones(count),
+        class_probability=probability,
+        class_id=probability.argmax(axis=1),
+        track_id=np.zeros(count, dtype=int),
+    )
+
+
+def as_sent(message):
+    """Return a message as its receiver has it: colours, say, are of single precision."""
+    return deserialize_message(serialize_message(message), type(message))
 
 
 def nothing(classes=2):

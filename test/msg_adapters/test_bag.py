@@ -7,6 +7,7 @@ import lz4.frame
 import pytest
 import yaml
 import zstandard
+from marker_messages import marker_array, pose_array
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
@@ -17,8 +18,7 @@ from rosbags.rosbag2 import Reader
 from samples import FRAME, STAMP_NS, detections, estimates, plain, truth
 
 from msg_adapters import detections as detections_adapter
-from msg_adapters import estimates as estimates_adapter
-from msg_adapters import interfaces, markers, names
+from msg_adapters import interfaces, names
 from msg_adapters import truth as truth_adapter
 from msg_adapters.bag import BagError, BagMessage, BagReader, BagWriter, Topic
 from robustness.small_chunks import rewritten
@@ -45,8 +45,8 @@ def made():
         targets = truth_adapter.to_msg(truth(index), "map")
         entries.append((names.TRUTH, targets, STAMP_NS + (2 * index + 1) * SECOND))
     end = STAMP_NS + 20 * SECOND
-    entries.append((POSES, estimates_adapter.to_pose_array(estimates(), 0, "map"), end))
-    entries.append((MARKERS, markers.to_msg(estimates(), "map", ("a", "b")), end + 1))
+    entries.append((POSES, pose_array(estimates(), 0, "map"), end))
+    entries.append((MARKERS, marker_array(estimates(), "map", ("a", "b")), end + 1))
     return entries
 
 
@@ -274,12 +274,49 @@ def test_writer_turns_a_full_disk_into_one_error(tmp_path):
     assert str(tmp_path / "bag") in done.stdout
 
 
+def test_writer_says_again_why_it_was_closed(tmp_path):
+    script = """
+        import resource, sys
+        from pathlib import Path
+        from msg_adapters.bag import BagError, BagWriter, Topic
+        resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+        bag = BagWriter(Path(sys.argv[1]))
+        bag.add_topic(Topic("/cloud", "sensor_msgs/msg/PointCloud2"))
+        for index in range(10):
+            try:
+                bag.write("/cloud", b"x" * 100_000, index)
+            except BagError as error:
+                print(error)
+        bag.close()
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(script), str(tmp_path / "bag")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    first, *others = done.stdout.splitlines()
+    reason = first.removeprefix(f"{tmp_path / 'bag'}: cannot be written: ")
+    assert reason != first
+    again = f"{tmp_path / 'bag'}: cannot be written: closed after an error: {reason}"
+    assert set(others) == {again}
+
+
+def test_writer_refuses_messages_when_it_is_closed(tmp_path):
+    bag = BagWriter(tmp_path / "bag")
+    bag.add_topic(TOPICS[0])
+    bag.close()
+    with pytest.raises(BagError, match=r"cannot be written: closed$"):
+        bag.write(RADAR, b"", STAMP_NS)
+
+
 @pytest.mark.parametrize("topics", [TOPICS, ()], ids=["topics", "nothing"])
 def test_a_bag_of_no_messages_is_a_bag(tmp_path, topics):
     path = write(tmp_path / "empty", [], topics)
     reader = BagReader(path)
     assert list(reader.messages()) == []
-    assert reader.message_count == 0
+    assert reader.counts.total() == 0
     assert reader.types == {topic.name: topic.type_name for topic in topics}
     with Reader(path) as independent:
         assert independent.message_count == 0
@@ -296,7 +333,7 @@ def test_reader_takes_a_directory_or_its_file(bag, original, part):
     assert list(reader.messages()) == original
     assert reader.types == dict(types())
     assert reader.counts == {RADAR: 6, names.TRUTH: 6, POSES: 1, MARKERS: 1}
-    assert (reader.message_count, reader.start_ns) == (14, STAMP_NS)
+    assert reader.start_ns == STAMP_NS
     assert reader.end_ns == STAMP_NS + 20 * SECOND + 1
 
 
@@ -397,7 +434,7 @@ def outcome(path):
 def summary(path):
     """Return what a bag says of itself."""
     reader = BagReader(path)
-    return reader.types, reader.counts, reader.message_count, reader.start_ns, reader.end_ns
+    return reader.types, reader.counts, reader.start_ns, reader.end_ns
 
 
 def hidden(source, data, original, file):

@@ -2,11 +2,9 @@
 
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import Writer
-from samples import STAMP_NS
-from test_bag import RADAR, chunked, made, outcome, write
+from test_bag import chunked, made, outcome, write
 
-from msg_adapters import chunks, interfaces, names
+from msg_adapters import chunks, salvage
 from msg_adapters.bag import BagReader
 
 
@@ -78,24 +76,15 @@ def test_reader_counts_what_is_lost_against_the_statistics(whole, tmp_path):
     assert f"it says that it has {len(messages)} messages, {len(found)} can be read" in error
 
 
-def test_reader_does_not_hide_messages_outside_of_chunks(tmp_path):
-    file = tmp_path / "unchunked.mcap"
-    with file.open("wb") as stream:
-        writer = Writer(stream, use_chunking=False)
-        writer.start("ros2")
-        definition = interfaces.definition(names.CLOUD).encode()
-        schema = writer.register_schema(names.CLOUD, "ros2msg", definition)
-        channel = writer.register_channel(RADAR, "cdr", schema)
-        writer.add_message(channel, STAMP_NS, interfaces.encode(made()[0][1]), STAMP_NS)
-        writer.finish()
-    found, error = outcome(file)
-    assert found == []
-    assert "it says that it has 1 messages, 0 can be read" in str(error)
+@pytest.mark.parametrize(("offset", "length"), [(0, 0), (0, 50), (10**9, 50), (8, 20)])
+def test_unpack_refuses_what_is_no_chunk(whole, offset, length):
+    with whole[0].open("rb") as stream, pytest.raises(chunks.DamageError, match="should be"):
+        chunks.unpack(stream, offset, length)
 
 
 def test_reader_gives_up_on_a_file_made_to_be_searched_for_ever(tmp_path, monkeypatch):
     # Heads of chunks whose lengths agree, one inside the other, and none that can be unpacked.
-    step, count = 57, 3 * chunks._MOST_SEARCHES
+    step, count = 57, 3 * salvage._MOST_SEARCHES
     heads = []
     for index in range(count):
         data = step * (count - index) - step
@@ -110,4 +99,4 @@ def test_reader_gives_up_on_a_file_made_to_be_searched_for_ever(tmp_path, monkey
     found, error = outcome(file)
     assert found == []
     assert error.corrupt
-    assert len(tried) == chunks._MOST_SEARCHES + 1
+    assert len(tried) == salvage._MOST_SEARCHES + 1

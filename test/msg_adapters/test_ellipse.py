@@ -14,6 +14,14 @@ def test_outline_is_closed_and_at_its_radius():
     assert_allclose(distance, 2.5)
 
 
+def test_outline_takes_many_at_once():
+    covariance = np.array([[[9.0, 2.0], [2.0, 4.0]], [[1.0, 0.0], [0.0, 16.0]]])
+    lines = outline(covariance, 2.5, 33)
+    assert lines.shape == (2, 2, 33)
+    for line, one in zip(lines, covariance, strict=True):
+        assert_allclose(line, outline(one, 2.5, 33))
+
+
 def test_outline_takes_a_negative_variance_for_none():
     line = outline(np.diag([4.0, -1.0]), 1.0, 9)
     assert_allclose(line[1], 0.0, atol=1e-12)

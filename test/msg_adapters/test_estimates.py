@@ -159,26 +159,3 @@ def test_heading_turns_about_z_to_the_velocity(velocity, degrees):
     assert_allclose(
         [found.x, found.y, found.z, found.w], [0.0, 0.0, np.sin(half), np.cos(half)], atol=1e-15
     )
-
-
-def test_to_pose_array_takes_one_class_and_faces_where_it_moves():
-    given = estimates()
-    message = adapter.to_pose_array(given, 0, "map")
-    rows = given.state[[0, 2]]
-    assert message.header == stamps.header(STAMP_NS, "map")
-    found = np.array([[p.position.x, p.position.y, p.position.z] for p in message.poses])
-    assert_array_equal(found, np.column_stack([rows[:, 0], rows[:, 2], np.zeros(2)]))
-    for pose, row in zip(message.poses, rows, strict=True):
-        q = pose.orientation
-        speed = np.hypot(row[1], row[3])
-        # The x axis turned by the quaternion.
-        facing = [1.0 - 2.0 * q.z**2, 2.0 * q.z * q.w]
-        assert_allclose(facing, [row[1] / speed, row[3] / speed], atol=1e-12)
-        assert_allclose(q.x**2 + q.y**2 + q.z**2 + q.w**2, 1.0)
-
-
-@pytest.mark.parametrize("class_id", [0, 1, 7])
-def test_to_pose_array_of_no_estimates_is_empty(class_id):
-    message = adapter.to_pose_array(nothing(), class_id, "map")
-    assert message.poses == []
-    assert stamps.to_ns(message.header.stamp) == STAMP_NS

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from marker_messages import marker_array, pose_array
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from samples import FRAME, STAMP_NS, plain
@@ -14,7 +15,7 @@ from samples import detections as some_detections
 from samples import estimates as some_estimates
 from samples import truth as some_truth
 
-from msg_adapters import detections, diagnostics, estimates, interfaces, markers, names, truth
+from msg_adapters import detections, diagnostics, estimates, interfaces, names, truth
 from msg_adapters.errors import RejectedMessageError
 
 TYPES = [names.CLOUD, names.POSES, names.MARKERS, names.FIGURES]
@@ -32,8 +33,8 @@ MESSAGES = {
     "truth": lambda: truth.to_msg(some_truth(), "map"),
     "estimates": lambda: estimates.to_msg(some_estimates(), "map"),
     "no_estimates": lambda: estimates.to_msg(some_estimates(0), "map"),
-    "poses": lambda: estimates.to_pose_array(some_estimates(), 0, "map"),
-    "markers": lambda: markers.to_msg(some_estimates(), "map", ("a", "bc")),
+    "poses": lambda: pose_array(some_estimates(), 0, "map"),
+    "markers": lambda: marker_array(some_estimates(), "map", ("a", "bc")),
     "figures": figures,
 }
 

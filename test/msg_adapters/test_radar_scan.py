@@ -65,6 +65,14 @@ def test_from_msg_rejects_another_frame():
     assert caught.value.reason == "frame"
 
 
+def test_from_msg_rejects_a_stamp_that_makes_no_sense():
+    early = scan()
+    early.header.stamp.sec = -1
+    with pytest.raises(RejectedMessageError) as caught:
+        radar_scan.from_msg(early, radar())
+    assert caught.value.reason == "schema"
+
+
 def test_from_msg_rejects_more_than_it_takes(monkeypatch):
     monkeypatch.setattr(radar_scan, "MAX_POINTS", 1)
     with pytest.raises(RejectedMessageError) as caught:

@@ -60,6 +60,8 @@ def test_code_in_a_checkpoint_is_not_executed(tmp_path):
     ran = tmp_path / "ran"
 
     class Hostile:
+        """Makes a directory when it is unpickled."""
+
         def __reduce__(self):
             return os.mkdir, (str(ran),)
 
@@ -90,3 +92,38 @@ def test_an_unwritable_directory_is_an_error_of_the_system(tmp_path):
     tmp_path.chmod(stat.S_IRUSR | stat.S_IXUSR)
     with pytest.raises(OSError, match="Permission denied"):
         checkpoint.write(tmp_path / "x", snapshot(), CONFIGURATION)
+
+
+class Log:
+    """Keeps what is logged."""
+
+    def __init__(self):
+        self.lines = []
+
+    def warning(self, text, **_):
+        self.lines.append(text)
+
+    error = warning
+
+
+def test_a_checkpoint_that_cannot_be_deleted_is_said_and_no_failure(path):
+    log = Log()
+    kept = checkpoint.Checkpoints(path, 1, 60.0, CONFIGURATION, log)
+    path.unlink()
+    path.mkdir()
+    kept.discard()
+    assert len(log.lines) == 1
+    assert f"{path}: " in log.lines[0]
+
+
+def test_a_checkpoint_that_cannot_be_looked_for_is_a_cold_start(tmp_path):
+    log = Log()
+    checkpoint.Checkpoints(tmp_path / ("x" * 300), 1, 60.0, CONFIGURATION, log)
+    assert len(log.lines) == 1
+    assert "File name too long" in log.lines[0]
+
+
+def test_the_first_start_of_all_says_nothing(tmp_path):
+    log = Log()
+    checkpoint.Checkpoints(tmp_path / "none", 1, 60.0, CONFIGURATION, log)
+    assert log.lines == []

@@ -1,6 +1,9 @@
 """The main job, for real: three processes over DDS on the shipped bag."""
 
 import json
+import os
+import signal
+import time
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +12,7 @@ import pytest
 from msg_adapters import estimates, interfaces, names
 from msg_adapters.bag import BagReader
 from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.tools.demo import ARTEFACTS
 
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 
@@ -108,3 +112,66 @@ def test_demo_can_be_repeated_into_the_same_directory(demo):
 def test_demo_refuses_a_missing_bag(tmp_path, capsys):
     assert run("demo", ["--bag", str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
     assert "none: no such bag" in capsys.readouterr().err
+
+
+def test_demo_refuses_a_bag_without_truth(offline, tmp_path, capsys):
+    assert run("demo", ["--bag", str(offline), "--out", str(tmp_path)]) == 2
+    assert names.TRUTH in capsys.readouterr().err
+
+
+def test_demo_makes_what_it_would_remove(demo):
+    assert {str(p.relative_to(demo)) for p in demo.rglob("*") if p.is_file()} == {*ARTEFACTS}
+
+
+def test_demo_removes_its_own_files_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr("phd_jdtc_ros.tools.demo.run_nodes", lambda *_: False)
+    mine = {tmp_path / name for name in ("photo.png", "logs/mine.log", "notes.html")}
+    for path in (*mine, *(tmp_path / name for name in ARTEFACTS)):
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+    assert run("demo", ["--bag", str(BAG), "--out", str(tmp_path)]) == 1
+
+    assert {path for path in tmp_path.rglob("*") if path.is_file()} == mine
+    assert not (tmp_path / "estimates").exists()
+
+
+def test_demo_refuses_a_recording_with_other_files(tmp_path, capsys):
+    path = tmp_path / "estimates" / "mine.mcap"
+    path.parent.mkdir()
+    path.touch()
+    assert run("demo", ["--bag", str(BAG), "--out", str(tmp_path)]) == 2
+
+    assert path.exists()
+    assert capsys.readouterr().err == f"demo: {path.parent}: Directory not empty\n"
+
+
+def children(pid):
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, parent = path.read_text().rpartition(")")[2].split()[:2]
+        except OSError:  # it has just ended
+            continue
+        if int(parent) == pid and state != "Z":
+            found.append(int(path.parent.name))
+    return found
+
+
+def test_demo_ends_its_nodes_when_it_is_told_to_end(processes, tmp_path):
+    out = tmp_path / "out"
+    process = processes.start("demo", "--bag", BAG, "--out", out)
+    log = out / "logs" / "tracker.log"
+    end = time.monotonic() + 60.0
+    while not (log.exists() and "tracking" in log.read_text()) and time.monotonic() < end:
+        time.sleep(0.05)
+    nodes = children(process.pid)
+    process.send_signal(signal.SIGTERM)
+    status = process.wait(30.0)
+    left = [pid for pid in nodes if Path(f"/proc/{pid}").exists()]
+    for pid in left:
+        os.kill(pid, signal.SIGKILL)
+
+    assert len(nodes) >= 2
+    assert left == []
+    assert status == 130
+    assert process.log.read_text().endswith("demo: interrupted\n")

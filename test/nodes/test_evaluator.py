@@ -4,9 +4,11 @@ import signal
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import diagnostics, estimates, names, truth
+from msg_adapters.bag import BagReader
 from phd_jdtc_ros.core.motion import STATE_SIZE
 from phd_jdtc_ros.core.simulation import Truth
 from phd_jdtc_ros.core.types import Estimates
@@ -39,16 +41,16 @@ def found(stamp_ns, positions, classes, labels=None):
 class Source:
     """Stands where a tracker and a replay would."""
 
-    def __init__(self, peer):
+    def __init__(self, peer, scores=names.OSPA):
         self.peer = peer
         self.truth = peer.publisher(PointCloud2, names.TRUTH, 50)
         self.clouds = {
             s: peer.publisher(PointCloud2, names.estimates(s)) for s in ("filtered", "smoothed")
         }
-        self.scores = peer.collect(DiagnosticArray, names.OSPA)
+        self.scores = peer.collect(DiagnosticArray, scores)
         everyone = [self.truth, *self.clouds.values()]
         assert peer.spin_until(lambda: all(p.get_subscription_count() for p in everyone))
-        assert peer.spin_until(lambda: peer.node.count_publishers(names.OSPA))
+        assert peer.spin_until(lambda: peer.node.count_publishers(scores))
         peer.spin_for(0.5)
 
     def send(self, stamp_ns, true, filtered, smoothed):
@@ -126,8 +128,13 @@ def test_evaluator_follows_track_ids(processes, peer, tmp_path):
     assert metrics["smoothed"]["all"]["ospa2"] == pytest.approx(expected, rel=1e-6)
 
 
-def test_evaluator_ends_by_itself_after_the_wanted_scans(processes, peer, tmp_path):
-    evaluator = processes.start("evaluator", "--ros-args", "-p", "exit_after_scans:=1")
+@pytest.mark.parametrize("simulated", ["false", "true"])
+def test_evaluator_ends_by_itself_after_the_wanted_scans(processes, peer, simulated):
+    """Also where simulated time stands still: here nobody publishes /clock."""
+    evaluator = processes.start(
+        *("evaluator", "--ros-args", "-p", "exit_after_scans:=1"),
+        *("-p", f"use_sim_time:={simulated}"),
+    )
     source = Source(peer)
     source.send(SECOND, ([], []), ([], []), ([], []))
 
@@ -145,3 +152,96 @@ def test_evaluator_lives_on_after_a_malformed_cloud(processes, peer):
     assert peer.spin_until(lambda: len(source.scores) == 2)
     assert evaluator.poll() is None
     assert "is missing" in evaluator.log.read_text()
+
+
+def test_evaluator_lives_on_after_foreign_figures_and_leaves_them_out(processes, peer, tmp_path):
+    report = tmp_path / "metrics.json"
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
+    figures = peer.publisher(DiagnosticArray, names.cardinality())
+    source = Source(peer)
+    assert peer.spin_until(figures.get_subscription_count)
+    for step_ms in ("fast", "inf", "nan", "20.0"):
+        status = diagnostics.status("tracker/cardinality", {"step_ms": step_ms})
+        figures.publish(diagnostics.array(SECOND, [status]))
+    source.send(SECOND, ([], []), ([], []), ([], []))
+    assert peer.spin_until(lambda: len(source.scores) == 2)
+    peer.spin_for(0.5)
+    evaluator.send_signal(signal.SIGINT)
+
+    assert evaluator.wait(10.0) == 0
+    text = evaluator.log.read_text()
+    assert "/tracker/cardinality: step_ms is 'fast', must be a finite number" in text
+    assert json.loads(report.read_text())["step_ms"]["median"] == 20.0
+
+
+@pytest.mark.parametrize("given", ["", "file/metrics.json"], ids=["directory", "below a file"])
+def test_evaluator_refuses_a_report_that_cannot_be_written(processes, tmp_path, given):
+    (tmp_path / "file").touch()
+    report = tmp_path / given
+    status, text = processes.run("evaluator", "--ros-args", "-p", f"report:={report}")
+
+    assert status == 2
+    assert text.startswith(f"evaluator: report: {report} given, ")
+    assert len(text.splitlines()) == 1
+
+
+def test_evaluator_says_so_if_the_report_cannot_be_written_in_the_end(processes, peer, tmp_path):
+    report = tmp_path / "metrics.json"
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
+    Source(peer)
+    report.mkdir()
+    evaluator.send_signal(signal.SIGINT)
+
+    assert evaluator.wait(10.0) == 1
+    text = evaluator.log.read_text()
+    assert f"no report: {report}: Is a directory" in text
+    assert "Traceback" not in text
+
+
+def test_evaluator_in_a_namespace_records_its_own_scores(processes, peer, tmp_path):
+    evaluator = processes.start(
+        *("evaluator", "--ros-args", "-r", "__ns:=/alpha", "-p", f"record:={tmp_path / 'bag'}")
+    )
+    scores = f"/alpha{names.OSPA}"
+    source = Source(peer, scores)
+    source.send(SECOND, ([], []), ([], []), ([], []))
+    assert peer.spin_until(lambda: len(source.scores) == 2)
+    peer.spin_for(0.5)
+    evaluator.send_signal(signal.SIGINT)
+
+    assert evaluator.wait(10.0) == 0
+    assert BagReader(tmp_path / "bag").counts[scores] == 2
+
+
+def test_evaluator_refuses_parameters_without_ros_args(processes):
+    status, text = processes.run("evaluator", "--params-file", "mine.yaml")
+
+    assert status == 2
+    assert "unrecognized arguments: --params-file mine.yaml" in text
+    assert "[--ros-args ...]" in text
+
+
+def test_evaluators_help_says_how_to_set_parameters(processes):
+    status, text = processes.run("evaluator", "--help")
+
+    assert (status, "-p NAME:=VALUE" in text) == (0, True)
+
+
+def test_evaluator_hears_best_effort_truth_if_asked(processes, peer):
+    override = f"qos_overrides.{names.TRUTH}.subscription.reliability:=best_effort"
+    processes.start("evaluator", "--ros-args", "-p", override)
+    assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH))
+
+    (info,) = peer.node.get_subscriptions_info_by_topic(names.TRUTH)
+    assert info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    (other,) = peer.node.get_subscriptions_info_by_topic(names.estimates("smoothed"))
+    assert other.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+
+
+def test_evaluator_refuses_qos_that_there_is_not(processes):
+    override = f"qos_overrides.{names.TRUTH}.subscription.reliability:=perfect"
+    status, text = processes.run("evaluator", "--ros-args", "-p", override)
+
+    assert status == 2
+    assert f"evaluator: qos_overrides.{names.TRUTH}" in text
+    assert "Traceback" not in text

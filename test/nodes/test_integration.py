@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.config import resolve
 from phd_jdtc_ros.core.metrics import ospa
 from phd_jdtc_ros.core.motion import STATE_SIZE, VX, VY, X, Y
 from phd_jdtc_ros.core.parameters import flatten
-from phd_jdtc_ros.core.scans import Rejection, ScanGrouper
+from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.simulation import Truth, detect
 
 START_NS = 1_700_000_000 * 10**9
@@ -131,8 +131,7 @@ def second_half_ospa(found):
 def offline(changes):
     """Return the filtered estimates of the scene under changed parameters, without a node."""
     config = resolve({**GIVEN, **changes})
-    grouper = ScanGrouper(3, config.reset_threshold_s)
-    engine, found = config.engine(), []
+    grouper, engine, found = config.grouper(), config.engine(), []
     for index, cloud in SCENE:
         report = detections.from_msg(cloud, config.inputs[index])
         events = grouper.add(index, report.stamp_ns, report.detections)

@@ -1,8 +1,11 @@
 import struct
+from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from mcap_files import write
 
+from msg_adapters import names
 from msg_adapters.bag import BagError, BagReader
 from phd_jdtc_ros.nodes.playback import TOGETHER_NS, Playback
 
@@ -11,6 +14,7 @@ TYPES = {
     "/b/detections": "sensor_msgs/msg/PointCloud2",
     "/note": "std_msgs/msg/String",
 }
+SHIPPED = Path(__file__).parents[2] / "bags" / "paper_scenario"
 SCANS = ("/a/detections", "/b/detections")
 S = 1_000_000_000
 
@@ -93,3 +97,47 @@ def test_an_empty_part_is_refused(tmp_path):
     a, _ = SCANS
     with pytest.raises(BagError, match="holds nothing in the chosen part"):
         playback(tmp_path, [scan(a, 1, 1 * S)], 5.0)
+
+
+def broken(tmp_path, choose):
+    """Return a copy of the shipped bag with a damaged chunk: the first in time, or the last."""
+    whole = next(SHIPPED.glob("*.mcap"))
+    data = bytearray(whole.read_bytes())
+    with whole.open("rb") as stream:
+        indexes = make_reader(stream).get_summary().chunk_indexes
+    chunk = choose(indexes, key=lambda c: c.message_start_time)
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0x40
+    path = tmp_path / "broken.mcap"
+    path.write_bytes(data)
+    return BagReader(path)
+
+
+def test_before_reads_no_further_than_it_must(tmp_path):
+    bag = broken(tmp_path, max)
+    played = Playback(bag, [names.TRUTH], [names.TRUTH], 0.0, 0.0)
+
+    assert len(list(played.before(played.time_ns(12.0), [names.TRUTH]))) == 2
+    assert played.damage is None
+    assert len(list(played.before(bag.end_ns + 1, [names.TRUTH]))) < 80
+    assert "damaged" in str(played.damage)
+
+
+@pytest.mark.parametrize(("choose", "reported"), [(min, True), (max, False)])
+def test_a_part_is_read_no_further_and_its_own_damage_reported(tmp_path, choose, reported):
+    played = Playback(broken(tmp_path, choose), [names.TRUTH], [names.TRUTH], 0.0, 60.0)
+    groups(played)
+
+    assert (played.damage is not None) == reported
+
+
+def test_a_start_beyond_all_numbers_is_refused(tmp_path):
+    a, _ = SCANS
+    with pytest.raises(BagError, match="holds nothing in the chosen part"):
+        playback(tmp_path, [scan(a, 1, 1 * S)], 1e300)
+
+
+def test_a_duration_beyond_all_numbers_is_the_rest(tmp_path):
+    a, _ = SCANS
+    messages = [scan(a, k, k * S) for k in range(1, 5)]
+
+    assert len(groups(playback(tmp_path, messages, 1.0, 1e300))) == 3

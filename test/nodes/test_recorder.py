@@ -6,7 +6,7 @@ import signal
 import subprocess
 
 import pytest
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from msg_adapters import names
@@ -32,6 +32,20 @@ def test_recorder_writes_what_arrives(peer, tmp_path):
     bag = BagReader(tmp_path / "bag")
     assert bag.counts["/note"] == 5
     assert [b"note %d" % k in m.data for k, m in enumerate(bag.messages(["/note"]))] == [True] * 5
+
+
+def test_recorder_hears_drivers_that_offer_best_effort_alone(peer, tmp_path):
+    recorder = Recorder(peer.node, tmp_path / "bag", {"/note": STRING})
+    modest = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    outputs = [peer.publisher(String, "/note", modest), peer.publisher(String, "/note")]
+    peer.spin_for(1.0)
+    for output in outputs:
+        output.publish(String(data="note"))
+    peer.spin_for(0.5)
+    recorder.close()
+
+    # Each once, though one of them was heard before too.
+    assert BagReader(tmp_path / "bag").counts["/note"] == 2
 
 
 def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):

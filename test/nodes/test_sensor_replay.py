@@ -1,5 +1,6 @@
 import os
 import pty
+import signal
 import subprocess
 import sys
 import time
@@ -107,6 +108,7 @@ def test_replay_pauses_steps_and_resumes(processes, peer, listener):
     assert listener.scans == 0
 
     peer.call(Trigger, "/sensor_replay/step")
+    assert peer.spin_until(lambda: listener.scans == 1)
     peer.spin_for(0.5)
     assert listener.scans == 1
 
@@ -279,6 +281,63 @@ def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(proce
         assert listener.scans == expected
 
 
+def test_replay_in_lock_step_keeps_it_from_one_turn_of_a_loop_to_the_next(processes, peer):
+    listener = Listener(peer)
+    estimates = peer.publisher(PointCloud2, names.estimates("filtered"))
+
+    def answer(stamp_ns):
+        cloud = PointCloud2()
+        cloud.header.stamp = stamps.from_ns(stamp_ns)
+        estimates.publish(cloud)
+
+    processes.start("sensor_replay", BAG, "--rate", "0", "--loop", "--duration", "6", *QUIET)
+    assert peer.spin_until(lambda: listener.scans == 1)
+    first = stamps.of_cdr(listener.data[names.TRUTH][0])
+    answer(first)
+    assert peer.spin_until(lambda: listener.scans == 2)
+    last = stamps.of_cdr(listener.data[names.TRUTH][1])
+    # The last scan has not been answered, so the next turn does not begin.
+    peer.spin_for(0.3)
+    assert listener.scans == 2
+    answer(last)
+    assert peer.spin_until(lambda: listener.scans == 3)
+    # An estimate that is late comes from the turn before and answers nothing of this one.
+    answer(last)
+    peer.spin_for(0.3)
+    assert listener.scans == 3
+    answer(first)
+    assert peer.spin_until(lambda: listener.scans == 4)
+
+    played = [stamps.of_cdr(data) for data in listener.data[names.TRUTH]]
+    assert played == [first, last, first, last]
+
+
+# With a patience that a test has too.
+HASTY = """
+import sys
+from phd_jdtc_ros.nodes import lock_step, sensor_replay
+lock_step.GIVE_UP_S = 3.0
+sys.exit(sensor_replay.main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.parametrize("on", ["resume", "step"])
+def test_replay_in_lock_step_outlasts_a_long_pause(peer, listener, on):
+    peer.publisher(PointCloud2, names.estimates("filtered"))
+    process = subprocess.Popen([sys.executable, "-c", HASTY, str(BAG), "--rate", "0", *QUIET])
+    try:
+        assert peer.spin_until(lambda: listener.scans == 1)
+        peer.call(Trigger, "/sensor_replay/pause")
+        peer.spin_for(3.5)
+        before = listener.scans
+        peer.call(Trigger, f"/sensor_replay/{on}")
+        assert peer.spin_until(lambda: listener.scans > before, 3.0)
+        assert process.poll() is None
+    finally:
+        process.kill()
+        process.wait()
+
+
 def test_replay_warns_when_nobody_listens(processes):
     status, text = processes.run(
         *("sensor_replay", BAG, "--rate", "1000"),
@@ -312,3 +371,37 @@ def test_replay_plays_what_is_whole_of_a_damaged_bag_and_reports_it(processes, p
     assert 30 <= listener.scans < 80
     assert "broken.mcap: is damaged" in text
     assert "Traceback" not in text
+
+
+def test_replay_fails_where_the_flush_is_refused(processes, peer, listener):
+    def refuse(_, response):
+        response.success, response.message = False, "not now"
+        return response
+
+    peer.node.create_service(Trigger, "/busy/flush", refuse)
+    process = processes.start(
+        *("sensor_replay", BAG, "--rate", "1000", "--duration", "12", *QUIET),
+        *("-p", "flush_service:=/busy/flush"),
+    )
+    assert peer.spin_until(lambda: process.poll() is not None)
+
+    assert process.returncode == 1
+    assert "service /busy/flush refuses: not now" in process.log.read_text()
+
+
+def test_replay_stops_at_once_while_it_waits_for_one_who_does_not_hear(processes, peer, listener):
+    deaf = processes.start("evaluator")
+    assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)
+    process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET)
+    assert peer.spin_until(lambda: listener.scans)
+    deaf.send_signal(signal.SIGSTOP)
+    try:
+        assert peer.spin_until(lambda: listener.scans == 80)
+        peer.spin_for(0.3)
+        assert process.poll() is None
+        started = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(15.0) == 0
+        assert time.monotonic() - started < 2.0
+    finally:
+        deaf.send_signal(signal.SIGCONT)

@@ -1,6 +1,8 @@
 """Every node starts with a clear answer to bad input and stops cleanly on a signal."""
 
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -32,6 +34,62 @@ def test_node_stops_cleanly_on_a_signal(processes, name, signals):
     assert status == 0
     assert time.monotonic() - started < 2.0
     assert "Traceback" not in process.log.read_text()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("name", NODES)
+def test_node_stops_cleanly_while_it_is_being_imported(processes, name, number):
+    process = processes.start(name, *NODES[name], PYTHONPROFILEIMPORTTIME="1")
+    end = time.monotonic() + 20.0
+    while "rclpy" not in process.log.read_text() and time.monotonic() < end:
+        time.sleep(0.001)
+    started = time.monotonic()
+    process.send_signal(number)
+    status = process.wait(10.0)
+
+    assert status == 0
+    assert time.monotonic() - started < 1.0
+    assert "Traceback" not in process.log.read_text()
+
+
+def test_tool_that_is_interrupted_while_it_is_being_imported_says_nothing(processes):
+    process = processes.start("track_bag", "none", PYTHONPROFILEIMPORTTIME="1")
+    end = time.monotonic() + 20.0
+    while "numpy" not in process.log.read_text() and time.monotonic() < end:
+        time.sleep(0.001)
+    process.send_signal(signal.SIGINT)
+
+    assert process.wait(10.0) == 130
+    assert "Traceback" not in process.log.read_text()
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_node_shows_its_help(processes, name):
+    status, text = processes.run(name, "--help")
+
+    assert status == 0
+    assert text.startswith(f"usage: {name} [-h]")
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_node_refuses_stray_words(processes, tmp_path, name):
+    status, text = processes.run(name, *NODES[name][:1], "--params-file", tmp_path / "p.yaml")
+
+    assert status == 2
+    assert text.splitlines()[-1] == (
+        f"{name}: error: unrecognized arguments: --params-file {tmp_path / 'p.yaml'}"
+    )
+
+
+def test_tracker_starts_without_what_it_does_not_need():
+    # Together they took more than a second of every start.
+    heavy = ["matplotlib", "plotly", "mcap", "rich", "scipy.stats", "scipy.optimize"]
+    script = f"import sys, phd_jdtc_ros.nodes.tracker; print(set({heavy}) & set(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60.0
+    )
+
+    assert done.stdout == "set()\n"
 
 
 def test_tracker_lists_every_parameter_fault(processes):
@@ -78,6 +136,23 @@ def test_replay_refuses_a_bad_rate(processes, rate):
     assert status == 2
     assert "rate: " in text
     assert "Traceback" not in text
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_node_refuses_what_is_no_time_to_go_by(processes, name):
+    words = NODES[name][:1]
+    status, text = processes.run(name, *words, "--ros-args", "-p", "use_sim_time:=5")
+
+    assert status == 2
+    assert "use_sim_time" in text
+    assert "Traceback" not in text
+
+
+def test_replay_refuses_a_start_beyond_all_numbers(processes):
+    status, text = processes.run("sensor_replay", BAG, "--start", "1e300")
+
+    assert status == 2
+    assert text == f"sensor_replay: {BAG}: holds nothing in the chosen part\n"
 
 
 def test_replay_needs_a_bag(processes):

@@ -205,6 +205,77 @@ def test_tracker_starts_anew_when_stamps_jump_back(radars):
     assert bytes(radars.filtered[-1].data) == first
 
 
+def epoch(radars):
+    before = len(radars.health)
+    assert radars.peer.spin_until(lambda: len(radars.health) > before + 1)
+    line = next(s for s in radars.health[-1].status if s.name == "tracker: step time")
+    return int(diagnostics.values_of(line)["epoch"])
+
+
+def test_tracker_starts_anew_behind_a_long_gap_and_says_so(processes, peer):
+    tracker = processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
+    radars = Radars(peer)
+    radars.connect()
+    hour_ns = 3600 * 10**9
+    for index in range(4):
+        radars.track(index)
+    for index in range(4, 8):
+        before = len(radars.filtered)
+        radars.send(index, stamp_ns=SCANS[index].stamp_ns + hour_ns)
+        assert peer.spin_until(lambda before=before: len(radars.filtered) > before)
+
+    assert epoch(radars) == 1
+    assert "stamps jumped ahead by 3606.0 s, more than max_gap_scans" in tracker.log.read_text()
+    # All that was held back of the time before has come, whole.
+    expected = [SCANS[k].stamp_ns for k in range(4)]
+    assert [stamp_of(cloud) for cloud in radars.smoothed][:4] == expected
+    found = [set(estimates.from_msg(cloud).track_id.tolist()) - {0} for cloud in radars.filtered]
+    assert found[3]
+    assert found[7]
+    assert not set.union(*found[:4]) & set.union(*found[4:])
+
+
+def test_tracker_predicts_over_a_short_gap(radars):
+    for index in range(3):
+        radars.track(index)
+    radars.track(15)
+
+    assert epoch(radars) == 0
+
+
+def test_tracker_puts_scans_in_order_if_told_to(processes, peer):
+    processes.start("tracker", "--ros-args", *FAST, *RELIABLE, "-p", "reorder_scans:=1")
+    radars = Radars(peer)
+    radars.connect()
+    for index in (1, 0, 3, 2, 5, 4):
+        radars.send(index)
+        peer.spin_for(0.2)
+    # One is held back.
+    assert [stamp_of(c) for c in radars.filtered] == [SCANS[k].stamp_ns for k in range(5)]
+    assert peer.call(Trigger, "/tracker/flush").success
+    assert peer.spin_until(lambda: len(radars.smoothed) == 6)
+    assert [stamp_of(c) for c in radars.filtered] == [SCANS[k].stamp_ns for k in range(6)]
+    assert not [key for key in diagnostics.values_of(radars.drops(1)) if "dropped" in key]
+    ordered = [bytes(cloud.data) for cloud in radars.filtered]
+    for index in range(6):
+        radars.send(index)
+        peer.spin_for(0.2)
+    assert peer.call(Trigger, "/tracker/flush").success
+    assert peer.spin_until(lambda: len(radars.filtered) == 12)
+    assert [bytes(cloud.data) for cloud in radars.filtered[6:]] == ordered
+
+
+def test_tracker_holds_a_scan_back_no_longer_than_it_may_wait(processes, peer):
+    options = ("-p", "reorder_scans:=1", "-p", "max_wait_s:=0.4")
+    processes.start("tracker", "--ros-args", *FAST, *RELIABLE, *options)
+    radars = Radars(peer)
+    radars.connect()
+    radars.send(0)
+    peer.spin_for(0.2)
+    assert not radars.filtered
+    assert peer.spin_until(lambda: len(radars.filtered) == 1, 2.0)
+
+
 def test_tracker_goes_on_with_one_radar(radars):
     radars.track(0)
     for index in range(1, 4):

@@ -1,5 +1,8 @@
 """A tracker that is killed goes on where its checkpoint ends."""
 
+import subprocess
+import sys
+
 import pytest
 from std_srvs.srv import Trigger
 from test_tracker import FAST, RELIABLE, Radars
@@ -96,7 +99,64 @@ def test_stale_checkpoint_and_one_of_another_tracker_are_refused(processes, peer
     assert "another lag" in process.log.read_text()
 
 
+def test_checkpoint_older_than_the_longest_gap_is_refused(processes, peer, tmp_path):
+    path, limit = tmp_path / "tracker.ckpt", "max_gap_scans:=2"
+    process, group, _ = tracked(peer, processes, 0, 2, path, 1, limit)
+    end(peer, process, group)
+    process, group, _ = tracked(peer, processes, 4, 5, path, 1, limit)
+    assert "at most 12 s are allowed" in process.log.read_text()
+
+
 def test_missing_directory_is_a_bad_parameter(processes, tmp_path):
     process = start(processes, tmp_path / "none" / "tracker.ckpt")
     assert process.wait(20.0) == 2
     assert "checkpoint.path" in process.log.read_text()
+
+
+def test_directory_is_a_bad_parameter(processes, tmp_path):
+    process = start(processes, tmp_path)
+    assert process.wait(20.0) == 2
+    assert f"checkpoint.path: {tmp_path} given, must be a file" in process.log.read_text()
+
+
+# A step that fails when all of it but the last line is done.
+FAILING = """
+import sys
+from phd_jdtc_ros.core.engine import FixedLagSmoother
+from phd_jdtc_ros.nodes import tracker
+step = FixedLagSmoother.step
+def fail(engine, scan, scans=[]):
+    scans.append(scan)
+    found = step(engine, scan)
+    if len(scans) == 3:
+        raise ArithmeticError("half-way")
+    return found
+FixedLagSmoother.step = fail
+sys.exit(tracker.main(sys.argv[1:]))
+"""
+
+
+def test_tracker_that_fails_half_way_leaves_the_checkpoint_before_it(peer, tmp_path):
+    path = tmp_path / "tracker.ckpt"
+    options = ("-p", f"checkpoint.path:={path}", "-p", "checkpoint.every:=2")
+    with (tmp_path / "log").open("w") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-c", FAILING, "--ros-args", *FAST, *RELIABLE, *options],
+            stderr=log,
+        )
+    try:
+        group = Radars(peer)
+        group.connect()
+        group.track(0)
+        group.track(1)
+        assert peer.spin_until(path.exists)
+        before = path.read_bytes()
+        group.send(2)
+        # The scan is closed by both radars.
+        assert peer.spin_until(lambda: process.poll() is not None)
+    finally:
+        process.kill()
+        process.wait()
+    assert process.returncode == 1
+    assert "half-way" in (tmp_path / "log").read_text()
+    assert path.read_bytes() == before

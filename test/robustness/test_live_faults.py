@@ -2,7 +2,16 @@
 
 import pytest
 
-from robustness import bad_scans, raw_bytes, recordings, soak
+from robustness import (
+    bad_scans,
+    publishers,
+    raw_bytes,
+    recordings,
+    restarts,
+    soak,
+    stamps_and_time,
+    warm_restart,
+)
 
 CASES = bad_scans.cases()
 
@@ -33,4 +42,29 @@ def test_full_disk_ends_the_recording_and_not_the_tracking():
     figure = recordings.measure_full()
     if figure.measured is None:
         pytest.skip(figure.reason)
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_tracker_starts_anew_behind_long_gaps_alone_and_does_not_grow():
+    figure = stamps_and_time.measure_gap()
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_tracker_resets_once_a_loop_and_never_on_a_shuffle():
+    figure = stamps_and_time.measure_time_faults(loops=1, duration_s=60.0)
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_second_tracker_ends_and_a_killed_one_does_not_hold_up_its_restart():
+    figure = restarts.measure_second()
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_restarted_tracker_is_soon_as_good_as_one_that_never_stopped():
+    figure = warm_restart.measure((21,))
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_second_publisher_is_an_error_and_a_restarted_driver_is_none():
+    figure = publishers.measure(restarts=1)
     assert figure.reached, (figure.measured, figure.details)

@@ -68,9 +68,11 @@ def test_figure_that_cannot_be_measured_says_why_and_is_no_failure():
     assert figures.all_reached([figure])
 
 
-def test_figure_whose_measurement_fails_is_not_reached():
-    figure = figures.measured_or_why("name", "goal", raising(RuntimeError("it died")))
+@pytest.mark.parametrize("kind", [RuntimeError, IndexError, ValueError, OSError])
+def test_figure_whose_measurement_fails_is_not_reached(kind):
+    figure = figures.measured_or_why("name", "goal", raising(kind("it died")))
     assert figure.reached is False
+    assert kind.__name__ in figure.measured
     assert "it died" in figure.measured
 
 

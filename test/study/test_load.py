@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
-from msg_adapters import detections, diagnostics, estimates, interfaces, names, truth
+from msg_adapters import detections, diagnostics, estimates, interfaces, names, poses, truth
 from msg_adapters.bag import BagError, BagReader, BagWriter, Topic
 from phd_jdtc_ros.core.config import resolve
 from phd_jdtc_ros.core.simulation import Scenario, TargetScript
@@ -168,8 +168,8 @@ def test_record_refuses_a_bag_with_nothing_of_a_run(bag, tmp_path):
 
 @pytest.mark.parametrize("topic", [FILTERED, names.TRUTH, RADARS[0], names.cardinality()])
 def test_record_refuses_an_optional_topic_of_another_type(bag, tmp_path, topic):
-    message = estimates.to_pose_array(load.record(bag, CONFIG).filtered[0], 0, "map")
-    more = (topic, names.POSES, [(interfaces.encode(message), 1001 * SECOND)])
+    data = poses.to_cdr(load.record(bag, CONFIG).filtered[0], 0, "map")
+    more = (topic, names.POSES, [(data, 1001 * SECOND)])
     path = rewrite(bag, tmp_path / "bag", drop=[topic], add=[more])
     with pytest.raises(BagError, match=f"{topic} is {names.POSES}, must be ") as caught:
         load.record(path, CONFIG)

@@ -52,5 +52,41 @@ def test_a_nodes_page_has_the_usual_sections(name):
     ]
 
 
+def launch_arguments(name):
+    """Return the arguments that a launch file declares; some of the demo's are in a table."""
+    text = (ROOT / "launch" / name).read_text()
+    passed_on = re.search(r"^TRACKER_ARGUMENTS = \{(.*?)^\}", text, re.DOTALL | re.MULTILINE)
+    return {
+        *re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', text),
+        *re.findall(r'^    "(\w+)":', passed_on[1] if passed_on else "", re.MULTILINE),
+    }
+
+
+def test_readme_lists_the_arguments_of_the_launch_files():
+    readme = (ROOT / "README.md").read_text()
+    table = readme.split("| launch file | argument |")[1].split("\n\n")[0]
+    listed = {
+        word for row in table.splitlines()[2:] for word in re.findall(r"`(\w+)`", row.split("|")[2])
+    }
+
+    assert listed == launch_arguments("tracker.launch.py") | launch_arguments("demo.launch.py")
+
+
+def test_launch_commands_in_the_text_use_arguments_that_there_are():
+    used = [
+        (name, argument)
+        for page in [ROOT / "README.md", *PAGES, *(ROOT / "launch").glob("*.py")]
+        for name, rest in re.findall(
+            r"(\w+\.launch\.py)((?:[ \[]+\w+:=[^\s`]+)+)", page.read_text()
+        )
+        for argument in re.findall(r"(\w+):=", rest)
+    ]
+
+    assert len({name for name, _ in used}) == 2
+    assert not [
+        (name, argument) for name, argument in used if argument not in launch_arguments(name)
+    ]
+
+
 def test_navigation_is_yaml():
     assert yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]

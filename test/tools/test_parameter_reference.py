@@ -1,9 +1,80 @@
+import re
 from pathlib import Path
 
+import pytest
+import rclpy
+
+from phd_jdtc_ros.nodes.evaluator import Evaluator
+from phd_jdtc_ros.nodes.sensor_replay import SensorReplay
+from phd_jdtc_ros.nodes.tracker import Tracker
 from phd_jdtc_ros.tools.parameter_reference import page
 
 ROOT = Path(__file__).parents[2]
+BAG = str(ROOT / "bags" / "paper_scenario")
+NODES = {
+    "tracker": (Tracker, ["-p", "autostart:=false"]),
+    "sensor_replay": (lambda: SensorReplay({"bag": BAG}), []),
+    "evaluator": (Evaluator, []),
+}
+# What every node of rclpy declares for itself.
+OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+
+
+@pytest.fixture
+def declared(request):
+    """Return what a node declares: by name, its descriptor and its value."""
+    make, arguments = NODES[request.param]
+    rclpy.init(args=["--ros-args", *arguments])
+    node = make()
+    names = [name for name in node.list_parameters([], 0).names if not name.startswith(OWN)]
+    found = {
+        descriptor.name: (descriptor, node.get_parameter(descriptor.name).value)
+        for descriptor in node.describe_parameters(names)
+    }
+    node.destroy_node()
+    rclpy.shutdown()
+    return found
+
+
+def rows(node, values):
+    """Return a node's rows of the page: by full name, the mark and the meaning."""
+    found = {}
+    for section in page().split("\n## ")[1:]:
+        title = section.splitlines()[0]
+        if title.split(",")[0] != node:
+            continue
+        group = re.search(r"in `(\w+)`", title)
+        prefixes = [f"{name}." for name in values[group[1]][1]] if group else [""]
+        for name, mark, text in re.findall(
+            r"^\| `([\w.]+)`( \*)? \| `.*?` \| .*? \| (.*) \|$", section, re.MULTILINE
+        ):
+            found |= {f"{prefix}{name}": (bool(mark), text) for prefix in prefixes}
+    return found
 
 
 def test_reference_page_is_up_to_date():
     assert (ROOT / "docs" / "parameters.md").read_text() == page(), "run make parameters"
+
+
+@pytest.mark.parametrize(("node", "declared"), [(n, n) for n in NODES], indirect=["declared"])
+def test_page_lists_what_the_node_declares(node, declared):
+    listed = rows(node, declared)
+
+    assert {*listed} == {*declared}
+    for name, (descriptor, _) in declared.items():
+        mutable, text = listed[name]
+        assert descriptor.description == text, name
+        assert descriptor.additional_constraints.startswith("must be "), name
+        # The one that the page's introduction names.
+        assert descriptor.read_only != (mutable or name == "seek_s"), name
+
+
+@pytest.mark.parametrize("declared", NODES, indirect=True)
+def test_every_number_is_typed_and_ranged(declared):
+    for name, (descriptor, value) in declared.items():
+        # Empty lists have no type; a seek takes whole numbers too, and its end is the bag's.
+        assert descriptor.dynamic_typing == (value == [] or name == "seek_s"), name
+        if isinstance(value, bool) or name == "seek_s":
+            continue
+        ranges = [*descriptor.integer_range, *descriptor.floating_point_range]
+        assert bool(ranges) == isinstance(value, (int, float)), name

@@ -27,7 +27,23 @@ def test_flatten_of_nothing_is_nothing():
     assert list(params_file.flatten({})) == []
 
 
-@pytest.mark.parametrize("section", ["/**", "tracker", "/tracker", "/**/tracker"])
+@pytest.mark.parametrize(
+    "section",
+    [
+        "/**",
+        "'**'",
+        "/*",
+        "tracker",
+        "/tracker",
+        "/**/tracker",
+        "/*/tracker",
+        "/north/tracker",
+        "north/tracker",
+        "/a/north/tracker",
+        "/a/*/tracker",
+        "/north/**",
+    ],
+)
 def test_load_reads_the_sections_that_apply_to_the_tracker(tmp_path, section):
     text = f"{section}:\n  ros__parameters:\n    lag: 3\n    radar_1: {{range_std: 50.0}}\n"
     found = params_file.load(write(tmp_path / "p.yaml", text))
@@ -39,13 +55,52 @@ def test_load_takes_dotted_names_as_they_are(tmp_path):
     assert params_file.load(write(tmp_path / "p.yaml", text)) == {"radar_1.range_std": 50.0}
 
 
-def test_load_prefers_the_narrower_section_and_skips_other_nodes(tmp_path):
+@pytest.mark.parametrize("first", ["tracker", "/**"])
+def test_load_lets_the_later_section_win_as_ros_does_and_skips_other_nodes(tmp_path, first):
+    sections = {
+        "tracker": "tracker: {ros__parameters: {lag: 2}}\n",
+        "/**": "/**: {ros__parameters: {lag: 1, seed: 7}}\n",
+    }
+    text = sections.pop(first) + "evaluator: {ros__parameters: {cutoff: 5.0}}\n"
+    found = params_file.load(write(tmp_path / "p.yaml", text + "".join(sections.values())))
+    assert found == {"lag": 1 if first == "tracker" else 2, "seed": 7}
+
+
+def test_load_reads_nested_namespaces(tmp_path):
+    text = "/a: {north: {tracker: {ros__parameters: {lag: 2}}}}\n"
+    assert params_file.load(write(tmp_path / "p.yaml", text)) == {"lag": 2}
+
+
+@pytest.mark.parametrize(
+    ("section", "applies"),
+    [
+        ("/**", True),
+        ("/**/tracker", True),
+        ("/*/tracker", True),
+        ("/north/**", True),
+        ("/north/*", True),
+        ("/*", False),
+        ("/south/**", False),
+        ("/north/trackers", False),
+        ("/*/*/tracker", False),
+    ],
+)
+def test_load_takes_what_fits_the_full_name_of_the_tracker(tmp_path, section, applies):
     text = (
-        "tracker: {ros__parameters: {lag: 2}}\n"
-        "/**: {ros__parameters: {lag: 1, seed: 7}}\n"
-        "evaluator: {ros__parameters: {cutoff: 5.0}}\n"
+        "/north/tracker: {ros__parameters: {seed: 1}}\n"
+        f"{section}: {{ros__parameters: {{lag: 2}}}}\n"
     )
-    assert params_file.load(write(tmp_path / "p.yaml", text)) == {"lag": 2, "seed": 7}
+    found = params_file.load(write(tmp_path / "p.yaml", text))
+    assert found == ({"seed": 1, "lag": 2} if applies else {"seed": 1})
+
+
+def test_load_refuses_a_file_of_several_trackers(tmp_path):
+    text = "".join(f"/{name}/tracker: {{ros__parameters: {{lag: 2}}}}\n" for name in "ba")
+    (fault,) = faults(params_file.load, write(tmp_path / "p.yaml", text))
+    assert fault == (
+        f"{tmp_path / 'p.yaml'}: has sections of several trackers, /a/tracker, /b/tracker: "
+        "must be one"
+    )
 
 
 @pytest.mark.parametrize(
@@ -54,7 +109,7 @@ def test_load_prefers_the_narrower_section_and_skips_other_nodes(tmp_path):
 )
 def test_load_refuses_a_file_without_parameters_of_the_tracker(tmp_path, text):
     (fault,) = faults(params_file.load, write(tmp_path / "p.yaml", text))
-    assert fault.startswith(f"{tmp_path / 'p.yaml'}: has no ros__parameters under any of /**")
+    assert fault.startswith(f"{tmp_path / 'p.yaml'}: has no ros__parameters under tracker, ")
 
 
 def test_load_refuses_what_it_cannot_read(tmp_path):

@@ -33,6 +33,13 @@ def test_report_refuses_a_missing_bag(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+def test_report_refuses_a_directory_that_cannot_be_made(short_bag, tmp_path, capsys):
+    (tmp_path / "file").touch()
+    out = tmp_path / "file" / "report"
+    assert run("report", [str(short_bag), "--out", str(out)]) == 2
+    assert capsys.readouterr().err == f"report: {out}: Not a directory\n"
+
+
 def test_report_without_plotly_writes_the_pictures_and_says_what_to_install(tracked, tmp_path):
     script = (
         "import sys; sys.modules['plotly'] = None; from phd_jdtc_ros.__main__ import run; "

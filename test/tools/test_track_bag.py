@@ -137,6 +137,24 @@ def test_track_bag_obeys_parameter_files(short_bag, track, tmp_path):
     assert [e.lag for e in found(out, SMOOTHED)] == [0] * 8
 
 
+def test_track_bag_takes_the_file_of_a_live_tracker(
+    short_bag, track, tracked, tmp_path, same_files
+):
+    text = """
+/north/tracker:
+  ros__parameters:
+    use_sim_time: true
+    start_type_description_service: false
+    max_wait_s: 1.0
+    checkpoint: {path: tracker.ckpt, every: 10}
+    qos_overrides: {/radar_1/detections: {subscription: {reliability: reliable}}}
+"""
+    (tmp_path / "p.yaml").write_text(text)
+    status, out = track(short_bag, "--params-file", tmp_path / "p.yaml")
+    assert status == 0
+    assert same_files(out, tracked)
+
+
 def test_track_bag_prints_what_it_tracked_and_the_scores(short_bag, track, capsys):
     status, out = track(short_bag)
     printed = capsys.readouterr().out
@@ -172,6 +190,45 @@ def test_track_bag_of_the_order_of_radars_within_a_stamp_is_the_same(short_bag, 
     for topic in (FILTERED, SMOOTHED):
         assert clouds(swapped, topic) == clouds(usual, topic)
         assert len(clouds(swapped, topic)) == 8
+
+
+def moved(entry, scan, by_s):
+    """Return an entry of the bag, its stamp and log time changed from a scan on."""
+    if entry[2] < (1000 + 6 * scan) * 10**9:
+        return entry
+    cloud = interfaces.decode(entry[1], names.CLOUD)
+    stamp_ns = stamps.to_ns(cloud.header.stamp) + by_s * 10**9
+    cloud.header.stamp = stamps.from_ns(stamp_ns)
+    return entry[0], interfaces.encode(cloud), entry[2] + by_s * 10**9
+
+
+@pytest.mark.parametrize(("gap_s", "resets"), [(84, 0), (3600, 1)])
+def test_track_bag_starts_anew_behind_a_long_gap(short_bag, track, tmp_path, gap_s, resets):
+    # With the usual 6 s it is 90 s from scan to scan, the 15 intervals that are allowed.
+    rewrite(short_bag, tmp_path / "gap", lambda entry: [moved(entry, 4, gap_s)])
+    status, out = track(tmp_path / "gap")
+    assert status == 0
+    smoothed = found(out, SMOOTHED)
+    assert [e.lag for e in smoothed] == (
+        [3, 2, 1, 0, 3, 2, 1, 0] if resets else [5, 5, 5, 4, 3, 2, 1, 0]
+    )
+    assert [e.stamp_ns for e in smoothed] == [e.stamp_ns for e in found(out, FILTERED)]
+    before, after = (
+        {number for e in half for number in e.track_id.tolist()} - {0}
+        for half in (smoothed[:4], smoothed[4:])
+    )
+    assert before
+    assert not resets or (after and min(after) > max(before))
+
+
+def test_track_bag_puts_swapped_scans_in_order_if_told_to(short_bag, track, tracked, tmp_path):
+    swapped = {(1000 + 6 * k) * 10**9: (1000 + 6 * (k ^ 1)) * 10**9 for k in range(8)}
+    rewrite(short_bag, tmp_path / "swapped", lambda e: [(e[0], e[1], swapped[e[2]])])
+    _, usual = track(tmp_path / "swapped", out="usual")
+    _, ordered = track(tmp_path / "swapped", "-p", "reorder_scans:=1", out="ordered")
+    assert len(clouds(usual, FILTERED)) == 4
+    for topic in (FILTERED, SMOOTHED):
+        assert clouds(ordered, topic) == clouds(tracked, topic)
 
 
 def edited(edit, scan=3, topic=RADARS[0]):

@@ -1,0 +1,26 @@
+"""The poses of the estimates of one class, written as bytes: publishers send many of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from phd_jdtc_ros.core.motion import VX, VY, X, Y
+from phd_jdtc_ros.core.types import Estimates
+
+from . import cdr
+
+
+def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
+    """Return a serialised ``geometry_msgs/PoseArray``; the poses face where the targets move."""
+    rows = estimates.state[estimates.class_id == class_id]
+    half = 0.5 * np.arctan2(rows[:, VY], rows[:, VX])
+    # x y z of the position, x y z w of the orientation.
+    pose = np.zeros((len(rows), 7))
+    pose[:, 0], pose[:, 1] = rows[:, X], rows[:, Y]
+    pose[:, 5], pose[:, 6] = np.sin(half), np.cos(half)
+    writer = cdr.Writer()
+    writer.header(estimates.stamp_ns, frame)
+    writer.put("I", len(rows))
+    if len(rows):
+        writer.put("d")
+    return cdr.ENCAPSULATION + bytes(writer.data) + pose.astype("<f8").tobytes()

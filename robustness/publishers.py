@@ -1,0 +1,106 @@
+"""Who publishes on a radar's topic: two side by side, or a driver that is killed and restarted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import diagnostics
+
+from . import scans
+from .figures import Figure, measured_or_why
+from .radars import TOPICS, Radars
+from .rig import LIGHT, Rig
+from .stamps_and_time import BAG, RATE
+
+NAME = "second publisher on a radar's topic"
+GOAL = "ERROR within 6 scans; never one for a driver restarted after kill -9; no gaps"
+MOST_SCANS = 6
+PERIOD_S = 0.5
+RESTARTS = 4
+# Between restarts; a killed publisher is in the graph for 20 s.
+RUN_S = 8.0
+
+
+def measure(restarts: int = RESTARTS) -> Figure:
+    """Publish on one topic from two sides, then kill and restart a driver time and again."""
+    return measured_or_why(NAME, GOAL, lambda: _measure(restarts))
+
+
+def _measure(restarts: int) -> tuple[str, bool, Mapping[str, Any]]:
+    needed, gaps = _side_by_side()
+    levels, listed, gaps_of_restarted = _restarted(restarts)
+    errors = levels.count(DiagnosticStatus.ERROR)
+    noticed = f"ERROR after {needed} scans" if needed else f"no ERROR within {MOST_SCANS} scans"
+    text = (
+        f"{noticed}; {errors} in {len(levels)} reports over {restarts} restarts, up to {listed} "
+        f"publishers listed; {gaps + gaps_of_restarted} gaps counted"
+    )
+    details = {
+        "scans": needed,
+        "reports": len(levels),
+        "errors": errors,
+        "publishers_listed": listed,
+        "gaps": gaps + gaps_of_restarted,
+    }
+    # Unless both were listed, the restarts have shown nothing.
+    found = needed is not None and errors == 0 and listed > 1 and gaps + gaps_of_restarted == 0
+    return text, found, details
+
+
+def _side_by_side() -> tuple[int | None, int]:
+    """Return after how many scans of two publishers they are an error, and the gaps counted."""
+    with Rig() as rig:
+        rig.tracker(*LIGHT)
+        radars = rig.radars
+        radars.connected()
+        for index in range(MOST_SCANS):
+            radars.track(index)
+        other = radars.node.create_publisher(PointCloud2, TOPICS[0], 50)
+        radars.spin_until(other.get_subscription_count, 20.0)
+        needed = None
+        for index in range(MOST_SCANS, 2 * MOST_SCANS):
+            radars.send(index)
+            other.publish(scans.cloud(index, 0))
+            radars.spin(PERIOD_S)
+            if DiagnosticStatus.ERROR in _levels(radars, "radar_1"):
+                needed = index - MOST_SCANS + 1
+                break
+        return needed, int(radars.values("radar_1")["gaps"])
+
+
+def _restarted(restarts: int) -> tuple[list[bytes], int, int]:
+    """Return both radars' levels, the most publishers that the graph had, and the gaps counted."""
+    with Rig() as rig:
+        rig.tracker(*LIGHT)
+        radars = rig.radars
+        radars.leave_the_topics()
+        for _ in range(restarts + 1):
+            driver = rig.start("sensor_replay", BAG, "--rate", RATE, "--loop")
+            before = len(radars.filtered)
+            if not radars.spin_until(lambda n=before: len(radars.filtered) > n, 30.0):
+                raise RuntimeError(f"the driver is not tracked:\n{driver.text[-2000:]}")
+            radars.spin(RUN_S)
+            driver.kill()
+        # What the last one leaves behind is looked at too.
+        radars.spin(1.0)
+        lines = [
+            _line(found, radar) for _, found in radars.health for radar in ("radar_1", "radar_2")
+        ]
+        values = [diagnostics.values_of(line) for line in lines]
+        return (
+            [line.level for line in lines],
+            max(int(value["publishers"]) for value in values),
+            sum(int(value["gaps"]) for value in values[-2:]),
+        )
+
+
+def _levels(radars: Radars, radar: str) -> list[bytes]:
+    return [_line(found, radar).level for _, found in radars.health]
+
+
+def _line(found: Mapping[str, DiagnosticStatus], radar: str) -> DiagnosticStatus:
+    return found[f"tracker: {radar}"]

@@ -1,0 +1,81 @@
+"""A tracker that is killed and goes on from its checkpoint, against one that never stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core.metrics import ospa
+from phd_jdtc_ros.core.motion import POSITION
+
+from . import scans
+from .figures import Figure, measured_or_why
+from .radars import Radars
+from .rig import RELIABLE, Rig
+
+NAME = "warm restart"
+GOAL = "OSPA within 10 % of an uninterrupted run's after 2 scans"
+MOST_RATIO = 1.1
+# The last scans before the kills, in the midst of the targets' lives.
+LAST_BEFORE = (21, 38, 53)
+# A restart takes less than the six seconds to the next scan; one is lost all the same.
+LOST = 1
+# Not counted, and then counted.
+SETTLING, COUNTED = 2, 8
+EVERY = 5
+CUTOFF_M, ORDER = 1000.0, 2.0
+
+
+def measure(last_before: tuple[int, ...] = LAST_BEFORE) -> Figure:
+    """Kill a tracker several times in a run, and restart it with and without a checkpoint."""
+    return measured_or_why(NAME, GOAL, lambda: _measure(last_before))
+
+
+def _measure(last_before: tuple[int, ...]) -> tuple[str, bool, Mapping[str, Any]]:
+    first_after = [last + 1 + LOST + SETTLING for last in last_before]
+    counted = [index for first in first_after for index in range(first, first + COUNTED)]
+    whole = _run((), counted, checkpoints=False)
+    warm = _run(last_before, counted, checkpoints=True)
+    cold = _run(last_before, counted, checkpoints=False)
+    ratio = warm / whole
+    text = (
+        f"{ratio:.3f} times the uninterrupted run's {whole:.1f} m, over {len(last_before)} kills "
+        f"with a checkpoint every {EVERY} scans; {cold / whole:.2f} times without one"
+    )
+    return text, ratio <= MOST_RATIO, {"whole_m": whole, "warm_m": warm, "cold_m": cold}
+
+
+def _run(kills: Sequence[int], counted: Sequence[int], checkpoints: bool) -> float:
+    """Track with kills after some scans; return the mean OSPA of the filter over others, metres."""
+    with Rig() as rig:
+        options = [*RELIABLE]
+        if checkpoints:
+            path = rig.directory / "tracker.checkpoint"
+            options += ["-p", f"checkpoint.path:={path}", "-p", f"checkpoint.every:={EVERY}"]
+        tracker, radars, index = rig.tracker(*options), rig.radars, 0
+        radars.connected()
+        while index <= counted[-1]:
+            if not _tracked(radars, index):
+                raise RuntimeError(f"scan {index} was not answered:\n{tracker.text[-2000:]}")
+            if index in kills:
+                tracker.kill()
+                tracker = rig.tracker(*options)
+                radars.connected()
+                index += LOST
+            index += 1
+        return float(np.mean([_ospa(radars, index) for index in counted]))
+
+
+def _tracked(radars: Radars, index: int) -> bool:
+    """Send a scan until it is answered: a restarted tracker is not heard at once."""
+    return any(radars.track(index, timeout_s=2.0) for _ in range(3))
+
+
+def _ospa(radars: Radars, index: int) -> float:
+    found = radars.found[scans.stamp_of_scan(index)]
+    if found is None:
+        raise RuntimeError(f"the estimates of scan {index} cannot be read")
+    there = scans.truth()[index].state[:, list(POSITION)]
+    return float(ospa(there, found.state[:, list(POSITION)], CUTOFF_M, ORDER).distance)

@@ -1,0 +1,43 @@
+"""The tools read a parameter file as the node does."""
+
+import pytest
+import rclpy
+
+from phd_jdtc_ros.nodes import parameters
+from phd_jdtc_ros.tools import params_file
+
+FILES = {
+    "everyone": "/**: {ros__parameters: {lag: 1}}",
+    "later wildcard": (
+        "/north/tracker: {ros__parameters: {lag: 1}}\n/**: {ros__parameters: {lag: 2}}"
+    ),
+    "later name": "/**: {ros__parameters: {lag: 2}}\n/north/tracker: {ros__parameters: {lag: 1}}",
+    "no slash": "north/tracker: {ros__parameters: {lag: 1}}",
+    "nested": "north: {tracker: {ros__parameters: {lag: 1, radar_1: {range_std: 5.0}}}}",
+    "any namespace": "/*/tracker: {ros__parameters: {lag: 1}}",
+    "of a namespace": "/north/*: {ros__parameters: {lag: 1}}",
+    "any depth": (
+        "/north/tracker: {ros__parameters: {lag: 1}}\n/north/**: {ros__parameters: {lag: 2}}"
+    ),
+    "others": (
+        "/north/tracker: {ros__parameters: {lag: 1}}\n"
+        "/*: {ros__parameters: {lag: 2}}\n/south/**: {ros__parameters: {lag: 3}}"
+    ),
+}
+
+
+@pytest.mark.parametrize("text", FILES.values(), ids=FILES)
+def test_tools_read_the_sections_that_a_node_reads(tmp_path, text):
+    path = tmp_path / "p.yaml"
+    path.write_text(text + "\n")
+    context = rclpy.Context()
+    rclpy.init(context=context, args=["--ros-args", "--params-file", str(path)])
+    node = rclpy.create_node("tracker", namespace="/north", context=context)
+    try:
+        found = parameters.given(node)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+    assert found
+    assert params_file.load(path) == found

@@ -1,0 +1,53 @@
+"""What becomes of a node whose callback raises."""
+
+import subprocess
+import sys
+
+SCRIPT = """
+import rclpy
+from rclpy.node import Node
+from phd_jdtc_ros.nodes import runtime
+
+class Failing(Node):
+    def __init__(self):
+        super().__init__("failing")
+        self.exit_status = None
+        self.create_timer(0.01, self.fail)
+
+    def fail(self):
+        raise ArithmeticError("half-way")
+
+    def close(self):
+        print("closed with", self.exit_status)
+        {close}
+
+    def destroy_node(self):
+        print("destroyed")
+        super().destroy_node()
+
+try:
+    runtime.run("failing", Failing, [])
+except Exception as error:
+    print("raised", error)
+print("up" if rclpy.ok() else "down")
+"""
+
+
+def said(close):
+    """Return the lines of a run whose node does that at its closing."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT.format(close=close)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60.0,
+    )
+    return done.stdout.splitlines()
+
+
+def test_node_is_told_at_its_closing_that_it_failed():
+    assert said("pass") == ["closed with 1", "destroyed", "raised half-way", "down"]
+
+
+def test_node_is_destroyed_and_ros_shut_down_even_if_closing_fails_too():
+    assert said("raise OSError('full')") == ["closed with 1", "destroyed", "raised full", "down"]
