@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 
 from msg_adapters import estimates, interfaces, names
-from msg_adapters.bag import BagReader
+from msg_adapters.bag import BagReader, BagWriter, Topic
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.tools.demo import ARTEFACTS
 
@@ -128,8 +128,15 @@ def test_demo_refuses_a_missing_bag(tmp_path, capsys):
     assert "none: no such bag" in capsys.readouterr().err
 
 
-def test_demo_refuses_a_bag_without_truth(offline, tmp_path, capsys):
-    assert run("demo", ["--bag", str(offline), "--out", str(tmp_path)]) == 2
+def test_demo_refuses_a_bag_without_truth(tmp_path, capsys):
+    reader, blind = BagReader(BAG), tmp_path / "blind"
+    topics = [topic for topic in reader.types if topic != names.TRUTH]
+    with BagWriter(blind) as bag:
+        for topic in topics:
+            bag.add_topic(Topic(topic, reader.types[topic]))
+        for message in reader.messages(topics):
+            bag.write(message.topic, message.data, message.log_time_ns)
+    assert run("demo", ["--bag", str(blind), "--out", str(tmp_path / "out")]) == 2
     assert names.TRUTH in capsys.readouterr().err
 
 

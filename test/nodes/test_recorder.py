@@ -88,6 +88,8 @@ def record(processes, peer, directory, restrict):
     evaluator = processes.start(
         *("evaluator", "--ros-args", "-p", f"record:={directory}"),
         *("-p", f"report:={directory.parent.parent / 'report.json'}"),
+        # Where coverage is measured: what it writes itself would not fit either.
+        COVERAGE_PROCESS_CONFIG="",
     )
     assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)
     restrict(evaluator)
