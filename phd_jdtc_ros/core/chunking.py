@@ -28,8 +28,8 @@ import numpy as np
 
 from .types import FloatArray, IntArray
 
-# Candidates expanded at a time: temporaries of 128 kB stay inside the second-level cache.
-CHUNK_PAIRS = 1 << 14
+# Candidates expanded at a time: temporaries of 256 kB stay inside the second-level cache.
+CHUNK_PAIRS = 1 << 15
 
 
 class Pairs(NamedTuple):

@@ -64,9 +64,8 @@ def update(
     detections = model.amplitudes.used(detections)
     predicted = radar.measure(phd.state)
     in_range = predicted[:, 0] <= radar.max_range
-    visible = np.flatnonzero(in_range)
-    row, column, log_likelihood = radar.gated_pairs(predicted.take(visible, axis=0), detections)
-    row = visible.take(row)
+    predicted[~in_range, 0] = np.inf  # near no detection
+    row, column, log_likelihood = radar.gated_pairs(predicted, detections)
     log_likelihood += model.amplitudes.log_likelihood(
         phd, detections, (row, column), radar, model.modes
     )

@@ -76,7 +76,7 @@ def bernoulli_death_term(
 
     survived = np.minimum(by_component(backward), 1.0)
     # A component holds one target at the most; resampling may round it a little above.
-    mass = np.maximum(sum_by(parts.indices, parts.data, components), 1.0)
+    mass = np.maximum(phd.component_mass, 1.0)
     dying = 1.0 - by_component(survival) / mass
     factor: FloatArray = (1.0 - survived) / np.where(dying > 0.0, dying, np.inf)
     return factor

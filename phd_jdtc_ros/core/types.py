@@ -202,6 +202,13 @@ class ParticlePHD:
         )
         return total
 
+    @cached_property
+    def component_mass(self) -> FloatArray:
+        """Weight of each component, shape (J,)."""
+        parts = self.components
+        mass: FloatArray = read_only(sum_by(parts.indices, parts.data, parts.shape[1]))
+        return mass
+
     @property
     def effective_sample_size(self) -> float:
         """Number of equally weighted copies that would be as informative."""
