@@ -29,7 +29,7 @@ import numpy as np
 from scipy import sparse
 
 from .association import marginals
-from .types import FloatArray, IntArray, ParticlePHD, by_entry, number, sum_by
+from .types import FloatArray, IntArray, ParticlePHD, number, sum_by
 
 # Some probability to be missed is always left.
 LEAST_MISSED = 1e-6
@@ -150,7 +150,7 @@ def _edges(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
 
 def scale_rows(matrix: sparse.csr_array, factor: FloatArray) -> sparse.csr_array:
     """Return a CSR array with each row multiplied by its factor; the pattern is shared."""
-    data = matrix.data * by_entry(matrix, factor)
+    data = matrix.data * factor.repeat(np.diff(matrix.indptr))
     return sparse.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 

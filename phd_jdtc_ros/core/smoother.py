@@ -24,7 +24,7 @@ from typing import Protocol
 import numpy as np
 
 from .transition import Transition
-from .types import FloatArray, ParticlePHD, by_entry, sum_by
+from .types import FloatArray, ParticlePHD, sum_by
 
 
 class DeathTerm(Protocol):
@@ -72,7 +72,7 @@ def bernoulli_death_term(
     components = parts.shape[1]
 
     def by_component(factor: FloatArray) -> FloatArray:
-        return sum_by(parts.indices, parts.data * by_entry(parts, factor), components)
+        return sum_by(parts.indices, parts.data * phd.by_entry(factor), components)
 
     survived = np.minimum(by_component(backward), 1.0)
     # A component holds one target at the most; resampling may round it a little above.
@@ -117,8 +117,8 @@ def backward_step(
     death = 1.0 - link.survival
     factor = death_term(phd, link.survival, backward)
     parts = phd.components
-    data = by_entry(parts, death) * factor.take(parts.indices)
-    data += by_entry(parts, backward)
+    data = phd.by_entry(death) * factor.take(parts.indices)
+    data += phd.by_entry(backward)
     data *= parts.data
     components = copy.copy(parts)  # the pattern is shared
     components.data = data

@@ -73,14 +73,6 @@ def run_starts(value: IntArray) -> IntArray:
     return np.flatnonzero(np.concatenate([[True], value[1:] != value[:-1]])[: len(value)])
 
 
-def by_entry(matrix: SparseArray, of_row: FloatArray) -> FloatArray:
-    """Return of each entry of a CSR array the value of its row."""
-    entries = matrix.indptr[1:] - matrix.indptr[:-1]
-    if len(matrix.data) == len(of_row) and (entries == 1).all():
-        return of_row  # as where every row has one component
-    return of_row.repeat(entries)
-
-
 def number(value: IntArray) -> tuple[IntArray, IntArray]:
     """Return the distinct values, ascending, and which of them each entry is.
 
@@ -201,6 +193,16 @@ class ParticlePHD:
             self.poisson + self.components @ np.ones(self.components.shape[1])
         )
         return total
+
+    @cached_property
+    def _entries(self) -> IntArray | None:
+        """How many components each row has; None where all have one, as is usual."""
+        number = np.diff(self.components.indptr)
+        return None if (number == 1).all() else number
+
+    def by_entry(self, of_row: FloatArray) -> FloatArray:
+        """Return of each entry of the components the value of its row."""
+        return of_row if self._entries is None else of_row.repeat(self._entries)
 
     @cached_property
     def component_mass(self) -> FloatArray:
