@@ -21,7 +21,6 @@ from robustness import (
     publishers,
     raw_bytes,
     recordings,
-    restarts,
     soak,
     stamps_and_time,
     warm_restart,
@@ -66,11 +65,6 @@ def test_tracker_starts_anew_behind_long_gaps_alone_and_does_not_grow():
 
 def test_tracker_resets_once_a_loop_and_never_on_a_shuffle():
     figure = stamps_and_time.measure_time_faults(loops=1, duration_s=60.0)
-    assert figure.reached, (figure.measured, figure.details)
-
-
-def test_second_tracker_ends_and_a_killed_one_does_not_hold_up_its_restart():
-    figure = restarts.measure_second()
     assert figure.reached, (figure.measured, figure.details)
 
 
