@@ -53,7 +53,7 @@ ELSEWHERE = (
     unmeasured(
         "line coverage",
         "95 % core and msg_adapters, 90 % overall",
-        "make test measures it",
+        "make coverage measures it",
     ),
 )
 
