@@ -44,7 +44,8 @@ from .motion import (
     CoordinatedTurn,
     MotionModel,
 )
-from .parameters import BIRTH, RADAR, Value, schema
+from .parameter import Value
+from .parameters import BIRTH, RADAR, schema
 from .radar import RadarModel
 from .scans import ScanGrouper
 from .signature import AmplitudeModel, Band, Ignored, Memory

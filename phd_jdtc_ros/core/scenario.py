@@ -22,7 +22,7 @@ from typing import Any
 
 from .amplitude import snr_from_db
 from .config import ConfigError
-from .parameters import SMALL, Parameter
+from .parameter import SMALL, Parameter
 from .radar import RadarModel
 from .simulation import Scenario, TargetScript, Turn
 

@@ -43,7 +43,7 @@ from phd_jdtc_ros.core.evaluation import (
     ScanScore,
 )
 from phd_jdtc_ros.core.motion import POSITION
-from phd_jdtc_ros.core.parameters import SMALL, Parameter
+from phd_jdtc_ros.core.parameter import SMALL, Parameter
 from phd_jdtc_ros.exits import FAILED, OK
 from phd_jdtc_ros.study.table import metrics, score_tables
 

@@ -25,7 +25,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 
 from phd_jdtc_ros.core.config import ConfigError
-from phd_jdtc_ros.core.parameters import Parameter
+from phd_jdtc_ros.core.parameter import Parameter
 
 # Parameters that rclpy declares for itself.
 _OWN = ("use_sim_time", "start_type_description_service")

@@ -24,7 +24,7 @@ from rclpy.utilities import remove_ros_args
 
 from msg_adapters import names
 from phd_jdtc_ros.core.config import ConfigError
-from phd_jdtc_ros.core.parameters import Parameter
+from phd_jdtc_ros.core.parameter import Parameter
 
 _PURPOSE = "Plays a bag: detections, truth and the rest, at a rate or in lock-step with a tracker."
 SLOWEST_RATE = 0.1

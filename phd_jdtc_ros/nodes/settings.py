@@ -26,7 +26,8 @@ from typing import Any
 
 from phd_jdtc_ros.core import config
 from phd_jdtc_ros.core.config import ConfigError, TrackerConfig
-from phd_jdtc_ros.core.parameters import Parameter, schema
+from phd_jdtc_ros.core.parameter import Parameter
+from phd_jdtc_ros.core.parameters import schema
 
 from .parameters import check
 

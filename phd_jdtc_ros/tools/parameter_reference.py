@@ -19,7 +19,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from phd_jdtc_ros.core.parameters import BIRTH, CLASS, MOTION, RADAR, TOP, Parameter
+from phd_jdtc_ros.core.parameter import Parameter
+from phd_jdtc_ros.core.parameters import BIRTH, CLASS, MOTION, RADAR, TOP
 from phd_jdtc_ros.nodes import evaluator, replay_parameters, settings
 
 _INTRODUCTION = """\

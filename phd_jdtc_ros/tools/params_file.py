@@ -24,7 +24,7 @@ from typing import Any
 import yaml
 
 from phd_jdtc_ros.core.config import ConfigError
-from phd_jdtc_ros.core.parameters import flatten
+from phd_jdtc_ros.core.parameter import flatten
 
 _NODE = "tracker"
 # What the parts of a section's name stand for, each with the slash before it.

@@ -15,7 +15,8 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.parameters import GROUPS, TOP, Parameter, schema
+from phd_jdtc_ros.core.parameter import Parameter
+from phd_jdtc_ros.core.parameters import GROUPS, TOP, schema
 
 WHOLE = Parameter("n", 5, "", 0, 10)
 REAL = Parameter("x", 1.0, "", 0.0, 2.0)

@@ -32,7 +32,7 @@ from msg_adapters import detections, estimates, point_cloud, stamps
 from phd_jdtc_ros.core.config import resolve
 from phd_jdtc_ros.core.metrics import ospa
 from phd_jdtc_ros.core.motion import STATE_SIZE, VX, VY, X, Y
-from phd_jdtc_ros.core.parameters import flatten
+from phd_jdtc_ros.core.parameter import flatten
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.simulation import Truth, detect
 

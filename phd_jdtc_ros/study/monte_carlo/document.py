@@ -23,7 +23,7 @@ from typing import Any, TypeAlias
 from phd_jdtc_ros.core import config as tracker_config
 from phd_jdtc_ros.core.config import ConfigError
 from phd_jdtc_ros.core.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.parameters import Parameter, flatten
+from phd_jdtc_ros.core.parameter import Parameter, flatten
 from phd_jdtc_ros.core.radar import RadarModel
 from phd_jdtc_ros.core.simulation import Scenario, paper_scenario
 from phd_jdtc_ros.core.smoother import DEATH_TERMS
