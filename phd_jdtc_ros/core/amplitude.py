@@ -63,11 +63,6 @@ def log_target_density(amplitude: FloatArray, snr_band: tuple[float, float]) -> 
     return density
 
 
-def false_alarm_probability(threshold: float) -> float:
-    """Return p_FA, the probability that noise exceeds the threshold tau."""
-    return float(np.exp(-0.5 * threshold**2))
-
-
 def threshold_for(false_alarm: float) -> float:
     """Return the threshold tau that noise exceeds with probability `false_alarm`."""
     return float(np.sqrt(-2.0 * np.log(false_alarm)))

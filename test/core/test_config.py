@@ -58,7 +58,7 @@ def test_resolve_converts_decibels_degrees_and_probabilities():
     radar = config.resolve({"radar_1.yaw_deg": 90.0}).model.radars[0]
     assert radar.yaw == pytest.approx(math.pi / 2.0)
     assert radar.azimuth_std == pytest.approx(math.pi / 180.0)
-    assert amplitude.false_alarm_probability(radar.threshold) == pytest.approx(1e-3)
+    assert radar.threshold == pytest.approx(amplitude.threshold_for(1e-3))
 
 
 def test_resolve_builds_the_spawn_matrix_of_class_times_mode():

@@ -56,7 +56,7 @@ def dense_update(phd, detections, radar, modes):
     """Return (poisson, components) by the printed equation, loop by loop and ungated."""
     count, p_d = len(phd), radar.class_detection_probability(modes.classes)
     a = detections.amplitude
-    p_fa = amplitude.false_alarm_probability(radar.threshold)
+    p_fa = np.exp(-0.5 * radar.threshold**2)
     clutter = radar.clutter_rate / (2 * np.pi * radar.clutter_max_range)
     clutter = clutter * a * np.exp(-(a**2) / 2.0) / p_fa
     numerator = np.zeros((count, len(detections)))
