@@ -132,3 +132,21 @@ def test_clutter_exceeds_the_threshold_with_the_probability_it_is_made_for():
     assert pytest.approx(3.717, abs=1e-3) == TAU
     integral = mass_above(TAU, amplitude.log_clutter_density, 1.0)
     assert integral == pytest.approx(1e-3, rel=1e-9)
+
+
+@pytest.mark.parametrize("a", [0.0, 1e-9, 38.0, 250.0, 1e4])
+def test_log_densities_are_finite_where_the_densities_underflow(a):
+    value = np.array([a])
+    assert np.isfinite(amplitude.log_clutter_density(value)).all()
+    for band_db in PAPER_BANDS_DB:
+        assert np.isfinite(amplitude.log_target_density(value, linear(band_db))).all()
+
+
+def test_log_densities_tell_the_classes_apart_at_a_strong_amplitude():
+    value = np.array([250.0])
+    strong, weak = (amplitude.log_target_density(value, linear(b))[0] for b in PAPER_BANDS_DB)
+    assert strong > weak > amplitude.log_clutter_density(value)[0]
+
+
+def test_snr_from_db_is_a_power_ratio():
+    assert amplitude.snr_from_db(30.0) == pytest.approx(1000.0)

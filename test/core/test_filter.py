@@ -19,7 +19,6 @@ import pytest
 from scenes import TARGETS, intensity, no_detections, scattered, small
 from scipy.stats import norm
 
-from phd_jdtc_ros.core import amplitude
 from phd_jdtc_ros.core import filter as phd_filter
 from phd_jdtc_ros.core.filter import resample, update_scan
 from phd_jdtc_ros.core.model import ParticleBudget
