@@ -27,7 +27,8 @@ A scan's way through the core, with the module of each step::
       |------------- targets ---------------> extraction -> Estimates (filtered)
       |  resample within (class, origin)       filter, resampling
     stored set t+1
-      |  kernel from set t, cached             transition, grids, neighbours
+      |  kernel from set t, cached             transition, partners,
+      |                                        grids, neighbours
       |  backward over the lag window          smoother
     ParticlePHD at t, smoothed weights
       |------------- targets ---------------> extraction -> Estimates (smoothed)

@@ -133,10 +133,48 @@ def _widest_two(cloud: FloatArray) -> tuple[int, int]:
 
 
 @_compiled(
+    types.int64(
+        *(_FLOATS, _NARROW, _INTS, _INTS, _READ), *(types.float64, types.float64, types.int64)
+    )
+)
+def _draw(
+    value: FloatArray,
+    near: npt.NDArray[np.int32],
+    of_group: IntArray,
+    slot: IntArray,
+    weight: FloatArray,
+    mu: float,
+    offset: float,
+    most: int,
+) -> int:
+    """Do for one query what `partners.drawn` does; return how many pairs are kept, at the front.
+
+    `slot` is as long as `weight`, and zero before and after.
+    """
+    found = value.copy()
+    for pair in range(len(near)):
+        slot[near[pair]] = pair + 1
+    scale = most / mu if mu > 0.0 else 0.0
+    running, passed, kept, left = 0.0, 0, 0, len(near)
+    for point in of_group:  # ascending, whatever the order in which pairs were found
+        if slot[point] == 0:
+            continue
+        running += found[slot[point] - 1] * weight[point] * scale
+        slot[point] = 0
+        left -= 1
+        teeth = min(max(math.ceil(running - offset), 0), most) if left else most
+        if teeth > passed:
+            value[kept] = (teeth - passed) * mu / (most * weight[point])
+            near[kept] = point
+            kept, passed = kept + 1, teeth
+    return kept
+
+
+@_compiled(
     types.Tuple((_FLOATS, _NARROW, _NARROW, _FLOATS))(
         *(_READ_ROWS, _READ_INTS, _READ_INTS),
         *(types.Array(types.float64, 3, "C", readonly=True), _READ_INTS, _READ_INTS, _READ),
-        *(_READ_INTS, _READ_ROWS, types.int64, types.float64),
+        *(_READ_INTS, _READ_ROWS, types.int64, types.float64, _READ, types.int64),
     )
 )
 def kernel_within_groups(
@@ -151,6 +189,8 @@ def kernel_within_groups(
     density: FloatArray,
     groups: int,
     radius: float,
+    comb: FloatArray,
+    most: int,
 ) -> tuple[FloatArray, npt.NDArray[np.int32], npt.NDArray[np.int32], FloatArray]:
     """Evaluate a Gaussian kernel between near rows of one group, and its sums over the points.
 
@@ -173,6 +213,10 @@ def kernel_within_groups(
         The kernel at its peak, from a point's mode to a query's.
     groups : int
     radius : float
+    comb : array of shape (Q,)
+        Where each query's comb begins, see `resampling.comb`.
+    most : int
+        Pairs kept of a query at the most, drawn as by `partners.drawn`.
 
     Returns
     -------
@@ -191,6 +235,7 @@ def kernel_within_groups(
     mu = np.zeros(len(query))
     value = np.empty(8 * len(query) + 64)
     near = np.empty(len(value), dtype=np.int32)
+    slot = np.zeros(len(weight), dtype=np.int64)
     reach = radius + ROUNDING
     found = 0
     for group in range(groups):
@@ -249,6 +294,12 @@ def kernel_within_groups(
                     value[pair] = math.exp(-0.5 * value[pair]) * share[cloud_mode[other]]
                     near[pair] = row[other]
                     mu[one] += value[pair] * cloud_weight[other]
+                if found - begin[one] > most:
+                    own_pairs = slice(begin[one], found)
+                    found = begin[one] + _draw(
+                        *(value[own_pairs], near[own_pairs], of_group, slot, weight),
+                        *(mu[one], comb[one], most),
+                    )
                 start[one + 1] = found - begin[one]
     # From the order of groups to that of queries.
     for one in range(len(query)):

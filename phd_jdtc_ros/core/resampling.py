@@ -15,8 +15,9 @@
 """Systematic resampling within groups, to unique particles with a multiplicity.
 
 Contract: `allocate` says how many copies each group gets, `systematic` how many of them fall on
-each particle. Resampling particles of one class and origin among themselves only keeps a target
-that was just missed from being starved by its neighbours' mass.
+each particle, and `comb` the same for a given start. Resampling particles of one class and origin
+among themselves only keeps a target that was just missed from being starved by its neighbours'
+mass.
 """
 
 from __future__ import annotations
@@ -78,8 +79,22 @@ def systematic(
     """
     if len(weight) == 0:
         return np.zeros(0, dtype=np.int64)
+    return comb(weight, group, count, rng.random(len(count)))
+
+
+def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArray) -> IntArray:
+    """Return what `systematic` does where each group's comb begins at `offset`.
+
+    Parameters
+    ----------
+    weight : array of shape (N,)
+        Not empty.
+    group : int array of shape (N,)
+    count : int array of shape (G,)
+    offset : array of shape (G,)
+        At least 0 and below 1; drawn evenly, it makes the copies unbiased.
+    """
     mass = sum_by(group, weight, len(count))
-    offset = rng.random(len(count))
     expected = weight * (count / np.where(mass > 0.0, mass, 1.0)).take(group)
     running = np.cumsum(expected)
     last = np.append(run_starts(group)[1:], len(group)) - 1

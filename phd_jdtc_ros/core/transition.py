@@ -16,7 +16,8 @@
 
 The kernel K and its normaliser mu do not depend on later scans, so they are cached and every lag
 costs one sparse product. Only pairs within 7.5 standard deviations of the process noise are kept:
-at 6, single weights are off by 5 %, at 7 by up to 2e-3, and at 7.5 by less than 1e-4.
+at 6, single weights are off by 5 %, at 7 by up to 2e-3, and at 7.5 by less than 1e-4. Rows with many
+of them keep a draw (`partners`).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from . import birth, detection_birth, neighbours
+from . import birth, detection_birth, neighbours, partners
 from .detection_birth import Newborn
 from .grids import within_groups
 from .model import TrackerModel
@@ -284,6 +285,8 @@ def _within_origins(
         kernel.peak * kernel.transition * survival[:, None],
         int(group.max()) + 1,
         GATE_SIGMA,
+        partners.offsets(every),
+        partners.MOST,
     )
     return _Sums(value, near, start, mu)
 
@@ -291,13 +294,18 @@ def _within_origins(
 def _summed(
     pairs: Iterable[tuple[IntArray, IntArray, FloatArray]], earlier: ParticlePHD, later: ParticlePHD
 ) -> _Sums:
-    """Return the pairs of a kernel in one, and the sums of kernel times weight by later row."""
+    """Return the pairs of a kernel in one, and the sums of kernel times weight by later row.
+
+    Of rows with many partners, a draw of them stands for all.
+    """
     values, columns = [np.zeros(0)], [np.zeros(0, dtype=np.int32)]
     count = np.zeros(len(later), dtype=np.int64)
     mu = np.zeros(len(later))
-    for row, column, value in pairs:
-        _add_by_row(mu, row, value * earlier.weight.take(column))
-        _add_by_row(count, row, None)
+    for row, near, density in partners.whole_rows(pairs):
+        weight = earlier.weight.take(near)
+        _add_by_row(mu, row, density * weight)
+        kept, column, value = partners.drawn(row, near, density, weight)
+        _add_by_row(count, kept, None)
         values.append(value)
         columns.append(column.astype(np.int32))
     start = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)

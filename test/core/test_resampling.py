@@ -82,23 +82,13 @@ def test_systematic_gives_nothing_to_a_weightless_particle():
         np.testing.assert_array_equal(copies, [3, 0, 7, 0])
 
 
-class FixedOffset:
-    """A generator that always draws the same number."""
-
-    def __init__(self, value):
-        self.value = value
-
-    def random(self, size):
-        return np.full(size, self.value)
-
-
 @pytest.mark.parametrize("offset", [0.0, 0.5, np.nextafter(1.0, 0.0)])
 @pytest.mark.parametrize("size", [3, 7, 10, 49])
-def test_systematic_loses_no_copy_by_rounding(offset, size):
+def test_comb_loses_no_copy_by_rounding(offset, size):
     # Sums of tenths and sevenths miss the whole number by a rounding: the last tooth is there.
     weight = np.tile(np.full(size, 1.0 / size), 3)
     group = np.repeat([0, 1, 2], size)
-    copies = resampling.systematic(weight, group, np.array([size, 1, 20]), FixedOffset(offset))
+    copies = resampling.comb(weight, group, np.array([size, 1, 20]), np.full(3, offset))
     np.testing.assert_array_equal(np.bincount(group, copies), [size, 1, 20])
     assert (copies >= 0).all()
 

@@ -21,7 +21,7 @@ import pytest
 from scenes import gaussian_cloud, intensity, short_scenario, small
 
 from phd_jdtc_ros.core import filter as phd_filter
-from phd_jdtc_ros.core import neighbours, transition
+from phd_jdtc_ros.core import neighbours, partners, transition
 from phd_jdtc_ros.core.prediction import predict
 from phd_jdtc_ros.core.simulation import simulate
 from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_step
@@ -103,6 +103,14 @@ def wide_cloud():
     state = gaussian_cloud(rng, 200, before, [10.0, 2.0, 10.0, 2.0, 5e-3])
     state[mode % 2 == 0, 4] = 0.0
     return intensity(state, np.full(200, 0.005), mode=mode)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def every_partner():
+    """Keep all pairs, whatever their number; how few are drawn is the matter of test_partners."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(partners, "MOST", 1_000_000)
+        yield
 
 
 @pytest.fixture(scope="module", params=["reference", "much-spawn", "wide-cloud", "labelled"])
