@@ -16,8 +16,8 @@
 
 The kernel K and its normaliser mu do not depend on later scans, so they are cached and every lag
 costs one sparse product. Only pairs within 7.5 standard deviations of the process noise are kept:
-at 6, single weights are off by 5 %, at 7 by up to 2e-3, and at 7.5 by less than 1e-4. Rows with many
-of them keep a draw (`partners`).
+at 6, single weights are off by 5 %, at 7 by up to 2e-3, and at 7.5 by less than 1e-4. Of many pairs
+in a row, a draw is kept (`partners`).
 """
 
 from __future__ import annotations
