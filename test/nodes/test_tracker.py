@@ -45,12 +45,15 @@ class Radars:
         self.smoothed = peer.collect(PointCloud2, "/tracker/smoothed/estimates")
         self.health = peer.collect(DiagnosticArray, "/diagnostics")
 
-    def connect(self):
+    def known(self):
+        """Return how many trackers hear each radar, and how many answer."""
+        answer = self.peer.node.count_publishers("/tracker/smoothed/estimates")
+        return [*(output.get_subscription_count() for output in self.outputs), answer]
+
+    def connect(self, before=(0, 0, 0)):
+        """Wait for one tracker more than were known before."""
         assert self.peer.spin_until(
-            lambda: (
-                all(output.get_subscription_count() for output in self.outputs)
-                and self.peer.node.count_publishers("/tracker/smoothed/estimates")
-            )
+            lambda: all(now > then for now, then in zip(self.known(), before, strict=True))
         )
         self.peer.spin_for(0.5)
 

@@ -32,12 +32,12 @@ def start(processes, path, every=1, *others):
 
 def tracked(peer, processes, first, last, *arguments):
     """Track some scans with a new tracker; return it, its radars and what it said of each."""
-    process = start(processes, *arguments)
-    # A killed one stays in the graph for a while: its subscriptions say nothing of the new one.
-    assert peer.spin_until(lambda: "tracking" in process.log.read_text())
     group = Radars(peer)
-    group.connect()
-    peer.spin_for(2.0)
+    peer.spin_for(0.2)
+    # A killed one stays in the graph for a while.
+    before = group.known()
+    process = start(processes, *arguments)
+    group.connect(before)
     for index in range(first, last):
         group.track(index)
     return process, group, [bytes(cloud.data) for cloud in group.filtered]
