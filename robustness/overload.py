@@ -29,7 +29,7 @@ NAME = "loss accounting"
 GOAL = "10x overload: exact; memory +10 MB at most"
 SCANS = 1624
 WARM_UP = 40
-FIRST_BURST = 400
+FIRST_BURST = 1200
 FACTOR = 10
 MOST_KIB = 10_000_000 / 1024
 

@@ -39,14 +39,14 @@ RESTARTS = 4
 RUN_S = 8.0
 
 
-def measure(restarts: int = RESTARTS) -> Figure:
+def measure(restarts: int = RESTARTS, run_s: float = RUN_S) -> Figure:
     """Publish on one topic from two sides, then kill and restart a driver time and again."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(restarts))
+    return measured_or_why(NAME, GOAL, lambda: _measure(restarts, run_s))
 
 
-def _measure(restarts: int) -> tuple[str, bool, Mapping[str, Any]]:
+def _measure(restarts: int, run_s: float) -> tuple[str, bool, Mapping[str, Any]]:
     needed, gaps = _side_by_side()
-    levels, listed, gaps_of_restarted = _restarted(restarts)
+    levels, listed, gaps_of_restarted = _restarted(restarts, run_s)
     errors = levels.count(DiagnosticStatus.ERROR)
     noticed = f"ERROR after {needed} scans" if needed else f"no ERROR within {MOST_SCANS} scans"
     text = (
@@ -86,7 +86,7 @@ def _side_by_side() -> tuple[int | None, int]:
         return needed, int(radars.values("radar_1")["gaps"])
 
 
-def _restarted(restarts: int) -> tuple[list[bytes], int, int]:
+def _restarted(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
     """Return both radars' levels, the most publishers that the graph had, and the gaps counted."""
     with Rig() as rig:
         rig.tracker(*LIGHT)
@@ -97,7 +97,7 @@ def _restarted(restarts: int) -> tuple[list[bytes], int, int]:
             before = len(radars.filtered)
             if not radars.spin_until(lambda n=before: len(radars.filtered) > n, 30.0):
                 raise RuntimeError(f"the driver is not tracked:\n{driver.text[-2000:]}")
-            radars.spin(RUN_S)
+            radars.spin(run_s)
             driver.kill()
         # What the last one leaves behind is looked at too.
         radars.spin(1.0)

@@ -216,6 +216,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         per_target=values["particles_per_target"],
         least=values["least_particles"],
         per_birth_term=values["particles_per_birth"],
+        most=values["max_particles"],
     )
     return TrackerConfig(
         values=values,

@@ -81,8 +81,11 @@ class ParticleBudget:
         Copies that a (class, origin) group gets at the least.
     per_birth_term : int
         A power of two.
+    most : int
+        Copies in all that are kept of a scan.
     """
 
     per_target: int
     least: int
     per_birth_term: int
+    most: int

@@ -118,6 +118,13 @@ TOP = (
     Parameter("least_particles", 200, "Particles the mass of one birth and class keeps.", 1, 10**5),
     Parameter("particles_per_birth", 2048, "Particles of a birth term; a power of two.", 2, 2**20),
     Parameter(
+        "max_particles",
+        200_000,
+        "Particles that are kept at most: where more are asked for, every origin gets fewer.",
+        1000,
+        10**8,
+    ),
+    Parameter(
         "detection_births.rates",
         [],
         "Expected appearances anywhere in a radar's field an interval, a number for each class; "

@@ -32,7 +32,7 @@ import numpy as np
 from .resampling import comb
 from .types import FloatArray, IntArray, run_starts
 
-MOST = 64
+MOST = 128
 # Multiples of the golden section are spread evenly, whatever their number: the combs of rows that
 # follow each other do not begin at one place.
 GOLDEN_SECTION = 0.5 * (5.0**0.5 - 1.0)
@@ -80,12 +80,12 @@ def drawn(
     row, column, value : arrays of shape (kept,)
         Of a crowded row at most `MOST` pairs; the sum of its values times weights is what it was.
     """
+    if not (row[MOST:] == row[:-MOST]).any():  # nobody has more, as is usual
+        return row, column, value
     first = run_starts(row)
     count = np.diff(np.append(first, len(row)))
     crowded = (count > MOST).repeat(count)
     many = np.flatnonzero(crowded)
-    if len(many) == 0:
-        return row, column, value
     # By column, so that the draw does not depend on the order in which pairs were found.
     many = many[np.lexsort((column[many], row[many]))]
     rows = row[first[count > MOST]]

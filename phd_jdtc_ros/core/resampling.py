@@ -14,10 +14,10 @@
 
 """Systematic resampling within groups, to unique particles with a multiplicity.
 
-Contract: `allocate` says how many copies each group gets, `systematic` how many of them fall on
-each particle, and `comb` the same for a given start. Resampling particles of one class and origin
-among themselves only keeps a target that was just missed from being starved by its neighbours'
-mass.
+Contract: `within` says what the whole set may have, `allocate` how many copies each group gets,
+`systematic` how many of them fall on each particle, and `comb` the same for a given start.
+Resampling particles of one class and origin among themselves only keeps a target that was just
+missed from being starved by its neighbours' mass.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from .types import FloatArray, IntArray, run_starts, sum_by
 
 
 def allocate(
-    mass: FloatArray, particles_per_target: int, least: int, rng: np.random.Generator
+    mass: FloatArray, particles_per_target: float, least: int, rng: np.random.Generator
 ) -> tuple[IntArray, FloatArray]:
     """Return the number of copies and the weight of a copy for every group.
 
@@ -36,7 +36,7 @@ def allocate(
     ----------
     mass : array of shape (G,)
         Weight of each group, in targets.
-    particles_per_target : int
+    particles_per_target : float
     least : int
         Groups of at least ``1 / particles_per_target`` targets get no fewer than this.
     rng : numpy.random.Generator
@@ -55,6 +55,19 @@ def allocate(
     )
     weight = np.where(wanted < 1.0, 1.0 / particles_per_target, mass / np.maximum(count, 1))
     return count, weight
+
+
+def within(most: int, mass: FloatArray, particles_per_target: int, least: int) -> tuple[float, int]:
+    """Return the particles per target and the least of a group with which a set has at most `most`.
+
+    What groups get without the mass for it goes first, so that targets keep theirs while there is
+    much that might be one; groups that survive by lot come on top.
+    """
+    density = particles_per_target * min(1.0, most / max(mass.sum() * particles_per_target, 1.0))
+    wanted = np.rint(mass[mass * density >= 1.0] * density)
+    while least > 1 and np.maximum(wanted, least).sum() > most:
+        least //= 2
+    return density, least
 
 
 def systematic(

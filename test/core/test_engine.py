@@ -68,6 +68,22 @@ def test_engine_starts_anew_after_a_reset(forget):
     assert all_same(run(engine), first)
 
 
+def test_engine_keeps_to_its_particles_when_targets_leave_all_coverage():
+    # Nobody sees that they are gone, nor what they might have spawned since.
+    scene = short_scenario(120)
+    targets = tuple(
+        replace(target, turns=(), first_scan=0, last_scan=119) for target in scene.targets
+    )
+    scans = [scan for _, scan in simulate(replace(scene, targets=targets), 3)]
+    given, most = {"least_particles": 200}, 1500
+    usual = list(map(small(given).engine().step, scans))
+    assert usual[-1].particles > 2 * most
+    steps = list(map(small({**given, "max_particles": most}).engine().step, scans))
+    assert max(step.particles for step in steps) <= 1.1 * most
+    # Targets, with more mass than guesses, keep theirs: they are tracked as without a limit.
+    assert [len(step.filtered) for step in steps] == [len(step.filtered) for step in usual]
+
+
 def tracks(found):
     return {number for one in found for number in one.track_id.tolist()} - {0}
 

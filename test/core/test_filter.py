@@ -215,7 +215,7 @@ def test_resample_keeps_the_mass_of_every_class_and_origin():
     phd = updated_set()
     before = group_mass(phd)
     # Enough particles that no group has to survive by lot.
-    budget = ParticleBudget(per_target=100_000, least=20, per_birth_term=64)
+    budget = ParticleBudget(per_target=100_000, least=20, per_birth_term=64, most=10**6)
     after = group_mass(resample(phd, MODES, budget, np.random.default_rng(0)))
     assert len(before) == 6
     assert min(before.values()) > 1e-5
@@ -257,7 +257,7 @@ def test_resample_is_sorted_by_class_and_origin():
 def test_resample_is_unbiased_in_every_component():
     phd = updated_set()
     rng = np.random.default_rng(1)
-    budget = ParticleBudget(per_target=30, least=1, per_birth_term=64)
+    budget = ParticleBudget(per_target=30, least=1, per_birth_term=64, most=10**6)
     before = component_mass(phd)
     trials = np.array([component_mass(resample(phd, MODES, budget, rng)) for _ in range(400)])
     error = 4.5 * trials.std(axis=0) / np.sqrt(len(trials)) + 1e-12

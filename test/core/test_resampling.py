@@ -115,6 +115,35 @@ def test_allocate_keeps_the_mass_of_every_group_with_a_particle_of_its_own(mass,
     np.testing.assert_array_less(count[sure], np.maximum(mass[sure] * per_target, least) + 1.0)
 
 
+def test_within_leaves_alone_what_fits():
+    mass = np.array([1.0, 0.2, 1e-3])
+    assert resampling.within(1500, mass, 1000, 100) == (1000, 100)
+
+
+def test_within_takes_first_from_those_without_mass():
+    # Two targets, and a thousand places where there might be one.
+    mass = np.concatenate([[1.0, 1.0], np.full(1000, 0.01)])
+    density, least = resampling.within(20_000, mass, 1000, 200)
+    assert density == 1000
+    count, weight = resampling.allocate(mass, density, least, np.random.default_rng(0))
+    assert count[:2].tolist() == [1000, 1000]
+    assert 10_000 < count.sum() <= 20_000
+    np.testing.assert_allclose(count * weight, mass, rtol=1e-12)
+
+
+def test_within_holds_for_more_mass_than_it_has_particles_for():
+    mass = np.random.default_rng(0).uniform(0.0, 2.0, 3000)
+    density, least = resampling.within(2000, mass, 1000, 200)
+    assert least == 1
+    totals = []
+    for seed in range(50):
+        count, weight = resampling.allocate(mass, density, least, np.random.default_rng(seed))
+        totals.append((count.sum(), count @ weight))
+    counts, masses = np.array(totals).T
+    assert counts.mean() <= 2000 * 1.1
+    assert masses.mean() == pytest.approx(mass.sum(), rel=0.02)
+
+
 def test_allocate_keeps_the_mass_of_smaller_groups_in_expectation():
     mass = np.array([1e-4, 3e-3, 9e-3])
     rng = np.random.default_rng(2)

@@ -74,5 +74,5 @@ def test_restarted_tracker_is_soon_as_good_as_one_that_never_stopped():
 
 
 def test_second_publisher_is_an_error_and_a_restarted_driver_is_none():
-    figure = publishers.measure(restarts=1)
+    figure = publishers.measure(restarts=1, run_s=4.0)
     assert figure.reached, (figure.measured, figure.details)
