@@ -28,6 +28,7 @@ from rich.console import Console
 from . import (
     bad_scans,
     bags,
+    clutter,
     decoders,
     network,
     overload,
@@ -64,6 +65,7 @@ def faults(_: argparse.Namespace) -> Iterator[Measure]:
     yield bags.measure_recovery
     yield bags.measure_bomb
     yield overload.measure
+    yield clutter.measure
     yield stamps_and_time.measure_silence
     yield publishers.measure
     yield restarts.measure_kills

@@ -28,6 +28,8 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, estimates, names, stamps
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.metrics import ospa
+from phd_jdtc_ros.core.motion import POSITION
 from phd_jdtc_ros.core.types import Estimates
 
 from . import scans
@@ -35,6 +37,7 @@ from . import scans
 REPLY_S = 5.0
 # Discovery of the one side does not tell of the other's.
 SETTLE_S = 0.5
+CUTOFF_M, ORDER = 1000.0, 2.0
 TOPICS = tuple(names.detections(radar) for radar in ("radar_1", "radar_2"))
 
 
@@ -119,6 +122,14 @@ class Radars:
         """Send a scan and wait for its estimate; return whether it came."""
         stamp = self.send(index, stamp_ns)
         return self.spin_until(lambda: stamp in self.answered, timeout_s)
+
+    def ospa(self, index: int) -> float:
+        """Return the OSPA distance of a scan's filtered estimates from the truth, metres."""
+        found = self.found[scans.stamp_of_scan(index)]
+        if found is None:
+            raise RuntimeError(f"the estimates of scan {index} cannot be read")
+        there, here = (one.state[:, list(POSITION)] for one in (scans.truth()[index], found))
+        return ospa(there, here, CUTOFF_M, ORDER).distance
 
     def flush(self) -> bool:
         """Ask the tracker for what it holds back; return whether it answered."""

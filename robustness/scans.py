@@ -76,6 +76,14 @@ def _clouds(scan: Scan, stamp_ns: int) -> tuple[bytes, bytes]:
 
 
 @cache
+def drowned(clutter_rate: float) -> tuple[tuple[bytes, bytes], ...]:
+    """Return both radars' clouds of every scan among so many false detections in each."""
+    radars = [replace(radar, clutter_rate=clutter_rate) for radar in resolve({}).model.radars]
+    run = simulate(paper_scenario(radars), 0)
+    return tuple(_clouds(scan, stamp_of_scan(index)) for index, (_, scan) in enumerate(run))
+
+
+@cache
 def serialised() -> tuple[tuple[bytes, bytes], ...]:
     """Return both radars' clouds of every scan of the reference scenario."""
     return tuple(_clouds(scan, START_NS) for scan in reference())

@@ -21,10 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.metrics import ospa
-from phd_jdtc_ros.core.motion import POSITION
-
-from . import scans
 from .figures import Figure, measured_or_why
 from .radars import Radars
 from .rig import RELIABLE, Rig
@@ -39,7 +35,6 @@ LOST = 1
 # Not counted, and then counted.
 SETTLING, COUNTED = 2, 8
 EVERY = 5
-CUTOFF_M, ORDER = 1000.0, 2.0
 
 
 def measure(last_before: tuple[int, ...] = LAST_BEFORE) -> Figure:
@@ -79,17 +74,9 @@ def _run(kills: Sequence[int], counted: Sequence[int], checkpoints: bool) -> flo
                 radars.connected()
                 index += LOST
             index += 1
-        return float(np.mean([_ospa(radars, index) for index in counted]))
+        return float(np.mean([radars.ospa(index) for index in counted]))
 
 
 def _tracked(radars: Radars, index: int) -> bool:
     """Send a scan until it is answered: a restarted tracker is not heard at once."""
     return any(radars.track(index, timeout_s=2.0) for _ in range(3))
-
-
-def _ospa(radars: Radars, index: int) -> float:
-    found = radars.found[scans.stamp_of_scan(index)]
-    if found is None:
-        raise RuntimeError(f"the estimates of scan {index} cannot be read")
-    there = scans.truth()[index].state[:, list(POSITION)]
-    return float(ospa(there, found.state[:, list(POSITION)], CUTOFF_M, ORDER).distance)

@@ -18,6 +18,7 @@ import pytest
 
 from robustness import (
     bad_scans,
+    clutter,
     publishers,
     raw_bytes,
     recordings,
@@ -65,6 +66,11 @@ def test_tracker_starts_anew_behind_long_gaps_alone_and_does_not_grow():
 
 def test_tracker_resets_once_a_loop_and_never_on_a_shuffle():
     figure = stamps_and_time.measure_time_faults(loops=1, duration_s=60.0)
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_tracker_keeps_its_targets_through_a_burst_of_false_detections():
+    figure = clutter.measure(false_detections=300, count=2)
     assert figure.reached, (figure.measured, figure.details)
 
 

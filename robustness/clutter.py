@@ -1,0 +1,85 @@
+# Copyright 2026 Seed a9b9ba5d maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A burst of false detections where targets are born anywhere: what it costs, and what stays."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from . import scans
+from .figures import Figure, measured_or_why
+from .radars import Radars
+from .rig import Rig
+
+NAME = "burst of false detections"
+GOAL = "every scan answered within its interval; OSPA within 10 % of a quiet run's after 3 scans"
+FALSE_DETECTIONS = 1000  # a radar and scan, where 20 are expected
+MOST_RATIO = 1.1
+# In the midst of the targets' lives.
+FIRST, SCANS = 24, 8
+SETTLING, COUNTED = 3, 10
+BORN_ANYWHERE = ("-p", "detection_births.rates:=[0.01, 0.01]")
+PATIENCE_S = 60.0
+
+
+def measure(false_detections: int = FALSE_DETECTIONS, count: int = SCANS) -> Figure:
+    """Track through a burst, and the same scans without one."""
+    return measured_or_why(NAME, GOAL, lambda: _measure(false_detections, count))
+
+
+def _measure(false_detections: int, count: int) -> tuple[str, bool, Mapping[str, Any]]:
+    quiet, _, _ = _run(0, count)
+    after, slowest, growth = _run(false_detections, count)
+    ratio, interval_s = after / quiet, scans.interval_ns() * 1e-9
+    text = (
+        f"{false_detections} a radar in {count} scans: at most {slowest:.2f} s of {interval_s:g} s "
+        f"a scan, memory +{growth / 1024:.0f} MiB; afterwards {ratio:.3f} times the quiet run's "
+        f"{quiet:.1f} m"
+    )
+    details = {"slowest_s": slowest, "memory_kib": growth, "quiet_m": quiet, "after_m": after}
+    return text, ratio <= MOST_RATIO and slowest <= interval_s, details
+
+
+def _run(false_detections: int, count: int) -> tuple[float, float, int]:
+    """Return the mean OSPA afterwards (m), the slowest answer (s) and how memory grew (KiB)."""
+    burst = range(FIRST, FIRST + count if false_detections else FIRST)
+    counted = range(FIRST + count + SETTLING, FIRST + count + SETTLING + COUNTED)
+    with Rig() as rig:
+        tracker, radars, slowest = rig.tracker(*BORN_ANYWHERE), rig.radars, 0.0
+        radars.connected()
+        for index in range(counted.stop):
+            if index == FIRST:
+                before = tracker.status("VmHWM")
+            sent = time.monotonic()
+            if index in burst:
+                for output, cloud in zip(
+                    radars.outputs, scans.drowned(false_detections)[index], strict=True
+                ):
+                    output.publish(cloud)
+            else:
+                radars.send(index)
+            if not radars.spin_until(lambda i=index: _answered(radars, i), PATIENCE_S):
+                raise RuntimeError(f"scan {index} was not answered in {PATIENCE_S:g} s")
+            slowest = max(slowest, radars.filtered[-1][1] - sent)
+        growth = tracker.status("VmHWM") - before
+        return float(np.mean([radars.ospa(index) for index in counted])), slowest, growth
+
+
+def _answered(radars: Radars, index: int) -> bool:
+    return scans.stamp_of_scan(index) in radars.answered
