@@ -24,7 +24,6 @@ from .isolation import ISOLATED
 # as well, a restarted node would be heard seconds later.
 os.environ.update(ISOLATED)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
-os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
 os.environ["OMP_NUM_THREADS"] = "1"
 
 from .command import main

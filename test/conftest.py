@@ -14,10 +14,8 @@
 
 import os
 
-# Before anything imports rclpy: tests talk on this machine only, apart from other ROS processes,
-# and leave no shared memory behind when they kill nodes.
+# Before anything imports rclpy: tests talk on this machine only, apart from other ROS processes.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
 
 from robustness.domains import Domain
 

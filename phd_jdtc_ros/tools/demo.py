@@ -62,8 +62,6 @@ class Processes:
             **os.environ,
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or str(1 + os.getpid() % 100),
-            # Shared memory would leave segments behind if a process were killed.
-            "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
             **shipped.isolation(),
         }
         logs.mkdir(parents=True, exist_ok=True)
