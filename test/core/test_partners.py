@@ -24,14 +24,6 @@ from phd_jdtc_ros.core.motion import sample
 COUNT = 600
 
 
-@pytest.fixture(params=["numpy", "numba"])
-def backend(request, monkeypatch):
-    """Run a test with the plain and with the compiled kernel."""
-    if request.param == "numba":
-        pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
-    monkeypatch.setattr(neighbours, "BACKEND", neighbours.backend(request.param))
-
-
 def pairs_of(counts, seed=0):
     """Return rows with so many partners each, of unequal kernel and weight."""
     rng = np.random.default_rng(seed)

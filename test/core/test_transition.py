@@ -35,14 +35,6 @@ SPARSE_BUDGET = {
 }
 
 
-@pytest.fixture(params=["numpy", "numba"])
-def backend(request, monkeypatch):
-    """Run a test with the plain and with the compiled search."""
-    if request.param == "numba":
-        pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
-    monkeypatch.setattr(neighbours, "BACKEND", neighbours.backend(request.param))
-
-
 def gaussian(offset, covariance):
     """Return the density of every row of `offset`."""
     square = (offset * np.linalg.solve(covariance, offset.T).T).sum(axis=1)
