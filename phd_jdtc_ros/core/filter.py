@@ -177,8 +177,8 @@ def resample(
     np.cumsum(ranked[1:] != ranked[:-1], out=group[1:])
     weight = phd.weight[order]
     mass = sum_by(group, weight, int(group[-1]) + 1 if len(group) else 0)
-    density = resampling.within(budget.most, mass, budget.per_target, budget.least)
-    count, copy_weight = resampling.allocate(mass, *density, rng)
+    density, least = resampling.within(budget.most, mass, budget.per_target, budget.least)
+    count, copy_weight = resampling.allocate(mass, density, least, rng)
     copies = resampling.systematic(weight, group, count, rng)
     kept = np.flatnonzero(copies)
     row = order[kept]
