@@ -1,21 +1,10 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The implementations of the neighbour search's inner loop that are installed.
 
-`phd_jdtc_ros.core.neighbours` chooses one when it is imported. A comparison in one process has to
-change that choice, and only this module does.
+`phd_jdtc_ros.core.pair_search.sweep` chooses one when it is imported. A comparison in one process
+has to change that choice, and only this module does.
 """
 
 from __future__ import annotations
@@ -24,7 +13,7 @@ import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from phd_jdtc_ros.core import neighbours
+from phd_jdtc_ros.core.pair_search import sweep
 
 NUMPY = "NumPy"
 NUMBA = "numba"
@@ -34,7 +23,7 @@ NUMBA = "numba"
 def available() -> tuple[str, ...]:
     """Return the names of the installed ones, the reference first."""
     try:
-        neighbours.backend(NUMBA)
+        sweep.backend(NUMBA)
     except ImportError:
         return (NUMPY,)
     return (NUMPY, NUMBA)
@@ -48,9 +37,9 @@ def reason_missing(backend: str) -> str:
 @contextmanager
 def using(backend: str) -> Iterator[None]:
     """Build transitions with one of them for as long as the block lasts."""
-    chosen = neighbours.BACKEND
-    neighbours.BACKEND = neighbours.backend(backend.lower())
+    chosen = sweep.BACKEND
+    sweep.BACKEND = sweep.backend(backend.lower())
     try:
         yield
     finally:
-        neighbours.BACKEND = chosen
+        sweep.BACKEND = chosen

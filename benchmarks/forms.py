@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The smoother as it was before: the paper's dense form, and a k-d tree's. Baselines and reference.
 
@@ -26,7 +15,7 @@ Both take the particles as a resampler hands them out, every copy a row of its o
 Where origins are targets (the default corrector), both meet the same pairs and then drop those of
 different origins; births and spawned targets have no part in mu.
 
-Neither shares code with `phd_jdtc_ros.core.transition`.
+Neither shares code with `phd_jdtc_ros.core.smc.backward_kernel`.
 """
 
 from __future__ import annotations
@@ -39,11 +28,12 @@ from scipy import sparse
 from scipy.linalg import solve_triangular
 from scipy.spatial import cKDTree
 
-from phd_jdtc_ros.core.correction import scale_rows
-from phd_jdtc_ros.core.model import TrackerModel
-from phd_jdtc_ros.core.smoother import DeathTerm, backward_step
-from phd_jdtc_ros.core.transition import GATE_SIGMA, Transition
-from phd_jdtc_ros.core.types import FloatArray, IntArray, ParticlePHD
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.smc.backward_kernel import GATE_SIGMA, Transition
+from phd_jdtc_ros.core.smc.correction import scale_rows
+from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_step
 
 Link = Callable[[ParticlePHD, ParticlePHD, TrackerModel, float], Transition]
 

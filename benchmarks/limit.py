@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The work that no search is without: to whiten both sets, sort one and gather it."""
 
@@ -18,9 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from phd_jdtc_ros.core.model import TrackerModel
-from phd_jdtc_ros.core.motion import whitener
-from phd_jdtc_ros.core.types import FloatArray, ParticlePHD
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.models.motion import whitener
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
 
 
 def whiten_sort_gather(

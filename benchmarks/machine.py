@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What the figures were measured on."""
 
@@ -22,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros.core import neighbours
+from phd_jdtc_ros.core.pair_search import sweep
 
 PACKAGES = ("numpy", "scipy", "numba", "stonesoup", "rclpy")
 
@@ -35,7 +24,7 @@ def description() -> dict[str, Any]:
         "load_average": os.getloadavg()[0],
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
-        "default_kernels": neighbours.BACKEND.name,
+        "default_kernels": sweep.BACKEND.name,
         **{package: _version(package) for package in PACKAGES},
     }
 

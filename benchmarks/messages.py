@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The node's own cost: decoding, encoding and publishing a large scan.
 
@@ -26,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.config import resolve
+from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.engine import Step
-from phd_jdtc_ros.core.motion import STATE_SIZE
+from phd_jdtc_ros.core.models.motion import STATE_SIZE
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
 from .timing import Case, interleaved, spread
@@ -59,7 +48,7 @@ def measure(quick: bool) -> dict[str, Any]:
         return {"value": None, "reason": f"rclpy is missing: {error}"}
     from rclpy.logging import LoggingSeverity, set_logger_level
 
-    from phd_jdtc_ros.nodes.tracker import Tracker
+    from phd_jdtc_ros.nodes.tracker.node import Tracker
 
     set_logger_level("tracker", LoggingSeverity.WARN)
     rclpy.init()

@@ -1,20 +1,9 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The engine's step laid open, so that its parts can be timed and its sets looked at.
 
-`phd_jdtc_ros.core.engine` runs the same functions in the same order with the same draws; a test
+`phd_jdtc_ros.core.smc.engine` runs the same functions in the same order with the same draws; a test
 holds the two to equal estimates.
 """
 
@@ -28,17 +17,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from phd_jdtc_ros.core import filter as phd_filter
-from phd_jdtc_ros.core import transition
-from phd_jdtc_ros.core.config import TrackerConfig
-from phd_jdtc_ros.core.engine import EXTRACTION_STREAM, FILTER_STREAM
-from phd_jdtc_ros.core.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.model import TrackerModel
-from phd_jdtc_ros.core.prediction import predict
-from phd_jdtc_ros.core.simulation import simulate
-from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_pass
-from phd_jdtc_ros.core.transition import Transition
-from phd_jdtc_ros.core.types import Estimates, ParticlePHD, Scan
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.smc import backward_kernel
+from phd_jdtc_ros.core.smc.backward_kernel import Transition
+from phd_jdtc_ros.core.smc.engine import EXTRACTION_STREAM
+from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
+from phd_jdtc_ros.core.smc.filter import FILTER_STREAM
+from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.prediction import predict
+from phd_jdtc_ros.core.smc.resampling import resample
+from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
+from phd_jdtc_ros.core.smc.update import update_scan
+from phd_jdtc_ros.core.types import Estimates, Scan
 
 from . import scenes
 
@@ -83,12 +75,12 @@ class Recursion:
         with self._timed("predict"):
             predicted = predict(self.latest, model, self.config.budget, dt, self._index, rng)
         with self._timed("update"):
-            updated, found = phd_filter.update_scan(predicted, scan, model, dt, self._index, rng)
+            updated, found = update_scan(predicted, scan, model, dt, self._index, rng)
         with self._timed("resample"):
-            stored = phd_filter.resample(updated, model.modes, self.config.budget, rng)
+            stored = resample(updated, model.modes, self.config.budget, rng)
         if self.stored:
             with self._timed("transition"):
-                self.links.append(transition.build(self.latest, stored, model, dt, found))
+                self.links.append(backward_kernel.build(self.latest, stored, model, dt, found))
         with self._timed("extraction"):
             filtered = self._targets(updated, scan.stamp_ns, 0)
         self.stored.append(stored)
@@ -145,7 +137,7 @@ class Window:
     def links(self) -> list[Transition]:
         """Return the cached transitions between the sets."""
         return [
-            transition.build(earlier, later, self.model, self.dt)
+            backward_kernel.build(earlier, later, self.model, self.dt)
             for earlier, later in itertools.pairwise(self.stored)
         ]
 
@@ -162,7 +154,7 @@ def window(
     stored = [start]
     for index, (_, scan) in enumerate(simulate(scene, seed)):
         phd = predict(stored[-1], config.model, config.budget, scene.interval_s, index, rng)
-        phd, _ = phd_filter.update_scan(phd, scan, config.model, scene.interval_s, index, rng)
-        stored = [*stored, phd_filter.resample(phd, config.model.modes, config.budget, rng)]
+        phd, _ = update_scan(phd, scan, config.model, scene.interval_s, index, rng)
+        stored = [*stored, resample(phd, config.model.modes, config.budget, rng)]
         stored = stored[-(lag + 1) :]
     return Window(tuple(stored), config.model, scene.interval_s)

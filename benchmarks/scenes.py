@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Scenes of any number of targets, and the tracker's configuration for them."""
 
@@ -21,17 +10,18 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
-from phd_jdtc_ros.core.amplitude import snr_from_db
-from phd_jdtc_ros.core.config import TrackerConfig, resolve
-from phd_jdtc_ros.core.motion import OMEGA, POSITION, VELOCITY
-from phd_jdtc_ros.core.simulation import (
+from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.models.amplitude_density import snr_from_db
+from phd_jdtc_ros.core.models.motion import OMEGA, POSITION, VELOCITY
+from phd_jdtc_ros.core.simulation.scenario import (
     Scenario,
     TargetScript,
     Truth,
     paper_scenario,
     truth_at,
 )
-from phd_jdtc_ros.core.types import IntArray, ParticlePHD
+from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
 
 # Targets are within this of the origin, metres; both radars see all of it.
 FIELD_RADIUS = 13e3

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The smoother against the forms it replaces, and its error at the gate."""
 
@@ -23,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core import transition
-from phd_jdtc_ros.core.smoother import DeathTerm, backward_pass, bernoulli_death_term
-from phd_jdtc_ros.core.transition import Transition
-from phd_jdtc_ros.core.types import FloatArray, ParticlePHD
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.smc import backward_kernel
+from phd_jdtc_ros.core.smc.backward_kernel import Transition
+from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_pass, bernoulli_death_term
 
 from . import backends, forms, recursion
 from .recursion import Window
@@ -128,7 +118,7 @@ def k_d_tree_smoother(window: Window, stored: Sequence[ParticlePHD]) -> Callable
 def _build(window: Window, backend: str) -> Callable[[], Transition]:
     def build() -> Transition:
         with backends.using(backend):
-            return transition.build(*window.stored[-2:], window.model, window.dt)
+            return backward_kernel.build(*window.stored[-2:], window.model, window.dt)
 
     return build
 

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Replay the shipped bag through the tracker and score it.
@@ -38,8 +27,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
 from msg_adapters import names
-from msg_adapters.bag import BagReader
-from phd_jdtc_ros.tools import live_file
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.tools import tracker_params
 
 PACKAGE = "phd_jdtc_ros"
 # The tracker's arguments, and what they are here.
@@ -87,7 +76,7 @@ def generate_launch_description():
 def _nodes(context, share):
     given = {name: LaunchConfiguration(name).perform(context) for name in TRACKER_ARGUMENTS}
     out, bag = (LaunchConfiguration(name).perform(context) for name in ("out", "bag"))
-    config = live_file.load(Path(given["params_file"]))
+    config = tracker_params.load(Path(given["params_file"]))
     topics = [source.topic for source in config.inputs]
     tracker_name = "/".join(["", *filter(None, [given["namespace"].strip("/")]), "tracker"])
     tracker = IncludeLaunchDescription(

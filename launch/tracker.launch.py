@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """
 Start the tracker beside radars of your own, with the radars' frames and RViz if wanted.
@@ -36,7 +25,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from launch import LaunchDescription
-from phd_jdtc_ros.tools import live_file
+from phd_jdtc_ros.tools import tracker_params
 
 PACKAGE = "phd_jdtc_ros"
 RESPAWN_DELAY_S = 2.0
@@ -130,7 +119,7 @@ def _tracker(context, simulated):
 
 
 def _config(context):
-    return live_file.load(Path(LaunchConfiguration("params_file").perform(context)))
+    return tracker_params.load(Path(LaunchConfiguration("params_file").perform(context)))
 
 
 def _frames(context):

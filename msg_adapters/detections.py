@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A radar's point cloud to and from `Detections`."""
 
@@ -25,9 +14,10 @@ import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from phd_jdtc_ros.core.config import RadarInput
-from phd_jdtc_ros.core.radar import wrap_angle
-from phd_jdtc_ros.core.types import Detections, FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.models.radar import wrap_angle
+from phd_jdtc_ros.core.types import Detections
 
 from . import point_cloud, stamps
 from .errors import RejectedMessageError

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Tracks as odometry and as paths: for consumers that follow one target at a time."""
 
@@ -24,8 +13,9 @@ import numpy as np
 from geometry_msgs.msg import Point, Pose, PoseStamped, Twist, Vector3
 from nav_msgs.msg import Odometry, Path
 
-from phd_jdtc_ros.core.motion import OMEGA, STATE_SIZE, VX, VY, X, Y
-from phd_jdtc_ros.core.types import Estimates, FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.models.motion import OMEGA, STATE_SIZE, VX, VY, X, Y
+from phd_jdtc_ros.core.types import Estimates
 
 from . import stamps
 from .estimates import heading

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Start one of the package's executables: ``python -m phd_jdtc_ros NAME [ARGUMENTS]``.
 
@@ -28,9 +17,9 @@ from functools import partial
 from types import ModuleType
 
 EXECUTABLES = {
-    "sensor_replay": ("phd_jdtc_ros.nodes.sensor_replay", "plays a bag's detections and truth"),
-    "tracker": ("phd_jdtc_ros.nodes.tracker", "the live node"),
-    "evaluator": ("phd_jdtc_ros.nodes.evaluator", "compares estimates with truth, live"),
+    "sensor_replay": ("phd_jdtc_ros.nodes.replay.node", "plays a bag's detections and truth"),
+    "tracker": ("phd_jdtc_ros.nodes.tracker.node", "the live node"),
+    "evaluator": ("phd_jdtc_ros.nodes.evaluator.node", "compares estimates with truth, live"),
     "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
     "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
     "report": ("phd_jdtc_ros.tools.report", "a bag with estimates to a page and pictures"),
@@ -55,7 +44,7 @@ def _module(name: str) -> ModuleType:
     """
     path = EXECUTABLES[name][0]
     node = path.startswith("phd_jdtc_ros.nodes.")
-    # Nothing has begun, so there is nothing to finish. The numbers are those of `exits`.
+    # Nothing has begun, so there is nothing to finish. The numbers are those of `exit_status`.
     status = 0 if node else 128 + signal.SIGINT
     numbers = (signal.SIGINT, signal.SIGTERM) if node else (signal.SIGINT,)
     before = {number: signal.signal(number, lambda *_: os._exit(status)) for number in numbers}

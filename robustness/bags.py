@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Damaged and hostile bags: what is read of them, what is said, what memory it takes."""
 
@@ -34,7 +23,8 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from msg_adapters import interfaces, names
-from msg_adapters.bag import BagError, BagMessage, BagReader
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 
 from .figures import Figure, measured_or_why
 from .small_chunks import rewritten
@@ -55,7 +45,8 @@ RECORD_HEAD = 9
 READ = r"""
 import re, sys
 from pathlib import Path
-from msg_adapters.bag import BagError, BagReader
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
 try:
     said = str(len(list(BagReader(Path(sys.argv[1])).messages())))
 except BagError as error:

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The reference scenario's scans as serialised clouds whose stamps can be set."""
 
@@ -21,8 +10,9 @@ from dataclasses import replace
 from functools import cache
 
 from msg_adapters import detections, interfaces
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.simulation import Truth, paper_scenario, simulate
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.simulation.scenario import Truth, paper_scenario
+from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.types import Scan
 
 SECOND_NS = 1_000_000_000

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The package as a whole: versions, files and texts agree with each other."""
 
@@ -23,9 +12,9 @@ import pytest
 
 import phd_jdtc_ros
 from phd_jdtc_ros.__main__ import EXECUTABLES
-from phd_jdtc_ros.core import scenario
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.simulation import paper_scenario
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.tools import params_file
 
 ROOT = Path(__file__).parents[1]
@@ -89,4 +78,18 @@ def test_reference_scenario_file_is_the_built_in_one():
     radars = resolve({}).model.radars
     document = params_file.load_yaml(ROOT / "config" / "scenarios" / "paper_scenario.yaml")
 
-    assert scenario.resolve(document, radars) == paper_scenario(radars)
+    assert scenario_file.resolve(document, radars) == paper_scenario(radars)
+
+
+LICENCE = (
+    "# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers\n"
+    "# SPDX-License-Identifier: Apache-2.0\n"
+)
+FOLDERS = ("phd_jdtc_ros", "msg_adapters", "launch", "benchmarks", "robustness", "test")
+
+
+def test_every_python_file_names_its_licence():
+    files = [ROOT / "setup.py", *(f for name in FOLDERS for f in (ROOT / name).rglob("*.py"))]
+
+    assert len(files) > 100
+    assert [str(f) for f in files if not f.read_text().startswith(LICENCE)] == []

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What the offline executables share: arguments, and one way to end."""
 
@@ -22,11 +11,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from msg_adapters.bag import BagError
-from phd_jdtc_ros.core.config import ConfigError, TrackerConfig
-from phd_jdtc_ros.exits import INTERRUPTED, USAGE, fail
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
 
-from . import live_file, params_file
+from . import params_file, tracker_params
 
 # OSPA's c (metres) and p where nothing else is asked for.
 CUTOFF, ORDER = 1000.0, 2.0
@@ -70,4 +60,4 @@ def tracker_config(arguments: argparse.Namespace) -> TrackerConfig:
     paths: Sequence[Path] = arguments.params_file
     given |= params_file.from_arguments(paths, arguments.assignments)
     # A live tracker's file may be given too.
-    return live_file.config(given)
+    return tracker_params.config(given)

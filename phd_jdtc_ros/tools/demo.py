@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The main job in one command: replay, track and evaluate over DDS, then the report.
 
@@ -31,12 +20,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from msg_adapters import names
-from msg_adapters.bag import BagError, BagReader
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.exits import FAILED, OK
-from phd_jdtc_ros.study import figures
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.exit_status import FAILED, OK
+from phd_jdtc_ros.report.pictures import figures
 
-from . import command, report, shipped
+from . import command, report, resources
 
 START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.
@@ -62,7 +52,7 @@ class Processes:
             **os.environ,
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or str(1 + os.getpid() % 100),
-            **shipped.isolation(),
+            **resources.isolation(),
         }
         logs.mkdir(parents=True, exist_ok=True)
 
@@ -153,7 +143,7 @@ def run_nodes(bag: Path, out: Path) -> bool:
 
 def shipped_bag() -> Path:
     """Return the reference scenario's bag, of the checkout or of the installed package."""
-    return shipped.find(Path("bags/paper_scenario"))
+    return resources.find(Path("bags/paper_scenario"))
 
 
 def _clear(out: Path) -> None:

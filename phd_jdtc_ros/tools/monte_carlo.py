@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A Monte Carlo study: many seeded runs, in parallel, to tables, figures and a summary."""
 
@@ -29,20 +18,20 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from phd_jdtc_ros.core import scenario
-from phd_jdtc_ros.core.config import ConfigError
-from phd_jdtc_ros.exits import FAILED, OK
-from phd_jdtc_ros.study import monte_carlo, study_figures
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros.exit_status import FAILED, OK
+from phd_jdtc_ros.study import figures, monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Outcome, Plan, Scene, Store, Study, Task
 
-from . import command, params_file, shipped
+from . import command, params_file, resources
 
 PUBLISHED = Path("config/studies/published.yaml")
 
 
 def published_study() -> Path:
     """Return the published study's file, of the checkout or of the installed package."""
-    return shipped.find(PUBLISHED)
+    return resources.find(PUBLISHED)
 
 
 def load_study(path: Path, assigned: Mapping[str, Any]) -> Study:
@@ -54,7 +43,7 @@ def load_study(path: Path, assigned: Mapping[str, Any]) -> Study:
 
 def _load_scene(directory: Path, name: str) -> Scene:
     document = params_file.load_yaml(directory / name)
-    return params_file.scenario_parameters(document), partial(scenario.resolve, document)
+    return params_file.scenario_parameters(document), partial(scenario_file.resolve, document)
 
 
 def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> int:
@@ -131,9 +120,9 @@ def write_results(
     monte_carlo.write_csv(out / "results.csv", plan.tasks, store)
     text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
     monte_carlo.write_atomically(out / "summary.json", text.encode())
-    monte_carlo.write_atomically(out / "table.md", study_figures.markdown(summary).encode())
-    study_figures.write_all(results, out / "figures")
-    for table in study_figures.tables(summary):
+    monte_carlo.write_atomically(out / "table.md", figures.markdown(summary).encode())
+    figures.write_all(results, out / "figures")
+    for table in figures.tables(summary):
         console.print(table)
     console.print(f"results: {out}", soft_wrap=True, markup=False, highlight=False)
 

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The parameter reference page, from the tables that the nodes declare."""
 
@@ -19,9 +8,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from phd_jdtc_ros.core.parameter import Parameter
-from phd_jdtc_ros.core.parameters import BIRTH, CLASS, MOTION, RADAR, TOP
-from phd_jdtc_ros.nodes import evaluator, replay_parameters, settings
+from phd_jdtc_ros.core.configuration.parameters import BIRTH, CLASS, MOTION, RADAR, TOP
+from phd_jdtc_ros.core.configuration.schema import Parameter
+from phd_jdtc_ros.nodes.evaluator import node
+from phd_jdtc_ros.nodes.replay import replay_parameters
+from phd_jdtc_ros.nodes.tracker import settings
 
 _INTRODUCTION = """\
 # Parameters
@@ -52,7 +43,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         "an argument set the parameters of the same meaning.",
         replay_parameters.TABLE,
     ),
-    ("evaluator", "", evaluator.TABLE),
+    ("evaluator", "", node.TABLE),
 )
 
 

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """ROS parameter files and ``name:=value`` arguments, for the executables that are no nodes."""
 
@@ -23,8 +12,7 @@ from typing import Any
 
 import yaml
 
-from phd_jdtc_ros.core.config import ConfigError
-from phd_jdtc_ros.core.parameter import flatten
+from phd_jdtc_ros.core.configuration.schema import ConfigError, flatten
 
 _NODE = "tracker"
 # What the parts of a section's name stand for, each with the slash before it.

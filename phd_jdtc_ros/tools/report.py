@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A bag with estimates to one self-contained HTML page and pictures."""
 
@@ -24,12 +13,13 @@ from typing import Any
 
 from rich.console import Console
 
-from phd_jdtc_ros.core.config import TrackerConfig
-from phd_jdtc_ros.core.evaluation import Evaluation
-from phd_jdtc_ros.exits import FAILED, OK
-from phd_jdtc_ros.study import figures, load
-from phd_jdtc_ros.study.record import Record
-from phd_jdtc_ros.study.table import metrics, score_tables
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.exit_status import FAILED, OK
+from phd_jdtc_ros.report import load
+from phd_jdtc_ros.report.pictures import figures
+from phd_jdtc_ros.report.record import Record
+from phd_jdtc_ros.report.table import metrics, score_tables
 
 from . import command
 
@@ -74,7 +64,7 @@ def _write_page(
 ) -> bool:
     """Write the page; return False where plotly, which no rosdep key brings, is missing."""
     try:
-        from phd_jdtc_ros.study import charts, html
+        from phd_jdtc_ros.report.page import charts, html
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] != "plotly":
             raise

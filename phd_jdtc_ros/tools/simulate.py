@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A scenario to a bag: the detections of every radar, and the truth."""
 
@@ -21,11 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from msg_adapters import detections, interfaces, names, truth
-from msg_adapters.bag import BagWriter, Topic
-from phd_jdtc_ros.core import scenario, simulation
-from phd_jdtc_ros.core.config import ConfigError, RadarInput
-from phd_jdtc_ros.core.simulation import Scenario
-from phd_jdtc_ros.exits import OK
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.simulation import scenario, scenario_file
+from phd_jdtc_ros.core.simulation.scenario import Scenario
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.exit_status import OK
 
 from . import command, params_file
 
@@ -40,7 +31,7 @@ def write_bag(
         for radar in inputs:
             bag.add_topic(Topic(radar.topic, names.CLOUD, DEPTH))
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
-        for targets, scan in simulation.simulate(run, seed):
+        for targets, scan in simulate(run, seed):
             message = truth.to_msg(targets, world_frame)
             bag.write(names.TRUTH, interfaces.encode(message), targets.stamp_ns)
             for radar, report in zip(inputs, scan.detections, strict=True):
@@ -64,7 +55,7 @@ def main(argv: Sequence[str]) -> int:
         document = params_file.load_yaml(path) if path else None
         config = command.tracker_config(arguments)
         radars = config.model.radars
-        run = scenario.resolve(document, radars) if path else simulation.paper_scenario(radars)
+        run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)
         write_bag(arguments.out, run, config.inputs, config.world_frame, arguments.seed)
         print(f"{arguments.out}: {run.scans} scans, {len(radars)} radars, seed {arguments.seed}")
         return OK

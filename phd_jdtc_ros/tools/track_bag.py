@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Offline tracking: a bag with detections in, a bag with estimates out.
 
@@ -29,16 +18,17 @@ from rich.console import Console
 from rich.progress import track
 
 from msg_adapters import detections, estimates, interfaces, names
-from msg_adapters.bag import BagError, BagMessage, BagReader, BagWriter, Topic
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.core.config import TrackerConfig
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagMessage, BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.evaluation import FILTERED, SMOOTHED
-from phd_jdtc_ros.core.scans import Rejection, Reset, Scan
-from phd_jdtc_ros.core.types import Estimates
-from phd_jdtc_ros.exits import OK, fail
-from phd_jdtc_ros.study import load
-from phd_jdtc_ros.study.table import score_tables
+from phd_jdtc_ros.core.scans import Rejection, Reset
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan
+from phd_jdtc_ros.exit_status import OK, fail
+from phd_jdtc_ros.report import load
+from phd_jdtc_ros.report.table import score_tables
 
 from . import command
 

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """One algorithm over any mode space: what must not matter does not matter."""
 
@@ -20,7 +9,8 @@ import numpy as np
 import pytest
 from scenes import plain, short_scenario, small
 
-from phd_jdtc_ros.core.simulation import TargetScript, simulate
+from phd_jdtc_ros.core.simulation.scenario import TargetScript
+from phd_jdtc_ros.core.simulation.simulate import simulate
 
 SEEDS = 12
 SCANS = 6

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A managed tracker with three unlike radars, driven as a launch system would, against the truth.
 
@@ -29,12 +18,13 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections, estimates, point_cloud, stamps
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.metrics import ospa
-from phd_jdtc_ros.core.motion import STATE_SIZE, VX, VY, X, Y
-from phd_jdtc_ros.core.parameter import flatten
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.configuration.schema import flatten
+from phd_jdtc_ros.core.evaluation.metrics import ospa
+from phd_jdtc_ros.core.models.motion import STATE_SIZE, VX, VY, X, Y
 from phd_jdtc_ros.core.scans import Rejection
-from phd_jdtc_ros.core.simulation import Truth, detect
+from phd_jdtc_ros.core.simulation.scenario import Truth
+from phd_jdtc_ros.core.simulation.simulate import detect
 
 START_NS = 1_700_000_000 * 10**9
 SCENE_S = 36.0

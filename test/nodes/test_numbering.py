@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 from itertools import chain, count, islice
 
@@ -18,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phd_jdtc_ros.nodes.numbering import WINDOW, Numbering
+from phd_jdtc_ros.nodes.tracker.sequence_numbers import WINDOW, SequenceNumbers
 
 
 def heard(numbers):
-    numbering = Numbering()
+    numbering = SequenceNumbers()
     for number in numbers:
         numbering.add(number)
     return numbering
@@ -51,7 +40,7 @@ def test_restart_is_neither_a_loss_nor_a_second_publisher(alive, missed):
 
 
 def test_restarts_more_than_a_window_apart_are_no_second_publisher():
-    numbering = Numbering()
+    numbering = SequenceNumbers()
     for _ in range(5):
         for number in range(1, WINDOW + 1):
             numbering.add(number)

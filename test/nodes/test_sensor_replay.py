@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 import os
 import pty
@@ -31,7 +20,7 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from msg_adapters import interfaces, names, stamps
-from msg_adapters.bag import BagReader
+from phd_jdtc_ros.bags.reader import BagReader
 
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 TOPICS = (names.detections("radar_1"), names.detections("radar_2"), names.TRUTH)
@@ -329,9 +318,9 @@ def test_replay_in_lock_step_keeps_it_from_one_turn_of_a_loop_to_the_next(proces
 # With a patience that a test has too.
 HASTY = """
 import sys
-from phd_jdtc_ros.nodes import lock_step, sensor_replay
+from phd_jdtc_ros.nodes.replay import lock_step, node
 lock_step.GIVE_UP_S = 3.0
-sys.exit(sensor_replay.main(sys.argv[1:]))
+sys.exit(node.main(sys.argv[1:]))
 """
 
 

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Every node starts with a clear answer to bad input and stops cleanly on a signal."""
 
@@ -22,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from msg_adapters.bag import BagWriter, Topic
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
 
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 NODES = {
@@ -98,7 +87,7 @@ def test_node_refuses_stray_words(processes, tmp_path, name):
 def test_tracker_starts_without_what_it_does_not_need():
     # Together they took more than a second of every start.
     heavy = ["matplotlib", "plotly", "mcap", "rich", "scipy.stats", "scipy.optimize"]
-    script = f"import sys, phd_jdtc_ros.nodes.tracker; print(set({heavy}) & set(sys.modules))"
+    script = f"import sys, phd_jdtc_ros.nodes.tracker.node; print(set({heavy}) & set(sys.modules))"
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60.0
     )

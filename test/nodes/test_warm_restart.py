@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A tracker that is killed goes on where its checkpoint ends."""
 
@@ -136,17 +125,17 @@ def test_directory_is_a_bad_parameter(processes, tmp_path):
 # A step that fails when all of it but the last line is done.
 FAILING = """
 import sys
-from phd_jdtc_ros.core.engine import FixedLagSmoother
-from phd_jdtc_ros.nodes import tracker
-step = FixedLagSmoother.step
+from phd_jdtc_ros.core.smc.engine import ParticleEngine
+from phd_jdtc_ros.nodes.tracker import node
+step = ParticleEngine.step
 def fail(engine, scan, scans=[]):
     scans.append(scan)
     found = step(engine, scan)
     if len(scans) == 3:
         raise ArithmeticError("half-way")
     return found
-FixedLagSmoother.step = fail
-sys.exit(tracker.main(sys.argv[1:]))
+ParticleEngine.step = fail
+sys.exit(node.main(sys.argv[1:]))
 """
 
 

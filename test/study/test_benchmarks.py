@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The benchmark: its baselines are right and its summary says what it must; no time is tested."""
 
@@ -36,12 +25,13 @@ from benchmarks import (
     timing,
 )
 from benchmarks import report as tables
-from phd_jdtc_ros.core import transition
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.correction import CORRECTORS
-from phd_jdtc_ros.core.simulation import paper_scenario, simulate, truth_at
-from phd_jdtc_ros.core.smoother import DEATH_TERMS, backward_pass
-from phd_jdtc_ros.core.types import ParticlePHD
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario, truth_at
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.smc import backward_kernel
+from phd_jdtc_ros.core.smc.correction import CORRECTORS
+from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 
 LAG = 3
 BORN_ANYWHERE = {"detection_births.rates": [0.01, 0.01], "detection_births.particles": 64}
@@ -83,7 +73,7 @@ def test_weights_are_those_of_the_dense_form_within_the_gate(window, death_term,
 def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch, backend):
     exact = dense(window)
     good = smoothing.gate_error(window, exact, backend)
-    monkeypatch.setattr(transition, "GATE_SIGMA", 3.0)
+    monkeypatch.setattr(backward_kernel, "GATE_SIGMA", 3.0)
     bad = smoothing.gate_error(window, exact, backend)
 
     assert good["largest_relative"] < 1e-3

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 import math
 from dataclasses import replace
@@ -18,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.evaluation import FILTERED, Evaluation, PointSet
-from phd_jdtc_ros.core.motion import POSITION
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.models.motion import POSITION
+from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Mean, Result
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
@@ -43,7 +34,7 @@ def variant_of(kind, lags=(0,)):
 
 
 def test_score_of_the_truth_is_perfect(run):
-    scores = score(run, {0: exact(run)}, variant_of("ours"), 2)
+    scores = score(run, {0: exact(run)}, variant_of("particles"), 2)
     of = {name: scores.values[0, :, 0, VALUES.index(name)] for name in VALUES}
 
     assert scores.sets == ("all", "class_0", "class_1")
@@ -55,7 +46,7 @@ def test_score_of_the_truth_is_perfect(run):
 
 def test_score_counts_wrong_classes_with_the_targets_class(run):
     wrong = [PointSet(points.position, 0 * points.class_id) for points in exact(run)]
-    scores = score(run, {0: wrong}, variant_of("ours"), 2)
+    scores = score(run, {0: wrong}, variant_of("particles"), 2)
     pairs, right = (scores.values[0, 1, :, VALUES.index(n)] for n in ("pairs", "right_class"))
 
     assert pairs.tolist() == [2, 1, 1]
@@ -99,7 +90,7 @@ def scored(run, *found):
         )
         for scan in found
     ]
-    return score(run, {0: points}, variant_of("ours"), 2)
+    return score(run, {0: points}, variant_of("particles"), 2)
 
 
 def test_score_after_5_leaves_out_young_targets_and_their_estimates(pair):
@@ -162,10 +153,10 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
         evaluation.add_truth(truth.stamp_ns, PointSet(position, class_id, truth.track_id))
         evaluation.add_estimates(FILTERED, truth.stamp_ns, estimate)
     live = evaluation.summary()[FILTERED]
-    scores = score(pair, {0: tracks}, variant_of("ours"), 2)
+    scores = score(pair, {0: tracks}, variant_of("particles"), 2)
     values, taken_for = scores.values[None], scores.taken_for[None]
     result = Result(
-        "", variant_of("ours"), (0,), scores._replace(values=values, taken_for=taken_for)
+        "", variant_of("particles"), (0,), scores._replace(values=values, taken_for=taken_for)
     )
 
     assert live["all"]["long_gap_share"] > 0.0
@@ -202,7 +193,7 @@ def result_of(variant, **values):
 
 
 def test_result_reduction_is_paired_over_runs():
-    result = result_of(variant_of("ours"), ospa=[[100.0, 50.0], [40.0, 30.0]])
+    result = result_of(variant_of("particles"), ospa=[[100.0, 50.0], [40.0, 30.0]])
 
     np.testing.assert_allclose(result.figure("reduction", 2), [0.5, 0.25])
     assert result.figure("reduction", 0) is None
@@ -210,7 +201,7 @@ def test_result_reduction_is_paired_over_runs():
 
 def test_result_figures():
     result = result_of(
-        variant_of("ours"),
+        variant_of("particles"),
         n_true=[[2, 2], [2, 2]],
         n_est=[[1, 4], [2, 2]],
         pairs=[[1, 2], [2, 0]],
@@ -224,7 +215,7 @@ def test_result_figures():
 def test_result_gospa_follows_from_ospa_and_what_is_missed():
     # Two targets and one estimate 30 m off, then 2 km off.
     result = result_of(
-        variant_of("ours"),
+        variant_of("particles"),
         n_true=[[2, 2]] * 2,
         n_est=[[1, 1]] * 2,
         missed=[[1, 2]] * 2,
@@ -242,7 +233,7 @@ def test_result_gospa_follows_from_ospa_and_what_is_missed():
 
 def test_result_position_figures():
     result = result_of(
-        variant_of("ours"),
+        variant_of("particles"),
         n_true=[[2, 2], [0, 2]],
         pairs=[[1, 2], [0, 1]],
         position_rms=[[30.0, 40.0], [np.nan, 50.0]],
@@ -255,7 +246,7 @@ def test_result_position_figures():
 
 def test_result_gap_figures():
     result = result_of(
-        variant_of("ours"),
+        variant_of("particles"),
         n_true=[[4, 4], [4, 4]],
         gaps=[[4, 0], [2, 1]],
         long_gaps=[[1, 0], [1, 1]],
@@ -270,7 +261,7 @@ def test_result_gap_figures():
 
 
 def test_result_ospa_after_5_is_the_mean_of_the_scans_that_have_one():
-    result = result_of(variant_of("ours"), ospa_after_5=[[10.0, np.nan], [20.0, 30.0]])
+    result = result_of(variant_of("particles"), ospa_after_5=[[10.0, np.nan], [20.0, 30.0]])
 
     np.testing.assert_array_equal(result.figure("ospa_after_5", 2), [np.nan, 30.0])
 

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 import math
 from dataclasses import replace
@@ -20,10 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.metrics import assign
-from phd_jdtc_ros.core.motion import POSITION
-from phd_jdtc_ros.core.simulation import paper_scenario
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.evaluation.metrics import assign
+from phd_jdtc_ros.core.models.motion import POSITION
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import peers
 from phd_jdtc_ros.study.peers import soup
 from phd_jdtc_ros.study.peers.conversion import detection, measurement_model

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 from dataclasses import replace
 
@@ -18,23 +7,15 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.metrics import ospa
-from phd_jdtc_ros.core.motion import ConstantVelocity
-from phd_jdtc_ros.core.radar import wrap_angle
-from phd_jdtc_ros.core.simulation import Scenario, Truth, paper_scenario
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.evaluation.metrics import ospa
+from phd_jdtc_ros.core.gaussian.ekf import Gaussian, predict, transition_matrix, update
+from phd_jdtc_ros.core.gaussian.rts import Filtered, smooth
+from phd_jdtc_ros.core.models.motion import ConstantVelocity
+from phd_jdtc_ros.core.models.radar import wrap_angle
+from phd_jdtc_ros.core.simulation.scenario import Scenario, Truth, paper_scenario
 from phd_jdtc_ros.core.types import Detections, Scan
-from phd_jdtc_ros.study.reference import (
-    Filtered,
-    Gaussian,
-    birth,
-    filter_target,
-    known_association,
-    predict,
-    smooth,
-    transition_matrix,
-    update,
-)
+from phd_jdtc_ros.study.reference import birth, filter_target, known_association
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 
 RADARS = resolve({}).model.radars

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The scenario files that are shipped, and their bags."""
 
@@ -20,11 +9,12 @@ import numpy as np
 import pytest
 
 from msg_adapters import names
-from msg_adapters.bag import BagReader
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.core import scenario
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.simulation import simulate, truth_at
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros.core.simulation.scenario import truth_at
+from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.tools import params_file
 from phd_jdtc_ros.tools.params_file import scenario_parameters
 
@@ -37,7 +27,7 @@ def resolved(path, **changes):
     """Return a file's tracker configuration, changed, and its scenario."""
     document = params_file.load_yaml(path)
     config = resolve({**scenario_parameters(document), **changes})
-    return config, scenario.resolve(document, config.model.radars)
+    return config, scenario_file.resolve(document, config.model.radars)
 
 
 each = pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 import io
 import math
@@ -20,12 +9,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from phd_jdtc_ros.study.figures import markdown, over_lag, over_time, tables, write_all
+from phd_jdtc_ros.study.figures.rows import band
 from phd_jdtc_ros.study.monte_carlo import Mean, Result, Study, summarise
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.scores import VALUES, Scores
-from phd_jdtc_ros.study.ours import Reading
-from phd_jdtc_ros.study.study_figures import markdown, over_lag, over_time, tables, write_all
-from phd_jdtc_ros.study.study_figures.rows import band
+from phd_jdtc_ros.study.particles import Reading
 
 SCANS = 6
 OVER_TIME = {
@@ -36,8 +25,8 @@ OVER_TIME = {
 }
 
 
-def variant_of(name, kind="ours", lags=(0, 2, 5)):
-    reading = Reading(name, "bernoulli", "components") if kind == "ours" else None
+def variant_of(name, kind="particles", lags=(0, 2, 5)):
+    reading = Reading(name, "bernoulli", "components") if kind == "particles" else None
     return Variant(name, kind, reading, {}, ("quiet",), lags)
 
 

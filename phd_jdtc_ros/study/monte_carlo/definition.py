@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """What a study is: cases, the variants that are run on each, and goals."""
 
@@ -20,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from phd_jdtc_ros.core.config import ConfigError
-from phd_jdtc_ros.core.parameters import GROUPS, TOP
-from phd_jdtc_ros.core.simulation import Scenario
+from phd_jdtc_ros.core.configuration.parameters import GROUPS, TOP
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.simulation.scenario import Scenario
 
-from ..ours import Reading
+from ..particles import Reading
 
 FIGURES = (
     "ospa",
@@ -77,7 +66,7 @@ class Variant:
     kind : str
         Of `KINDS`.
     reading : Reading or None
-        None for other kinds than ours.
+        None for other kinds than the particle engine.
     parameters : dict
         Over the case's, for the tracker; the data stay the case's.
     cases : tuple of str

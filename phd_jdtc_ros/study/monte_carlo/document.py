@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The study document: from what a YAML file says to a checked study, with all faults at once."""
 
@@ -20,20 +9,19 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from phd_jdtc_ros.core import config as tracker_config
-from phd_jdtc_ros.core.config import ConfigError
-from phd_jdtc_ros.core.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.parameter import Parameter, flatten
-from phd_jdtc_ros.core.radar import RadarModel
-from phd_jdtc_ros.core.simulation import Scenario, paper_scenario
-from phd_jdtc_ros.core.smoother import DEATH_TERMS
+from phd_jdtc_ros.core.configuration import build as tracker_config
+from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter, flatten
+from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
+from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 
-from ..ours import Reading
+from ..particles import Reading
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
-from .kinds import KINDS, OURS
+from .kinds import KINDS, PARTICLES
 
 BUILT_IN_SCENARIO = "paper_scenario"
-OURS_ONLY = ("death_term", "extraction", "parameters")
+PARTICLES_ONLY = ("death_term", "extraction", "parameters")
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
 
@@ -134,10 +122,12 @@ def _variant(
 ) -> Variant:
     """Return a variant; add what is wrong to `faults`."""
     prefix = f"variants.{name}."
-    faults += _unknown_keys(given, prefix, ("kind", "cases", "lags", *OURS_ONLY))
+    faults += _unknown_keys(given, prefix, ("kind", "cases", "lags", *PARTICLES_ONLY))
     kind = _choice(given, "kind", prefix, KINDS, None, faults)
-    if kind != OURS:
-        faults += [f"{prefix}{key}: only for kind {OURS}" for key in OURS_ONLY if key in given]
+    if kind != PARTICLES:
+        faults += [
+            f"{prefix}{key}: only for kind {PARTICLES}" for key in PARTICLES_ONLY if key in given
+        ]
         reading = None
     else:
         death_term = _choice(given, "death_term", prefix, DEATH_TERMS, "bernoulli", faults)
@@ -192,7 +182,7 @@ def _tracker_faults(study: Study) -> Iterator[str]:
     """Yield what is wrong with the parameters of each variant at each of its cases."""
     for variant in study.variants:
         for case in study.cases:
-            if variant.kind == OURS and case.name in variant.cases and variant.parameters:
+            if variant.kind == PARTICLES and case.name in variant.cases and variant.parameters:
                 try:
                     tracker_config.resolve(study.parameters(case, variant))
                 except ConfigError as error:

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The kinds of tracker that a study compares: where each is, whether it is here, and its code.
 
@@ -20,7 +9,6 @@ function of `peers` that runs it.
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import importlib.util
 from functools import cache
@@ -28,11 +16,11 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
-OURS, REFERENCE, GNN = "ours", "reference", "gnn"
+PARTICLES, REFERENCE, GNN = "particles", "reference", "gnn"
 # These smooth too.
 NEAREST_NEIGHBOUR = (GNN, "gnn_loud", "gnn_anywhere")
 PEERS = ("gm_phd", *NEAREST_NEIGHBOUR, "jpda")
-KINDS = (OURS, REFERENCE, *PEERS)
+KINDS = (PARTICLES, REFERENCE, *PEERS)
 PEERS_PACKAGE = "stonesoup"
 
 
@@ -58,7 +46,7 @@ def sources_of(kind: str) -> list[Path]:
     study = package / "study"
     own = study / _module_name(kind)
     return [
-        *sorted((package / "core").glob("*.py")),
+        *sorted((package / "core").rglob("*.py")),
         study / "runs.py",
         study / "monte_carlo" / "scores.py",
         study / "monte_carlo" / "tasks.py",
@@ -68,22 +56,10 @@ def sources_of(kind: str) -> list[Path]:
 
 @cache
 def code_of(kind: str) -> str:
-    """Return a digest of the code that a kind's scores depend on.
-
-    Comments and docstrings do not count, so that editing them keeps stored results.
-    """
+    """Return a digest of the files that a kind's scores depend on."""
     digest = hashlib.sha256()
     for path in sources_of(kind):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        for node in ast.walk(tree):
-            body = getattr(node, "body", None)
-            if isinstance(body, list):
-                node.body = [n for n in body if not _is_text(n)]
-        digest.update(f"{path.parent.name}/{path.name} {ast.dump(tree)}".encode())
+        digest.update(path.name.encode() + path.read_bytes())
     if kind in PEERS and missing(kind) is None:
         digest.update(metadata.version(PEERS_PACKAGE).encode())
     return digest.hexdigest()
-
-
-def _is_text(node: ast.AST) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)

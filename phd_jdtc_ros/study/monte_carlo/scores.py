@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The scores of one run: what is compared with the truth, scan by scan and set by set."""
 
@@ -22,12 +11,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from phd_jdtc_ros.core.evaluation import PointSet
-from phd_jdtc_ros.core.metrics import assign, ospa
-from phd_jdtc_ros.core.motion import POSITION
-from phd_jdtc_ros.core.scan_scores import Pairs, Score, set_scores
-from phd_jdtc_ros.core.surveillance import Gap, GapFinder, Gaps, confusion_matrix
-from phd_jdtc_ros.core.types import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.evaluation.metrics import assign, ospa
+from phd_jdtc_ros.core.evaluation.scan_scores import Pairs, PointSet, Score, set_scores
+from phd_jdtc_ros.core.evaluation.surveillance import Gap, GapFinder, Gaps, confusion_matrix
+from phd_jdtc_ros.core.models.motion import POSITION
 
 from ..runs import SimulatedRun, Tracks
 from .definition import Variant

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """The tasks of a study: what each depends on, and how one is run."""
 
@@ -26,13 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import phd_jdtc_ros
-from phd_jdtc_ros.core import config as tracker_config
-from phd_jdtc_ros.core.simulation import Scenario
+from phd_jdtc_ros.core.configuration import build as tracker_config
+from phd_jdtc_ros.core.simulation.scenario import Scenario
 
-from ..ours import track
+from ..particles import track
 from ..runs import SimulatedRun, Tracks, simulated_run
 from .definition import OWN, Case, Study, Variant
-from .kinds import NEAREST_NEIGHBOUR, OURS, REFERENCE, code_of, missing, module_of
+from .kinds import NEAREST_NEIGHBOUR, PARTICLES, REFERENCE, code_of, missing, module_of
 from .scores import CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # A change of what a stored row means changes this.
@@ -41,7 +30,7 @@ FORMAT = 2
 
 @dataclass(frozen=True)
 class Task:
-    """One seeded run of variants that share their data and, if they are ours, one filter.
+    """One seeded run of variants that share their data and, for the particle engine, one filter.
 
     Parameters
     ----------
@@ -121,8 +110,8 @@ def plan(study: Study, seeds: Sequence[int]) -> Plan:
         groups: dict[str, list[Variant]] = {}
         for variant in study.variants:
             if case.name in variant.cases and variant.name not in gone:
-                # Others than ours have nothing to share.
-                own = "" if variant.kind == OURS else variant.name
+                # Other kinds have nothing to share.
+                own = "" if variant.kind == PARTICLES else variant.name
                 key = json.dumps([variant.kind, own, variant.parameters], sort_keys=True)
                 groups.setdefault(key, []).append(variant)
         first_seed += [_task(study, case, tuple(group)) for group in groups.values()]
@@ -141,7 +130,7 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "scenario": asdict(case.scenario),
         "classes": case.classes,
         "kind": variants[0].kind,
-        "parameters": _in_force(parameters) if variants[0].kind == OURS else {},
+        "parameters": _in_force(parameters) if variants[0].kind == PARTICLES else {},
         "ospa": [CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER],
     }
     digests = {
@@ -181,7 +170,7 @@ def perform(task: Task) -> Outcome:
 def _tracks(task: Task, run: SimulatedRun) -> dict[str, Tracks]:
     """Return the estimates by the name of the variant."""
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
-    if task.kind == OURS:
+    if task.kind == PARTICLES:
         readings = [variant.reading for variant in task.variants if variant.reading is not None]
         return track(run, tracker_config.resolve(task.parameters), readings, lags)
     if task.kind == REFERENCE:

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """A run as a problem for Stone Soup: its scans, and what a tracker is told about it."""
 
@@ -22,10 +11,10 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from phd_jdtc_ros.core.config import resolve
-from phd_jdtc_ros.core.model import TrackerModel
-from phd_jdtc_ros.core.motion import ConstantVelocity
-from phd_jdtc_ros.core.radar import RadarModel
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.models.motion import ConstantVelocity
+from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 
 from ..runs import SimulatedRun
 from .conversion import EPOCH, STATE, detection, measurement_model

@@ -1,16 +1,5 @@
-# Copyright 2026 Seed a9b9ba5d maintainers
-#
-# Licensed under the Apache License, Version 2.0 (the "License");
-# you may not use this file except in compliance with the License.
-# You may obtain a copy of the License at
-#
-#     http://www.apache.org/licenses/LICENSE-2.0
-#
-# Unless required by applicable law or agreed to in writing, software
-# distributed under the License is distributed on an "AS IS" BASIS,
-# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
-# See the License for the specific language governing permissions and
-# limitations under the License.
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
 
 """Trackers that keep tracks: their way through a run, and what they know at a lag."""
 
@@ -20,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
-from phd_jdtc_ros.core.evaluation import PointSet
-from phd_jdtc_ros.core.radar import RadarModel
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.models.radar import RadarModel
 
 from .conversion import point_set
 from .management import LooksMissed, Nobody, initiator

@@ -1,0 +1,87 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The messages of an MCAP file piece by piece, unpacked with care for what malice can do.
+
+A piece is a chunk, or a run of messages that a recorder wrote without chunks. The mcap library
+unpacks whatever a chunk claims; here a size is looked at before it is used.
+"""
+
+from __future__ import annotations
+
+import io
+import zlib
+from typing import Any, BinaryIO
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Chunk
+from mcap.stream_reader import breakup_chunk
+
+RECORD_HEAD = 9  # opcode and length
+# A piece larger than this, packed or unpacked, is refused; rosbag2's largest chunks have 4 MiB.
+MAX_CHUNK = 64 * 2**20
+_PIECES = (bytes([Opcode.CHUNK]), bytes([Opcode.MESSAGE]))
+
+
+class DamageError(Exception):
+    """What the bytes say cannot be true."""
+
+
+def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
+    """Return the records of the chunk, or of the run of messages, at `offset`.
+
+    Parameters
+    ----------
+    stream : BinaryIO
+    offset, length : int
+        Of the whole of it, heads included.
+
+    Raises
+    ------
+    DamageError
+        If a chunk does not match its checksum, or anything is larger than is allowed.
+    """
+    if length > MAX_CHUNK:
+        raise DamageError(f"a chunk of {length} bytes, at most {MAX_CHUNK} are allowed")
+    stream.seek(offset)
+    data = stream.read(length)
+    if len(data) != length or data[:1] not in _PIECES:
+        raise DamageError("a chunk is not where it should be")
+    try:
+        plain = data if data[0] == Opcode.MESSAGE else _plain(data)
+        return list(breakup_chunk(Chunk("", plain, 0, 0, 0, len(plain))))
+    except DamageError:
+        raise
+    except Exception as error:  # a dozen kinds come out of damaged records
+        raise DamageError(f"a chunk cannot be read: {error}") from error
+
+
+def _plain(data: bytes) -> bytes:
+    """Return the records of a chunk as they are without compression."""
+    chunk = Chunk.read(ReadDataStream(io.BytesIO(data[RECORD_HEAD:])))
+    plain = _decompress(chunk)
+    if chunk.uncompressed_crc and zlib.crc32(plain) != chunk.uncompressed_crc:
+        raise DamageError("a chunk does not match its checksum")
+    return plain
+
+
+def _decompress(chunk: Chunk) -> bytes:
+    """Return a chunk's records; never more bytes than it declares, which are bounded."""
+    size = chunk.uncompressed_size
+    if size > MAX_CHUNK:
+        raise DamageError(f"a chunk of {size} bytes, at most {MAX_CHUNK} are allowed")
+    if not chunk.compression:
+        return bytes(chunk.data)
+    if chunk.compression == "zstd":
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as reader:
+            plain = reader.read(size + 1)
+    elif chunk.compression == "lz4":
+        plain = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size + 1)
+    else:
+        raise DamageError(f"compression {chunk.compression!r} is not known")
+    if len(plain) != size:
+        raise DamageError("a chunk has another size than it says")
+    return bytes(plain)

@@ -1,0 +1,119 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What an MCAP file holds and where.
+
+The reader of the mcap library trusts a file's summary without looking at its checksum, gives
+nothing of a file that has none, and looks for nothing outside of chunks. Here a summary counts only
+if its checksum, where it has one, matches, and what it does not list is gone through record by
+record; without a summary the whole file is.
+"""
+
+from __future__ import annotations
+
+import io
+import zlib
+from collections.abc import Iterator
+from typing import BinaryIO
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Schema, Statistics
+
+from .chunks import RECORD_HEAD, DamageError
+from .salvage import Index, walk
+
+MAGIC = b"\x89MCAP0\r\n"
+FOOTER = RECORD_HEAD + 20
+
+
+def index(stream: BinaryIO) -> Index:
+    """Return the index of a file: its summary's if that is whole, else by going through it."""
+    size = stream.seek(0, io.SEEK_END)
+    try:
+        found = _from_summary(stream, size)
+    except DamageError as error:
+        found = Index(damage=str(error))
+        walk(stream, len(MAGIC), size, found)
+    stream.seek(0)
+    if stream.read(len(MAGIC)) != MAGIC:
+        found.damage = "it does not begin as an MCAP file does"
+    return found
+
+
+def _from_summary(stream: BinaryIO, size: int) -> Index:
+    if size < 2 * len(MAGIC) + FOOTER:
+        raise DamageError("it is truncated")
+    footer_at = size - len(MAGIC) - FOOTER
+    stream.seek(footer_at)
+    tail = stream.read()
+    if tail[-len(MAGIC) :] != MAGIC or tail[0] != Opcode.FOOTER:
+        raise DamageError("it is truncated")
+    start = int.from_bytes(tail[9:17], "little")
+    checksum = int.from_bytes(tail[25:29], "little")
+    if not len(MAGIC) <= start < footer_at:
+        raise DamageError("it has no summary")
+    stream.seek(start)
+    summary = stream.read(footer_at - start)
+    # The checksum covers the summary and the footer up to the checksum itself.
+    if checksum and zlib.crc32(summary + tail[:25]) != checksum:
+        raise DamageError("its summary does not match its checksum")
+    try:
+        found, parts = _read_summary(summary)
+    except DamageError:
+        raise
+    except Exception as error:  # a dozen kinds come out of damaged records
+        raise DamageError("its summary cannot be read") from error
+    _add_unlisted(stream, start, parts, found)
+    return found
+
+
+def _read_summary(summary: bytes) -> tuple[Index, list[ChunkIndex]]:
+    """Return what a summary says, and where the chunks are that it lists."""
+    found, parts, statistics = Index(), [], None
+    for opcode, content in _records(summary):
+        source = ReadDataStream(io.BytesIO(content))
+        if opcode == Opcode.CHANNEL:
+            found.define(Channel.read(source))
+        elif opcode == Opcode.SCHEMA:
+            found.define(Schema.read(source))
+        elif opcode == Opcode.CHUNK_INDEX:
+            parts.append(ChunkIndex.read(source))
+        elif opcode == Opcode.STATISTICS:
+            statistics = Statistics.read(source)
+    if statistics is None:
+        raise DamageError("it has no statistics")
+    found.chunks = [(c.message_start_time, c.chunk_start_offset, c.chunk_length) for c in parts]
+    found.counts.update(statistics.channel_message_counts)
+    found.expected = statistics.message_count
+    found.start_ns = statistics.message_start_time
+    found.end_ns = statistics.message_end_time
+    return found, parts
+
+
+def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
+    position = 0
+    while position + RECORD_HEAD <= len(data):
+        length = int.from_bytes(data[position + 1 : position + RECORD_HEAD], "little")
+        position += RECORD_HEAD
+        yield data[position - RECORD_HEAD], data[position : position + length]
+        position += length
+
+
+def _add_unlisted(stream: BinaryIO, end: int, listed: list[ChunkIndex], found: Index) -> None:
+    """Add what is before the summary and not in the chunks it lists: other messages, definitions.
+
+    What it says of itself stays; what is found must not contradict it.
+    """
+    extra = Index(channels=dict(found.channels), schemas=dict(found.schemas))
+    begin = len(MAGIC)
+    for part in sorted(listed, key=lambda part: part.chunk_start_offset):
+        walk(stream, begin, min(part.chunk_start_offset, end), extra)
+        behind = part.chunk_start_offset + part.chunk_length + part.message_index_length
+        begin = max(begin, behind)
+    walk(stream, begin, end, extra)
+    found.channels, found.schemas = extra.channels, extra.schemas
+    found.chunks += extra.chunks
+    found.runs, found.damage = extra.runs, extra.damage
+    if extra.counts and not found.start_ns <= extra.start_ns <= extra.end_ns <= found.end_ns:
+        found.damage = found.damage or "its statistics do not match its messages"

@@ -1,0 +1,208 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""rosbag2 bags in MCAP: written so that rosbag2 takes them for its own, read with care."""
+
+from __future__ import annotations
+
+import heapq
+import struct
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Message
+
+from msg_adapters import stamps
+
+from . import chunks, mcap_index
+from .errors import BagError as BagError
+
+# What may wait at a time for earlier messages further on in the file; recorders write messages as
+# they come, so that few wait.
+MAX_WAITING = 2**27
+_MESSAGE_COST = 2**8  # bytes that a waiting message takes beside its data
+
+
+@dataclass(frozen=True)
+class BagMessage:
+    """One recorded message.
+
+    Parameters
+    ----------
+    topic : str
+    log_time_ns : int
+    data : bytes
+        CDR.
+    """
+
+    topic: str
+    log_time_ns: int
+    data: bytes
+
+    @property
+    def stamp_ns(self) -> int:
+        """Stamp of the message's header; the log time where that cannot be read."""
+        try:
+            stamp_ns = stamps.of_cdr(self.data)
+        except (IndexError, struct.error):
+            return self.log_time_ns
+        return stamp_ns if stamp_ns >= 0 else self.log_time_ns
+
+
+class BagReader:
+    """Reads a bag: a rosbag2 directory with one MCAP file, or such a file alone.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    BagError
+        If there is no such bag, or its summary cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file = _mcap_file(path)
+        with self._guard(), self._file.open("rb") as stream:
+            self._index = mcap_index.index(stream)
+        self.start_ns, self.end_ns = self._index.start_ns, self._index.end_ns
+        self.types: dict[str, str] = {}
+        self.counts: Counter[str] = Counter()
+        for channel in self._index.channels.values():
+            schema = self._index.schemas.get(channel.schema_id)
+            if channel.message_encoding == "cdr" and schema is not None:
+                self.types[channel.topic] = schema.name
+                self.counts[channel.topic] += self._index.counts[channel.id]
+        if self._index.damage and not self.types:
+            raise BagError(f"{self._file}: is damaged: {self._index.damage}", corrupt=True)
+
+    def require(self, needed: Mapping[str, str]) -> None:
+        """Check that topics are there and of the type they should have.
+
+        Raises
+        ------
+        BagError
+            Naming every topic that is not, with its type.
+        """
+        wrong = [
+            f"{topic} is {self.types.get(topic, 'missing')}, must be {wanted}"
+            for topic, wanted in needed.items()
+            if self.types.get(topic) != wanted
+        ]
+        if wrong:
+            raise BagError(f"{self.path}: {'; '.join(wrong)}")
+
+    def messages(
+        self, topics: list[str] | None = None, until_ns: int | None = None
+    ) -> Iterator[BagMessage]:
+        """Yield the messages of `topics` (all if None) in order of log time.
+
+        No chunk is read that begins after `until_ns`, where that is given.
+
+        Raises
+        ------
+        BagError
+            At the end, if a part of the file was damaged; every whole chunk, and every whole
+            message outside of chunks, has been read then. At once, if messages of more than
+            `MAX_WAITING` bytes would have to wait for earlier ones further on in the file.
+        """
+        lost: list[str] = []
+        read: Counter[int] = Counter()
+        waiting = 0
+        with self._guard(), self._file.open("rb") as stream:
+            # Pieces wait by their earliest message, and their messages by their own time.
+            queue: list[tuple[int, int, int, Any]] = [
+                (start, offset, -1, length)
+                for start, offset, length in (*self._index.chunks, *self._index.runs)
+            ]
+            heapq.heapify(queue)
+            while queue:
+                time_ns, offset, place, held = heapq.heappop(queue)
+                if until_ns is not None and time_ns > until_ns:
+                    break
+                if place >= 0:
+                    waiting -= len(held.data) + _MESSAGE_COST
+                    topic = self._index.channels[held.channel_id].topic
+                    yield BagMessage(topic, held.log_time, held.data)
+                    continue
+                try:
+                    records = chunks.unpack(stream, offset, held)
+                except chunks.DamageError as error:
+                    lost.append(str(error))
+                    continue
+                for position, record in enumerate(records):
+                    if isinstance(record, Message) and record.channel_id in self._index.channels:
+                        read[record.channel_id] += 1
+                        if self._wanted(record, topics):
+                            waiting += len(record.data) + _MESSAGE_COST
+                            heapq.heappush(queue, (record.log_time, offset, position, record))
+                if waiting > MAX_WAITING:
+                    raise BagError(
+                        f"{self._file}: is too far out of the order of time: more than "
+                        f"{MAX_WAITING // 2**20} MiB of its messages would have to wait at once"
+                    )
+        # What has not been read cannot be counted.
+        self._require_all(read, lost, partly=until_ns is not None and until_ns < self.end_ns)
+
+    def _require_all(self, read: Counter[int], lost: Sequence[str], partly: bool) -> None:
+        """Raise `BagError` if not all was read: messages by channel, why a chunk was lost each."""
+        damage = lost[-1] if lost else self._index.damage
+        # A file may leave out how many messages each channel has.
+        counts = read if partly else self._index.counts or read
+        unknown = partly or self._index.expected is None
+        expected = read.total() if unknown else self._index.expected
+        if expected != read.total() or counts != read:
+            damage = damage or "its statistics do not match its messages"
+        if not damage:
+            return
+        if lost:
+            damage += f"; {len(lost)} of {len(self._index.chunks)} chunks are lost"
+        if expected != read.total():
+            damage += f"; it says that it has {expected} messages, {read.total()} can be read"
+        raise BagError(f"{self._file}: is damaged: {damage}", corrupt=True)
+
+    def _wanted(self, message: Message, topics: list[str] | None) -> bool:
+        channel = self._index.channels[message.channel_id]
+        return channel.topic in self.types if topics is None else channel.topic in topics
+
+    def _guard(self) -> _CorruptionGuard:
+        return _CorruptionGuard(self._file)
+
+
+class _CorruptionGuard:
+    """Turns whatever the MCAP reader raises on damaged bytes into one `BagError`.
+
+    A dozen kinds of exception come out of it, among them struct, zlib, Unicode and key errors.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: type | None, error: BaseException | None, _: object) -> None:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise BagError(f"{self._path}: cannot be read: {error.strerror}") from error
+        if isinstance(error, Exception) and not isinstance(error, BagError):
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise BagError(f"{self._path}: is damaged: {reason}", corrupt=True) from error
+
+
+def _mcap_file(path: Path) -> Path:
+    """Return the MCAP file of a bag."""
+    if path.is_file():
+        if path.suffix != ".mcap":
+            raise BagError(f"{path}: is not an MCAP file")
+        return path
+    if not path.is_dir():
+        raise BagError(f"{path}: no such bag")
+    files = sorted(path.glob("*.mcap"))
+    if len(files) != 1:
+        raise BagError(f"{path}: holds {len(files)} MCAP files, must hold one")
+    return files[0]

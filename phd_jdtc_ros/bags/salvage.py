@@ -1,0 +1,281 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The records of an MCAP file one after the other, as far as they are whole.
+
+Where a record's length makes no sense, the next chunk or message is looked for. A chunk's checksum
+vouches for it; a message outside of chunks has none, and counts as whole if its length leads to
+what may be a record.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import struct
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, BinaryIO
+
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, Message, Schema
+
+from . import chunks
+from .chunks import MAX_CHUNK, RECORD_HEAD, DamageError
+
+# Opcode, length, channel, sequence, log time, publish time.
+_MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+# Messages outside of chunks are read in runs of this many bytes; a larger one is a run of its own.
+RUN_SIZE = 2**20
+_DATA_END = RECORD_HEAD + 4
+# What may stand between the header and the end of the data.
+_IN_DATA = {
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.MESSAGE,
+    Opcode.CHUNK,
+    Opcode.MESSAGE_INDEX,
+    Opcode.ATTACHMENT,
+    Opcode.METADATA,
+    Opcode.DATA_END,
+}
+# What a chunk begins with: opcode, length (below 2^40), first and last time, size, checksum,
+# compression, length of its data.
+_CHUNK_HEAD = (
+    rb"\x06(?P<length>.{5}\0{3}).{16}.{5}\0{3}.{4}"
+    rb"(?:\0{4}|\x04\0{3}zstd|\x03\0{3}lz4)(?P<data>.{5}\0{3})"
+)
+_LONGEST_HEAD = 64
+_BLOCK = 2**20
+# A file may be made so that every search ends at something that is no record.
+_MOST_SEARCHES = 1000
+_DAY_NS = 86_400 * 10**9
+
+
+@dataclass
+class Index:
+    """What a file holds.
+
+    Parameters
+    ----------
+    channels, schemas : dict by id
+    chunks, runs : list of (earliest log time, offset, length)
+        For `chunks.unpack`. A run is of messages outside of chunks, one behind the other.
+    counts : Counter
+        Messages by channel id.
+    expected : int or None
+        Messages that there should be, where the file says so.
+    start_ns, end_ns : int
+        Log times of the first and the last message.
+    damage : str
+        Why not everything can be read; empty if all is well.
+    loose_channels : set of int
+        Ids of the channels that are defined outside of chunks.
+    """
+
+    channels: dict[int, Channel] = field(default_factory=dict)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    chunks: list[tuple[int, int, int]] = field(default_factory=list)
+    runs: list[tuple[int, int, int]] = field(default_factory=list)
+    counts: Counter[int] = field(default_factory=Counter)
+    expected: int | None = None
+    start_ns: int = 0
+    end_ns: int = 0
+    damage: str = ""
+    loose_channels: set[int] = field(default_factory=set)
+
+    def define(self, record: Any) -> None:
+        """Take in a channel or a schema; other records are passed over.
+
+        Raises
+        ------
+        DamageError
+            If there is another one of its id already, which stays.
+        """
+        known: dict[int, Any]
+        if isinstance(record, Channel):
+            known = self.channels
+        elif isinstance(record, Schema):
+            known = self.schemas
+        else:
+            return
+        if known.setdefault(record.id, record) != record:
+            raise DamageError("two of its records define a channel or a type differently")
+
+    def add_chunk(self, offset: int, length: int, messages: Sequence[Message]) -> None:
+        """Take in a chunk with its messages."""
+        for message in messages:
+            self._count(message.channel_id, message.log_time)
+        if messages:
+            self.chunks.append((min(message.log_time for message in messages), offset, length))
+
+    def add_message(self, offset: int, length: int, channel_id: int, log_time: int) -> None:
+        """Take in a message outside of chunks; it joins the run that ends where it begins."""
+        self._count(channel_id, log_time)
+        earliest, begin, size = self.runs[-1] if self.runs else (log_time, offset, 0)
+        if begin + size == offset and size + length <= RUN_SIZE:
+            self.runs[-1:] = [(min(earliest, log_time), begin, size + length)]
+        else:
+            self.runs.append((log_time, offset, length))
+
+    def _count(self, channel_id: int, log_time: int) -> None:
+        self.start_ns = min(self.start_ns, log_time) if self.counts else log_time
+        self.end_ns = max(self.end_ns, log_time)
+        self.counts[channel_id] += 1
+
+
+def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> None:
+    """Go through the records from `begin` to `end` and take in those that are whole.
+
+    Parameters
+    ----------
+    stream : BinaryIO
+    begin, end : int
+        Of the data section, or of a part of it.
+    found : Index
+        Takes them in, and the first damage that is met.
+    """
+    position, searches = begin, 0
+    while position + RECORD_HEAD <= end:
+        opcode, length = head(stream, position)
+        after = position + length
+        if opcode == Opcode.DATA_END and length == _DATA_END:
+            return
+        try:
+            _take(stream, position, end, found)
+        except DamageError as error:
+            found.damage = found.damage or str(error)
+            # Its length may be what is damaged.
+            if not _can_follow(stream, after, end):
+                searches += 1
+                position = _next_record(stream, position + 1, end, found)
+                if position == end or searches > _MOST_SEARCHES:
+                    return
+                continue
+        position = after
+
+
+def head(stream: BinaryIO, position: int) -> tuple[int, int]:
+    """Return a record's opcode and its length, the head included."""
+    stream.seek(position)
+    data = stream.read(RECORD_HEAD)
+    return data[0], RECORD_HEAD + int.from_bytes(data[1:], "little")
+
+
+def _take(stream: BinaryIO, position: int, end: int, found: Index) -> None:
+    """Take in the record at `position`, or raise `DamageError`."""
+    opcode, length = head(stream, position)
+    if position + length > end:
+        raise DamageError("a record does not end within the data")
+    if opcode == Opcode.CHUNK:
+        records = chunks.unpack(stream, position, length)
+        for record in records:
+            found.define(record)
+        whole = [record for record in records if isinstance(record, Message)]
+        found.add_chunk(position, length, whole)
+    elif opcode == Opcode.MESSAGE:
+        _take_message(stream, position, length, end, found)
+    elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
+        _take_definition(stream, position, length, found)
+    elif not _can_follow(stream, position + length, end):
+        raise DamageError("a record does not end where another one begins")
+
+
+def _take_message(stream: BinaryIO, position: int, length: int, end: int, found: Index) -> None:
+    if length > MAX_CHUNK:
+        raise DamageError(f"a message of {length} bytes, at most {MAX_CHUNK} are allowed")
+    if length < _MESSAGE_HEAD.size:
+        raise DamageError(f"a message of {length} bytes, its head alone has {_MESSAGE_HEAD.size}")
+    _, _, channel_id, _, log_time, _ = _message_head(stream, position)
+    after = position + length
+    if not (
+        _can_follow(stream, after, end) or _is_damaged_message(stream, after, end, log_time, found)
+    ):
+        raise DamageError("a message does not end where another record begins")
+    if channel_id not in found.channels:
+        raise DamageError("a message is of a channel that is not defined")
+    found.add_message(position, length, channel_id, log_time)
+
+
+def _message_head(stream: BinaryIO, position: int) -> tuple[int, ...]:
+    stream.seek(position)
+    return _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))
+
+
+def _is_damaged_message(
+    stream: BinaryIO, position: int, end: int, log_time: int, found: Index
+) -> bool:
+    """Return whether a message with a damaged head seems to be at `position`.
+
+    The message before it, of this log time, is whole then.
+    """
+    if position + _MESSAGE_HEAD.size > end:
+        return False
+    opcode, _, channel_id, _, its_time, _ = _message_head(stream, position)
+    signs = (
+        opcode == Opcode.MESSAGE,
+        channel_id in found.channels,
+        abs(its_time - log_time) < _DAY_NS,
+    )
+    return sum(signs) >= 2
+
+
+def _take_definition(stream: BinaryIO, position: int, length: int, found: Index) -> None:
+    if length > MAX_CHUNK:
+        raise DamageError(f"a definition of {length} bytes, at most {MAX_CHUNK} are allowed")
+    stream.seek(position)
+    data = stream.read(length)
+    source = ReadDataStream(io.BytesIO(data[RECORD_HEAD:]))
+    kind = Channel if data[0] == Opcode.CHANNEL else Schema
+    try:
+        record: Channel | Schema = kind.read(source)
+    except Exception as error:  # a dozen kinds come out of damaged records
+        raise DamageError(f"a definition cannot be read: {error}") from error
+    found.define(record)
+    if isinstance(record, Channel):
+        found.loose_channels.add(record.id)
+    # All of it could be read, but where it ends is not to be trusted.
+    if source.count != length - RECORD_HEAD:
+        raise DamageError("a definition has another size than it says")
+
+
+def _can_follow(stream: BinaryIO, position: int, end: int) -> bool:
+    """Return whether a record, or the end of a file that was cut short, may be at `position`."""
+    if position + RECORD_HEAD > end:
+        return position <= end
+    opcode, length = head(stream, position)
+    return opcode in _IN_DATA and (length <= MAX_CHUNK or position + length <= end)
+
+
+def _next_record(stream: BinaryIO, start: int, end: int, found: Index) -> int:
+    """Return where the next chunk or message seems to begin, or `end`.
+
+    Both lengths of a chunk must agree and fit. Messages are looked for in channels defined outside
+    of chunks only: the messages inside of a chunk its checksum must vouch for.
+    """
+    ids = [re.escape(struct.pack("<H", key)) for key in sorted(found.loose_channels)]
+    message = rb"|\x05.{4}\0{4}(?:" + b"|".join(ids) + rb")" if ids else b""
+    heads = re.compile(_CHUNK_HEAD + message, re.DOTALL)
+    for block_at in range(start, end, _BLOCK):
+        stream.seek(block_at)
+        block = stream.read(min(_BLOCK + _LONGEST_HEAD, end - block_at))
+        at = 0
+        while (match := heads.search(block, at)) is not None:
+            begin = block_at + match.start()
+            if _seems_whole(stream, begin, end, match):
+                return begin
+            at = match.start() + 1
+    return end
+
+
+def _seems_whole(stream: BinaryIO, begin: int, end: int, match: re.Match[bytes]) -> bool:
+    """Return whether the lengths in what looks like a record's head make sense."""
+    if match["length"] is None:
+        _, length = head(stream, begin)
+        return begin + length <= end and _can_follow(stream, begin + length, end)
+    length = int.from_bytes(match["length"], "little")
+    content = match.end() - match.start() - RECORD_HEAD
+    data = int.from_bytes(match["data"], "little")
+    return length == content + data and begin + RECORD_HEAD + length <= end

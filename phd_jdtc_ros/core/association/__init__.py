@@ -1,0 +1,14 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which target each detection comes from.
+
+::
+
+    edges (target, detection, odds), clutter
+      |  clusters with loops, if small       exact_marginals
+      |  everything else                     belief_propagation
+    probability of every edge, and of no detection: marginals
+
+Engines call `marginals.marginals` and nothing else here.
+"""

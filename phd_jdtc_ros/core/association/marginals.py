@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which target each detection comes from: marginal association probabilities.
+
+A target has at most one detection, and a detection at most one source. The exact marginals are
+exponential in the number of contested detections. Belief propagation is linear and exact wherever
+the graph of targets and detections is a tree; clusters with loops are summed exactly where they are
+small, because there belief propagation may take one matching for certain.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from ..arrays import FloatArray, IntArray
+from .belief_propagation import propagate
+from .exact_marginals import exact_marginals
+
+# Sums without one term are formed by subtraction. Odds against clutter beyond this are as good as
+# certain, and below it nothing is lost to rounding.
+LEAST_CLUTTER = 1e-9
+# Clusters with more detections are left to belief propagation.
+EXACT_DETECTIONS = 7
+
+
+def marginals(
+    target: IntArray, detection: IntArray, odds: FloatArray, targets: int, clutter: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the marginal probabilities of single-source, single-detection associations.
+
+    Exact but for clusters with loops and more than `EXACT_DETECTIONS` detections.
+
+    Parameters
+    ----------
+    target, detection : int arrays of shape (E,)
+        The edges, none twice.
+    odds : array of shape (E,)
+        Of that detection against none, for the target alone: the mass that the edge explains over
+        the probability that the target has no detection.
+    targets : int
+        T.
+    clutter : array of shape (M,)
+        What else may explain each detection, in the units of `odds`.
+
+    Returns
+    -------
+    edge : array of shape (E,)
+        Probability that the target is the detection's source.
+    none : array of shape (T,)
+        Probability that the target has no detection, be it missed or not there.
+
+    References
+    ----------
+    Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
+    propagation", IEEE Transactions on Aerospace and Electronic Systems 50(4), 2014.
+    """
+    clutter = np.maximum(clutter, LEAST_CLUTTER)
+    edge = np.empty(len(target))
+    loops = _small_loops(target, detection, targets, len(clutter))
+    alone = np.ones(len(target), dtype=bool)
+    for edges in loops:
+        alone[edges] = False
+    rest = np.flatnonzero(alone)
+    edge[rest], none = propagate(target[rest], detection[rest], odds[rest], targets, clutter)
+    for edges in loops:
+        of, own = np.unique(target[edges], return_inverse=True)
+        sought, column = np.unique(detection[edges], return_inverse=True)
+        ratio = odds[edges] / clutter[detection[edges]]
+        edge[edges], none[of] = exact_marginals(own, column, ratio, len(of), len(sought))
+    return edge, none
+
+
+def _small_loops(target: IntArray, detection: IntArray, targets: int, size: int) -> list[IntArray]:
+    """Return the edges, by ascending target, of each small cluster that has loops."""
+    nodes = targets + size
+    graph = sparse.coo_array(
+        (np.ones(len(target), dtype=np.int8), (target, targets + detection)), shape=(nodes, nodes)
+    )
+    count, cluster = connected_components(graph, directed=False)
+    edges = np.bincount(cluster[target], minlength=count)
+    members = np.bincount(cluster, minlength=count)
+    detections = np.bincount(cluster[targets:], minlength=count)
+    chosen = np.flatnonzero((edges >= members) & (detections <= EXACT_DETECTIONS))
+    of = cluster[target]
+    found = [np.flatnonzero(of == c) for c in chosen]
+    return [own[np.argsort(target[own], kind="stable")] for own in found]

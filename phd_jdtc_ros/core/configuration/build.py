@@ -1,0 +1,281 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Configuration: parameters checked as a whole and turned into a tracker.
+
+The table is in `parameters`; decibels and degrees are converted here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..arrays import FloatArray
+from ..engine import Lag
+from ..models import amplitude_density
+from ..models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
+from ..models.birth import BirthTerm
+from ..models.detection_birth import DetectionBirthModel
+from ..models.modes import ClassModel, ModeSpace
+from ..models.motion import (
+    OMEGA,
+    POSITION,
+    STATE_SIZE,
+    VELOCITY,
+    ConstantVelocity,
+    CoordinatedTurn,
+    MotionModel,
+)
+from ..models.radar import RadarModel
+from ..models.spawn import SpawnModel
+from ..models.tracker_model import TrackerModel
+from ..scans import ScanGrouper
+from ..smc.budget import ParticleBudget
+from ..smc.correction import CORRECTORS
+from ..smc.engine import ParticleEngine
+from ..smc.extraction import EXTRACTIONS
+from ..smc.filter import ForwardFilter
+from ..smc.smoother import DEATH_TERMS
+from .checks import CHECKS, name_or, square
+from .parameters import BIRTH, RADAR, schema
+from .radar_input import RadarInput
+from .schema import ConfigError, Value
+
+# Stamps that jump back further than this are a new run.
+RESET_THRESHOLD_SCANS = 3.0
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """A checked configuration.
+
+    Parameters
+    ----------
+    values : dict
+        Every parameter in force, in the order of the table.
+    world_frame : str
+    inputs : tuple of RadarInput
+    model : TrackerModel
+    budget : ParticleBudget
+    lag : Lag
+    existence_threshold : float
+        Probability of existence above which a target is reported.
+    seed : int
+    max_gap_s : float
+        How far apart scans of one run may be, seconds.
+    reorder_scans : int
+        How many of the newest scans are held back for what arrives out of order.
+    """
+
+    values: dict[str, Value]
+    world_frame: str
+    inputs: tuple[RadarInput, ...]
+    model: TrackerModel
+    budget: ParticleBudget
+    lag: Lag
+    existence_threshold: float
+    seed: int
+    max_gap_s: float
+    reorder_scans: int
+
+    @property
+    def reset_threshold_s(self) -> float:
+        """How far back stamps must jump to be a new run, seconds."""
+        return RESET_THRESHOLD_SCANS * self.model.modes.interval_s
+
+    def grouper(self) -> ScanGrouper:
+        """Return what makes scans of the radars' reports."""
+        return ScanGrouper(
+            len(self.inputs),
+            self.reset_threshold_s,
+            self.max_gap_s,
+            self.reorder_scans,
+        )
+
+    def engine(self) -> ParticleEngine:
+        """Return a new tracker."""
+        return ParticleEngine(
+            forward=ForwardFilter(self.model, self.budget, self.seed),
+            lag=self.lag,
+            death_term=DEATH_TERMS[str(self.values["death_term"])],
+            extraction=EXTRACTIONS[str(self.values["extraction"])],
+            existence_threshold=self.existence_threshold,
+        )
+
+
+def resolve(given: Mapping[str, Any]) -> TrackerConfig:
+    """Check a configuration and build what it describes.
+
+    Parameters
+    ----------
+    given : mapping of dotted name to value
+        What is not given has its default.
+
+    Raises
+    ------
+    ConfigError
+        With every fault found.
+    """
+    table = schema(given)
+    values: dict[str, Any] = {}
+    faults = []
+    for name, parameter in table.items():
+        value = given.get(name, parameter.default)
+        coerced = parameter.coerce(value)
+        if coerced is None:
+            faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
+        values[name] = coerced
+    faults += [f"{name}: unknown parameter" for name in given if name not in table]
+    if not faults:
+        faults = [fault for check in CHECKS for fault in check(values)]
+    if faults:
+        raise ConfigError(faults)
+    return _build(values)
+
+
+def _build(values: dict[str, Any]) -> TrackerConfig:
+    motions = {name: _motion(values, name) for name in values["motions"]}
+    classes = tuple(_class(values, name, motions) for name in values["classes"])
+    modes = ModeSpace(classes, values["interval_s"])
+    model = TrackerModel(
+        modes=modes,
+        births=tuple(_birth(values, name, modes) for name in values["births"]),
+        detection_births=DetectionBirthModel(
+            rate=np.array(values["detection_births.rates"] or [0.0] * len(classes)),
+            velocity_std=values["detection_births.velocity_std"],
+            turn_rate_std=values["detection_births.turn_rate_std"],
+            particles=values["detection_births.particles"],
+        ),
+        spawn=_spawn(values, modes),
+        amplitudes=_amplitudes(values),
+        radars=tuple(_radar(values, name) for name in values["radars"]),
+        corrector=CORRECTORS[values["corrector"]],
+    )
+    budget = ParticleBudget(
+        per_target=values["particles_per_target"],
+        least=values["least_particles"],
+        per_birth_term=values["particles_per_birth"],
+        most=values["max_particles"],
+    )
+    return TrackerConfig(
+        values=values,
+        world_frame=values["world_frame"],
+        inputs=tuple(_input(values, name) for name in values["radars"]),
+        model=model,
+        budget=budget,
+        lag=Lag(values["lag"], values["lag_s"] or None),
+        existence_threshold=values["existence_threshold"],
+        seed=values["seed"],
+        max_gap_s=values["max_gap_scans"] * values["interval_s"],
+        reorder_scans=values["reorder_scans"],
+    )
+
+
+def _amplitudes(values: Mapping[str, Any]) -> AmplitudeModel:
+    if values["amplitude"] == "memory":
+        return Memory(values["amplitude_jitter"])
+    return Band() if values["amplitude"] == "band" else Ignored()
+
+
+def _motion(values: Mapping[str, Any], name: str) -> MotionModel:
+    noise = values[f"{name}.noise_density"]
+    if values[f"{name}.model"] == "constant_velocity":
+        return ConstantVelocity(noise)
+    return CoordinatedTurn(noise, values[f"{name}.turn_noise_density"])
+
+
+def _class(values: Mapping[str, Any], name: str, motions: dict[str, MotionModel]) -> ClassModel:
+    low, high = values[f"{name}.snr_band_db"]
+    matrix = square(values[f"{name}.mode_transition"])
+    if matrix is None:
+        raise ConfigError([f"{name}.mode_transition: not square"])
+    return ClassModel(
+        name=name,
+        snr_band=(amplitude_density.snr_from_db(low), amplitude_density.snr_from_db(high)),
+        motions=tuple(motions[motion] for motion in values[f"{name}.motions"]),
+        mode_transition=matrix,
+        survival_probability=values[f"{name}.survival_probability"],
+    )
+
+
+def _state(position: Any, velocity: Any, turn_rate: float) -> FloatArray:
+    state = np.zeros(STATE_SIZE)
+    state[list(POSITION)] = position
+    state[list(VELOCITY)] = velocity
+    state[OMEGA] = turn_rate
+    return state
+
+
+def _birth(values: Mapping[str, Any], name: str, modes: ModeSpace) -> BirthTerm:
+    get = {member.name: values[f"{name}.{member.name}"] for member in BIRTH}
+    motions_of_class = np.bincount(modes.class_of)
+    rate = (np.array(get["rates"]) / motions_of_class)[modes.class_of]
+    return BirthTerm(
+        name=name,
+        mean=_state(get["position"], get["velocity"], 0.0),
+        std=_state(get["position_std"], get["velocity_std"], get["turn_rate_std"]),
+        rate=rate,
+    )
+
+
+def _spawn(values: Mapping[str, Any], modes: ModeSpace) -> SpawnModel:
+    classes = len(modes.classes)
+    class_matrix = square(values["spawn.class_transition"])
+    if class_matrix is None or not len(class_matrix):
+        class_matrix = np.full((classes, classes), 1.0 / classes)
+    motions_of_class = np.bincount(modes.class_of)
+    mode_matrix = square(values["spawn.mode_transition"])
+    if mode_matrix is None or not len(mode_matrix):
+        to_mode = np.tile((1.0 / motions_of_class)[modes.class_of], (len(modes), 1))
+    else:
+        to_mode = np.tile(mode_matrix, (classes, classes))
+    transition = class_matrix[np.ix_(modes.class_of, modes.class_of)] * to_mode
+    transition /= transition.sum(axis=1, keepdims=True)
+    return SpawnModel(
+        rate=values["spawn.rate"],
+        transition=transition,
+        std=_state(
+            values["spawn.position_std"],
+            values["spawn.velocity_std"],
+            values["spawn.turn_rate_std"],
+        ),
+        particles_per_target=values["spawn.particles_per_target"],
+    )
+
+
+def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
+    get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
+    return RadarModel(
+        name=name,
+        position=(get["position"][0], get["position"][1]),
+        yaw=math.radians(get["yaw_deg"]),
+        range_std=get["range_std"],
+        azimuth_std=math.radians(get["azimuth_std_deg"]),
+        max_range=get["max_range"],
+        clutter_rate=get["clutter_rate"],
+        clutter_max_range=get["clutter_max_range"],
+        threshold=amplitude_density.threshold_for(get["false_alarm_probability"]),
+    )
+
+
+def _input(values: Mapping[str, Any], name: str) -> RadarInput:
+    get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
+    return RadarInput(
+        name=name,
+        topic=name_or(values, name, "topic"),
+        frame=name_or(values, name, "frame"),
+        message=get["message"],
+        range_field=get["fields.range"],
+        azimuth_field=get["fields.azimuth"],
+        elevation_field=get["fields.elevation"],
+        amplitude_field=get["fields.amplitude"],
+        amplitude_in_db=get["amplitude_unit"] == "db",
+        amplitude_offset_db=get["amplitude_offset_db"],
+        compass=get["azimuth_convention"] == "compass_cw",
+        max_range=get["max_range"],
+    )

@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What parameters must be together, beyond what each may be alone.
+
+A check is a function of all values by dotted name, and returns a line for every fault.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..arrays import FloatArray
+from ..models import amplitude_density
+from ..models.modes import markov_generator
+from .parameters import GROUPS, TOP
+
+
+def square(flat: list[float]) -> FloatArray | None:
+    """Return a row-major flat list as a square matrix, or None."""
+    size = math.isqrt(len(flat))
+    return np.array(flat).reshape(size, size) if size**2 == len(flat) else None
+
+
+def _matrix_faults(name: str, flat: list[float], size: int) -> list[str]:
+    matrix = square(flat)
+    if matrix is None or len(matrix) != size:
+        return [f"{name}: {len(flat)} numbers given, must be {size}x{size}, row by row"]
+    if np.abs(matrix.sum(axis=1) - 1.0).max(initial=0.0) > 1e-6:
+        return [f"{name}: {flat} given, every row must sum to 1"]
+    return []
+
+
+def _check_names(values: Mapping[str, Any]) -> list[str]:
+    taken = {parameter.name.split(".")[0]: "a parameter" for parameter in TOP}
+    faults = []
+    for group in GROUPS:
+        if not values[group] and group != "births":
+            faults.append(f"{group}: [] given, must name at least one")
+        for name in values[group]:
+            if "." in name or name in taken:
+                reason = "must not hold a dot" if "." in name else f"is already {taken[name]}"
+                faults.append(f"{group}: {name!r} given, {reason}")
+            taken[name] = f"one of {group}"
+    return faults
+
+
+def _check_classes(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for name in values["classes"]:
+        low, high = values[f"{name}.snr_band_db"]
+        # Compared as the likelihood does: with both far below 0 dB, 1 + d is 1 twice.
+        if not 1.0 + amplitude_density.snr_from_db(low) < 1.0 + amplitude_density.snr_from_db(high):
+            faults.append(f"{name}.snr_band_db: [{low}, {high}] given, the second must be larger")
+        motions = values[f"{name}.motions"]
+        unknown = [motion for motion in motions if motion not in values["motions"]]
+        if unknown or not motions:
+            faults.append(
+                f"{name}.motions: {motions} given, must be some of motions {values['motions']}"
+            )
+        key = f"{name}.mode_transition"
+        wrong = _matrix_faults(key, values[key], len(motions))
+        if not wrong and not values["fixed_interval"]:
+            matrix = square(values[key])
+            if matrix is not None and markov_generator(matrix) is None:
+                wrong = [
+                    f"{key}: {values[key]} given, no process in continuous time has this matrix, "
+                    "so it cannot follow the interval; must be another, or fixed_interval true"
+                ]
+        faults += wrong
+    return faults
+
+
+def _check_spawn(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    if values["spawn.class_transition"]:
+        key = "spawn.class_transition"
+        faults += _matrix_faults(key, values[key], len(values["classes"]))
+    if values["spawn.mode_transition"]:
+        sizes = {len(values[f"{name}.motions"]) for name in values["classes"]}
+        if len(sizes) > 1:
+            faults.append(
+                "spawn.mode_transition: must be empty where classes have different motions"
+            )
+        else:
+            key = "spawn.mode_transition"
+            faults += _matrix_faults(key, values[key], sizes.pop())
+    return faults
+
+
+def _check_rest(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for name in ("particles_per_birth", "detection_births.particles"):
+        count = values[name]
+        if count & (count - 1):
+            faults.append(f"{name}: {count} given, must be a power of two")
+    appearing = values["detection_births.rates"]
+    if appearing and len(appearing) != len(values["classes"]):
+        faults.append(
+            f"detection_births.rates: {appearing} given, must be empty or "
+            f"{len(values['classes'])} numbers, one a class"
+        )
+    for name in values["births"]:
+        rates = values[f"{name}.rates"]
+        if len(rates) != len(values["classes"]) or sum(rates) <= 0.0:
+            faults.append(
+                f"{name}.rates: {rates} given, must be {len(values['classes'])} numbers, one a "
+                "class, not all 0"
+            )
+        elif values["corrector"] == "bernoulli" and sum(rates) > 1.0:
+            faults.append(
+                f"{name}.rates: {rates} given, must sum to at most 1: with corrector bernoulli a "
+                "birth term is one target a scan at the most"
+            )
+    for group in ("topic", "frame"):
+        used = [name_or(values, radar, group) for radar in values["radars"]]
+        faults += [
+            f"{radar}.{group}: {name!r} given, another radar has it too"
+            for radar, name in zip(values["radars"], used, strict=True)
+            if used.count(name) > 1
+        ]
+    return faults
+
+
+CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
+    _check_names,
+    _check_classes,
+    _check_spawn,
+    _check_rest,
+)
+
+
+def name_or(values: Mapping[str, Any], radar: str, key: str) -> str:
+    """Return a radar's topic or frame, or what stands for it when it is empty."""
+    fallback = f"/{radar}/detections" if key == "topic" else radar
+    return str(values[f"{radar}.{key}"] or fallback)

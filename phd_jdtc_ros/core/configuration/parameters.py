@@ -1,0 +1,349 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The table of parameters: names, defaults, units and bounds.
+
+Parameters are flat dotted names with plain values, as ROS has them. Four lists name the parts
+(`radars`, `classes`, `motions`, `births`), and every name in them has parameters of its own:
+``radar_1.range_std``. The defaults are the reference scenario. Units are SI except where a suffix
+says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ..smc.correction import CORRECTORS
+from ..smc.extraction import EXTRACTIONS
+from ..smc.smoother import DEATH_TERMS
+from .schema import SMALL, Parameter, Value
+
+TOP = (
+    Parameter("world_frame", "map", "Frame of the estimates (ENU, metres)."),
+    Parameter(
+        "radars",
+        ["radar_1", "radar_2"],
+        "Names of the radars, in the order of updates.",
+        element=str,
+    ),
+    Parameter("classes", ["class_0", "class_1"], "Names of the target classes.", element=str),
+    Parameter("motions", ["cv", "ct"], "Names of the motion models.", element=str),
+    Parameter(
+        "births",
+        ["start_1", "start_2", "start_3", "start_4"],
+        "Names of the birth terms.",
+        element=str,
+    ),
+    Parameter(
+        "interval_s",
+        6.0,
+        "Interval that rates, probabilities and mode matrices are given for, s; they follow the "
+        "true one.",
+        1e-3,
+        1e4,
+    ),
+    Parameter(
+        "fixed_interval",
+        False,
+        "The mode matrix follows the interval in whole steps, so it needs no rate matrix.",
+    ),
+    Parameter(
+        "max_gap_scans",
+        15.0,
+        "Longest gap between scans that is predicted over, in intervals; after a longer one the "
+        "tracker starts anew.",
+        2.0,
+        1e6,
+    ),
+    Parameter(
+        "reorder_scans",
+        0,
+        "Scans held back, to be put in order where stamps arrive out of order; estimates come so "
+        "many scans later.",
+        0,
+        2,
+    ),
+    Parameter("lag", 5, "Smoothing lag, scans.", 0, 100),
+    Parameter("lag_s", 0.0, "Smoothing lag, s; above 0 it replaces lag.", 0.0, 1e5),
+    Parameter(
+        "corrector",
+        "bernoulli",
+        "How detections correct the intensity: every origin one target at the most, which also "
+        "names tracks, or the Poisson process of the PHD filter as in the paper.",
+        choices=tuple(CORRECTORS),
+    ),
+    Parameter(
+        "death_term",
+        "bernoulli",
+        "Backward death term: one Bernoulli target a component, or as the paper prints it.",
+        choices=tuple(DEATH_TERMS),
+    ),
+    Parameter(
+        "extraction",
+        "components",
+        "How targets are read off: by component, or by clustering as in the paper.",
+        choices=tuple(EXTRACTIONS),
+    ),
+    Parameter(
+        "existence_threshold",
+        0.6,
+        "Probability of existence above which a target is reported.",
+        0.0,
+        1.0,
+        mutable=True,
+    ),
+    Parameter(
+        "amplitude",
+        "band",
+        "What amplitudes say: the class, by its band; the class and each target's own SNR, by "
+        "memory; nothing.",
+        choices=("band", "memory", "none"),
+    ),
+    Parameter("amplitude_jitter", 0.1, "Step of a remembered ln(1 + SNR) a scan.", 0.0, 10.0),
+    Parameter("seed", 0, "Seed of the random generator.", 0, 2**31 - 1),
+    Parameter("particles_per_target", 1000, "Particles a target is resampled to.", 10, 10**6),
+    Parameter("least_particles", 200, "Particles the mass of one birth and class keeps.", 1, 10**5),
+    Parameter("particles_per_birth", 2048, "Particles of a birth term; a power of two.", 2, 2**20),
+    Parameter(
+        "max_particles",
+        200_000,
+        "Particles that are kept at most: where more are asked for, every origin gets fewer.",
+        1000,
+        10**8,
+    ),
+    Parameter(
+        "detection_births.rates",
+        [],
+        "Expected appearances anywhere in a radar's field an interval, a number for each class; "
+        "such targets are born where detections are. Empty for none.",
+        0.0,
+        1e3,
+    ),
+    Parameter(
+        "detection_births.velocity_std",
+        40.0,
+        "Standard deviation of a newborn target's velocity about zero along each axis, m/s.",
+        SMALL,
+    ),
+    Parameter(
+        "detection_births.turn_rate_std",
+        1e-3,
+        "Standard deviation of a newborn target's turn rate about zero, rad/s.",
+        SMALL,
+    ),
+    Parameter(
+        "detection_births.particles", 1024, "Particles a detection; a power of two.", 2, 2**16
+    ),
+    Parameter("spawn.rate", 0.01, "Expected spawned targets a target and interval.", 0.0, 1.0),
+    Parameter(
+        "spawn.position_std",
+        10.0,
+        "Standard deviation of a spawned position about its parent's along each axis, m.",
+        SMALL,
+    ),
+    Parameter(
+        "spawn.velocity_std",
+        1.0,
+        "Standard deviation of a spawned velocity about its parent's along each axis, m/s.",
+        SMALL,
+    ),
+    Parameter(
+        "spawn.turn_rate_std",
+        1e-4,
+        "Standard deviation of a spawned turn rate about its parent's, rad/s.",
+        SMALL,
+    ),
+    Parameter("spawn.particles_per_target", 100, "Particles of what one target spawns.", 1, 10**5),
+    Parameter(
+        "spawn.class_transition",
+        [0.5, 0.5, 0.5, 0.5],
+        "Class of the parent to class of the spawned target, row by row; empty for uniform.",
+        0.0,
+        1.0,
+    ),
+    Parameter(
+        "spawn.mode_transition",
+        [0.9, 0.1, 0.1, 0.9],
+        "Motion of the parent to motion of the spawned target, row by row; empty for uniform.",
+        0.0,
+        1.0,
+    ),
+)
+RADAR = (
+    Parameter(
+        "message",
+        "point_cloud",
+        "What its topic carries: PointCloud2, or RadarScan of radar_msgs, whose definition fixes "
+        "fields, units and conventions.",
+        choices=("point_cloud", "radar_scan"),
+    ),
+    Parameter("topic", "", "Topic of its detections; /NAME/detections if empty."),
+    Parameter("frame", "", "frame_id of its clouds; the radar's name if empty."),
+    Parameter(
+        "position", [0.0, 0.0], "Where the radar is in the world frame, x and y, m.", length=2
+    ),
+    Parameter(
+        "yaw_deg",
+        0.0,
+        "Direction of the radar's x axis in the world frame, counter-clockwise from x, degrees.",
+        -360.0,
+        360.0,
+    ),
+    Parameter("range_std", 300.0, "Standard deviation of the range, m.", SMALL, mutable=True),
+    Parameter(
+        "azimuth_std_deg",
+        1.0,
+        "Standard deviation of the azimuth, degrees.",
+        SMALL,
+        180.0,
+        mutable=True,
+    ),
+    Parameter("max_range", 17e3, "Targets and detections beyond are ignored, m.", SMALL),
+    Parameter("clutter_rate", 20.0, "Expected false detections a scan.", 0.0, 1e6, mutable=True),
+    Parameter(
+        "clutter_max_range",
+        15e3,
+        "Range up to which false detections are spread evenly, m.",
+        SMALL,
+        mutable=True,
+    ),
+    Parameter(
+        "false_alarm_probability",
+        1e-3,
+        "Probability that noise passes the detection threshold; fixes the threshold.",
+        1e-30,
+        0.999,
+        mutable=True,
+    ),
+    Parameter("fields.range", "range", "Name of the cloud's range field."),
+    Parameter("fields.azimuth", "azimuth", "Name of the cloud's azimuth field."),
+    Parameter(
+        "fields.elevation",
+        "",
+        "Name of the cloud's elevation field, where its ranges are slant ranges; empty where they "
+        "are over ground.",
+    ),
+    Parameter(
+        "fields.amplitude",
+        "amplitude",
+        "Name of the cloud's amplitude field; empty if it has none.",
+    ),
+    Parameter(
+        "amplitude_unit",
+        "linear",
+        "linear: an envelope in units of the noise's standard deviation a quadrature; db: an SNR.",
+        choices=("linear", "db"),
+    ),
+    Parameter(
+        "amplitude_offset_db", 0.0, "Added to every amplitude, dB.", -300.0, 300.0, mutable=True
+    ),
+    Parameter(
+        "azimuth_convention",
+        "enu_ccw",
+        "enu_ccw: from the sensor's x axis, counter-clockwise; compass_cw: from north, clockwise.",
+        choices=("enu_ccw", "compass_cw"),
+    ),
+)
+CLASS = (
+    Parameter(
+        "snr_band_db", [10.0, 50.0], "Lowest and highest mean SNR, dB.", -100.0, 200.0, length=2
+    ),
+    Parameter("motions", ["cv", "ct"], "Motion models the class uses.", element=str),
+    Parameter(
+        "mode_transition",
+        [0.8, 0.2, 0.2, 0.8],
+        "Motion now to motion an interval later, row by row.",
+        0.0,
+        1.0,
+    ),
+    Parameter("survival_probability", 0.99, "Probability to live on for an interval.", SMALL, 1.0),
+)
+MOTION = (
+    Parameter(
+        "model",
+        "constant_velocity",
+        "How a target moves: straight on, or turning at a rate of its own.",
+        choices=("constant_velocity", "coordinated_turn"),
+    ),
+    Parameter("noise_density", 1.0, "Spectral density of the acceleration, m^2/s^3.", SMALL),
+    Parameter(
+        "turn_noise_density", 1e-5, "Spectral density of the turn acceleration, rad^2/s^3.", 1e-15
+    ),
+)
+BIRTH = (
+    Parameter(
+        "position",
+        [0.0, 0.0],
+        "Mean position of a newborn target in the world frame, x and y, m.",
+        length=2,
+    ),
+    Parameter(
+        "velocity",
+        [0.0, 0.0],
+        "Mean velocity of a newborn target in the world frame, x and y, m/s.",
+        length=2,
+    ),
+    Parameter(
+        "position_std",
+        200.0,
+        "Standard deviation of a newborn target's position along each axis, m.",
+        SMALL,
+    ),
+    Parameter(
+        "velocity_std",
+        40.0,
+        "Standard deviation of a newborn target's velocity along each axis, m/s.",
+        SMALL,
+    ),
+    Parameter(
+        "turn_rate_std",
+        1e-3,
+        "Standard deviation of a newborn target's turn rate about zero, rad/s.",
+        SMALL,
+    ),
+    Parameter(
+        "rates",
+        [0.005, 0.005],
+        "Expected births an interval, a number for each class.",
+        0.0,
+        1e3,
+        mutable=True,
+    ),
+)
+GROUPS: dict[str, tuple[Parameter, ...]] = {
+    "radars": RADAR,
+    "classes": CLASS,
+    "motions": MOTION,
+    "births": BIRTH,
+}
+# Where the reference scenario's parts differ from their group's defaults.
+REFERENCE: dict[str, Value] = {
+    "radar_1.position": [1000.0, 0.0],
+    "class_0.snr_band_db": [30.0, 50.0],
+    "class_1.snr_band_db": [10.0, 30.0],
+    "ct.model": "coordinated_turn",
+    "start_1.position": [-10e3, 10e3],
+    "start_2.position": [-10e3, -10e3],
+    "start_3.position": [-10e3, -10.5e3],
+    "start_4.position": [1.4e3, 8e3],
+}
+
+
+def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
+    """Return every parameter that the lists of names in `given` call for, by dotted name.
+
+    Faulty lists count as their defaults; `resolve` reports them.
+    """
+    table = {parameter.name: parameter for parameter in TOP}
+    for group, members in GROUPS.items():
+        names = table[group].coerce(given.get(group, table[group].default))
+        if names is None:
+            names = table[group].default
+        for name in names if isinstance(names, list) else []:
+            for member in members:
+                full = f"{name}.{member.name}"
+                default = REFERENCE.get(full, member.default)
+                table[full] = replace(member, name=full, default=default)
+    return table

@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a parameter is: a name, a default that fixes its type, and what it may be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
+INFINITY = math.inf
+# The least of what must be positive.
+SMALL = 1e-9
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter: its default, which also fixes its type, and what it may be.
+
+    Parameters
+    ----------
+    name : str
+        Dotted; within a group, the part behind the group's name.
+    default : bool, int, float, str, list of float or list of str
+    description : str
+        Unit included.
+    low, high : float
+        Inclusive bounds of a number, or of every number of a list.
+    choices : tuple of str
+        Allowed strings; empty for any.
+    length : int or None
+        Required length of a list.
+    element : type
+        Of a list: float or str.
+    mutable : bool
+        It may change between two scans; the rest is structure, or is built into what is kept from
+        scan to scan.
+    """
+
+    name: str
+    default: Value
+    description: str
+    low: float = -INFINITY
+    high: float = INFINITY
+    choices: tuple[str, ...] = ()
+    length: int | None = None
+    element: type = float
+    mutable: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """What the parameter may be, in words."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        if isinstance(self.default, bool):
+            return "true or false"
+        if isinstance(self.default, str):
+            return "a string"
+        if isinstance(self.default, list) and self.element is str:
+            return "a list of names, none twice"
+        noun = "a whole number" if isinstance(self.default, int) else "a finite number"
+        if isinstance(self.default, list):
+            noun = (
+                "finite numbers"
+                if self.length is None
+                else f"a list of {self.length} finite numbers"
+            )
+        bounds = [
+            f"at least {self.low:g}" if self.low > -INFINITY else "",
+            f"at most {self.high:g}" if self.high < INFINITY else "",
+        ]
+        return ", ".join([noun, *(bound for bound in bounds if bound)])
+
+    def coerce(self, value: Any) -> Value | None:
+        """Return `value` as the parameter's type, or None if it is not allowed."""
+        if isinstance(self.default, bool):
+            return value if isinstance(value, bool) else None
+        if isinstance(self.default, str):
+            valid = isinstance(value, str) and (not self.choices or value in self.choices)
+            return value if valid else None
+        if isinstance(self.default, list):
+            return self._coerce_list(value)
+        return self._coerce_number(value)
+
+    def _coerce_number(self, value: Any) -> int | float | None:
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+            return None
+        # Bounds first: a whole number may be too large for a float.
+        if not max(self.low, -1e300) <= value <= min(self.high, 1e300):
+            return None
+        if isinstance(self.default, int):
+            return int(value) if float(value).is_integer() else None
+        return float(value)
+
+    def _coerce_list(self, value: Any) -> Value | None:
+        if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
+            return None
+        entries = list(value)
+        if self.length is not None and len(entries) != self.length:
+            return None
+        if self.element is str:
+            valid = all(isinstance(entry, str) and entry for entry in entries)
+            return entries if valid and len(set(entries)) == len(entries) else None
+        number = Parameter("", 0.0, "", self.low, self.high)
+        found = [number._coerce_number(entry) for entry in entries]
+        valid_numbers = [float(value) for value in found if value is not None]
+        return valid_numbers if len(valid_numbers) == len(entries) else None
+
+
+def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the leaves of nested mappings with dotted names."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+class ConfigError(ValueError):
+    """Every fault of a configuration at once.
+
+    Attributes
+    ----------
+    faults : tuple of str
+        One line each: dotted name, value, what is allowed.
+    """
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        super().__init__("\n".join(faults))
+        self.faults = tuple(faults)

@@ -1,0 +1,123 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Estimates against truth, scan by scan and over a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..types import FILTERED, SMOOTHED, SOURCES
+from .metrics import assign
+from .run_scores import OSPA2_WINDOW, RunScores
+from .scan_scores import ALL, PointSet, ScanScore, set_scores
+from .surveillance import LONG_GAP_S
+
+__all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
+
+Key = TypeVar("Key")
+Value = TypeVar("Value")
+
+
+@dataclass
+class Evaluation:
+    """Pairs estimates with truth by stamp, whichever comes first, and adds the scores up.
+
+    Parameters
+    ----------
+    classes : int
+    cutoff : float
+        c of OSPA and GOSPA, metres.
+    order : float
+        p of both.
+    keep : int or None
+        How many scans' truth, waiting estimates and scores are kept, so that a run may go on for
+        ever; None keeps all. The summary is of the whole run all the same.
+
+    Attributes
+    ----------
+    scores : dict
+        By source and stamp, the last `keep` of each. A stamp that comes again counts again.
+    scored : dict
+        Number of scores by source.
+    """
+
+    classes: int
+    cutoff: float
+    order: float
+    keep: int | None = None
+    scores: dict[str, dict[int, ScanScore]] = field(init=False)
+    _totals: dict[str, RunScores] = field(init=False)
+    _truth: dict[int, PointSet] = field(init=False, default_factory=dict)
+    _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
+    # The stamps that one source has a score for and the other none yet.
+    _half: dict[int, str] = field(init=False, default_factory=dict)
+    _scans: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        self.scores = {source: {} for source in SOURCES}
+        keys = (ALL, *(f"class_{k}" for k in range(self.classes)))
+        self._totals = {source: RunScores(keys, self.cutoff, self.order) for source in SOURCES}
+
+    @property
+    def scored(self) -> dict[str, int]:
+        """Number of scores by source."""
+        return {source: totals.scans for source, totals in self._totals.items()}
+
+    def add_truth(self, stamp_ns: int, truth: PointSet) -> list[ScanScore]:
+        """Take in the targets of a stamp; return the scores that became possible."""
+        self._put(self._truth, stamp_ns, truth)
+        waiting = [(s, self._waiting.pop((s, stamp_ns), None)) for s in SOURCES]
+        return [self._score(s, stamp_ns, found) for s, found in waiting if found is not None]
+
+    def add_estimates(self, source: str, stamp_ns: int, estimate: PointSet) -> list[ScanScore]:
+        """Take in a source's estimates of a stamp; return the scores that became possible."""
+        if stamp_ns not in self._truth:
+            self._put(self._waiting, (source, stamp_ns), estimate)
+            return []
+        return [self._score(source, stamp_ns, estimate)]
+
+    def _put(self, store: dict[Key, Value], key: Key, value: Value) -> None:
+        """Store as the newest entry; the oldest ones go."""
+        store.pop(key, None)
+        store[key] = value
+        while self.keep is not None and len(store) > self.keep:
+            del store[next(iter(store))]
+
+    def _score(self, source: str, stamp_ns: int, estimate: PointSet) -> ScanScore:
+        truth = self._truth[stamp_ns]
+        pairs = assign(truth.position, estimate.position, self.cutoff)
+        right = np.count_nonzero(truth.class_id[pairs[0]] == estimate.class_id[pairs[1]])
+        scores = set_scores(truth, estimate, pairs, self.classes, self.cutoff, self.order)
+        score = ScanScore(source, stamp_ns, scores, int(right))
+        self._put(self.scores[source], stamp_ns, score)
+        self._totals[source].add(score, truth, estimate, pairs)
+        if self._half.get(stamp_ns, source) == source:
+            self._put(self._half, stamp_ns, source)
+        else:
+            del self._half[stamp_ns]
+            self._scans += 1
+        return score
+
+    def summary(self) -> dict[str, Any]:
+        """Return the run's figures, as `metrics.json` holds them.
+
+        Returns
+        -------
+        dict
+            Per source and set what `RunTotals.figures` says; ``reduction`` of the mean OSPA by
+            smoothing; ``class_accuracy`` of the smoothed estimates; ``p``, ``c``; ``long_gap_s``
+            and ``ospa2_window`` in scans; ``scans`` that both sources have a score for. A figure
+            without data is None.
+        """
+        result: dict[str, Any] = {s: totals.figures() for s, totals in self._totals.items()}
+        before, after = (result[source][ALL]["ospa"] for source in SOURCES)
+        result["reduction"] = 1.0 - after / before if before and after is not None else None
+        result["class_accuracy"] = self._totals[SMOOTHED].class_accuracy()
+        result["p"], result["c"] = self.order, self.cutoff
+        result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
+        result["scans"] = self._scans
+        return result

@@ -1,0 +1,228 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a detection's amplitude says of a particle: three ways to use it.
+
+A band knows a class's signal-to-noise ratio only as an interval and forgets every amplitude at
+once. With a memory every particle carries a ratio of its own, drawn from its class's band at birth,
+so that a target's amplitudes tell its ratio from scan to scan. Ignoring amplitudes leaves
+positions only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..smc.particle_set import ParticlePHD
+from ..types import Detections
+from .amplitude_density import SMALLEST_AMPLITUDE
+from .modes import ModeSpace
+from .radar import RadarModel
+
+
+class AmplitudeModel(Protocol):
+    """How amplitudes enter the recursion."""
+
+    def used(self, detections: Detections) -> Detections:
+        """Return the detections as the update may see them."""
+        ...
+
+    def born(
+        self,
+        mode: IntArray,
+        modes: ModeSpace,
+        rng: np.random.Generator,
+        amplitude: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return the memory of new particles of flat modes `mode`, shape (N,).
+
+        `amplitude` is that of the detection which founded each, where one did and has one.
+        """
+        ...
+
+    def moved(
+        self,
+        memory: FloatArray,
+        mode: IntArray,
+        modes: ModeSpace,
+        dt: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Return the memory of survivors `dt` seconds later, shape (N,)."""
+        ...
+
+    def detection_probability(
+        self, phd: ParticlePHD, radar: RadarModel, modes: ModeSpace
+    ) -> FloatArray:
+        """Return p_D of every particle inside the radar's range, shape (N,)."""
+        ...
+
+    def log_likelihood(
+        self,
+        phd: ParticlePHD,
+        detections: Detections,
+        pairs: tuple[IntArray, IntArray],
+        radar: RadarModel,
+        modes: ModeSpace,
+    ) -> FloatArray:
+        """Return log p_D g^tau(a) of every (particle, detection) pair, shape (P,)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Band:
+    """The likelihood of a class's whole band; nothing is remembered."""
+
+    def used(self, detections: Detections) -> Detections:
+        """Return the detections unchanged."""
+        return detections
+
+    def born(
+        self,
+        mode: IntArray,
+        modes: ModeSpace,
+        rng: np.random.Generator,
+        amplitude: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return no memory; nothing is drawn."""
+        return np.zeros(len(mode))
+
+    def moved(
+        self,
+        memory: FloatArray,
+        mode: IntArray,
+        modes: ModeSpace,
+        dt: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Return no memory; nothing is drawn."""
+        return memory
+
+    def detection_probability(
+        self, phd: ParticlePHD, radar: RadarModel, modes: ModeSpace
+    ) -> FloatArray:
+        """Return p_D of each particle's class, shape (N,)."""
+        per_class = radar.class_detection_probability(modes.classes)
+        probability: FloatArray = per_class[modes.class_of[phd.mode]]
+        return probability
+
+    def log_likelihood(
+        self,
+        phd: ParticlePHD,
+        detections: Detections,
+        pairs: tuple[IntArray, IntArray],
+        radar: RadarModel,
+        modes: ModeSpace,
+    ) -> FloatArray:
+        """Return log g_c(a) of each pair's class, shape (P,)."""
+        row, column = pairs
+        per_class = radar.log_class_likelihood(detections, modes.classes)
+        place = (modes.class_of * len(detections)).take(phd.mode).take(row) + column
+        likelihood: FloatArray = per_class.take(place)
+        return likelihood
+
+
+@dataclass(frozen=True)
+class Ignored(Band):
+    """Amplitudes are not looked at: all classes look alike but for their p_D."""
+
+    def used(self, detections: Detections) -> Detections:
+        """Return the detections without their amplitudes."""
+        return replace(detections, amplitude=None)
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Every particle remembers ln(1 + d) of its target's mean signal-to-noise ratio d.
+
+    Parameters
+    ----------
+    jitter : float
+        Standard deviation of the step of ln(1 + d) a nominal interval, against depletion.
+
+    Notes
+    -----
+    Beyond the paper. The backward kernel does not look at the memory: it smooths the intensity
+    over state and mode, of which the memory is integrated out.
+    """
+
+    jitter: float
+
+    def used(self, detections: Detections) -> Detections:
+        """Return the detections unchanged."""
+        return detections
+
+    def born(
+        self,
+        mode: IntArray,
+        modes: ModeSpace,
+        rng: np.random.Generator,
+        amplitude: FloatArray | None = None,
+    ) -> FloatArray:
+        """Return ln(1 + d): uniform over each particle's class band, or what an amplitude tells.
+
+        Notes
+        -----
+        With the amplitude a and the flat prior, a^2 / 2(1 + d) is exponential between the values
+        that it has at the edges of the band.
+        """
+        low, high = _band_edges(mode, modes)
+        uniform = rng.random(len(mode))
+        if amplitude is None:
+            drawn: FloatArray = low + (high - low) * uniform
+            return drawn
+        half = 0.5 * np.maximum(amplitude, SMALLEST_AMPLITUDE) ** 2
+        least, most = half * np.exp(-high), half * np.exp(-low)
+        exponential = least - np.log1p(uniform * np.expm1(least - most))
+        return np.clip(np.log(half / exponential), low, high)
+
+    def moved(
+        self,
+        memory: FloatArray,
+        mode: IntArray,
+        modes: ModeSpace,
+        dt: float,
+        rng: np.random.Generator,
+    ) -> FloatArray:
+        """Return the memory a small random step on, reflected into the band."""
+        low, high = _band_edges(mode, modes)
+        step = self.jitter * np.sqrt(dt / modes.interval_s)
+        stepped = memory + step * rng.standard_normal(len(memory))
+        stepped = np.where(stepped < low, 2.0 * low - stepped, stepped)
+        stepped = np.where(stepped > high, 2.0 * high - stepped, stepped)
+        inside: FloatArray = np.clip(stepped, low, high)
+        return inside
+
+    def detection_probability(
+        self, phd: ParticlePHD, radar: RadarModel, modes: ModeSpace
+    ) -> FloatArray:
+        """Return exp(-tau^2 / 2(1 + d)), the Rayleigh target's p_D, shape (N,)."""
+        probability: FloatArray = np.exp(-0.5 * radar.threshold**2 * np.exp(-phd.memory))
+        return probability
+
+    def log_likelihood(
+        self,
+        phd: ParticlePHD,
+        detections: Detections,
+        pairs: tuple[IntArray, IntArray],
+        radar: RadarModel,
+        modes: ModeSpace,
+    ) -> FloatArray:
+        """Return log a - ln(1 + d) - a^2 / 2(1 + d) of each pair, shape (P,)."""
+        row, column = pairs
+        memory = phd.memory[row]
+        if detections.amplitude is None:
+            return -0.5 * radar.threshold**2 * np.exp(-memory)
+        a = np.maximum(detections.amplitude[column], SMALLEST_AMPLITUDE)
+        density: FloatArray = np.log(a) - memory - 0.5 * a**2 * np.exp(-memory)
+        return density
+
+
+def _band_edges(mode: IntArray, modes: ModeSpace) -> tuple[FloatArray, FloatArray]:
+    """Return ln(1 + d1) and ln(1 + d2) of each particle's class, shapes (N,)."""
+    bands = np.log1p([model.snr_band for model in modes.classes])[modes.class_of[mode]]
+    return bands[:, 0], bands[:, 1]

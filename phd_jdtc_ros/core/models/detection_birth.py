@@ -1,0 +1,196 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Births where detections are: for users who do not know where targets appear.
+
+Unknown targets are a uniform intensity in every radar's own coordinates. In the update it competes
+for each detection with clutter and with the known targets. The share that it wins is the newborn
+mass of the detection, which joins the intensity at the detection's place, with the radar's noise
+and a broad velocity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+
+from ..arrays import FloatArray, IntArray, read_only, sum_by
+from ..types import Detections
+from .birth import shifted
+from .modes import ModeSpace
+from .motion import OMEGA, POSITION, STATE_SIZE, VELOCITY
+from .radar import RadarModel
+from .sobol import sobol_points
+
+# Newborn targets are not evaluated at speeds or turn rates beyond this many standard deviations.
+GATE_SIGMA = 8.0
+# Detections that are newborn targets with less than this probability found no particles.
+LEAST_MASS = 1e-4
+# A radar measures no azimuth at its own foot; the Jacobian stops growing here.
+LEAST_RANGE = 1.0
+
+
+@dataclass(frozen=True)
+class DetectionBirthModel:
+    """How often unknown targets appear, and how they move then.
+
+    Parameters
+    ----------
+    rate : array of shape (C,)
+        Expected appearances in a radar's field a nominal interval, per class; all zero for none.
+    velocity_std : float
+        Metres per second an axis.
+    turn_rate_std : float
+        Radians per second.
+    particles : int
+        Per detection; a power of two.
+    """
+
+    rate: FloatArray
+    velocity_std: float
+    turn_rate_std: float
+    particles: int
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "rate", read_only(self.rate))
+
+    @property
+    def enabled(self) -> bool:
+        """Whether there are any such births."""
+        return bool(np.any(self.rate > 0.0))
+
+    def log_intensity(
+        self, detections: Detections, radar: RadarModel, modes: ModeSpace, dt: float
+    ) -> FloatArray:
+        """Return log of the unknown targets' intensity at each detection, shape (C, M).
+
+        Those are meant that appeared in the `dt` seconds before.
+
+        The counterpart of the clutter intensity: uniform over azimuth and range times p_D g^tau
+        of each class.
+        """
+        with np.errstate(divide="ignore"):  # a class that is never born has intensity zero
+            appeared = self.rate * dt / modes.interval_s
+            log_rate = np.log(appeared / (2.0 * np.pi * radar.max_range))
+        likelihood = radar.log_class_likelihood(detections, modes.classes)
+        intensity: FloatArray = log_rate[:, None] + likelihood
+        return intensity
+
+
+@dataclass(frozen=True)
+class Newborn:
+    """What one radar's detections of a scan leave to the next: possible new targets.
+
+    Parameters
+    ----------
+    radar : RadarModel
+    measurement : array of shape (J, 2)
+        Detections with a newborn mass worth keeping.
+    mass : array of shape (J, C)
+        Probability that each is a new target of each class.
+    amplitude : array of shape (J,) or None
+        Those of the detections, where they have any.
+    """
+
+    radar: RadarModel
+    measurement: FloatArray
+    mass: FloatArray
+    amplitude: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.measurement)
+
+
+def newborn(radar: RadarModel, detections: Detections, mass: FloatArray) -> Newborn:
+    """Return the detections whose newborn mass, of shape (M, C), is worth keeping."""
+    kept = mass.sum(axis=1) >= LEAST_MASS
+    amplitude = None if detections.amplitude is None else detections.amplitude[kept]
+    return Newborn(radar, detections.measurement[kept], mass[kept], amplitude)
+
+
+def sample(
+    found: Newborn,
+    model: DetectionBirthModel,
+    modes: ModeSpace,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
+    """Draw the newborn targets of one radar.
+
+    Parameters
+    ----------
+    found : Newborn
+        J detections.
+    model : DetectionBirthModel
+    modes : ModeSpace
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    state : array of shape (N, D)
+        In the world frame; N is J times the particles of a detection.
+    mode : int array of shape (N,)
+    weight : array of shape (N,)
+        In targets.
+    detection : int array of shape (N,)
+        The row of `found` that each particle comes from.
+    """
+    count = model.particles
+    shift = rng.random((len(found), 1, STATE_SIZE + 1))
+    uniform = shifted(sobol_points(STATE_SIZE + 1, count), shift)
+    normal = ndtri(uniform[..., 1:])
+    per_mode = _mode_mass(found, modes)
+    share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
+    mode = (uniform[..., :1] >= share[:, None, :-1]).sum(axis=2).ravel()
+
+    measured = found.measurement[:, None, :] + normal[..., :2] * found.radar.noise_std
+    measured[..., 0] = np.abs(measured[..., 0])
+    state = np.zeros((len(found) * count, STATE_SIZE))
+    state[:, list(VELOCITY)] = model.velocity_std * normal[..., 2:4].reshape(-1, 2)
+    state[:, list(POSITION)] = found.radar.to_world(measured.reshape(-1, 2))
+    turning = np.array([OMEGA in motion.support for motion in modes.motions])[mode]
+    state[:, OMEGA] = np.where(turning, model.turn_rate_std * normal[..., 4].ravel(), 0.0)
+    detection = np.repeat(np.arange(len(found)), count)
+    weight = (per_mode.sum(axis=1) / count)[detection]
+    return state, mode, weight, detection
+
+
+def intensity(
+    found: Newborn,
+    model: DetectionBirthModel,
+    modes: ModeSpace,
+    state: FloatArray,
+    mode: IntArray,
+) -> FloatArray:
+    """Return the intensity that `sample` draws from, over each mode's own support; shape (N,).
+
+    Notes
+    -----
+    The density of the measurement is one over range and azimuth; dividing by the range turns it
+    into one over the plane.
+    """
+    slow = np.abs(state[:, list(VELOCITY)]).max(axis=1) <= GATE_SIGMA * model.velocity_std
+    slow &= np.abs(state[:, OMEGA]) <= GATE_SIGMA * model.turn_rate_std
+    rows = np.flatnonzero(slow)
+    slow_state = state[rows]
+    predicted = found.radar.measure(slow_state)
+    report = Detections(found.measurement, None)
+    row, column, log_density = found.radar.gated_pairs(predicted, report)
+    scaled = slow_state[row][:, list(VELOCITY)] / model.velocity_std
+    log_density -= 0.5 * (scaled**2).sum(axis=1)
+    log_density -= np.log(2.0 * np.pi * model.velocity_std**2)
+    log_density -= np.log(np.maximum(predicted[row, 0], LEAST_RANGE))
+    turning = np.array([OMEGA in motion.support for motion in modes.motions])[mode[rows[row]]]
+    turn = slow_state[row, OMEGA] / model.turn_rate_std
+    log_turn = -0.5 * turn**2 - np.log(model.turn_rate_std * np.sqrt(2.0 * np.pi))
+    log_density += np.where(turning, log_turn, 0.0)
+    rate = _mode_mass(found, modes)[column, mode[rows[row]]]
+    return sum_by(rows[row], rate * np.exp(log_density), len(state))
+
+
+def _mode_mass(found: Newborn, modes: ModeSpace) -> FloatArray:
+    """Return each detection's newborn mass by flat mode, even over a class's motions; (J, O)."""
+    motions_of_class = np.bincount(modes.class_of)
+    mass: FloatArray = (found.mass / motions_of_class)[:, modes.class_of]
+    return mass

@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The general mode: one flat index over every (class, motion) pair.
+
+The paper's point is that class and motion mode are one jump-Markov variable o = (c, r). With a flat
+index every algorithm of the family is the same code: a plain PHD filter has one mode, a
+multi-model one several modes of one class, a class-only one several classes of one motion each.
+
+The class of a living target never changes, so the transition over o is block-diagonal in c.
+All matrices are [from, to]; rows sum to one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+
+from ..arrays import FloatArray, IntArray, read_only
+from .motion import MotionModel
+
+GENERATOR_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class ClassModel:
+    """What is known of one class of targets.
+
+    Parameters
+    ----------
+    name : str
+    snr_band : tuple of two floats
+        Lowest and highest mean signal-to-noise ratio (linear, not dB) a target of the class has.
+    motions : tuple of MotionModel
+        Its R motion modes.
+    mode_transition : array of shape (R, R)
+        Motion-mode matrix for the nominal interval.
+    survival_probability : float
+        Probability to survive one nominal interval.
+    """
+
+    name: str
+    snr_band: tuple[float, float]
+    motions: tuple[MotionModel, ...]
+    mode_transition: FloatArray
+    survival_probability: float
+
+
+def markov_generator(transition: FloatArray) -> FloatArray | None:
+    """Return the rate matrix G with ``expm(G) = transition``, or None if there is none.
+
+    A rate matrix has non-negative off-diagonal entries and rows that sum to zero. Not every
+    transition matrix has one: [[.3, .7], [.7, .3]] flips so often that no continuous-time chain
+    sampled at that interval could.
+    """
+    if np.array_equal(transition, np.eye(len(transition))):
+        return np.zeros_like(transition)
+    if np.linalg.det(transition) <= 0.0:  # det expm(G) = exp(trace G) > 0
+        return None
+    generator = np.asarray(linalg.logm(transition))
+    off_diagonal = generator - np.diag(np.diag(generator))
+    if (
+        not np.all(np.isfinite(generator))
+        or np.abs(np.imag(generator)).max() > GENERATOR_TOLERANCE
+        or np.real(off_diagonal).min() < -GENERATOR_TOLERANCE
+    ):
+        return None
+    return np.ascontiguousarray(np.real(generator))
+
+
+@dataclass(frozen=True)
+class ModeSpace:
+    """The flat mode space of a set of classes.
+
+    Parameters
+    ----------
+    classes : tuple of ClassModel
+    interval_s : float
+        The nominal interval that the classes' matrices and probabilities are given for.
+    """
+
+    classes: tuple[ClassModel, ...]
+    interval_s: float
+
+    @cached_property
+    def class_of(self) -> IntArray:
+        """The class of each flat mode, shape (O,)."""
+        sizes = [len(model.motions) for model in self.classes]
+        index: IntArray = read_only(np.repeat(np.arange(len(sizes)), sizes), np.int64)
+        return index
+
+    @cached_property
+    def motions(self) -> tuple[MotionModel, ...]:
+        """The motion model of each flat mode, length O."""
+        return tuple(motion for model in self.classes for motion in model.motions)
+
+    def __len__(self) -> int:
+        return len(self.motions)
+
+    @cached_property
+    def _nominal_transition(self) -> FloatArray:
+        blocks = [model.mode_transition for model in self.classes]
+        matrix = linalg.block_diag(*blocks)
+        # Rows may miss one by rounding; the shortfall must not become a change of class.
+        normalised: FloatArray = read_only(matrix / matrix.sum(axis=1, keepdims=True))
+        return normalised
+
+    @cached_property
+    def _generator(self) -> FloatArray | None:
+        blocks = [markov_generator(np.asarray(c.mode_transition)) for c in self.classes]
+        known = [block for block in blocks if block is not None]
+        return linalg.block_diag(*known) if len(known) == len(blocks) else None
+
+    def transition(self, dt: float) -> FloatArray:
+        """Return the (O, O) transition matrix over the interval `dt` in seconds.
+
+        Matrices without a generator follow the interval in whole steps (at least one); the
+        configuration admits them only where the interval is declared fixed.
+        """
+        steps = dt / self.interval_s
+        if abs(steps - 1.0) < 1e-6:
+            return self._nominal_transition
+        if self._generator is None:
+            return np.linalg.matrix_power(self._nominal_transition, max(1, round(steps)))
+        matrix = np.maximum(linalg.expm(self._generator * steps), 0.0)
+        normalised: FloatArray = matrix / matrix.sum(axis=1, keepdims=True)
+        return normalised
+
+    def survival(self, dt: float) -> FloatArray:
+        """Return the probability to survive `dt` seconds, per flat mode, shape (O,)."""
+        nominal = np.array([model.survival_probability for model in self.classes])
+        survival: FloatArray = nominal[self.class_of] ** (dt / self.interval_s)
+        return survival

@@ -1,0 +1,175 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Motion models: how a state moves over an interval, and with what noise.
+
+Every model has the same form, ``x' = mean(x, dt) + v``, ``v ~ N(0, Q(dt))``, where the noise (and
+so the transition density) lives on the model's own `support`: constant velocity has no turn rate,
+so its density is one over four numbers where the coordinated turn's is over five. Comparing a
+four-dimensional density with a five-dimensional one would be meaningless; birth, spawn and
+survival of one mode therefore share the mode's support.
+
+The state is ``[x, vx, y, vy, omega]`` in the world frame. Only this module, the radar and the
+encoders know the layout, through the index constants below.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+
+from ..arrays import FloatArray, read_only
+
+X, VX, Y, VY, OMEGA = range(5)
+POSITION = (X, Y)
+VELOCITY = (VX, VY)
+STATE_SIZE = 5
+
+
+class MotionModel(Protocol):
+    """One motion mode's transition."""
+
+    @property
+    def support(self) -> tuple[int, ...]:
+        """Indices of the state on which the mode's densities live; the others are zero."""
+        ...
+
+    def mean(self, state: FloatArray, dt: float) -> FloatArray:
+        """Return the noise-free successor of each row; shape (N, D) to (N, D)."""
+        ...
+
+    def noise_covariance(self, dt: float) -> FloatArray:
+        """Return Q(dt) on the support, shape (K, K)."""
+        ...
+
+
+def _white_acceleration(dt: float, spectral_density: float) -> FloatArray:
+    """Return the covariance of (position, velocity) after `dt` of white acceleration."""
+    covariance: FloatArray = spectral_density * np.array(
+        [[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]]
+    )
+    return covariance
+
+
+def _planar_noise(dt: float, spectral_density: float) -> FloatArray:
+    covariance = np.zeros((4, 4))
+    covariance[:2, :2] = covariance[2:, 2:] = _white_acceleration(dt, spectral_density)
+    return covariance
+
+
+@dataclass(frozen=True)
+class ConstantVelocity:
+    """Nearly constant velocity, turn rate zero.
+
+    Parameters
+    ----------
+    noise_density : float
+        Spectral density l of the white acceleration, m^2/s^3.
+
+    Notes
+    -----
+    Sec. V, F_{k,CV} and Q_{k,CV}. Deviation: the printed zero variance of omega is a point mass,
+    so densities of this mode are four-dimensional.
+    """
+
+    noise_density: float
+    support: tuple[int, ...] = (X, VX, Y, VY)
+
+    def mean(self, state: FloatArray, dt: float) -> FloatArray:
+        """Return F(dt) x of each row, its turn rate zero; shape (N, D)."""
+        moved: FloatArray = state.copy()
+        moved[:, X] += dt * state[:, VX]
+        moved[:, Y] += dt * state[:, VY]
+        moved[:, OMEGA] = 0.0
+        return moved
+
+    def noise_covariance(self, dt: float) -> FloatArray:
+        """Return Q(dt) over (x, vx, y, vy), shape (4, 4)."""
+        return _planar_noise(dt, self.noise_density)
+
+
+@dataclass(frozen=True)
+class CoordinatedTurn:
+    """Coordinated turn with unknown turn rate.
+
+    Parameters
+    ----------
+    noise_density : float
+        Spectral density l1 of the white acceleration, m^2/s^3.
+    turn_noise_density : float
+        Spectral density l2 of the white turn acceleration, rad^2/s^3.
+
+    Notes
+    -----
+    Sec. V, F_{k,CT} and Q_{k,CT}. Deviation: the printed position terms -cos(wT)/w do not vanish
+    at T = 0; the integral of the rotating velocity gives -(1 - cos wT)/w in the first row and
+    +(1 - cos wT)/w in the third. Both quotients are written with the half angle a = wT/2, as
+    T (sin a / a) cos a and T (sin a / a) sin a, which is exact at w = 0.
+    """
+
+    noise_density: float
+    turn_noise_density: float
+    support: tuple[int, ...] = (X, VX, Y, VY, OMEGA)
+
+    def mean(self, state: FloatArray, dt: float) -> FloatArray:
+        """Return F(omega, dt) x of each row; shape (N, D)."""
+        omega = state[:, OMEGA]
+        half = 0.5 * dt * omega
+        cos_half, sin_half = np.cos(half), np.sin(half)
+        straight = half == 0.0
+        chord = dt * np.where(straight, 1.0, sin_half) / np.where(straight, 1.0, half)
+        along, across = chord * cos_half, chord * sin_half
+        cos, sin = 1.0 - 2.0 * sin_half**2, 2.0 * sin_half * cos_half
+        vx, vy = state[:, VX], state[:, VY]
+        return np.stack(
+            [
+                state[:, X] + along * vx - across * vy,
+                cos * vx - sin * vy,
+                state[:, Y] + across * vx + along * vy,
+                sin * vx + cos * vy,
+                omega,
+            ],
+            axis=1,
+        )
+
+    def noise_covariance(self, dt: float) -> FloatArray:
+        """Return Q(dt) over the whole state, shape (5, 5)."""
+        covariance = np.zeros((5, 5))
+        covariance[:4, :4] = _planar_noise(dt, self.noise_density)
+        covariance[4, 4] = dt * self.turn_noise_density
+        return covariance
+
+
+def sample(
+    model: MotionModel, state: FloatArray, dt: float, rng: np.random.Generator
+) -> FloatArray:
+    """Draw a successor of every row of `state` under `model`; shape (N, D)."""
+    moved = model.mean(state, dt)
+    factor = np.linalg.cholesky(model.noise_covariance(dt))
+    noise = rng.standard_normal((len(state), len(model.support))) @ factor.T
+    for column, axis in enumerate(model.support):
+        moved[:, axis] += noise[:, column]
+    return moved
+
+
+def whitener(covariance: FloatArray) -> tuple[FloatArray, float]:
+    """Return W with ``W covariance W' = I``, upper triangular, and log |det W|.
+
+    Upper triangular, so that a velocity is scaled alone and a position is taken given its
+    velocity. A cloud of a tracked target is then wide in the position coordinates only, and a
+    neighbour search over those two is enough.
+    """
+    return _whitener(len(covariance), np.asarray(covariance, dtype=np.float64).tobytes())
+
+
+# Intervals and noise seldom change, and for few targets this is a tenth of a kernel.
+@lru_cache(maxsize=64)
+def _whitener(size: int, entries: bytes) -> tuple[FloatArray, float]:
+    covariance = np.frombuffer(entries).reshape(size, size)
+    # The Cholesky factor of the reversed matrix, reversed back, is the upper-triangular one.
+    upper = np.linalg.cholesky(covariance[::-1, ::-1])[::-1, ::-1]
+    inverse = np.linalg.inv(upper)
+    return read_only(inverse), float(np.log(np.diag(inverse)).sum())

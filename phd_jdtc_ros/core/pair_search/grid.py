@@ -1,0 +1,167 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Candidates among the points of one group: a grid of cells for the cloud of every group.
+
+Where pairs must be of one group, as of one target's origin, the clouds are many and small. Each
+has a grid of its own over the two axes along which it is widest, so what a query may reach is
+looked up in a table of cells: no coordinate is sorted or searched for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import sparse
+
+from ..arrays import FloatArray, IntArray, run_starts
+from . import sweep
+from .intervals import Pairs
+from .sweep import ROUNDING, Candidates, near_chunks
+
+# Cells are as high as the radius and so many times as slender: what a row of them holds beside the
+# circle is tested in vain.
+SLENDER = 3
+# Far-spread clouds get larger cells, so that there are no more than this many to a point.
+CELLS_A_POINT = 8
+
+
+def within_groups(
+    query: FloatArray,
+    query_group: IntArray,
+    point: FloatArray,
+    point_group: IntArray,
+    radius: float,
+) -> Iterator[Pairs]:
+    """Yield in chunks every (query, point) pair of one group at most `radius` apart.
+
+    Parameters
+    ----------
+    query : array of shape (Q, K)
+        K at least 2; not empty, like the points.
+    query_group : int array of shape (Q,)
+        From 0.
+    point : array of shape (P, K)
+    point_group : int array of shape (P,)
+    radius : float
+        In units of the coordinates: standard deviations, once whitened.
+    """
+    yield from near_chunks(grid_candidates(query, query_group, point, point_group, radius))
+
+
+def grid_candidates(
+    query: FloatArray,
+    query_group: IntArray,
+    point: FloatArray,
+    point_group: IntArray,
+    radius: float,
+) -> Candidates:
+    """Return what is to be tested; parameters as those of `within_groups`."""
+    groups = 1 + int(max(query_group.max(), point_group.max()))
+    by_axis = np.ascontiguousarray(point.T)
+    low, extent = _extents(by_axis, point_group, groups)
+    axes = np.argsort(-extent, axis=1, kind="stable")[:, :2]
+    corner, wide = (np.take_along_axis(each, axes, axis=1).T for each in (low, extent))
+    finest = np.array([[radius / SLENDER], [radius]])
+    points = np.bincount(point_group, minlength=groups)
+    cells, most = wide / finest, CELLS_A_POINT * np.maximum(points, 1)
+    # A cloud that is a line has no area.
+    coarser = np.maximum(np.sqrt(cells.prod(axis=0) / most), cells.max(axis=0) / most)
+    width = finest * np.maximum(coarser, 1.0)
+    across, down = (wide / width).astype(np.int64) + 1
+    first = np.cumsum(across * down) - across * down
+
+    along, height = _places(point, point_group, axes, corner, width)
+    cell = first.take(point_group) + along.astype(np.int64)
+    cell += height.astype(np.int64) * across.take(point_group)
+    rank, begin = _by_cell(cell, int((across * down).sum()))
+
+    place = _places(query, query_group, axes, corner, width)
+    grid = (first.take(query_group), across.take(query_group), down.take(query_group))
+    start, count = _rows_of_cells(place, grid, begin, (radius / width[1]).take(query_group))
+    kept = np.flatnonzero(count)
+    return Candidates(
+        query=np.asarray(query.T, order=sweep.BACKEND.layout),
+        point=np.asarray(by_axis.take(rank, axis=1), order=sweep.BACKEND.layout),
+        limit=np.full(len(query), radius**2),
+        rank=rank,
+        owner=kept // start.shape[1],
+        start=start.ravel().take(kept),
+        count=count.ravel().take(kept),
+    )
+
+
+def _extents(by_axis: FloatArray, group: IntArray, groups: int) -> tuple[FloatArray, FloatArray]:
+    """Return each group's lowest coordinates and how far it extends; zeros where it is empty."""
+    run = run_starts(group)
+    low, high = np.full((groups, len(by_axis)), np.inf), np.full((groups, len(by_axis)), -np.inf)
+    np.minimum.at(low, group[run], np.minimum.reduceat(by_axis, run, axis=1).T)
+    np.maximum.at(high, group[run], np.maximum.reduceat(by_axis, run, axis=1).T)
+    empty = low > high
+    return np.where(empty, 0.0, low), np.where(empty, 0.0, high - low)
+
+
+def _by_cell(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
+    """Return the points in the order of their cells, and where each cell begins."""
+    # Making a CSR array is a counting sort, twice as fast as an argsort.
+    column = np.arange(len(cell))
+    table = sparse.csr_array(
+        (np.ones(len(cell), dtype=np.int8), (cell, column)), shape=(cells, len(cell))
+    )
+    return table.indices.astype(np.int64), table.indptr.astype(np.int64)
+
+
+def _places(
+    value: FloatArray, group: IntArray, axes: IntArray, corner: FloatArray, width: FloatArray
+) -> FloatArray:
+    """Return where in its group's grid each row stands, in cells, shape (2, N)."""
+    flat, begin = np.ascontiguousarray(value).ravel(), np.arange(len(value)) * value.shape[1]
+    place = np.empty((2, len(value)))
+    for axis in range(2):
+        place[axis] = flat.take(begin + axes[:, axis].take(group))
+        place[axis] -= corner[axis].take(group)
+        place[axis] /= width[axis].take(group)
+    return place
+
+
+def _rows_of_cells(
+    place: FloatArray,
+    grid: tuple[IntArray, IntArray, IntArray],
+    begin: IntArray,
+    reach: FloatArray,
+) -> tuple[IntArray, IntArray]:
+    """Return what each query may reach: an interval of points in each of three rows of cells.
+
+    Parameters
+    ----------
+    place : array of shape (2, Q)
+        In cells.
+    grid : tuple of int arrays of shape (Q,)
+        First cell, cells in a row, and rows of the query's grid.
+    begin : int array of shape (cells + 1,)
+        Where the points of each cell begin.
+    reach : array of shape (Q,)
+        The radius in heights of a cell, at most one.
+
+    Returns
+    -------
+    start, count : int arrays of shape (Q, 3)
+    """
+    (along, height), (first, across, down) = place, grid
+    start, count = (np.empty((len(along), 3), dtype=np.int64) for _ in range(2))
+    middle, last = np.floor(height), across - 1.0
+    for column, shift in enumerate((-1.0, 0.0, 1.0)):
+        row = middle + shift
+        # Of a circle, a row so far from its centre holds no more than a chord.
+        apart = np.maximum(np.maximum(row - height, height - row - 1.0) - ROUNDING, 0.0)
+        half = SLENDER * np.sqrt(np.maximum(reach * reach - apart * apart, 0.0)) + ROUNDING
+        line = first + across * np.minimum(np.maximum(row, 0.0), down - 1.0)
+        # Beside the grid, the cells at its edge are tested in vain.
+        left = line + np.minimum(np.maximum(np.floor(along - half), 0.0), last)
+        right = line + np.minimum(np.maximum(np.floor(along + half), 0.0), last)
+        start[:, column] = begin.take(left.astype(np.int64))
+        count[:, column] = begin.take(right.astype(np.int64) + 1)
+        count[:, column] -= start[:, column]
+        count[:, column] *= (row >= 0.0) & (row < down)
+    return start, count

@@ -1,0 +1,194 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Simulated targets and radars: the reference scenario and others of its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, read_only
+from ..models.amplitude_density import snr_from_db
+from ..models.motion import OMEGA, POSITION, STATE_SIZE, VELOCITY, CoordinatedTurn
+from ..models.radar import RadarModel
+
+# The truth moves as this model's mean does; turn rate 0 is a straight line.
+NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A stretch of a target's life in which its velocity rotates.
+
+    Parameters
+    ----------
+    first_scan, last_scan : int
+        From the stamp of the one to the stamp of the other; on the last it flies straight again.
+    turn_rate : float
+        Radians per second, counter-clockwise.
+    """
+
+    first_scan: int
+    last_scan: int
+    turn_rate: float
+
+
+@dataclass(frozen=True)
+class TargetScript:
+    """One target that moves straight at constant velocity, but for its turns.
+
+    Parameters
+    ----------
+    class_id : int
+    snr : float
+        Mean signal-to-noise ratio, linear.
+    position : tuple of two floats
+        At its first scan, world frame, metres.
+    velocity : tuple of two floats
+        At its first scan, metres per second.
+    first_scan, last_scan : int
+        The scans it lives, both included.
+    turns : tuple of Turn
+        One after the other, from its first scan on.
+    """
+
+    class_id: int
+    snr: float
+    position: tuple[float, float]
+    velocity: tuple[float, float]
+    first_scan: int
+    last_scan: int
+    turns: tuple[Turn, ...] = ()
+
+    def __post_init__(self) -> None:
+        edges = [self.first_scan, *(e for t in self.turns for e in (t.first_scan, t.last_scan))]
+        if edges != sorted(edges):
+            raise ValueError(f"turns: {self.turns}, expected one after the other")
+
+    def state_at(self, scan: int, interval_s: float) -> FloatArray:
+        """Return the exact state at a scan, its turn rate that of the turn in progress, shape (D,).
+
+        Parameters
+        ----------
+        scan : int
+            At least `first_scan`.
+        interval_s : float
+            Between scans.
+        """
+        state = np.zeros((1, STATE_SIZE))
+        state[0, list(POSITION)] = self.position
+        state[0, list(VELOCITY)] = self.velocity
+        for scans, turn_rate in self._legs(scan):
+            state[0, OMEGA] = turn_rate
+            state = NOISE_FREE.mean(state, scans * interval_s)
+        now = [turn.turn_rate for turn in self.turns if turn.first_scan <= scan < turn.last_scan]
+        state[0, OMEGA] = sum(now)
+        exact: FloatArray = state[0]
+        return exact
+
+    def _legs(self, scan: int) -> Iterator[tuple[int, float]]:
+        """Yield the length in scans and the turn rate of every stretch up to a scan."""
+        reached = self.first_scan
+        for turn in self.turns:
+            for until, turn_rate in ((turn.first_scan, 0.0), (turn.last_scan, turn.turn_rate)):
+                yield min(until, scan) - min(reached, scan), turn_rate
+                reached = until
+        yield scan - min(reached, scan), 0.0
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What to simulate.
+
+    Parameters
+    ----------
+    start_ns : int
+        Stamp of scan 0; not zero, as no real stamp is.
+    interval_s : float
+    scans : int
+    targets : tuple of TargetScript
+    radars : tuple of RadarModel
+    """
+
+    start_ns: int
+    interval_s: float
+    scans: int
+    targets: tuple[TargetScript, ...]
+    radars: tuple[RadarModel, ...]
+
+    def stamp_ns(self, scan: int) -> int:
+        """Return the stamp of a scan in nanoseconds."""
+        return self.start_ns + round(scan * self.interval_s * 1e9)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The targets that exist at one stamp.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    state : array of shape (T, D)
+    track_id : int array of shape (T,)
+        Counted from 1 in the order of the scenario.
+    class_id : int array of shape (T,)
+    """
+
+    stamp_ns: int
+    state: FloatArray
+    track_id: IntArray
+    class_id: IntArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "state", read_only(self.state))
+        for name in ("track_id", "class_id"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+
+
+def truth_at(scenario: Scenario, scan: int) -> Truth:
+    """Return the scenario's targets at a scan."""
+    alive = [
+        (number, target)
+        for number, target in enumerate(scenario.targets, start=1)
+        if target.first_scan <= scan <= target.last_scan
+    ]
+    state = np.zeros((len(alive), STATE_SIZE))
+    for row, (_, target) in enumerate(alive):
+        state[row] = target.state_at(scan, scenario.interval_s)
+    return Truth(
+        stamp_ns=scenario.stamp_ns(scan),
+        state=state,
+        track_id=np.array([number for number, _ in alive], dtype=np.int64),
+        class_id=np.array([target.class_id for _, target in alive], dtype=np.int64),
+    )
+
+
+def paper_scenario(radars: tuple[RadarModel, ...]) -> Scenario:
+    """Return the reference scenario: four targets of two classes, two crossings.
+
+    Parameters
+    ----------
+    radars : tuple of RadarModel
+        The scenario's own are the defaults of the configuration.
+
+    Notes
+    -----
+    Sec. V. Speeds are not printed there; these let target 1 cross target 2 (the other class),
+    then target 3 (its own), and target 4 cross target 2 (its own), near the radars.
+    """
+    strong, weak = snr_from_db(45.0), snr_from_db(25.0)
+    return Scenario(
+        start_ns=1_000_000_000_000,
+        interval_s=6.0,
+        scans=80,
+        targets=(
+            TargetScript(0, strong, (-10e3, 10e3), (36.0, -44.0), 0, 59),
+            TargetScript(1, weak, (-10e3, -10e3), (36.0, 44.0), 0, 59),
+            TargetScript(0, strong, (-10e3, -10.5e3), (36.0, 44.0), 0, 59),
+            TargetScript(1, weak, (1.4e3, 8e3), (0.0, -20.7), 20, 79),
+        ),
+        radars=radars,
+    )

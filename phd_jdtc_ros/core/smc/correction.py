@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The two ways to correct an intensity with one radar's detections.
+
+`poisson` is the PHD filter's: targets are a Poisson process, so the mass at one place may claim
+any number of detections, and a missed detection scales all of it down alike. `bernoulli` knows
+that the particles of one origin are one target at the most. It claims one detection, and a missed
+one costs a well-established target no more than it should.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from scipy import sparse
+
+from ..arrays import FloatArray, IntArray, factorize, sum_by
+from ..association.marginals import marginals
+from .particle_set import ParticlePHD
+
+# Some probability to be missed is always left.
+LEAST_MISSED = 1e-6
+
+
+@dataclass(frozen=True)
+class Claims:
+    """How well particles and everything else explain one radar's M detections.
+
+    Parameters
+    ----------
+    row, column : int arrays of shape (P,)
+        The particle and the detection of each pair within the gate.
+    mass : array of shape (P,)
+        p_D L_z w of each pair, relative to a scale of its detection's own.
+    other : array of shape (M,)
+        Clutter and unknown targets, relative to the same scale.
+    detection_probability : array of shape (N,)
+        Of each particle; 0 out of the radar's range.
+    """
+
+    row: IntArray
+    column: IntArray
+    mass: FloatArray
+    other: FloatArray
+    detection_probability: FloatArray
+
+
+class Corrector(Protocol):
+    """How the intensity takes in one radar's detections."""
+
+    def __call__(self, phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray]:
+        """Return the corrected intensity, and of each detection the share it claimed, (M,)."""
+        ...
+
+
+def poisson(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray]:
+    """Correct as the PHD filter does; the components are those of the detections.
+
+    Earlier components are multiplied by 1 - p_D, one is added for each of the M detections.
+
+    Notes
+    -----
+    Sec. IV-C, Step 2.
+    """
+    size = len(claims.other)
+    claimed = sum_by(claims.column, claims.mass, size)
+    total = claims.other + claimed
+    total = np.where(total > 0.0, total, 1.0)
+    part = sparse.csr_array(
+        (claims.mass / total.take(claims.column), (claims.row, claims.column)),
+        shape=(len(phd), size),
+    )
+    missed = 1.0 - claims.detection_probability
+    corrected = replace(
+        phd,
+        poisson=phd.poisson * missed,
+        components=sparse.hstack([scale_rows(phd.components, missed), part], format="csr"),
+        label=np.concatenate([phd.label, np.full(size, -1)]),
+    )
+    return corrected, claimed / total
+
+
+def bernoulli(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray]:
+    """Correct every origin as one target at the most; the components are those of the origins.
+
+    Notes
+    -----
+    Deviation from Sec. IV-C, Step 2: with the probability r that the target exists, r p_D that it
+    is detected, and the marginals p_z and p_0 of its association,
+    w <- w [p_0 (1 - p_D) / (1 - r p_D) + sum_z p_z p_D L_z / sum_s p_D L_z w].
+    Origins do not share their targets: what the PHD filter knows of them is a multi-Bernoulli
+    density then, with the origins as labels.
+
+    References
+    ----------
+    Meyer et al., "Message passing algorithms for scalable multitarget tracking", Proceedings of
+    the IEEE 106(2), 2018, for the same marginals in a particle filter of Bernoulli targets.
+    """
+    origins, target = factorize(phd.origin)
+    count, size = len(origins), len(claims.other)
+    # Resampling may round a mass a little above one.
+    excess = np.maximum(sum_by(target, phd.weight, count), 1.0)
+    prior = phd.weight / excess.take(target)
+    seen = sum_by(target, prior * claims.detection_probability, count)
+    missed = np.maximum(1.0 - seen, LEAST_MISSED)
+
+    edge, edge_of_pair = _edges((target * size).take(claims.row) + claims.column, count * size)
+    owner, column = edge // max(size, 1), edge % max(size, 1)
+    components = sum_by(edge_of_pair, claims.mass, len(edge)) / excess[owner]
+    probability, none = marginals(owner, column, components / missed[owner], count, claims.other)
+
+    scale = probability / np.where(components > 0.0, components, 1.0) / excess[owner]
+    weight = prior * (1.0 - claims.detection_probability) * (none / missed).take(target)
+    weight += sum_by(claims.row, claims.mass * scale.take(edge_of_pair), len(phd))
+    corrected = replace(
+        phd,
+        poisson=np.zeros(len(phd)),
+        components=sparse.csr_array(
+            (weight, target, np.arange(len(phd) + 1)), shape=(len(phd), count)
+        ),
+        label=origins,
+    )
+    return corrected, np.minimum(sum_by(column, probability, size), 1.0)
+
+
+def _edges(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
+    """Return the distinct cells, ascending, and which of them each entry is, by a table of all.
+
+    As `numpy.unique`, which would sort all pairs: half of the update for many targets.
+    """
+    table = np.zeros(cells, dtype=np.int64)
+    table[cell] = 1
+    distinct: IntArray = np.flatnonzero(table)
+    table[distinct] = np.arange(len(distinct))
+    return distinct, table.take(cell)
+
+
+def scale_rows(matrix: sparse.csr_array, factor: FloatArray) -> sparse.csr_array:
+    """Return a CSR array with each row multiplied by its factor; the pattern is shared."""
+    data = matrix.data * factor.repeat(np.diff(matrix.indptr))
+    return sparse.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+CORRECTORS: dict[str, Corrector] = {"bernoulli": bernoulli, "poisson": poisson}

@@ -1,0 +1,184 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The particle engine: the filter of every scan, and the fixed-lag window behind it."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..engine import Lag, Step
+from ..models.tracker_model import TrackerModel
+from ..track_numbers import TrackNumbers
+from ..types import Estimates, Scan
+from .backward_kernel import Transition
+from .extraction import Extraction
+from .filter import ForwardFilter
+from .particle_set import ParticlePHD
+from .smoother import DeathTerm, backward_pass
+from .snapshot import Snapshot
+
+# Second word of the seed; the filter has another, see `filter`.
+EXTRACTION_STREAM = 1
+
+
+@dataclass
+class ParticleEngine:
+    """SMC PHD filter with a fixed-lag backward smoother over the general mode.
+
+    Parameters
+    ----------
+    forward : ForwardFilter
+    lag : Lag
+    death_term : DeathTerm
+    extraction : Extraction
+    existence_threshold : float
+        Probability of existence above which a target is reported.
+    """
+
+    forward: ForwardFilter
+    lag: Lag
+    death_term: DeathTerm
+    extraction: Extraction
+    existence_threshold: float
+    _tracks: TrackNumbers = field(init=False, repr=False)
+    _stamps: list[int] = field(init=False, repr=False)
+    _stored: list[ParticlePHD] = field(init=False, repr=False)
+    _links: list[Transition] = field(init=False, repr=False)  # one between every two stored sets
+    _rng: np.random.Generator = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything; the random generators start from the seed again."""
+        self.forward.reset()
+        self._tracks = TrackNumbers()
+        self._stamps, self._stored, self._links = [], [], []
+        # Its own, so that the filter's draws do not depend on how targets are read off.
+        self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
+
+    def step(self, scan: Scan) -> Step:
+        """Filter one scan and smooth the stamps whose lag is reached.
+
+        Raises
+        ------
+        ValueError
+            If the stamp is not later than the one before.
+        """
+        modes = self.forward.model.modes
+        found = self.forward.step(scan, linked=bool(self._stored))
+        filtered = self._targets(found.updated, scan.stamp_ns, 0)
+        if found.link is not None:
+            self._links.append(found.link)
+        self._stamps.append(scan.stamp_ns)
+        self._stored.append(found.stored)
+        smoothed = []
+        while self.lag.reached(self._stamps):
+            smoothed.append(self._smooth_oldest())
+        self._tracks.forget_all_but([found.stored.label, *(phd.label for phd in self._stored)])
+        return Step(
+            filtered=filtered,
+            smoothed=tuple(smoothed),
+            class_mass=found.updated.class_mass(modes.class_of, len(modes.classes)),
+            particles=len(found.stored),
+            effective_sample_size=found.stored.effective_sample_size,
+            orphans=found.link.orphans if found.link else 0,
+        )
+
+    def retune(self, model: TrackerModel, existence_threshold: float) -> None:
+        """Go by another model of the same structure, and another threshold, from the next scan on.
+
+        What is kept from scan to scan, the stored sets and the links between them, was made with
+        what held then, and stays.
+        """
+        self.forward.model = model
+        self.existence_threshold = existence_threshold
+
+    def flush(self) -> tuple[Estimates, ...]:
+        """Return the estimates of the window, smoothed as far as it goes, and reset."""
+        rest = self._smooth_rest()
+        self.reset()
+        return rest
+
+    def interrupt(self) -> tuple[Estimates, ...]:
+        """Do as `flush`, but give tracks found from now on numbers that no other has had.
+
+        For a gap in a time that goes on: whoever follows tracks by their numbers must not take a
+        new target for an old one.
+        """
+        rest, given = self._smooth_rest(), self._tracks.count
+        self.reset()
+        self._tracks = TrackNumbers(count=given)
+        return rest
+
+    def snapshot(self) -> Snapshot:
+        """Return all that the tracker holds; it shares its arrays, which nobody changes."""
+        snapshot = Snapshot()
+        self.forward.put(snapshot)
+        snapshot.facts["smoother"] = {
+            "stamps_ns": list(self._stamps),
+            "tracks": self._tracks.facts,
+            "rng": self._rng.bit_generator.state,
+        }
+        for index, phd in enumerate(self._stored):
+            snapshot.put_particles(f"stored.{index}", phd)
+        for index, link in enumerate(self._links):
+            snapshot.put_link(f"link.{index}", link)
+        return snapshot
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot as if the tracker had never stopped.
+
+        Parameters
+        ----------
+        snapshot : Snapshot
+            Of a tracker with the same configuration.
+
+        Raises
+        ------
+        ValueError
+            If it is not one of a tracker; the tracker is reset then.
+        """
+        self.reset()
+        try:
+            self._take(snapshot)
+        except (KeyError, TypeError, ValueError) as error:
+            self.reset()
+            raise ValueError(f"snapshot: {error}") from error
+
+    def _take(self, snapshot: Snapshot) -> None:
+        facts = snapshot.facts["smoother"]
+        stored = [snapshot.particles(f"stored.{k}") for k in range(len(facts["stamps_ns"]))]
+        links = [
+            snapshot.link(f"link.{k}", earlier, later)
+            for k, (earlier, later) in enumerate(itertools.pairwise(stored))
+        ]
+        tracks = facts["tracks"]
+        self.forward.take(snapshot)
+        self._rng.bit_generator.state = facts["rng"]
+        self._tracks = TrackNumbers({int(k): int(n) for k, n in tracks["number"]}, tracks["count"])
+        self._stamps, self._stored, self._links = list(facts["stamps_ns"]), stored, links
+
+    def _smooth_rest(self) -> tuple[Estimates, ...]:
+        """Smooth the window as far as it goes, and empty it."""
+        rest = []
+        while self._stored:
+            rest.append(self._smooth_oldest())
+        return tuple(rest)
+
+    def _smooth_oldest(self) -> Estimates:
+        """Smooth the oldest stored set with all that follow, and drop it from the window."""
+        *_, smoothed = backward_pass(self._stored, self._links, self.death_term)
+        stamp_ns, lag = self._stamps[0], len(self._stored) - 1
+        del self._stamps[0], self._stored[0], self._links[:1]
+        return self._targets(smoothed, stamp_ns, lag)
+
+    def _targets(self, phd: ParticlePHD, stamp_ns: int, lag: int) -> Estimates:
+        """Read the targets off an intensity and number their tracks."""
+        modes, threshold = self.forward.model.modes, self.existence_threshold
+        found = self.extraction(phd, modes, stamp_ns, lag, threshold, self._rng)
+        return self._tracks.numbered(found)

@@ -1,0 +1,135 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The backward step over cached transitions, with either reading of the death term."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from ..arrays import FloatArray, sum_by
+from .backward_kernel import Transition
+from .particle_set import ParticlePHD
+
+
+class DeathTerm(Protocol):
+    """How the backward step shares out the mass of targets that did not survive."""
+
+    def __call__(self, phd: ParticlePHD, survival: FloatArray, backward: FloatArray) -> FloatArray:
+        """Return phi_j, the factor on 1 - P_s, for every component; shape (J,).
+
+        Parameters
+        ----------
+        phd : ParticlePHD
+            The filtered set at t, N rows and J components.
+        survival : array of shape (N,)
+            P_s over the interval to t + 1.
+        backward : array of shape (N,)
+            B(s), the smoothed mass of the later set that the particle explains, per weight.
+        """
+        ...
+
+
+def paper_death_term(phd: ParticlePHD, survival: FloatArray, backward: FloatArray) -> FloatArray:
+    """Return phi = 1: the term as printed.
+
+    Notes
+    -----
+    Sec. II-B, backward equation. It treats every target as barely existing, so a target that was
+    certain and then died loses its mass back through the whole lag window.
+    """
+    return np.ones(phd.components.shape[1])
+
+
+def bernoulli_death_term(
+    phd: ParticlePHD, survival: FloatArray, backward: FloatArray
+) -> FloatArray:
+    """Return the death factor of each component taken as a Bernoulli target.
+
+    Notes
+    -----
+    Deviation from Sec. II-B: after an update the posterior is a Poisson part plus one Bernoulli
+    component a detection, and for component j
+    phi_j = (1 - B_j) / (1 - sum_s P_s(s) a_j(s)), with B_j = sum_s a_j(s) B(s) clipped at 1.
+    It is the exact backward step of a component that alone feeds mu.
+    """
+    parts = phd.components
+    components = parts.shape[1]
+
+    def by_component(factor: FloatArray) -> FloatArray:
+        return sum_by(parts.indices, parts.data * phd.by_entry(factor), components)
+
+    survived = np.minimum(by_component(backward), 1.0)
+    # A component holds one target at the most; resampling may round it a little above.
+    mass = np.maximum(phd.component_mass, 1.0)
+    dying = 1.0 - by_component(survival) / mass
+    factor: FloatArray = (1.0 - survived) / np.where(dying > 0.0, dying, np.inf)
+    return factor
+
+
+DEATH_TERMS: dict[str, DeathTerm] = {
+    "bernoulli": bernoulli_death_term,
+    "paper": paper_death_term,
+}
+
+
+def backward_step(
+    phd: ParticlePHD, link: Transition, later_weight: FloatArray, death_term: DeathTerm
+) -> ParticlePHD:
+    """Carry smoothed weights from t + 1 back to t.
+
+    Parameters
+    ----------
+    phd : ParticlePHD
+        The filtered set at t, with its filtered components.
+    link : Transition
+        Between t and t + 1.
+    later_weight : array of shape (N_{t+1},)
+        w_{t+1|k}.
+    death_term : DeathTerm
+
+    Returns
+    -------
+    ParticlePHD
+        The set at t with a_{j,t|k}(s) = a_{j,t|t}(s) [B(s) + (1 - P_s) phi_j]; for the part that
+        no detection explains phi is 1.
+
+    Notes
+    -----
+    Sec. IV-C, Step 4. Deviation: the superscript of w_{t+1|k} in the numerator is (q), not (s).
+    """
+    backward = link.ratio @ later_weight
+    death = 1.0 - link.survival
+    factor = death_term(phd, link.survival, backward)
+    parts = phd.components
+    data = phd.by_entry(death) * factor.take(parts.indices)
+    data += phd.by_entry(backward)
+    data *= parts.data
+    components = copy.copy(parts)  # the pattern is shared
+    components.data = data
+    return replace(phd, poisson=phd.poisson * (backward + death), components=components)
+
+
+def backward_pass(
+    stored: Sequence[ParticlePHD], links: Sequence[Transition], death_term: DeathTerm
+) -> Iterator[ParticlePHD]:
+    """Yield the smoothed sets of a window, the newest first: lag 0, lag 1 and so on.
+
+    Parameters
+    ----------
+    stored : sequence of ParticlePHD
+        Filtered sets, the oldest first.
+    links : sequence of Transition
+        One between every two of them.
+    death_term : DeathTerm
+    """
+    smoothed = stored[-1]
+    yield smoothed
+    for phd, link in zip(stored[-2::-1], links[::-1], strict=True):
+        smoothed = backward_step(phd, link, smoothed.weight, death_term)
+        yield smoothed

@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""ROS parameters from the core's table: read what was given, check it whole, declare it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+
+# Parameters that rclpy declares for itself.
+_OWN = ("use_sim_time", "start_type_description_service")
+
+
+def given(node: Node) -> dict[str, Any]:
+    """Return what the user set on the command line or in files, by dotted name.
+
+    Taken from the arguments themselves, so that names which no table knows are seen too; rclpy
+    would drop them.
+    """
+    return {
+        # An empty list has no type, and arrives as None.
+        name: [] if parameter.value is None else parameter.value
+        for name, parameter in node.handle.get_parameters(rclpy.Parameter).items()
+        if name not in _OWN and not name.startswith("qos_overrides.")
+    }
+
+
+def declare(
+    node: Node,
+    table: Mapping[str, Parameter],
+    values: Mapping[str, Any],
+    mutable: frozenset[str] = frozenset(),
+) -> None:
+    """Declare checked values, described, ranged, and read-only unless named in `mutable`."""
+    for name, parameter in table.items():
+        descriptor = _descriptor(parameter, values[name])
+        descriptor.read_only = name not in mutable
+        node.declare_parameter(name, values[name], descriptor, ignore_override=True)
+
+
+def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Return the values of a plain table's parameters, and every fault of what was found."""
+    by_name = {parameter.name: parameter for parameter in table}
+    faults = [f"{name}: unknown parameter" for name in found if name not in by_name]
+    values = {}
+    for name, parameter in by_name.items():
+        value = found.get(name, parameter.default)
+        values[name] = parameter.coerce(value)
+        if values[name] is None:
+            faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
+    return values, faults
+
+
+def resolve(node: Node, table: tuple[Parameter, ...], flags: Mapping[str, Any]) -> dict[str, Any]:
+    """Check a node's parameters against a plain table, declare them, return their values.
+
+    Parameters
+    ----------
+    node : Node
+    table : tuple of Parameter
+    flags : mapping of name to value
+        From plain command-line flags; they win over ROS arguments.
+
+    Raises
+    ------
+    ConfigError
+        With every fault.
+    """
+    values, faults = check(table, {**given(node), **flags})
+    if faults:
+        raise ConfigError(faults)
+    declare(node, {parameter.name: parameter for parameter in table}, values)
+    return values
+
+
+def _descriptor(parameter: Parameter, value: Any) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(
+        description=parameter.description,
+        additional_constraints=f"must be {parameter.allowed}",
+        # An empty list has no type of its own.
+        dynamic_typing=value == [],
+    )
+    largest = sys.float_info.max
+    low, high = max(parameter.low, -largest), min(parameter.high, largest)
+    if isinstance(value, float) and (low, high) != (-largest, largest):
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    elif isinstance(value, int) and not isinstance(value, bool):
+        descriptor.integer_range = [
+            IntegerRange(from_value=int(parameter.low), to_value=int(parameter.high))
+        ]
+    return descriptor

@@ -1,0 +1,208 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Compares estimates with the truth, scan by scan, and reports at the end."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rich.console import Console
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import diagnostics, estimates, names, truth
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet, ScanScore
+from phd_jdtc_ros.core.models.motion import POSITION
+from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.exit_status import FAILED, OK
+from phd_jdtc_ros.report.table import metrics, score_tables
+
+from ..common import arguments, overridable, parameters, runtime
+from ..common.runtime import WARNING_PERIOD_S
+from .recorder import Recorder
+
+INPUT_DEPTH = 100
+OUTPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+CHECK_PERIOD_S = 0.1
+# Once the last score is in, what else is on its way to the recording gets this long.
+LINGER_S = 0.5
+# Of a node that may run for months: scans that a late cloud may still belong to, and step times.
+KEPT_SCANS, KEPT_STEPS = 1000, 100_000
+
+TABLE = (
+    Parameter("tracker", names.TRACKER, "Full name of the tracker node."),
+    Parameter("truth_topic", names.TRUTH, "Topic of the truth."),
+    Parameter("classes", 2, "Number of target classes.", 1, 1000),
+    Parameter("cutoff", 1000.0, "OSPA's c, m.", SMALL),
+    Parameter("order", 2.0, "OSPA's p.", 1.0, 100.0),
+    Parameter("report", "", "Path of the final report (JSON); none if empty."),
+    Parameter("record", "", "Directory of a bag of everything published; none if empty."),
+    Parameter(
+        "radar_topics",
+        [names.detections("radar_1"), names.detections("radar_2")],
+        "Detections to record too.",
+        element=str,
+    ),
+    Parameter(
+        "exit_after_scans",
+        0,
+        "End once this many stamps are smoothed and scored; 0 never.",
+        0,
+        10**9,
+    ),
+)
+
+
+class Evaluator(Node):
+    """Pairs estimates with truth by stamp and publishes every score."""
+
+    def __init__(self) -> None:
+        super().__init__("evaluator")
+        self._values = parameters.resolve(self, TABLE, {})
+        self.exit_status: int | None = None
+        self._report = _report_path(self._values["report"])
+        self._evaluation = Evaluation(
+            self._values["classes"], self._values["cutoff"], self._values["order"], KEPT_SCANS
+        )
+        self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
+        self._complete_since: float | None = None
+        self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
+        self._recorder = self._make_recorder()
+        self._subscribe()
+        # By the wall clock, for simulated time stops with the replay, before the last scores.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(CHECK_PERIOD_S, self._check_complete, clock=steady)
+        self.get_logger().info("waiting for estimates and truth")
+
+    def _subscribe(self) -> None:
+        tracker = self._values["tracker"]
+        inputs = [
+            (PointCloud2, self._values["truth_topic"], self._on_truth),
+            *(
+                (PointCloud2, names.estimates(source, tracker), partial(self._on_estimates, source))
+                for source in SOURCES
+            ),
+            (DiagnosticArray, names.cardinality(tracker), self._on_figures),
+        ]
+        for message_type, topic, callback in inputs:
+            overridable.subscribe(self, message_type, topic, callback, INPUT_DEPTH)
+
+    def _make_recorder(self) -> Recorder | None:
+        if not self._values["record"]:
+            return None
+        topics = {
+            **dict.fromkeys(self._values["radar_topics"], names.CLOUD),
+            self._values["truth_topic"]: names.CLOUD,
+            **names.published(
+                self._values["classes"], self._values["tracker"], self._scores.topic_name
+            ),
+        }
+        return Recorder(self, Path(self._values["record"]), topics)
+
+    def close(self) -> None:
+        """Write the report and finish the recording."""
+        if self._recorder is not None:
+            self._recorder.close()
+        summary = metrics(self._evaluation, np.array(self._step_ms))
+        if self._report is not None:
+            try:
+                self._report.write_text(json.dumps(summary, indent=2) + "\n")
+            except OSError as error:  # the disk may have become full since the start
+                self.get_logger().error(f"no report: {self._report}: {error.strerror}")
+                self.exit_status = FAILED
+        if summary["scans"]:
+            Console().print(score_tables(summary))
+
+    def _on_truth(self, cloud: PointCloud2) -> None:
+        try:
+            targets = truth.from_msg(cloud)
+        except RejectedMessageError as error:
+            self._warn(f"{self._values['truth_topic']}: {error}")
+            return
+        position = targets.state[:, list(POSITION)]
+        points = PointSet(position, targets.class_id, targets.track_id)
+        self._publish(self._evaluation.add_truth(targets.stamp_ns, points))
+
+    def _on_estimates(self, source: str, cloud: PointCloud2) -> None:
+        try:
+            found = estimates.from_msg(cloud)
+        except RejectedMessageError as error:
+            self._warn(f"{source} estimates: {error}")
+            return
+        points = PointSet(found.state[:, list(POSITION)], found.class_id, found.track_id)
+        self._publish(self._evaluation.add_estimates(source, found.stamp_ns, points))
+
+    def _on_figures(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            text = diagnostics.values_of(status).get("step_ms")
+            if text is None:
+                continue
+            try:
+                step_ms = float(text)
+            except ValueError:
+                step_ms = math.nan
+            if math.isfinite(step_ms):
+                self._step_ms.append(step_ms)
+            else:
+                topic = names.cardinality(self._values["tracker"])
+                self._warn(f"{topic}: step_ms is {text!r}, must be a finite number")
+
+    def _publish(self, scores: Sequence[ScanScore]) -> None:
+        for score in scores:
+            self._scores.publish(
+                diagnostics.score_to_msg(score, self._values["cutoff"], self._values["order"])
+            )
+
+    def _check_complete(self) -> None:
+        """End once the wanted number of stamps has both scores and the rest has arrived."""
+        wanted = self._values["exit_after_scans"]
+        if not wanted or min(self._evaluation.scored.values()) < wanted:
+            return
+        now = time.monotonic()
+        self._complete_since = self._complete_since or now
+        if now - self._complete_since >= LINGER_S:
+            self.exit_status = OK
+
+    def _warn(self, text: str) -> None:
+        self.get_logger().warning(text, throttle_duration_sec=WARNING_PERIOD_S)
+
+
+def _report_path(given: str) -> Path | None:
+    """Return where the report goes, its directory made; None if none is wanted.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be written there.
+    """
+    if not given:
+        return None
+    path = Path(given)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError([f"report: {given} given, {path.parent}: {error.strerror}"]) from error
+    if os.path.isdir(path) or not os.access(path if os.path.exists(path) else path.parent, os.W_OK):
+        raise ConfigError([f"report: {given} given, cannot be written"])
+    return path
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the evaluator node."""
+    arguments.check("evaluator", __doc__, argv)
+    return runtime.run("evaluator", Evaluator, argv)

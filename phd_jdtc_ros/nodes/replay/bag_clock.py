@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The bag's time, run by the wall clock."""
+
+from __future__ import annotations
+
+import time
+
+
+class BagClock:
+    """Where a replay is in its bag.
+
+    Parameters
+    ----------
+    rate : float
+        Speed against the recording.
+    now_ns : int
+        Log time that it stands at.
+
+    Attributes
+    ----------
+    now_ns : int
+    """
+
+    def __init__(self, rate: float, now_ns: int) -> None:
+        self._rate = rate
+        self.now_ns = now_ns
+        self.run_on()
+
+    def run_on(self) -> None:
+        """Let the bag's time run on from where it stands."""
+        self._wall_start_s = time.monotonic()
+        self._start_ns = self.now_ns
+
+    def is_due(self, log_time_ns: int) -> bool:
+        """Return whether a log time has come; if it has not, the clock moves on towards it."""
+        elapsed_ns = (time.monotonic() - self._wall_start_s) * 1e9 * self._rate
+        due = log_time_ns - self._start_ns <= elapsed_ns
+        if not due:
+            self.now_ns = self._start_ns + int(elapsed_ns)
+        return bool(due)

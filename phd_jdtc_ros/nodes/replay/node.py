@@ -1,0 +1,306 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Plays a bag: detections, truth and the rest, at a rate or in lock-step with a tracker."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from enum import Enum, auto
+from pathlib import Path
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.task import Future
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from msg_adapters import stamps
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.exit_status import FAILED, OK, fail
+
+from ..common import parameters, runtime
+from . import playable, replay_parameters, seek_parameter
+from .bag_clock import BagClock
+from .lock_step import GIVE_UP_S, LockStep
+from .playback import Group, Playback
+from .progress_line import ProgressLine
+from .replay_parameters import SEEK
+
+OUTPUT_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED_QOS = QoSProfile(
+    depth=50,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+CLOCK_PERIOD_S = 0.01
+TICK_S = 0.005
+
+# Endpoints see each other a moment after the graph shows them.
+SETTLE_S = 0.5
+ACKNOWLEDGE_S = 5.0
+# So long a look at what has arrived may take: signals wait for it.
+LOOK_S = 0.05
+
+
+class State(Enum):
+    """What the replay is doing."""
+
+    WAITING = auto()
+    PLAYING = auto()
+    DRAINING = auto()
+    FLUSHING = auto()
+
+
+class SensorReplay(Node):
+    """Publishes a bag's messages as the bytes they were recorded as."""
+
+    def __init__(self, flags: dict[str, Any]) -> None:
+        super().__init__("sensor_replay")
+        self._values = parameters.resolve(self, replay_parameters.AT_THE_START, flags)
+        replay_parameters.check(self._values)
+        self.exit_status: int | None = None
+        bag = BagReader(Path(self._values["bag"]))
+        self._played = playable.choose(bag, self._values["topics"])
+        for line in self._played.skipped:
+            self.get_logger().warning(line)
+        self._outputs = {
+            topic: self.create_publisher(
+                message_class, topic, LATCHED_QOS if topic in playable.LATCHED else OUTPUT_QOS
+            )
+            for topic, message_class in self._played.classes.items()
+        }
+        self._clock_output = self.create_publisher(Clock, "/clock", CLOCK_QOS)
+        self._lock_step: LockStep | None = None
+        if self._values["rate"] == 0.0:
+            self._lock_step = LockStep()
+            self.create_subscription(
+                PointCloud2, self._values["estimates_topic"], self._on_estimate, OUTPUT_QOS
+            )
+        self._flush = (
+            self.create_client(Trigger, self._values["flush_service"])
+            if self._values["flush_service"]
+            else None
+        )
+        self._flushed: Future | None = None
+        self._paused = bool(self._values["start_paused"])
+        self._steps = 0
+        self._state = State.WAITING
+        self._since = time.monotonic()
+        self._ready_since: float | None = None
+        self._playback = Playback(
+            bag,
+            self._played.classes,
+            self._played.scan_topics,
+            self._values["start_s"],
+            self._values["duration_s"],
+        )
+        self._bag_clock = BagClock(self._values["rate"], bag.start_ns)
+        self._line = ProgressLine(bool(self._values["progress"]), *self._part_s)
+        for name, callback in (
+            ("pause", self._on_pause),
+            ("resume", self._on_resume),
+            ("step", self._on_step),
+        ):
+            self.create_service(Trigger, f"~/{name}", callback)
+        seek_parameter.declare(self, self._seek_fault, self._seek)
+        self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
+        self.create_timer(TICK_S, self._tick)
+
+    @property
+    def _part_s(self) -> tuple[float, float]:
+        """The part that is played, seconds since the bag's start."""
+        first_ns, last_ns = self._playback.first_ns, self._playback.last_ns
+        return self._playback.seconds(first_ns), self._playback.seconds(last_ns)
+
+    def close(self) -> None:
+        """Stop the progress line."""
+        self._line.stop()
+
+    def _tick(self) -> None:
+        if self._state is State.WAITING:
+            self._wait_for_subscribers()
+        elif self._state is State.PLAYING:
+            self._play()
+        elif self._state is State.DRAINING:
+            self._drain()
+        else:
+            self._finish_flush()
+
+    def _enter(self, state: State) -> None:
+        self._state = state
+        self._since = time.monotonic()
+
+    def _wait_for_subscribers(self) -> None:
+        now = time.monotonic()
+        awaited = self._played.scan_topics or tuple(self._outputs)
+        missing = [t for t in awaited if not self._outputs[t].get_subscription_count()]
+        if self._lock_step and not self.count_publishers(self._values["estimates_topic"]):
+            missing.append(self._values["estimates_topic"])
+        if not missing:
+            self._ready_since = self._ready_since or now
+            if now - self._ready_since < SETTLE_S:
+                return
+        elif now - self._since < self._values["subscriber_timeout_s"]:
+            self._ready_since = None
+            return
+        else:
+            self.get_logger().warning(f"nobody is on {', '.join(missing)}; playing all the same")
+        self._begin()
+        self._enter(State.PLAYING)
+
+    def _begin(self) -> None:
+        """Make what comes next due now, forgetting what went before."""
+        if self._lock_step:
+            self._lock_step.begin()
+        if self._playback.upcoming is not None:
+            self._bag_clock.now_ns = self._playback.upcoming.log_time_ns
+        latched = [topic for topic in playable.LATCHED if topic in self._outputs]
+        for message in self._playback.before(self._bag_clock.now_ns, latched) if latched else ():
+            self._outputs[message.topic].publish(message.data)
+        self._bag_clock.run_on()
+
+    def _play(self) -> None:
+        while (group := self._playback.upcoming) is not None:
+            if self._paused and self._steps == 0:
+                return
+            if not self._may_go_out(group):
+                return
+            self._publish_group(group)
+            self._playback.advance()
+        if not self._values["loop"]:
+            self._enter(State.DRAINING)
+        # The first scan of the next turn waits for the last of this one too.
+        elif self._settled():
+            self._playback.rewind()
+            self._begin()
+
+    def _may_go_out(self, group: Group) -> bool:
+        if self._lock_step is None:
+            return self._steps > 0 or self._bag_clock.is_due(group.log_time_ns)
+        now = time.monotonic()
+        if self._lock_step.hopeless(now):
+            self._fail(f"no estimate on {self._values['estimates_topic']} for {GIVE_UP_S:g} s")
+            return False
+        return self._lock_step.may_follow(now)
+
+    def _settled(self) -> bool:
+        return self._lock_step is None or self._lock_step.settled(time.monotonic())
+
+    def _publish_group(self, group: Group) -> None:
+        self._bag_clock.now_ns = group.log_time_ns
+        self._publish_clock()
+        for message in group.messages:
+            self._outputs[message.topic].publish(message.data)
+        if group.stamp_ns is not None:
+            self._steps = max(0, self._steps - 1)
+        self._show(0 if group.stamp_ns is None else 1)
+        answered = any(message.topic in self._played.detections for message in group.messages)
+        if self._lock_step and answered and group.stamp_ns is not None:
+            self._lock_step.published(group.stamp_ns, time.monotonic())
+
+    def _show(self, scans: int = 0) -> None:
+        doing = "paused" if self._paused else "plays"
+        self._line.show(self._playback.seconds(self._bag_clock.now_ns), doing, scans)
+
+    def _drain(self) -> None:
+        """Wait until what was published has arrived, then flush the tracker if asked to."""
+        if not self._settled():
+            return
+        waited_s = time.monotonic() - self._since
+        look = Duration(seconds=LOOK_S)
+        arrived = all(output.wait_for_all_acked(look) for output in self._outputs.values())
+        if not arrived and waited_s < ACKNOWLEDGE_S:
+            return
+        if self._flush is None:
+            self._end()
+        elif self._flush.service_is_ready():
+            self._flushed = self._flush.call_async(Trigger.Request())
+            self._enter(State.FLUSHING)
+        elif waited_s > ACKNOWLEDGE_S:
+            self._fail(f"service {self._values['flush_service']} does not exist")
+
+    def _finish_flush(self) -> None:
+        if self._flushed is not None and self._flushed.done():
+            answer = self._flushed.result()
+            if answer.success:
+                self._end()
+            else:
+                self._fail(f"service {self._values['flush_service']} refuses: {answer.message}")
+        elif time.monotonic() - self._since > GIVE_UP_S:
+            self._fail(f"service {self._values['flush_service']} does not answer")
+
+    def _end(self) -> None:
+        self._line.stop()
+        if self._playback.damage is not None:
+            self.exit_status = fail("sensor_replay", self._playback.damage)
+        else:
+            self.exit_status = OK
+
+    def _fail(self, reason: str) -> None:
+        self._line.stop()
+        self.get_logger().error(reason)
+        self.exit_status = FAILED
+
+    def _publish_clock(self) -> None:
+        self._clock_output.publish(Clock(clock=stamps.from_ns(self._bag_clock.now_ns)))
+
+    def _on_estimate(self, cloud: PointCloud2) -> None:
+        if self._lock_step:
+            self._lock_step.answered(stamps.to_ns(cloud.header.stamp), time.monotonic())
+        self._tick()
+
+    def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._paused = True
+        self._show()
+        return _done(response, "paused")
+
+    def _on_resume(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._paused = False
+        self._run_on()
+        self._show()
+        return _done(response, "playing")
+
+    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._paused = True
+        self._steps += 1
+        self._run_on()
+        return _done(response, "one stamp")
+
+    def _run_on(self) -> None:
+        """Let time go on from where a pause has held it."""
+        self._bag_clock.run_on()
+        if self._lock_step:
+            self._lock_step.run_on(time.monotonic())
+
+    def _seek_fault(self, value: Any) -> str:
+        """Return why the replay cannot go to `value`, or nothing if it can."""
+        if self._state in (State.DRAINING, State.FLUSHING):
+            return f"{SEEK.name}: {value} given, but the bag has been played to its end"
+        seconds = SEEK.coerce(value)
+        first, last = self._part_s
+        if not isinstance(seconds, float) or not first <= seconds <= last:
+            return f"{SEEK.name}: {value} given, must be a number from {first:g} to {last:g}"
+        return ""
+
+    def _seek(self, seconds: float) -> None:
+        self._playback.seek(self._playback.time_ns(seconds))
+        self._begin()
+        self._show()
+
+
+def _done(response: Trigger.Response, text: str) -> Trigger.Response:
+    response.success = True
+    response.message = text
+    return response
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the replay node."""
+    flags = replay_parameters.flags(argv)
+    return runtime.run("sensor_replay", lambda: SensorReplay(flags), argv)

@@ -1,0 +1,124 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which topics of a bag are played, and which of them make its scans."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.validate_full_topic_name import validate_full_topic_name
+
+from msg_adapters import interfaces, names, radar_scan
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+
+# Kept by whoever comes late; what was recorded before the chosen part is published too.
+LATCHED = ("/tf_static",)
+# Published by the replay itself, by every node, or by the nodes that the bag is played to.
+LEFT_OUT = ("/clock", "/rosout", "/parameter_events", names.DIAGNOSTICS)
+LEFT_OUT_UNDER = (f"{names.TRACKER}/", f"{names.OSPA.rpartition('/')[0]}/")
+
+_TYPE_NAME = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
+
+
+@dataclass(frozen=True)
+class Playable:
+    """What of a bag is played.
+
+    Parameters
+    ----------
+    classes : dict of topic to message class
+    scan_topics : tuple of str
+        Detections and truth: their stamps make the scans.
+    detections : tuple of str
+        Those of them that a tracker answers with an estimate.
+    skipped : tuple of str
+        A line for every topic that cannot be published.
+    """
+
+    classes: dict[str, Any]
+    scan_topics: tuple[str, ...]
+    detections: tuple[str, ...]
+    skipped: tuple[str, ...]
+
+
+def choose(bag: BagReader, wanted: list[str]) -> Playable:
+    """Return what is played of a bag.
+
+    Parameters
+    ----------
+    bag : BagReader
+    wanted : list of str
+        Topics; all if empty, but for those that the tracker, the evaluator and every node publish.
+
+    Raises
+    ------
+    BagError
+        If a wanted topic is missing or cannot be published, if detections or the truth are of
+        another type than they should be, or if nothing is left.
+    """
+    missing = [topic for topic in wanted if topic not in bag.types]
+    if missing:
+        raise BagError(
+            f"{bag.path}: {', '.join(missing)} missing; it has {', '.join(sorted(bag.types))}"
+        )
+    chosen = wanted or [topic for topic in sorted(bag.types) if not _is_left_out(topic)]
+    detections = [topic for topic in chosen if topic.endswith(names.DETECTIONS_SUFFIX)]
+    truth = [topic for topic in chosen if topic == names.TRUTH]
+    bag.require(
+        {t: names.CLOUD for t in [*detections, *truth] if bag.types[t] != radar_scan.TYPE_NAME}
+    )
+    if not detections:
+        # A driver's own name for them.
+        detections = [t for t in chosen if bag.types[t] in (names.CLOUD, radar_scan.TYPE_NAME)]
+        detections = [topic for topic in detections if topic not in truth]
+    classes, skipped = {}, []
+    for topic in chosen:
+        found = _message_class(bag.types[topic])
+        if found is None:
+            skipped.append(f"{topic}: type {bag.types[topic]} is not installed, not played")
+        elif not _is_topic_name(topic):
+            skipped.append(f"{topic}: is no topic name, not played")
+        else:
+            classes[topic] = found
+    if not classes or (wanted and skipped):
+        reason = "; ".join(skipped) or f"it has {', '.join(sorted(bag.types)) or 'no topic'}"
+        raise BagError(f"{bag.path}: has nothing to play: {reason}")
+    detections = [topic for topic in detections if topic in classes]
+    return Playable(classes, (*detections, *truth), tuple(detections), tuple(skipped))
+
+
+def _is_left_out(topic: str) -> bool:
+    return topic in LEFT_OUT or topic.startswith(LEFT_OUT_UNDER)
+
+
+def _is_topic_name(topic: str) -> bool:
+    try:
+        return bool(validate_full_topic_name(topic))
+    except InvalidTopicNameException:
+        return False
+
+
+def _message_class(type_name: str) -> Any:
+    """Return a message class, or None where its package is not installed.
+
+    The name comes from a file, so nothing is imported that does not look like a message package.
+    """
+    match = _TYPE_NAME.fullmatch(type_name)
+    if match is None:
+        return None
+    spec = importlib.util.find_spec(match[1])
+    folders = (spec.submodule_search_locations if spec else None) or []
+    if not any((Path(folder) / "msg" / "__init__.py").is_file() for folder in folders):
+        return None
+    try:
+        found = interfaces.message_class(type_name)
+    except (ImportError, AttributeError):
+        return None
+    return found if hasattr(found, "get_fields_and_field_types") else None

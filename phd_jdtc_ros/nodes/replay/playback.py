@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The scans of a bag in order."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagMessage, BagReader
+
+# A message between two detections of one stamp goes out with them; one that comes this long after
+# the last detections does not wait for more of the same stamp.
+TOGETHER_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Group:
+    """Messages that go out together.
+
+    Parameters
+    ----------
+    messages : tuple of BagMessage
+        In order of log time; not empty.
+    stamp_ns : int or None
+        Stamp of the scan; None where no message is of a scan topic.
+    """
+
+    messages: tuple[BagMessage, ...]
+    stamp_ns: int | None
+
+    @property
+    def log_time_ns(self) -> int:
+        """When the first of them was recorded."""
+        return self.messages[0].log_time_ns
+
+
+class Playback:
+    """Reads a chosen part of a bag, scan by scan, one scan ahead.
+
+    Messages of the scan topics with one stamp are one group, with whatever was recorded between
+    them; every other message is a group of its own.
+
+    Parameters
+    ----------
+    bag : BagReader
+    topics : collection of str
+    scan_topics : collection of str
+        Those of `topics` whose stamps make the scans.
+    start_s : float
+        Skip this much.
+    duration_s : float
+        Take this much; 0 for all.
+
+    Attributes
+    ----------
+    upcoming : Group or None
+        What comes next; None at the end.
+    damage : BagError or None
+        What was wrong with the bag, known once the end is reached.
+    first_ns, last_ns : int
+        The chosen part, by log time.
+
+    Raises
+    ------
+    BagError
+        If there is nothing to play.
+    """
+
+    def __init__(
+        self,
+        bag: BagReader,
+        topics: Collection[str],
+        scan_topics: Collection[str],
+        start_s: float,
+        duration_s: float,
+    ) -> None:
+        self._bag = bag
+        self._topics = list(topics)
+        self._scan_topics = frozenset(scan_topics)
+        # A little more than there is, is as much as any more, which may be too much for a number.
+        longest_s = (bag.end_ns - bag.start_ns) / 1e9 + 1.0
+        self.first_ns = bag.start_ns + round(min(start_s, longest_s) * 1e9)
+        self.last_ns = bag.end_ns
+        if duration_s:
+            end_ns = self.first_ns + round(min(duration_s, longest_s) * 1e9)
+            self.last_ns = min(self.last_ns, end_ns)
+        self.damage: BagError | None = None
+        self.rewind()
+        if self.upcoming is None:
+            raise self.damage or BagError(f"{bag.path}: holds nothing in the chosen part")
+
+    def rewind(self) -> None:
+        """Go to the first group."""
+        self.seek(self.first_ns)
+
+    def seek(self, time_ns: int) -> None:
+        """Go to the first group recorded at `time_ns` or later."""
+        self._source = self._groups(time_ns)
+        self.upcoming = next(self._source, None)
+
+    def advance(self) -> None:
+        """Go to the next group."""
+        self.upcoming = next(self._source, None)
+
+    def seconds(self, time_ns: int) -> float:
+        """Return a log time as seconds since the bag's start."""
+        return (time_ns - self._bag.start_ns) / 1e9
+
+    def time_ns(self, seconds: float) -> int:
+        """Return seconds since the bag's start as a log time."""
+        return self._bag.start_ns + round(seconds * 1e9)
+
+    def _groups(self, from_ns: int) -> Iterator[Group]:
+        scan: list[BagMessage] = []
+        after: list[BagMessage] = []
+        for message in self._chosen(from_ns):
+            of_scan = message.topic in self._scan_topics
+            if of_scan and scan and message.stamp_ns == scan[0].stamp_ns:
+                scan += [*after, message]
+                after = []
+            elif of_scan:
+                yield from _groups_of(scan, after)
+                scan, after = [message], []
+            else:
+                after.append(message)
+                if not scan or message.log_time_ns - scan[-1].log_time_ns > TOGETHER_NS:
+                    yield from _groups_of(scan, after)
+                    scan, after = [], []
+        yield from _groups_of(scan, after)
+
+    def _chosen(self, from_ns: int) -> Iterator[BagMessage]:
+        try:
+            for message in self._bag.messages(self._topics, self.last_ns):
+                if from_ns <= message.log_time_ns:
+                    yield message
+        except BagError as error:
+            self.damage = error
+
+    def before(self, time_ns: int, topics: Collection[str]) -> Iterator[BagMessage]:
+        """Yield the messages of `topics` recorded before `time_ns`; no more of the bag is read."""
+        try:
+            for message in self._bag.messages(list(topics)):
+                if message.log_time_ns >= time_ns:
+                    return
+                yield message
+        except BagError as error:
+            self.damage = error
+
+
+def _groups_of(scan: list[BagMessage], after: list[BagMessage]) -> Iterator[Group]:
+    if scan:
+        yield Group(tuple(scan), scan[0].stamp_ns)
+    for message in after:
+        yield Group((message,), None)

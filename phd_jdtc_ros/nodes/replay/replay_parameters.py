@@ -1,0 +1,93 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a replay is told at its start: its parameters, and the flags that set some of them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rclpy.utilities import remove_ros_args
+
+from msg_adapters import names
+from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+
+_PURPOSE = "Plays a bag: detections, truth and the rest, at a rate or in lock-step with a tracker."
+SLOWEST_RATE = 0.1
+
+AT_THE_START = (
+    Parameter("bag", "", "Path of the bag: a rosbag2 directory or an MCAP file."),
+    Parameter(
+        "rate",
+        1.0,
+        "Speed against the recording, from 0.1; 0 is lock-step: a stamp is published once the "
+        "estimate of the one before has come back.",
+        0.0,
+        1000.0,
+    ),
+    Parameter("loop", False, "Start again at the end."),
+    Parameter("start_s", 0.0, "Skip this much of the bag, s.", 0.0),
+    Parameter("duration_s", 0.0, "Play this much of the bag, s; 0 for all.", 0.0),
+    Parameter("start_paused", False, "Wait for ~/resume or ~/step."),
+    Parameter(
+        "topics",
+        [],
+        "Topics to play; empty for all but /clock, /diagnostics, /rosout, /parameter_events and "
+        "what is under /tracker and /evaluator.",
+        element=str,
+    ),
+    Parameter(
+        "subscriber_timeout_s",
+        5.0,
+        "Longest wait for subscribers of the detections and the truth, s.",
+        0.0,
+        3600.0,
+    ),
+    Parameter(
+        "estimates_topic",
+        names.estimates("filtered"),
+        "What comes back in lock-step.",
+    ),
+    Parameter("flush_service", "", "Service called at the end, such as /tracker/flush."),
+    Parameter("progress", True, "Draw a progress line, where there is a terminal."),
+)
+SEEK = Parameter(
+    "seek_s",
+    0.0,
+    "Set while it runs, not before: go on from here, s from the bag's start; refused outside the "
+    "part that is played.",
+    0.0,
+)
+TABLE = (*AT_THE_START, SEEK)
+
+
+def check(values: Mapping[str, Any]) -> None:
+    """Check what a table cannot say.
+
+    Raises
+    ------
+    ConfigError
+        With every fault.
+    """
+    faults = []
+    if not values["bag"]:
+        faults.append("bag: '' given, must be the path of a bag")
+    if 0.0 < values["rate"] < SLOWEST_RATE:
+        faults.append(f"rate: {values['rate']:g} given, must be 0 or at least {SLOWEST_RATE:g}")
+    if faults:
+        raise ConfigError(faults)
+
+
+def flags(argv: Sequence[str]) -> dict[str, Any]:
+    """Return the parameters that plain command-line flags set."""
+    parser = argparse.ArgumentParser("sensor_replay", description=_PURPOSE)
+    parser.add_argument("bag", nargs="?", help="rosbag2 directory or MCAP file")
+    parser.add_argument("--rate", type=float, help="speed; 0 is lock-step")
+    parser.add_argument("--start", type=float, dest="start_s", help="skip, s")
+    parser.add_argument("--duration", type=float, dest="duration_s", help="play this much, s")
+    parser.add_argument("--loop", action="store_true", default=None)
+    parser.add_argument("--start-paused", action="store_true", default=None)
+    given = vars(parser.parse_args(remove_ros_args(["sensor_replay", *argv])[1:]))
+    return {name: value for name, value in given.items() if value is not None}

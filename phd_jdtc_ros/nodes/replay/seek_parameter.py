@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Seeking by a parameter, since std_srvs has no service that takes a number."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+
+from .replay_parameters import SEEK
+
+
+def declare(node: Node, fault: Callable[[Any], str], go_to: Callable[[float], None]) -> None:
+    """Declare `seek_s`.
+
+    Parameters
+    ----------
+    node : Node
+    fault : callable
+        Returns why a given value is refused, or nothing if it is not.
+    go_to : callable
+        Called with the seconds that have been set.
+    """
+
+    def check(given: list[rclpy.Parameter]) -> SetParametersResult:
+        faults = [fault(parameter.value) for parameter in given if parameter.name == SEEK.name]
+        reason = "; ".join(found for found in faults if found)
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def follow(given: list[rclpy.Parameter]) -> None:
+        for parameter in given:
+            if parameter.name == SEEK.name:
+                go_to(float(parameter.value))
+
+    node.declare_parameter(
+        SEEK.name,
+        SEEK.default,
+        ParameterDescriptor(
+            description=SEEK.description,
+            additional_constraints=f"must be {SEEK.allowed}",
+            dynamic_typing=True,  # a whole number is a number too
+        ),
+        ignore_override=True,
+    )
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(follow)

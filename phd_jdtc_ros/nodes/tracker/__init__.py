@@ -1,0 +1,15 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The tracker node.
+
+::
+
+    node                   life cycle, parameters, services
+    live                   a message's way: decode, pipeline, publish
+    endpoints, outputs     topics and their QoS
+    health, sequence_numbers   diagnostics of inputs, steps and outputs
+    checkpoint             warm restart
+    name_claim             one tracker of a name at a time
+    settings               the node's own parameters beside the tracker's
+"""

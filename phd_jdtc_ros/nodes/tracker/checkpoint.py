@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A tracker's snapshot as a file: written whole or not at all, and checked before it is believed.
+
+The file is a magic line, the SHA-256 of all that follows, and a numpy archive of arrays; the facts
+and what the tracker was configured with are JSON text in two of them. Nothing in it is ever
+executed or unpickled.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core.smc.engine import ParticleEngine
+from phd_jdtc_ros.core.smc.snapshot import Snapshot
+
+from ..common.runtime import WARNING_PERIOD_S
+
+MAGIC = b"phd_jdtc_ros checkpoint 1\n"
+DIGEST_SIZE = hashlib.sha256().digest_size
+FACTS, CONFIGURATION = "facts", "configuration"
+
+
+class CheckpointError(Exception):
+    """A checkpoint cannot be used; the message says why."""
+
+
+def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> None:
+    """Store a snapshot; the file before it stays until this one is complete on the disk.
+
+    Parameters
+    ----------
+    path : Path
+        In an existing directory.
+    snapshot : Snapshot
+    configuration : mapping
+        Parameters by name; only a tracker with the same ones may go on from it.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    texts = {FACTS: snapshot.facts, CONFIGURATION: dict(configuration)}
+    stored = {name: _text(value) for name, value in texts.items()}
+    payload = io.BytesIO()
+    np.savez(payload, **stored, **{f"array.{k}": v for k, v in snapshot.arrays.items()})
+    body = payload.getvalue()
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as file:
+            file.write(MAGIC + hashlib.sha256(body).digest() + body)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
+    """Return a stored snapshot.
+
+    Raises
+    ------
+    CheckpointError
+        If there is none, it is damaged, of another format, or of a tracker with other parameters.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise CheckpointError(f"{path}: {error.strerror}") from error
+    if not content.startswith(MAGIC):
+        raise CheckpointError(f"{path}: not a checkpoint of this version")
+    digest, body = content[len(MAGIC) :][:DIGEST_SIZE], content[len(MAGIC) + DIGEST_SIZE :]
+    if hashlib.sha256(body).digest() != digest:
+        raise CheckpointError(f"{path}: damaged, its checksum does not match")
+    try:
+        with np.load(io.BytesIO(body), allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        facts, stored = (json.loads(arrays.pop(key).tobytes()) for key in (FACTS, CONFIGURATION))
+    except (KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise CheckpointError(f"{path}: not a checkpoint, {error}") from error
+    expected = json.loads(json.dumps(dict(configuration)))
+    other = sorted(name for name in {*stored, *expected} if stored.get(name) != expected.get(name))
+    if other:
+        raise CheckpointError(f"{path}: of a tracker with another {', '.join(other)}")
+    return Snapshot({name.removeprefix("array."): array for name, array in arrays.items()}, facts)
+
+
+class Checkpoints:
+    """A tracker's checkpoints: one is read at the start, and written as scans go by.
+
+    Parameters
+    ----------
+    path : Path
+    every : int
+        Scans from one to the next; 0 for on request only.
+    max_age_s : float
+        How much older than the first scan its last one may be.
+    configuration : mapping
+        Of the tracker, without what may change while it runs.
+    log : rclpy logger
+    """
+
+    def __init__(
+        self, path: Path, every: int, max_age_s: float, configuration: Mapping[str, Any], log: Any
+    ) -> None:
+        self._path, self._every, self._max_age_s = path, every, max_age_s
+        self._configuration, self._log = configuration, log
+        self._scans = 0
+        self._found: Snapshot | None = None
+        try:
+            self._found = read(path, configuration)
+        except CheckpointError as error:
+            # Before the first run there is none.
+            if not isinstance(error.__cause__, FileNotFoundError):
+                log.warning(f"starting cold: {error}")
+
+    def resume(self, engine: ParticleEngine, stamp_ns: int) -> None:
+        """Go on from the checkpoint, if there is one, before the first scan is taken in."""
+        found, self._found = self._found, None
+        if found is None:
+            return
+        try:
+            age_s = (stamp_ns - found.facts["filter"]["stamp_ns"]) * 1e-9
+            if not 0.0 < age_s <= self._max_age_s:
+                raise ValueError(
+                    f"it ends {age_s:.1f} s before the first scan, at most {self._max_age_s:g} s "
+                    "are allowed"
+                )
+            engine.restore(found)
+        except (KeyError, TypeError, ValueError) as error:
+            self._log.warning(f"starting cold: {self._path}: {error}")
+            return
+        self._log.info(f"going on from {self._path}, {age_s:.1f} s old")
+
+    def stepped(self, engine: ParticleEngine) -> None:
+        """Count a scan, and write the checkpoint that is due."""
+        self._scans += 1
+        if self._every and self._scans % self._every == 0:
+            self.save(engine)
+
+    def save(self, engine: ParticleEngine) -> str | None:
+        """Write a checkpoint; return why it could not be written, or None."""
+        if not self._scans:
+            return "no scan has been taken in yet"
+        try:
+            write(self._path, engine.snapshot(), self._configuration)
+        except OSError as error:
+            text = f"no checkpoint: {self._path}: {error.strerror}"
+            self._log.error(text, throttle_duration_sec=WARNING_PERIOD_S)
+            return text
+        return None
+
+    def discard(self) -> None:
+        """Forget the checkpoint: its run is over."""
+        self._found, self._scans = None, 0
+        try:
+            self._path.unlink(missing_ok=True)
+        except OSError as error:
+            text = f"the checkpoint of a run that is over stays: {self._path}: {error.strerror}"
+            self._log.error(text, throttle_duration_sec=WARNING_PERIOD_S)
+
+
+def _text(value: Any) -> Any:
+    return np.frombuffer(json.dumps(value).encode(), dtype=np.uint8)

@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One node of a name: the tracker claims its name, and hears who else does.
+
+ROS lets two nodes have one name, and then both answer to it and publish on the same topics. The
+claim is a transient local message. The middleware of a living node hands it to every newcomer, even
+while the node is busy; a killed one hands out nothing, however long the graph still shows it. So
+nobody has to wait for an answer that may not come.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+import uuid
+from collections.abc import Callable
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
+
+# Hidden from `ros2 topic list`.
+TOPIC = "~/_instance"
+# A newcomer gives way for so long: on a busy machine discovery takes some seconds.
+NEWCOMER_S = 5.0
+TICK_S = 1.0
+# So many claims may come before the first is looked at.
+CLAIMANTS = 50
+HOLDS, CLAIMS = "holds", "claims"
+_CLAIM = re.compile(rf"({HOLDS}|{CLAIMS}) ([0-9]{{20}}) ([0-9a-f]{{32}})")
+
+
+class NameClaim:
+    """A node's claim to its full name.
+
+    A newcomer gives way to whoever holds the name, and of several newcomers the first stays. Once
+    it has been there for `NEWCOMER_S` it holds the name and gives way to nobody.
+
+    Parameters
+    ----------
+    node : Node
+    on_taken : callable
+        Called if the name is another's.
+    """
+
+    def __init__(self, node: Node, on_taken: Callable[[], None]) -> None:
+        self._node = node
+        self._on_taken = on_taken
+        self._state = CLAIMS
+        # The second word tells those apart that start in the same instant.
+        self._seniority = f"{time.time_ns():020d}", uuid.uuid4().hex
+        self._output = node.create_publisher(String, TOPIC, _latched(1))
+        node.create_subscription(String, TOPIC, self._on_claim, _latched(CLAIMANTS))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._elapsed_s = 0.0
+        self._timer = node.create_timer(TICK_S, self._tick, clock=steady)
+        self._publish()
+
+    def _publish(self) -> None:
+        self._output.publish(String(data=" ".join([self._state, *self._seniority])))
+
+    def _tick(self) -> None:
+        """Count the time that the node has had to listen: a busy one must not skip what waits."""
+        self._elapsed_s += TICK_S
+        if self._elapsed_s >= NEWCOMER_S:
+            self._timer.cancel()
+            self._state = HOLDS
+            self._publish()
+
+    def _on_claim(self, message: String) -> None:
+        claim = _CLAIM.fullmatch(message.data)
+        if claim is None:
+            return
+        state, *seniority = claim.groups()
+        other = tuple(seniority)
+        if other == self._seniority:
+            return
+        if self._state == CLAIMS and (state == HOLDS or other < self._seniority):
+            self._on_taken()
+        elif self._state == state == HOLDS:
+            name = self._node.get_fully_qualified_name()
+            self._node.get_logger().error(f"another node runs as {name} too: stop one of them")
+
+
+def _latched(depth: int) -> QoSProfile:
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )

@@ -1,0 +1,248 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The live tracker: detections in, filtered and smoothed estimates out.
+
+A managed node: its life and its parameters are here, a scan's way through it is in `live`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from std_srvs.srv import Trigger
+
+from msg_adapters import diagnostics
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.exit_status import USAGE
+
+from ..common import arguments, parameters, runtime
+from . import endpoints, settings
+from .live import LiveTracker
+from .name_claim import NameClaim
+
+HEALTH_PERIOD_S = 1.0
+# How soon a radar's silence is noticed.
+WATCH_PERIOD_S = 0.1
+
+
+class Tracker(LifecycleNode):
+    """Unconfigured it only has parameters; configured, topics; active, it tracks.
+
+    Deactivating publishes the scans that are still held back, and activating begins a new run.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("tracker")
+        self.exit_status: int | None = None
+        # First of all, for others are found in the background while the rest is made.
+        self._claim = NameClaim(self, self._give_way)
+        self._settings = settings.resolve(parameters.given(self))
+        parameters.declare(
+            self, self._settings.table, self._settings.values, self._settings.mutable
+        )
+        self._live: LiveTracker | None = None
+        self._fault: Exception | None = None
+        self._summary = "never configured"
+        self._shown: tuple[Any, float] = (None, 0.0)
+        self._health = self.create_publisher(
+            DiagnosticArray, "/diagnostics", endpoints.output_qos()
+        )
+        self.create_service(Trigger, "~/flush", self._on_flush)
+        self.create_service(Trigger, "~/reset", self._on_reset)
+        self.create_service(Trigger, "~/checkpoint", self._on_checkpoint)
+        # By the wall clock, for under simulated time a paused replay stops the other.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
+        self._guard_transitions()
+        if self._settings.node["autostart"]:
+            self._start()
+        else:
+            self.get_logger().info("unconfigured; waiting for a transition")
+
+    def _give_way(self) -> None:
+        if self.exit_status is None:
+            self.exit_status = USAGE
+            self.get_logger().error(
+                f"another tracker runs as {self.get_fully_qualified_name()}: this one ends; "
+                "a namespace or another name (-r __ns:=/NAME, -r __node:=NAME) tells them apart"
+            )
+
+    def _start(self) -> None:
+        self.trigger_configure()
+        if self._fault is not None:
+            raise self._fault
+        self.trigger_activate()
+
+    def _guard_transitions(self) -> None:
+        """Refuse transitions that there are not from the present state; rclpy ends the node."""
+        service = self._service_change_state
+        change = service.callback
+
+        def guarded(request: Any, response: Any) -> Any:
+            try:
+                return change(request, response)
+            except Exception as error:  # rclpy's own type for this is private
+                self.get_logger().error(f"transition refused: {error}")
+                response.success = False
+                return response
+
+        service.callback = guarded
+
+    def close(self) -> None:
+        """Say how the run went, and leave a checkpoint for the next start if there is one.
+
+        Nothing of both if it ends because the name, and so the checkpoint, is another's, or because
+        a step failed half-way.
+        """
+        if self.exit_status is not None:
+            return
+        if self._live is not None:
+            if self._phase == "active":
+                self._live.save()
+            self._summary = self._live.summary()
+        self.get_logger().info(f"stopped; {self._summary}")
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Make the engine and all topics; fail and stay unconfigured if they cannot be made."""
+        self._fault = None
+        try:
+            self._live = LiveTracker(self, self._settings)
+        except Exception as error:  # the caller of the transition is only told that it failed
+            self._fault = error
+            self.get_logger().error(f"not configured: {error}")
+            return TransitionCallbackReturn.FAILURE
+        model = self._settings.config.model
+        if not model.births and not model.detection_births.enabled:
+            self.get_logger().warning(
+                "neither births nor detection_births.rates are set: no target can ever appear"
+            )
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Track from now on."""
+        done = super().on_activate(state)
+        self._live.start()
+        modes = self._settings.config.model.modes
+        self.get_logger().info(
+            f"tracking {len(modes.classes)} classes with {len(self._settings.config.inputs)} radars"
+        )
+        return done
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Publish what is held back, then hear and publish nothing."""
+        self._live.stop()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take all topics back."""
+        self._tear_down()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Publish what is held back and take all topics back, whatever the state."""
+        if state.label == "active":
+            self._live.stop()
+        self._tear_down()
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Be unconfigured again after a transition that failed half-way."""
+        self._tear_down()
+        return super().on_error(state)
+
+    def _tear_down(self) -> None:
+        if self._live is not None:
+            self._summary = self._live.summary()
+            self._live.destroy()
+            self._live = None
+
+    def set_parameters_atomically(
+        self, parameter_list: list[rclpy.Parameter]
+    ) -> SetParametersResult:
+        """Check a change whole, in the words of the start, and go by it from the next scan on.
+
+        rclpy would look at one parameter after the other and name the first fault alone.
+        """
+        table = self._settings.table
+        others = [p for p in parameter_list if p.name not in table and self.has_parameter(p.name)]
+        changes = {p.name: p.value for p in parameter_list if p not in others}
+        if not changes:
+            return super().set_parameters_atomically(parameter_list)
+        try:
+            changed = settings.changed(self._settings, changes)
+        except ConfigError as error:
+            return SetParametersResult(successful=False, reason="; ".join(error.faults))
+        # Whole numbers have become the real ones that they stand for.
+        checked = [rclpy.Parameter(name, value=changed.values[name]) for name in changes]
+        result = super().set_parameters_atomically([*others, *checked])
+        if result.successful:
+            self._settings = changed
+            if self._live is not None:
+                self._live.retune(changed)
+            told = ", ".join(f"{parameter.name} {parameter.value}" for parameter in checked)
+            self.get_logger().info(f"changed: {told}")
+        return result
+
+    @property
+    def _phase(self) -> str:
+        return str(self._state_machine.current_state[1])
+
+    def _on_flush(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._phase == "active"
+        response.message = f"the tracker is {self._phase}"
+        if response.success:
+            response.message = f"{self._live.flush()} smoothed estimates published"
+        return response
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = self._phase == "active"
+        response.message = f"the tracker is {self._phase}"
+        if response.success:
+            self._live.reset()
+            response.message = "reset"
+        return response
+
+    def _on_checkpoint(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        fault = f"the tracker is {self._phase}"
+        if self._phase == "active":
+            fault = self._live.save()
+        response.success, response.message = fault is None, fault or "written"
+        return response
+
+    def _watch(self) -> None:
+        """Publish the health every second, and at once when a radar falls silent or is back."""
+        now = time.monotonic()
+        state = self._phase, self._live.silent() if self._phase == "active" else None
+        before, published = self._shown
+        if state == before and now - published < HEALTH_PERIOD_S:
+            return
+        self._shown = state, now
+        stamp_ns = self.get_clock().now().nanoseconds
+        self._health.publish(diagnostics.array(stamp_ns, self._statuses()))
+
+    def _statuses(self) -> list[DiagnosticStatus]:
+        if self._phase == "active":
+            return self._live.statuses()
+        name, text = self.get_name(), f"the tracker is {self._phase}"
+        lines = [
+            *((radar.name, radar.name) for radar in self._settings.config.inputs),
+            ("step time", self.get_fully_qualified_name()),
+        ]
+        return [
+            diagnostics.status(f"{name}: {line}", {}, DiagnosticStatus.STALE, text, hardware_id)
+            for line, hardware_id in lines
+        ]
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the tracker node."""
+    arguments.check("tracker", __doc__, argv)
+    return runtime.run("tracker", Tracker, argv)

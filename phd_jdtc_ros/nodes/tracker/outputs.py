@@ -1,0 +1,207 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the tracker publishes of a scan."""
+
+from __future__ import annotations
+
+import uuid
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray
+from nav_msgs.msg import Odometry, Path
+from rclpy.lifecycle import LifecycleNode
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import Marker, MarkerArray
+
+from msg_adapters import (
+    diagnostics,
+    estimates,
+    markers,
+    poses,
+    radar_tracks,
+    stamps,
+    tracks,
+    vision,
+)
+from msg_adapters.tracks import Waypoint
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
+
+from . import endpoints
+from .health import OutputHealth
+from .settings import Settings
+
+# A path goes on if its track is back after no more scans than this.
+UNSEEN_SCANS = 10
+
+
+class Trails:
+    """The latest places of every track that was seen of late.
+
+    Parameters
+    ----------
+    length : int
+        Places kept a track.
+    """
+
+    def __init__(self, length: int) -> None:
+        self._length = length
+        self._trails: dict[int, deque[Waypoint]] = {}
+        self._unseen: dict[int, int] = {}
+
+    def add(self, found: Estimates) -> list[deque[Waypoint]]:
+        """Take in a scan's estimates; return the trails of the tracks in it, by ascending track."""
+        self._unseen = {track: scans + 1 for track, scans in self._unseen.items()}
+        seen = tracks.labelled(found)
+        for track, row in seen:
+            trail = self._trails.setdefault(track, deque(maxlen=self._length))
+            trail.append(Waypoint(found.stamp_ns, found.state[row]))
+            self._unseen[track] = 0
+        for track in [track for track, scans in self._unseen.items() if scans > UNSEEN_SCANS]:
+            del self._trails[track], self._unseen[track]
+        return [self._trails[track] for track, _ in seen]
+
+    def clear(self) -> None:
+        """Forget all: another run has other tracks by the same numbers."""
+        self._trails, self._unseen = {}, {}
+
+
+class Outputs:
+    """The tracker's publishers; silent while the node is not active.
+
+    Parameters
+    ----------
+    node : LifecycleNode
+    settings : Settings
+    health : OutputHealth
+        Where subscriptions that cannot be served are counted.
+
+    Raises
+    ------
+    ConfigError
+        If an output's QoS cannot be as it was given.
+    """
+
+    def __init__(self, node: LifecycleNode, settings: Settings, health: OutputHealth) -> None:
+        self._node = node
+        self._frame = settings.config.world_frame
+        self._class_names = tuple(c.name for c in settings.config.model.modes.classes)
+        self._trails = Trails(settings.node["path_length"])
+        self._made: list[Any] = []
+        self._with_markers = settings.node["publish_markers"]
+
+        def make(kind: type, topic: str, qos: Callable[[], Any] = endpoints.output_qos) -> Any:
+            self._made.append(endpoints.publisher(node, kind, topic, qos(), health))
+            return self._made[-1]
+
+        try:
+            self._clouds = {s: make(PointCloud2, f"~/{s}/estimates") for s in SOURCES}
+            self._poses = {
+                source: [
+                    make(PoseArray, f"~/{source}/class_{k}/poses")
+                    for k in range(len(self._class_names))
+                ]
+                for source in SOURCES
+            }
+            self._markers = make(MarkerArray, "~/markers", endpoints.latched_qos)
+            self._cardinality = make(DiagnosticArray, "~/cardinality")
+            self._path = make(Path, "~/tracks/path") if settings.node["publish_path"] else None
+            self._odometry = (
+                make(Odometry, "~/odometry") if settings.node["publish_odometry"] else None
+            )
+            self._radar_tracks = self._make_optional(
+                make, radar_tracks.installed, "~/radar_tracks", "publish_radar_tracks", settings
+            )
+            self._detections_3d = self._make_optional(
+                make, vision.installed, "~/detections_3d", "publish_detections_3d", settings
+            )
+        except Exception:
+            self.destroy()
+            raise
+        self._run = uuid.uuid4()
+
+    @staticmethod
+    def _make_optional(
+        make: Callable[..., Any],
+        installed: Callable[[], Any],
+        topic: str,
+        switch: str,
+        settings: Settings,
+    ) -> tuple[Any, Any] | None:
+        """Return a publisher of messages that not every installation has, and their classes."""
+        if not settings.node[switch]:
+            return None
+        types = installed()
+        if types is None:
+            raise ConfigError([f"{switch}: true given, but its message package is not installed"])
+        return make(types[0], topic), types
+
+    def destroy(self) -> None:
+        """Take the topics back."""
+        while self._made:
+            self._node.destroy_lifecycle_publisher(self._made.pop())
+
+    def forget(self) -> None:
+        """Begin a new run."""
+        self._trails.clear()
+        self._run = uuid.uuid4()
+
+    def show_markers(self, shown: bool) -> None:
+        """Publish markers from now on, or take back those that were published."""
+        if not shown:
+            self.clear_markers()
+        self._with_markers = shown
+
+    def clear_markers(self) -> None:
+        """Take back the markers that were published: a late joiner would still get the last."""
+        if self._with_markers:
+            clear = Marker(header=stamps.header(0, self._frame), action=Marker.DELETEALL)
+            self._markers.publish(MarkerArray(markers=[clear]))
+
+    def publish_estimates(self, source: str, found: Estimates) -> None:
+        """Publish the ``filtered`` or ``smoothed`` estimates of a stamp."""
+        self._clouds[source].publish(estimates.to_msg(found, self._frame))
+        for class_id, publisher in enumerate(self._poses[source]):
+            publisher.publish(poses.to_cdr(found, class_id, self._frame))
+
+    def publish_filtered(self, found: Estimates) -> None:
+        """Publish everything that is made of a scan's filtered estimates."""
+        self.publish_estimates(FILTERED, found)
+        if self._with_markers:
+            self._markers.publish(markers.to_cdr(found, self._frame, self._class_names))
+        if self._radar_tracks is not None:
+            publisher, types = self._radar_tracks
+            publisher.publish(radar_tracks.to_msg(found, self._frame, self._run, types))
+        if self._detections_3d is not None:
+            publisher, types = self._detections_3d
+            publisher.publish(vision.to_msg(found, self._frame, self._class_names, types))
+        if self._path is not None:
+            for trail in self._trails.add(found):
+                self._path.publish(tracks.to_path(trail, self._frame))
+        if self._odometry is not None:
+            for message in tracks.to_odometry(found, self._frame):
+                self._odometry.publish(message)
+
+    def publish_cardinality(self, step: Step, step_ms: float) -> None:
+        """Publish the figures of a step."""
+        mass = {name: float(m) for name, m in zip(self._class_names, step.class_mass, strict=True)}
+        values = {
+            "total": float(np.sum(step.class_mass)),
+            **mass,
+            "particles": step.particles,
+            "effective_sample_size": step.effective_sample_size,
+            "unresolved": step.filtered.unresolved,
+            "orphans": step.orphans,
+            "step_ms": step_ms,
+        }
+        self._cardinality.publish(
+            diagnostics.array(
+                step.filtered.stamp_ns, [diagnostics.status("tracker/cardinality", values)]
+            )
+        )

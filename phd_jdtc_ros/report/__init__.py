@@ -1,0 +1,13 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One recording: loaded, scored, drawn as a page and as pictures.
+
+::
+
+    bag with estimates
+      |  decode                              load
+    Record                                   record
+      |  score                               table (terminal, JSON)
+      |  draw                                page (HTML, Plotly), pictures (PNG, Matplotlib)
+"""

@@ -1,0 +1,70 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The time axis of a run: from its first stamp, in a unit that suits its length."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core.arrays import FloatArray
+
+from .record import Record
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Time from a run's first stamp, in a unit that suits its length.
+
+    Parameters
+    ----------
+    origin_ns : int
+    span_s : float
+    """
+
+    origin_ns: int
+    span_s: float
+
+    @staticmethod
+    def of(record: Record) -> Clock:
+        """Return the clock that starts with the record's first stamp."""
+        parts: tuple[Iterable[Any], ...] = (
+            record.truth,
+            record.plots,
+            record.filtered,
+            record.smoothed,
+        )
+        stamps = [item.stamp_ns for part in parts for item in part]
+        if not stamps:
+            return Clock(0, 0.0)
+        return Clock(min(stamps), (max(stamps) - min(stamps)) * 1e-9)
+
+    @property
+    def unit(self) -> str:
+        """Seconds, or minutes for runs of more than half an hour."""
+        return "s" if self.span_s <= 1800.0 else "min"
+
+    @property
+    def unit_s(self) -> float:
+        """Length of the unit."""
+        return 1.0 if self.unit == "s" else 60.0
+
+    def seconds(self, stamp_ns: Sequence[int]) -> FloatArray:
+        """Return seconds from the origin; the difference is taken in integers."""
+        return np.array([stamp - self.origin_ns for stamp in stamp_ns], dtype=np.int64) * 1e-9
+
+    def number(self, seconds: float) -> str:
+        """Return a time without its unit."""
+        return f"{round(seconds / self.unit_s, 1):g}"
+
+    def text(self, seconds: float) -> str:
+        """Return a time with its unit."""
+        return f"{self.number(seconds)} {self.unit}"
+
+    def interval(self, first_s: float, last_s: float) -> str:
+        """Return two times with their unit."""
+        return f"{self.number(first_s)} to {self.text(last_s)}"

@@ -1,0 +1,104 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Reading a bag with estimates into a `Record`."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msg_adapters import detections, diagnostics, estimates, interfaces, names, truth
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+
+from .record import Plot, RadarSite, Record
+
+
+def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
+    """Return what a bag holds of one run.
+
+    Parameters
+    ----------
+    path : Path
+    config : TrackerConfig
+        Says which topics are radars and where these stand.
+    tracker : str
+        Name of the node whose estimates are wanted.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, or has nothing of what a run is made of.
+    """
+    bag = BagReader(path)
+    sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
+    figures = names.cardinality(tracker)
+    radars = [radar.topic for radar in config.inputs]
+    wanted = dict.fromkeys([*sources, names.TRUTH, *radars], names.CLOUD)
+    if not wanted.keys() & bag.types.keys():
+        raise BagError(f"{path}: none of {', '.join(wanted)} is in it")
+    wanted[figures] = names.FIGURES
+    bag.require({topic: kind for topic, kind in wanted.items() if topic in bag.types})
+    found: dict[str, list[Any]] = defaultdict(list)
+    classes = 0
+    try:
+        for topic, message in _decoded(bag, [*sources, names.TRUTH, figures]):
+            if topic == names.TRUTH:
+                found["truth"].append(truth.from_msg(message))
+            elif topic == figures:
+                values = [diagnostics.values_of(status) for status in message.status]
+                found["step_ms"] += [v["step_ms"] for v in values if "step_ms" in v]
+            else:
+                classes = max(classes, estimates.class_count(message))
+                found[sources[topic]].append(estimates.from_msg(message))
+        for radar, model in zip(config.inputs, config.model.radars, strict=True):
+            for entry in bag.messages([radar.topic] if radar.topic in bag.types else []):
+                # What the tracker refuses and counts is not shown.
+                with contextlib.suppress(RejectedMessageError):
+                    message = interfaces.decode(entry.data, names.CLOUD)
+                    found["plots"].append(_plot(message, radar, model))
+    except RejectedMessageError as error:
+        raise BagError(f"{path}: {error}") from error
+    return Record(
+        truth=_by_stamp(found["truth"]),
+        plots=_by_stamp(found["plots"]),
+        filtered=_by_stamp(found[FILTERED]),
+        smoothed=_by_stamp(found[SMOOTHED]),
+        classes=classes or len(config.model.modes.classes),
+        step_ms=np.array(found["step_ms"], dtype=float),
+        radars=tuple(RadarSite(radar.name, radar.position) for radar in config.model.radars),
+    )
+
+
+def _decoded(bag: BagReader, topics: list[str]) -> Iterator[tuple[str, Any]]:
+    """Yield the decoded messages of those topics that the bag has."""
+    present = [topic for topic in topics if topic in bag.types]
+    if present:
+        for entry in bag.messages(present):
+            yield entry.topic, interfaces.decode(entry.data, bag.types[entry.topic])
+
+
+def _plot(message: Any, radar: RadarInput, model: RadarModel) -> Plot:
+    report = detections.from_msg(message, radar)
+    amplitude = report.detections.amplitude
+    return Plot(
+        stamp_ns=report.stamp_ns,
+        radar=radar.name,
+        position=model.to_world(report.detections.measurement),
+        amplitude=np.ones(len(report.detections)) if amplitude is None else amplitude,
+    )
+
+
+def _by_stamp(entries: list[Any]) -> tuple[Any, ...]:
+    return tuple(sorted(entries, key=lambda entry: entry.stamp_ns))

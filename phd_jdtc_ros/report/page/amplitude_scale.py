@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How the page colours amplitudes: on a logarithmic scale, for light and for dark."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+
+from phd_jdtc_ros.core.arrays import FloatArray
+
+
+def _shades(weak: float, strong: float) -> list[list[Any]]:
+    """Return a part of a scale of one hue, and that is no class's."""
+    shades = colormaps["Purples"](np.linspace(weak, strong, 8))
+    return [[k / 7.0, to_hex(shade)] for k, shade in enumerate(shades)]
+
+
+# By page: the strong detections are those that stand out most, and none are drowned.
+AMPLITUDE_SCALES = {"light": _shades(0.45, 1.0), "dark": _shades(0.75, 0.0)}
+
+
+def log_amplitude(amplitude: FloatArray) -> list[float | None]:
+    """Return the decimal logarithm; None, which has no colour, where there is none."""
+    known = np.isfinite(amplitude) & (amplitude > 0.0)
+    return [
+        round(float(np.log10(value)), 3) if good else None
+        for value, good in zip(amplitude, known, strict=True)
+    ]
+
+
+def colour_axis(amplitude: FloatArray) -> dict[str, Any]:
+    """Return the colours of amplitudes, on a logarithmic scale with round ticks."""
+    known = amplitude[np.isfinite(amplitude) & (amplitude > 0.0)]
+    low, high = (known.min(), known.max()) if len(known) else (1.0, 10.0)
+    high = max(high, 1.1 * low)
+    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    steps = [m * 10.0**d for d in decades for m in (1.0, 2.0, 5.0)]
+    ticks = [step for step in steps if low <= step <= high]
+    return {
+        "cmin": float(np.log10(low)),
+        "cmax": float(np.log10(high)),
+        "colorscale": AMPLITUDE_SCALES["light"],
+        "colorbar": {
+            "title": {"text": "amplitude (noise std)", "side": "right"},
+            "tickvals": [float(np.log10(tick)) for tick in ticks],
+            "ticktext": [f"{tick:g}" for tick in ticks],
+            "thickness": 12,
+            "len": 0.6,
+            "outlinewidth": 0,
+        },
+    }

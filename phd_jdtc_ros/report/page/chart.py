@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the interactive charts of a page share: their value, their axes, their colours.
+
+Charts are transparent and take the colours of text, rules and neutral lines from the page, which
+knows whether it is light or dark; only classes and amplitudes have colours of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from plotly.graph_objects import Figure
+
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+
+# A trace whose line or text the page draws in its own ink says so in its `meta`.
+INK = "ink"
+# Between black and white: seen on a light page and on a dark one.
+NEUTRAL = "#858585"
+FONT = {"family": "system-ui, Segoe UI, Liberation Sans, sans-serif", "size": 13}
+
+# Plotly's names for the styles that the pictures use.
+SYMBOLS = ("circle", "triangle-up", "square", "diamond", "triangle-down", "cross")
+DASHES = ("solid", "dash", "dashdot", "dot")
+
+SOURCE_ORDER = (SMOOTHED, FILTERED)
+
+
+class Chart(NamedTuple):
+    """An interactive chart of a page.
+
+    Parameters
+    ----------
+    name : str
+        Of its element.
+    title, caption : str
+        The caption says what it shows and what to look at.
+    figure : plotly.graph_objects.Figure
+    moving : sequence of mapping
+        Traces that change with the scan: ``trace`` is the index, every other key is a property of
+        it with one value a scan.
+    """
+
+    name: str
+    title: str
+    caption: str
+    figure: Figure
+    moving: Sequence[Mapping[str, Any]] = ()
+
+
+def class_symbol(class_id: int, filled: bool = True) -> str:
+    """Return the marker of a class; filtered estimates have it open."""
+    symbol = SYMBOLS[class_id % len(SYMBOLS)]
+    return symbol if filled else f"{symbol}-open"
+
+
+def class_dash(class_id: int) -> str:
+    """Return the line style of a class."""
+    return DASHES[class_id % len(DASHES)]
+
+
+def lay_out(figure: Figure, height: int, **layout: Any) -> None:
+    """Give a figure what all charts have: transparency, a legend on top, room for labels."""
+    figure.update_layout(
+        template="none",
+        height=height,
+        paper_bgcolor="rgba(0,0,0,0)",
+        plot_bgcolor="rgba(0,0,0,0)",
+        font=FONT,
+        margin={"l": 60, "r": 16, "t": 40, "b": 48},
+        legend={
+            "orientation": "h",
+            "yanchor": "bottom",
+            "y": 1.0,
+            "xanchor": "left",
+            "x": 0.0,
+            "tracegroupgap": 0,
+        },
+        hoverlabel={"font": FONT},
+        **layout,
+    )
+    figure.update_xaxes(gridcolor=NEUTRAL, gridwidth=0.5, zeroline=False, automargin=True)
+    figure.update_yaxes(gridcolor=NEUTRAL, gridwidth=0.5, zeroline=False, automargin=True)

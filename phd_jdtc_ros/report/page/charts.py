@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a page shows of a run: its interactive charts, and in words what the bag had nothing for."""
+
+from __future__ import annotations
+
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.types import SOURCES
+
+from ..record import Record
+from . import class_chart, scan_map, time_charts
+from .chart import Chart
+
+
+def of_record(record: Record, evaluation: Evaluation) -> list[Chart]:
+    """Return every chart that the run has data for, the map first."""
+    charts = []
+    estimated = any(len(run) for source in SOURCES for run in record.of_source(source))
+    if estimated or record.truth or record.plots:
+        charts.append(scan_map.scan_map(record))
+    if any(evaluation.scores[source] for source in SOURCES):
+        charts.append(time_charts.ospa(record, evaluation))
+    if record.filtered or record.smoothed or record.truth:
+        charts.append(time_charts.numbers(record, evaluation))
+    if estimated:
+        charts.append(class_chart.class_probabilities(record, evaluation))
+    return charts
+
+
+def missing(record: Record, evaluation: Evaluation) -> list[str]:
+    """Return a sentence for everything that the bag does not hold, and what that leaves out."""
+    absent = [source for source in SOURCES if not record.of_source(source)]
+    notes = []
+    if len(absent) == len(SOURCES):
+        notes.append(
+            "There are no estimates in this bag: it shows what the radars saw. Run track_bag on "
+            "it, or record the tracker's topics."
+        )
+    elif absent:
+        notes.append(f"There are no {absent[0]} estimates in this bag.")
+    if not record.truth:
+        notes.append("There is no truth in this bag, so nothing can be scored.")
+    elif len(absent) < len(SOURCES) and not any(evaluation.scores[s] for s in SOURCES):
+        notes.append("No estimate has the stamp of a true state, so nothing can be scored.")
+    if not record.plots:
+        notes.append("There are no detections of the configured radars in this bag.")
+    return notes

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The interactive chart of class probabilities over time, target by target."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from plotly.graph_objects import Scatter
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.metrics import assign
+from phd_jdtc_ros.core.models.motion import POSITION
+from phd_jdtc_ros.core.simulation.scenario import Truth
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
+
+from ..clock import Clock
+from ..record import Record
+from ..style import class_colour, class_name
+from .chart import NEUTRAL, SOURCE_ORDER, Chart, class_symbol
+from .time_axes import rows_over_time, times
+
+CAPTION = (
+    "How probable each class is, estimate by estimate: a row for each class. {colours} Certain "
+    "is near 0 or 1; between them the amplitudes and the motion have not decided yet."
+)
+BY_TRUTH = (
+    "The colour is the true class of the target nearest by, a line is one target; grey crosses "
+    "are estimates near none."
+)
+BY_ESTIMATE = "The colour is the class that the estimate was given."
+
+
+class Key(NamedTuple):
+    """Which estimates belong together.
+
+    Parameters
+    ----------
+    name, label : str
+        In the legend, and of the single one.
+    class_id : int or None
+        Colours it; None is no class.
+    number : int
+        Of the target or the track; 0 is none, and its points are not joined.
+    """
+
+    name: str
+    label: str
+    class_id: int | None
+    number: int
+
+
+class Curve(NamedTuple):
+    """Class probabilities that belong together: stamps, and arrays of shape (C,)."""
+
+    stamp_ns: list[int]
+    probability: list[FloatArray]
+
+
+def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
+    """Return the class probabilities of all estimates over time, a row for each class."""
+    clock = Clock.of(record)
+    names = [f"P({class_name(k)})" for k in range(record.classes)]
+    figure = rows_over_time(record, names, "probability")
+    main = next(source for source in SOURCE_ORDER if record.of_source(source))
+    curves = _curves(record, main, evaluation.cutoff)
+    if main == SMOOTHED and record.filtered:
+        behind = _all_of(record.filtered)
+        curves = {Key(FILTERED, FILTERED, None, 0): behind, **curves}
+    named: set[str] = set()
+    for key, curve in curves.items():
+        for k, row in enumerate(names):
+            trace = Scatter(
+                x=times(clock, curve.stamp_ns),
+                y=[round(float(share[k]), 4) for share in curve.probability],
+                showlegend=key.name not in named,
+                hovertemplate=f"{key.label}<br>{row} = %{{y:.3f}}<extra></extra>",
+                **_look(key),
+            )
+            figure.add_trace(trace, row=k + 1, col=1)
+            named.add(key.name)
+    figure.update_yaxes(range=[-0.05, 1.05], tickvals=[0, 0.5, 1])
+    caption = CAPTION.format(colours=BY_TRUTH if record.truth else BY_ESTIMATE)
+    return Chart("classes", "Class probabilities over time", caption, figure)
+
+
+def _look(key: Key) -> dict[str, Any]:
+    """Return how a curve is drawn: in its class's colour, or grey behind the others."""
+    shared = {"name": key.name, "legendgroup": key.name}
+    if key.class_id is None:
+        symbol, size = ("circle-open", 5) if key.name == FILTERED else ("x-thin-open", 7)
+        marker = {"symbol": symbol, "size": size, "color": NEUTRAL}
+        return {**shared, "mode": "markers", "marker": marker}
+    colour = class_colour(key.class_id)
+    return {
+        **shared,
+        "mode": "lines+markers" if key.number else "markers",
+        "line": {"color": colour, "width": 1.3},
+        "marker": {"symbol": class_symbol(key.class_id), "size": 4, "color": colour},
+    }
+
+
+def _curves(record: Record, source: str, cutoff: float) -> dict[Key, Curve]:
+    """Return the estimates of a source by true target, or by their own class without truth."""
+    truth = {entry.stamp_ns: entry for entry in record.truth}
+    curves: dict[Key, Curve] = {}
+    for found in record.of_source(source):
+        keys = (
+            _by_target(source, found, truth.get(found.stamp_ns), cutoff)
+            if record.truth
+            else _by_estimate(source, found)
+        )
+        for key, probability in zip(keys, found.class_probability, strict=True):
+            curve = curves.setdefault(key, Curve([], []))
+            curve.stamp_ns.append(found.stamp_ns)
+            curve.probability.append(probability)
+    return dict(sorted(curves.items(), key=lambda item: (item[0].name, item[0].number)))
+
+
+def _by_target(
+    source: str, found: Estimates, targets: Truth | None, cutoff: float
+) -> Iterator[Key]:
+    """Yield the key of each estimate: that of the target it is paired with."""
+    paired: dict[int, int] = {}
+    if targets is not None:
+        position = list(POSITION)
+        index, estimate = assign(targets.state[:, position], found.state[:, position], cutoff)
+        paired = dict(zip(estimate.tolist(), index.tolist(), strict=True))
+    for row in range(len(found)):
+        if targets is None or row not in paired:
+            yield Key(f"{source}, near no target", "near no target", None, 0)
+            continue
+        number = int(targets.track_id[paired[row]])
+        class_id = int(targets.class_id[paired[row]])
+        truly = f"truly {class_name(class_id)}"
+        yield Key(f"{source}, {truly}", f"target {number}, {truly}", class_id, number)
+
+
+def _by_estimate(source: str, found: Estimates) -> Iterator[Key]:
+    """Yield the key of each estimate: that of its class and its track."""
+    for class_id, number in zip(found.class_id.tolist(), found.track_id.tolist(), strict=True):
+        name = class_name(class_id)
+        label = f"track {number}, {name}" if number else f"estimated {name}"
+        yield Key(f"{source}, {name}", label, class_id, number)
+
+
+def _all_of(run: tuple[Estimates, ...]) -> Curve:
+    shares = np.concatenate([found.class_probability for found in run])
+    return Curve([found.stamp_ns for found in run for _ in range(len(found))], list(shares))

@@ -1,0 +1,150 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The interactive charts of scores and numbers over time, with filter and smoother."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from plotly.graph_objects import Figure, Scatter
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
+
+from ..clock import Clock
+from ..record import Record
+from ..style import class_colour, class_name
+from .chart import INK, NEUTRAL, Chart
+from .time_axes import rows_over_time, times
+
+BAND = "rgba(133,133,133,0.22)"
+
+OSPA_CAPTION = (
+    "OSPA distance (p = {p:g}, c = {c:g} m) of the filtered and of the smoothed estimates to the "
+    "truth. Lower is better. Peaks are scans with a wrong number of targets, the level between "
+    "them is the error in position."
+)
+NUMBER_CAPTION = (
+    "How many targets there were, in all and of each class. {truth}Opposite spikes in two classes "
+    "at one time are one target taken for the other class; spikes of the filter alone are what "
+    "the smoother repaired."
+)
+TRUE_NUMBER = "The grey area is the true number. "
+
+
+def ospa(record: Record, evaluation: Evaluation) -> Chart:
+    """Return the OSPA distance over time, a row for all targets and one for each class."""
+    keys = _keys(evaluation.classes)
+    figure = rows_over_time(record, [_row_name(key) for key in keys], "OSPA (m)")
+    for row, key in enumerate(keys, 1):
+        for source in SOURCES:
+            time, value = _distances(record, evaluation, source, key)
+            if len(time):
+                text = f"{value.mean():.0f} m {source}"
+                _append_title(figure, row, text)
+                _line(figure, row, key, source, time, np.round(value, 2), " m")
+    figure.update_yaxes(rangemode="tozero")
+    caption = OSPA_CAPTION.format(p=evaluation.order, c=evaluation.cutoff)
+    return Chart("ospa", "OSPA distance over time", caption, figure)
+
+
+def numbers(record: Record, evaluation: Evaluation) -> Chart:
+    """Return the numbers of targets over time, a row for all targets and one for each class."""
+    keys = _keys(evaluation.classes)
+    figure = rows_over_time(record, [_row_name(key) for key in keys], "targets")
+    clock = Clock.of(record)
+    for row, key in enumerate(keys, 1):
+        if record.truth:
+            figure.add_trace(
+                Scatter(
+                    x=times(clock, [truth.stamp_ns for truth in record.truth]),
+                    y=[_count(truth.class_id, key) for truth in record.truth],
+                    name="truth",
+                    legendgroup="truth",
+                    showlegend=row == 1,
+                    mode="lines",
+                    fill="tozeroy",
+                    fillcolor=BAND,
+                    line={"shape": "hvh", "color": NEUTRAL, "width": 0.5},
+                    hovertemplate="%{y} true<extra></extra>",
+                ),
+                row=row,
+                col=1,
+            )
+        for source in SOURCES:
+            run = record.of_source(source)
+            if run:
+                time = times(clock, [found.stamp_ns for found in run])
+                value = np.array([_count(found.class_id, key) for found in run])
+                _line(figure, row, key, source, time, value, "", shape="hvh")
+    highest = max(max(trace.y, default=0) for trace in figure.data)
+    figure.update_yaxes(rangemode="tozero", tick0=0, dtick=max(1, -(-highest // 4)))
+    caption = NUMBER_CAPTION.format(truth=TRUE_NUMBER if record.truth else "")
+    return Chart("numbers", "Number of targets over time", caption, figure)
+
+
+# --- what is drawn --------------------------------------------------------------------------------
+
+
+def _distances(
+    record: Record, evaluation: Evaluation, source: str, key: str
+) -> tuple[list[float], FloatArray]:
+    """Return the times and the OSPA distances of a source's scans."""
+    scans = [scan for _, scan in sorted(evaluation.scores[source].items())]
+    time = times(Clock.of(record), [scan.stamp_ns for scan in scans])
+    return time, np.array([scan.scores[key].ospa.distance for scan in scans])
+
+
+def _count(class_id: Any, key: str) -> int:
+    mine = class_id if key == "all" else class_id[class_id == int(key.removeprefix("class_"))]
+    return len(mine)
+
+
+def _keys(classes: int) -> list[str]:
+    return ["all", *(f"class_{k}" for k in range(classes))]
+
+
+def _row_name(key: str) -> str:
+    return "all classes" if key == "all" else class_name(int(key.removeprefix("class_")))
+
+
+# --- how it is drawn ------------------------------------------------------------------------------
+
+
+def _append_title(figure: Figure, row: int, text: str) -> None:
+    title = figure.layout.annotations[row - 1]
+    title.text += f" \N{MIDDLE DOT} mean {text}" if "mean" not in title.text else f", {text}"
+
+
+def _line(
+    figure: Figure,
+    row: int,
+    key: str,
+    source: str,
+    time: Sequence[float],
+    value: Any,
+    unit: str,
+    shape: str = "linear",
+) -> None:
+    """Add a source to a row: the filter thin and neutral, the smoother in the row's colour."""
+    smoothed = source == SMOOTHED
+    colour = NEUTRAL if key == "all" or not smoothed else class_colour(int(key[len("class_") :]))
+    figure.add_trace(
+        Scatter(
+            x=time,
+            y=value.tolist(),
+            name=source,
+            legendgroup=source,
+            showlegend=row == 1,
+            mode="lines" if len(time) > 1 else "markers",
+            meta=INK if smoothed and key == "all" else None,
+            line={"color": colour, "width": 2.0 if smoothed else 1.2, "shape": shape},
+            hovertemplate=f"%{{y}}{unit} {source}<extra></extra>",
+        ),
+        row=row,
+        col=1,
+    )

@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The pictures of a run: pure functions from a record and its scores to figures.
+
+Maps are in kilometres with equal scales (`maps`), times count from the run's first stamp
+(`timelines`). A class has the same colour, line and marker in every picture (`style`). Nothing here
+touches matplotlib's global state, so figures can be drawn from any thread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.types import SOURCES
+
+from ..record import Record
+from . import maps, timelines
+
+
+def write_all(record: Record, evaluation: Evaluation, directory: Path) -> list[Path]:
+    """Write every picture that the run has data for as a PNG, 1200 pixels wide.
+
+    Parameters
+    ----------
+    record : Record
+    evaluation : Evaluation
+        The scores of `record`.
+    directory : pathlib.Path
+        Made if it does not exist.
+
+    Returns
+    -------
+    list of pathlib.Path
+        In the order in which to read them.
+    """
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for picture in PICTURES:
+        if picture.has_data(record, evaluation):
+            path = directory / f"{picture.name}.png"
+            FigureCanvasAgg(picture.draw(record, evaluation)).print_png(path)
+            paths.append(path)
+    return paths
+
+
+class Picture(NamedTuple):
+    """One kind of picture.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, without suffix.
+    has_data : callable of (Record, Evaluation)
+    draw : callable of (Record, Evaluation)
+    """
+
+    name: str
+    has_data: Callable[[Record, Evaluation], bool]
+    draw: Callable[[Record, Evaluation], Figure]
+
+
+def _has_truth(record: Record, _: Evaluation) -> bool:
+    return any(len(truth.state) for truth in record.truth)
+
+
+def _has_detections(record: Record, _: Evaluation) -> bool:
+    return any(len(plot.position) for plot in record.plots)
+
+
+def _has_positions(record: Record, evaluation: Evaluation) -> bool:
+    return _has_truth(record, evaluation) or any(len(run) for run in record.smoothed)
+
+
+def _has_scores(_: Record, evaluation: Evaluation) -> bool:
+    return any(evaluation.scores[source] for source in SOURCES)
+
+
+PICTURES = (
+    Picture("scenario", _has_truth, lambda record, _: maps.scenario(record)),
+    Picture("measurements", _has_detections, lambda record, _: maps.measurements(record)),
+    Picture("trajectories", _has_positions, lambda record, _: maps.trajectories(record)),
+    Picture("number_error", _has_scores, timelines.number_error),
+    Picture("ospa", _has_scores, timelines.ospa),
+    Picture("ospa_parts", _has_scores, timelines.ospa_parts),
+)

@@ -1,0 +1,268 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The maps of a run, in kilometres with equal scales: truth, detections and estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.colors import LinearSegmentedColormap, LogNorm
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse
+from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFormatter
+
+from msg_adapters.ellipse import RADIUS_95
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.models.motion import POSITION
+from phd_jdtc_ros.core.types import Estimates
+
+from ..clock import Clock
+from ..record import Record
+from ..style import (
+    DPI,
+    GREY,
+    INK,
+    WIDTH_IN,
+    class_colour,
+    class_line,
+    class_marker,
+    class_name,
+    plain_axes,
+)
+from ..tracks import Track, true_tracks
+
+# About so many ellipses and time dots a track are read without effort.
+MARKS_PER_TRACK = 10
+TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
+
+
+def scenario(record: Record) -> Figure:
+    """Draw the true trajectories: class, number, life, and where each was when."""
+    tracks = true_tracks(record)
+    clock = Clock.of(record)
+    step_s = _dot_interval_s(clock.span_s)
+    figure, axes = _map(np.concatenate([track.position for track in tracks]), margin=0.1)
+    for track in tracks:
+        colour = class_colour(track.class_id)
+        x, y = track.position.T
+        axes.plot(x, y, class_line(track.class_id), color=colour, linewidth=1.6)
+        time = clock.seconds(track.stamp_ns)
+        dots = np.arange(np.ceil(time[0] / step_s), np.floor(time[-1] / step_s) + 1) * step_s
+        axes.plot(np.interp(dots, time, x), np.interp(dots, time, y), ".", color=colour, ms=6)
+        axes.plot(x[0], y[0], "o", color=colour, markerfacecolor="white", ms=7, mew=1.6, zorder=3)
+        _arrow_head(axes, track.position, colour)
+        _start_label(axes, track, f"{track.number}", clock.interval(time[0], time[-1]))
+    handles = [
+        Line2D(
+            [],
+            [],
+            color=class_colour(k),
+            linestyle=class_line(k),
+            linewidth=1.6,
+            label=class_name(k),
+        )
+        for k in sorted({track.class_id for track in tracks})
+    ]
+    handles += [
+        Line2D([], [], color=INK, marker="o", markerfacecolor="white", ls="", label="start"),
+        Line2D([], [], color=INK, marker=".", ls="", label=f"every {clock.text(step_s)}"),
+    ]
+    _legend(axes, handles)
+    return figure
+
+
+def measurements(record: Record) -> Figure:
+    """Draw all detections of all radars, the strong ones on top."""
+    position = np.concatenate([plot.position for plot in record.plots]) / 1e3
+    amplitude = np.concatenate([plot.amplitude for plot in record.plots])
+    known = np.isfinite(amplitude) & (amplitude > 0.0)
+    figure, axes = _map(position, margin=0.02)
+    if not known.all():
+        x, y = position[~known].T
+        axes.scatter(x, y, s=7.0, color=GREY, linewidths=0)
+    if known.any():
+        order = np.flatnonzero(known)[np.argsort(amplitude[known], kind="stable")]
+        lowest, highest = amplitude[order[[0, -1]]]
+        x, y = position[order].T
+        dots = axes.scatter(
+            x,
+            y,
+            c=amplitude[order],
+            s=7.0,
+            linewidths=0,
+            cmap=_pale_to_dark(),
+            norm=LogNorm(lowest, max(highest, 1.1 * lowest)),
+        )
+        _amplitude_bar(figure, axes, dots)
+    return figure
+
+
+def trajectories(record: Record) -> Figure:
+    """Draw the smoothed estimates by class over the true trajectories."""
+    tracks = true_tracks(record)
+    position = _positions(record.smoothed)
+    everything = np.concatenate([position, *(track.position for track in tracks)])
+    figure, axes = _map(everything, margin=0.04)
+    for track in tracks:
+        axes.plot(*track.position.T, color=INK, linewidth=0.6, zorder=1)
+    every = max(1, round(len(record.smoothed) / MARKS_PER_TRACK))
+    for index, estimates in enumerate(record.smoothed):
+        if index % every == every // 2:
+            _ellipses(axes, estimates)
+    class_id = _joined([estimates.class_id for estimates in record.smoothed], np.int64)
+    for k in range(record.classes):
+        axes.plot(
+            *position[class_id == k].T,
+            class_marker(k),
+            color=class_colour(k),
+            markersize=3.2,
+            markeredgewidth=0,
+            label=class_name(k),
+        )
+    handles, _ = axes.get_legend_handles_labels()
+    if tracks:
+        handles.append(Line2D([], [], color=INK, linewidth=0.6, label="truth"))
+    handles.append(
+        Line2D(
+            [], [], color=INK, marker="o", mfc="none", mew=0.8, ms=9, ls="", label="95 % ellipse"
+        )
+    )
+    _legend(axes, handles)
+    return figure
+
+
+# --- what is drawn --------------------------------------------------------------------------------
+
+
+def _positions(run: Sequence[Estimates]) -> FloatArray:
+    """Return the positions of all estimates in kilometres, shape (T, 2)."""
+    states = [estimates.state[:, list(POSITION)] for estimates in run]
+    return _joined(states, np.float64).reshape(-1, 2) / 1e3
+
+
+def _joined(arrays: Sequence[Any], dtype: type) -> Any:
+    return np.concatenate([*arrays, np.zeros((0, *arrays[0].shape[1:]) if arrays else 0, dtype)])
+
+
+# --- how it is drawn ------------------------------------------------------------------------------
+
+
+def _map(position: FloatArray, margin: float) -> tuple[Figure, Axes]:
+    """Return axes in kilometres of equal scale, shaped for `position` of shape (T, 2)."""
+    width, height = np.maximum(np.ptp(position, axis=0), 0.1)
+    figure = Figure(
+        figsize=(WIDTH_IN, float(np.clip(WIDTH_IN * height / width, 4.0, 7.2))),
+        dpi=DPI,
+        layout="constrained",
+    )
+    axes = figure.add_subplot()
+    axes.set(xlabel="x (km)", ylabel="y (km)")
+    axes.margins(margin)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MultipleLocator(_tick_step(float(max(width, height)))))
+    axes.set_aspect("equal", adjustable="datalim")
+    plain_axes(axes)
+    return figure, axes
+
+
+def _tick_step(extent: float) -> float:
+    """Return the round step that divides `extent` into four to eight."""
+    decade = 10.0 ** np.floor(np.log10(extent / 4.0))
+    return float(
+        max(step * decade for step in (1.0, 2.0, 2.5, 5.0) if 4.0 * step * decade <= extent)
+    )
+
+
+def _pale_to_dark() -> LinearSegmentedColormap:
+    """Return a map of one rising darkness, without the yellow end that a white page drowns."""
+    shades = colormaps["YlGnBu"](np.linspace(0.3, 1.0, 64))
+    return LinearSegmentedColormap.from_list("pale_to_dark", shades)
+
+
+def _legend(axes: Axes, handles: Sequence[Any]) -> None:
+    """Put the legend above the axes, where it hides nothing."""
+    axes.legend(
+        handles=list(handles),
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncol=5,
+        frameon=False,
+        borderaxespad=0.2,
+        columnspacing=1.4,
+        handletextpad=0.5,
+    )
+
+
+def _amplitude_bar(figure: Figure, axes: Axes, dots: PathCollection) -> None:
+    bar = figure.colorbar(dots, ax=axes, shrink=0.8, pad=0.02, aspect=32)
+    bar.set_label("amplitude (noise std, log scale)")
+    bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    bar.ax.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _arrow_head(axes: Axes, position: FloatArray, colour: str) -> None:
+    """Mark the end of a track, pointing the way it went."""
+    moved = np.flatnonzero(np.any(position != position[-1], axis=1))
+    if len(moved):
+        axes.annotate(
+            "",
+            xy=position[-1],
+            xytext=position[moved[-1]],
+            arrowprops={
+                "arrowstyle": "-|>",
+                "color": colour,
+                "shrinkA": 0.0,
+                "shrinkB": 0.0,
+                "mutation_scale": 14.0,
+            },
+        )
+
+
+def _start_label(axes: Axes, track: Track, number: str, life: str) -> None:
+    """Write a track's number and life behind its start, off its line."""
+    heading = track.position[-1] - track.position[0]
+    side = -1.0 if heading[0] >= 0.0 else 1.0
+    axes.annotate(
+        f"{number}  ({life})",
+        xy=track.position[0],
+        xytext=(9.0 * side, 0.0),
+        textcoords="offset points",
+        ha="right" if side < 0.0 else "left",
+        va="center",
+        color=INK,
+    )
+
+
+def _ellipses(axes: Axes, estimates: Estimates) -> None:
+    """Draw the 95 % ellipse of every estimate's position."""
+    index = np.ix_(POSITION, POSITION)
+    for state, covariance, class_id in zip(
+        estimates.state, estimates.covariance, estimates.class_id.tolist(), strict=True
+    ):
+        variance, axis = np.linalg.eigh(covariance[index] * 1e-6)
+        width, height = 2.0 * RADIUS_95 * np.sqrt(np.maximum(variance[::-1], 0.0))
+        axes.add_patch(
+            Ellipse(
+                state[list(POSITION)] / 1e3,
+                width,
+                height,
+                angle=float(np.degrees(np.arctan2(axis[1, 1], axis[0, 1]))),
+                fill=False,
+                edgecolor=class_colour(class_id),
+                linewidth=0.8,
+            )
+        )
+
+
+def _dot_interval_s(span_s: float) -> float:
+    """Return the round interval that marks a run of `span_s` about ten times."""
+    fitting = [step for step in TIME_STEPS_S if span_s / step <= MARKS_PER_TRACK]
+    return float(fitting[0] if fitting else TIME_STEPS_S[-1])

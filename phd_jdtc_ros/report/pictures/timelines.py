@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The scores of a run over time: a row of axes for each class, with filter and smoother."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.scan_scores import ScanScore
+from phd_jdtc_ros.core.types import FILTERED, SOURCES
+
+from ..clock import Clock
+from ..record import Record
+from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, class_name, plain_axes
+
+# From so many scans on, lines over time are drawn thin.
+CROWDED = 400
+
+
+class Panel(NamedTuple):
+    """One row of a figure over time.
+
+    Parameters
+    ----------
+    title, colour : str
+    series : dict
+        Per source the times in the clock's unit and the values; no entry without scores.
+    """
+
+    title: str
+    colour: str
+    series: dict[str, tuple[FloatArray, FloatArray]]
+
+    @staticmethod
+    def of(
+        record: Record, evaluation: Evaluation, key: str, value: Callable[[Any], float]
+    ) -> Panel:
+        """Return the scores of the set `key` as `value` reads them."""
+        clock = Clock.of(record)
+        series = {}
+        for source in SOURCES:
+            scans: list[ScanScore] = [scan for _, scan in sorted(evaluation.scores[source].items())]
+            if scans:
+                time = clock.seconds([scan.stamp_ns for scan in scans]) / clock.unit_s
+                series[source] = time, np.array([float(value(s.scores[key])) for s in scans])
+        if key == "all":
+            return Panel("all classes", INK, series)
+        number = int(key.removeprefix("class_"))
+        return Panel(class_name(number), class_colour(number), series)
+
+
+def number_error(record: Record, evaluation: Evaluation) -> Figure:
+    """Draw n_est - n_true over time, a row for each class."""
+    panels = [
+        Panel.of(record, evaluation, key, lambda score: score.n_est - score.n_true)
+        for key in _class_keys(evaluation)
+    ]
+    figure, rows = _rows(record, len(panels), "estimated - true")
+    for axes, panel in zip(rows, panels, strict=True):
+        for source, (time, value) in panel.series.items():
+            label = f"{source}, mean |error| {np.abs(value).mean():.3f}"
+            if source == FILTERED:
+                axes.fill_between(
+                    time, value, step="mid", color=GREY, alpha=0.55, linewidth=0, label=label
+                )
+            else:
+                axes.step(time, value, where="mid", color=panel.colour, linewidth=1.4, label=label)
+        low, high = axes.get_ylim()
+        axes.set_ylim(min(low, -1.2), max(high, 1.2))
+        axes.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=5))
+        _row_header(axes, panel.title)
+    return figure
+
+
+def ospa(record: Record, evaluation: Evaluation) -> Figure:
+    """Draw the OSPA distance over time, a row for each class and one for all."""
+    panels = [
+        Panel.of(record, evaluation, key, lambda score: score.ospa.distance)
+        for key in (*_class_keys(evaluation), "all")
+    ]
+    return _distances(record, panels, "OSPA (m)")
+
+
+def ospa_parts(record: Record, evaluation: Evaluation) -> Figure:
+    """Draw the localisation and the cardinality part of the OSPA of all targets over time."""
+    location = Panel.of(record, evaluation, "all", lambda score: score.ospa.localization)
+    number = Panel.of(record, evaluation, "all", lambda score: score.ospa.cardinality)
+    panels = [
+        location._replace(title="all classes: localisation part"),
+        number._replace(title="all classes: cardinality part"),
+    ]
+    return _distances(record, panels, "part of OSPA (m)")
+
+
+def _distances(record: Record, panels: Sequence[Panel], label: str) -> Figure:
+    """Draw one row a panel, filtered behind smoothed, each with its mean."""
+    figure, rows = _rows(record, len(panels), label)
+    for axes, panel in zip(rows, panels, strict=True):
+        for source, (time, value) in panel.series.items():
+            colour, width = (GREY, 1.1) if source == FILTERED else (panel.colour, 1.6)
+            mean = value.mean()
+            axes.plot(
+                time,
+                value,
+                "-" if len(time) > 1 else ".",
+                color=colour,
+                linewidth=width if len(time) <= CROWDED else 0.5,
+                label=f"{source}, mean {mean:.0f} m",
+            )
+            axes.axhline(mean, color=colour, linewidth=1.0, linestyle=(0, (5, 3)), zorder=3)
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
+        _row_header(axes, panel.title)
+    highest = max(axes.dataLim.y1 for axes in rows)
+    rows[0].set_ylim(0.0, 1.05 * highest if highest > 0.0 else 1.0)
+    return figure
+
+
+def _class_keys(evaluation: Evaluation) -> list[str]:
+    return [f"class_{k}" for k in range(evaluation.classes)]
+
+
+def _rows(record: Record, rows: int, label: str) -> tuple[Figure, list[Axes]]:
+    """Return rows of axes over time that share both scales."""
+    clock = Clock.of(record)
+    figure = Figure(figsize=(WIDTH_IN, 0.7 + 1.75 * rows), dpi=DPI, layout="constrained")
+    column = figure.subplots(rows, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    for axes in column:
+        plain_axes(axes)
+        axes.set_ylabel(label)
+    column[-1].set_xlabel(f"time from the first scan ({clock.unit})")
+    span = max(clock.span_s, 1.0) / clock.unit_s
+    column[-1].set_xlim(-0.01 * span, 1.01 * span)
+    return figure, list(column)
+
+
+def _row_header(axes: Axes, title: str) -> None:
+    """Put the row's name and its legend above it."""
+    axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncol=2,
+            frameon=False,
+            fontsize=9,
+            borderaxespad=0.1,
+        )

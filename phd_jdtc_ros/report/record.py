@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One run as values: what was there, what was seen, what was estimated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.models.motion import POSITION
+from phd_jdtc_ros.core.simulation.scenario import Truth
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
+
+
+@dataclass(frozen=True)
+class Plot:
+    """One radar's detections at one stamp, in the world frame.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    radar : str
+    position : array of shape (M, 2)
+        Metres.
+    amplitude : array of shape (M,)
+        Linear envelope.
+    """
+
+    stamp_ns: int
+    radar: str
+    position: FloatArray
+    amplitude: FloatArray
+
+
+@dataclass(frozen=True)
+class RadarSite:
+    """Where a radar stands in the world frame, metres."""
+
+    name: str
+    position: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Record:
+    """A run, each part ordered by stamp.
+
+    Parameters
+    ----------
+    truth : tuple of Truth
+        Empty where the truth is not known.
+    plots : tuple of Plot
+    filtered, smoothed : tuple of Estimates
+        Empty where they were not recorded.
+    classes : int
+    step_ms : array of shape (scans,)
+        CPU time of each step; empty where it was not measured.
+    radars : tuple of RadarSite
+    """
+
+    truth: tuple[Truth, ...]
+    plots: tuple[Plot, ...]
+    filtered: tuple[Estimates, ...]
+    smoothed: tuple[Estimates, ...]
+    classes: int
+    step_ms: FloatArray
+    radars: tuple[RadarSite, ...] = ()
+
+    def of_source(self, source: str) -> tuple[Estimates, ...]:
+        """Return the ``filtered`` or the ``smoothed`` estimates."""
+        return {FILTERED: self.filtered, SMOOTHED: self.smoothed}[source]
+
+    def evaluate(self, cutoff: float, order: float) -> Evaluation:
+        """Return the scores of the run; `cutoff` in metres."""
+        evaluation = Evaluation(self.classes, cutoff, order)
+        for truth in self.truth:
+            points = PointSet(truth.state[:, list(POSITION)], truth.class_id, truth.track_id)
+            evaluation.add_truth(truth.stamp_ns, points)
+        for source in SOURCES:
+            for estimates in self.of_source(source):
+                position = estimates.state[:, list(POSITION)]
+                points = PointSet(position, estimates.class_id, estimates.track_id)
+                evaluation.add_estimates(source, estimates.stamp_ns, points)
+        return evaluation

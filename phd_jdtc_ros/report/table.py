@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The scores of a run as numbers for a file and as tables for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from rich.console import Group
+from rich.table import Table
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+
+from .score_columns import GOSPA, OSPA, SURVEILLANCE, Columns
+
+
+def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:
+    """Return a run's summary with its step times, as `metrics.json` holds it.
+
+    Parameters
+    ----------
+    evaluation : Evaluation
+    step_ms : array of shape (scans,)
+        CPU time of each step; empty where it was not measured.
+    """
+    summary = evaluation.summary()
+    if len(step_ms):
+        summary["step_ms"] = {
+            "median": float(np.median(step_ms)),
+            "p99": float(np.percentile(step_ms, 99)),
+        }
+    return summary
+
+
+def score_tables(summary: dict[str, Any]) -> Group:
+    """Return the figures of filter and smoother, for all targets and for each class, as tables.
+
+    Parameters
+    ----------
+    summary : dict
+        Of `metrics`.
+
+    Returns
+    -------
+    rich.console.Group
+        OSPA, GOSPA, the surveillance figures, and which class was taken for which.
+    """
+    distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
+    gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_ospa2(summary)}"
+    tables = [
+        _reduced(OSPA, summary, f"means over {summary['scans']} scans (OSPA: {distance})"),
+        _plain(GOSPA, summary, f"means over the scans (GOSPA: {distance})", None),
+        _plain(SURVEILLANCE, summary, "surveillance figures", gaps),
+    ]
+    if summary[SMOOTHED]["all"]["confusion"] is not None:
+        tables.append(_confusion(summary[SMOOTHED]["all"]["confusion"]))
+    return Group(*[part for table in tables for part in ("", table)][1:])
+
+
+def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:
+    """Return a table of both sources and of what smoothing took off."""
+    table = _table(columns, title, _headline(summary))
+    for key, before in summary[FILTERED].items():
+        after = summary[SMOOTHED][key]
+        table.add_row(_name(key), "filter", *_cells(columns, before))
+        table.add_row("", "smoother", *_cells(columns, after))
+        change = [_reduction(before[column], after[column]) for _, column, _ in columns]
+        table.add_row("", "reduction", *change, style="bold", end_section=True)
+    return table
+
+
+def _plain(columns: Columns, summary: dict[str, Any], title: str, caption: str | None) -> Table:
+    """Return a table of both sources."""
+    table = _table(columns, title, caption)
+    for key, before in summary[FILTERED].items():
+        after = summary[SMOOTHED][key]
+        table.add_row(_name(key), "filter", *_cells(columns, before))
+        table.add_row("", "smoother", *_cells(columns, after), end_section=True)
+    return table
+
+
+def _ospa2(summary: dict[str, Any]) -> str:
+    before, after = (summary[source]["all"]["ospa2"] for source in (FILTERED, SMOOTHED))
+    if before is None and after is None:
+        return "no OSPA(2): the estimates carry no track ids"
+    filtered, smoothed = ("-" if v is None else f"{v:.1f} m" for v in (before, after))
+    scans = summary["ospa2_window"]
+    return f"OSPA(2) over {scans} scans: filter {filtered}, smoother {smoothed}"
+
+
+def _confusion(matrix: Sequence[Sequence[int]]) -> Table:
+    """Return the smoother's confusion matrix, counts over the run."""
+    classes = len(matrix) - 1
+    table = Table(title="smoother: true against estimated class")
+    table.add_column("target")
+    for heading in (*(f"class {k}" for k in range(classes)), "missed"):
+        table.add_column(heading, justify="right")
+    for k, row in enumerate(matrix):
+        false = k == classes
+        counts = [str(count) for count in row[:classes]] + ["" if false else str(row[classes])]
+        table.add_row("none (false)" if false else f"class {k}", *counts)
+    return table
+
+
+def _table(columns: Columns, title: str, caption: str | None) -> Table:
+    """Return a table without rows."""
+    table = Table(title=title, caption=caption)
+    table.add_column("targets", no_wrap=True)
+    table.add_column("source", no_wrap=True)
+    for heading, _, _ in columns:
+        table.add_column(heading.replace(" ", "\n", 1), justify="right", no_wrap=True)
+    return table
+
+
+def _name(key: str) -> str:
+    return key.replace("_", " ")
+
+
+def _cells(columns: Columns, figures: dict[str, Any]) -> list[str]:
+    values = [(figures.get(key), text) for _, key, text in columns]
+    return ["-" if value is None else text.format(value) for value, text in values]
+
+
+def _reduction(before: float | None, after: float | None) -> str:
+    return "-" if not before or after is None else f"{1.0 - after / before:.0%}"
+
+
+def _headline(summary: dict[str, Any]) -> str:
+    parts = []
+    if summary["class_accuracy"] is not None:
+        parts.append(f"right class: {summary['class_accuracy']:.1%}")
+    if "step_ms" in summary:
+        step = summary["step_ms"]
+        parts.append(f"CPU a scan: median {step['median']:.1f} ms, p99 {step['p99']:.1f} ms")
+    return "; ".join(parts)

@@ -1,0 +1,14 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The pictures and tables of a Monte Carlo study: pure functions from its results.
+
+`charts` lists the pictures and writes them; `over_time` and `over_lag` draw them, `rows` has what
+pictures over time share. `summary_tables` has the tables. Colours, lines and markers are those of
+a single run's pictures.
+"""
+
+from .charts import write_all
+from .summary_tables import markdown, tables
+
+__all__ = ["markdown", "tables", "write_all"]

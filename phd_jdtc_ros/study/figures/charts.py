@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which pictures a study has, and how they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ..monte_carlo import Result, slug
+from .over_lag import ospa_against_lag
+from .over_time import (
+    class_accuracy_over_time,
+    has_main,
+    number_error_over_time,
+    ospa_over_time,
+    parts_over_time,
+)
+
+
+class Chart(NamedTuple):
+    """One kind of picture of a case.
+
+    Parameters
+    ----------
+    name : str
+        Of the file, without suffix.
+    has_data : callable of the case's results
+    draw : callable of the case's results
+    """
+
+    name: str
+    has_data: Callable[[Sequence[Result]], bool]
+    draw: Callable[[Sequence[Result]], Figure]
+
+
+CHARTS = (
+    Chart("ospa_against_lag", bool, ospa_against_lag),
+    Chart("ospa_over_time", has_main, ospa_over_time),
+    Chart("parts_over_time", has_main, parts_over_time),
+    Chart("number_error_over_time", has_main, number_error_over_time),
+    Chart("class_accuracy_over_time", has_main, class_accuracy_over_time),
+)
+
+
+def write_all(results: Sequence[Result], directory: Path) -> list[Path]:
+    """Write every picture of a study as a PNG, 1200 pixels wide, a directory for each case.
+
+    Parameters
+    ----------
+    results : sequence of Result
+    directory : pathlib.Path
+        Made if it does not exist.
+
+    Returns
+    -------
+    list of pathlib.Path
+        Case by case.
+    """
+    pictures = []
+    for case in dict.fromkeys(result.case for result in results):
+        here = [result for result in results if result.case == case]
+        for chart in CHARTS:
+            if chart.has_data(here):
+                path = directory / slug(case) / f"{chart.name}.png"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                FigureCanvasAgg(chart.draw(here)).print_png(path)
+                pictures.append(path)
+    return pictures

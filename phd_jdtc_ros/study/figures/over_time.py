@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Figures of the study's first variant of this package's tracker, over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, PercentFormatter
+
+from phd_jdtc_ros.core.arrays import FloatArray
+
+from ..monte_carlo import ALL, PARTICLES, Result
+from .rows import OverTime, draw_lags, rows_over_time, scale_from_zero, sets_of
+
+
+def ospa_over_time(results: Sequence[Result]) -> Figure:
+    """Draw the mean OSPA of filter and smoother, a row for each class and one for all."""
+    main = _main(results)
+    keys = sets_of(main)
+    figure, rows = rows_over_time(main, keys, "OSPA (m)")
+    for axes, key in zip(rows, keys, strict=True):
+        draw_lags(axes, main, key, "ospa", main.value, "{:.0f} m")
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
+    scale_from_zero(rows)
+    return figure
+
+
+def parts_over_time(results: Sequence[Result]) -> Figure:
+    """Draw the localisation and the cardinality part of the mean OSPA of all targets."""
+    main = _main(results)
+    titles = {
+        "localization": "all classes: localisation part",
+        "cardinality": "all classes: cardinality part",
+    }
+    figure, rows = rows_over_time(main, list(titles), "part of OSPA (m)")
+    for axes, (name, title) in zip(rows, titles.items(), strict=True):
+        draw_lags(axes, main, ALL, name, main.value, "{:.0f} m", title)
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
+    scale_from_zero(rows)
+    return figure
+
+
+def number_error_over_time(results: Sequence[Result]) -> Figure:
+    """Draw the mean of |n_est - n_true|, a row for each class and one for all."""
+    main = _main(results)
+    keys = sets_of(main)
+    figure, rows = rows_over_time(main, keys, "|number error|")
+    for axes, key in zip(rows, keys, strict=True):
+        draw_lags(axes, main, key, "cardinality_abs_error", _number_error(main), "{:.3f}")
+        axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
+    scale_from_zero(rows)
+    return figure
+
+
+def class_accuracy_over_time(results: Sequence[Result]) -> Figure:
+    """Draw the share of matched targets with the right class, a row for each class and all."""
+    main = _main(results)
+    keys = sets_of(main)
+    figure, rows = rows_over_time(main, keys, "right class")
+    for axes, key in zip(rows, keys, strict=True):
+        draw_lags(axes, main, key, "class_accuracy", _class_accuracy(main), "{:.2%}")
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+    lowest = np.nanmin([np.nan_to_num(line.get_ydata(), nan=1.0) for a in rows for line in a.lines])
+    span = max(1.3 * (1.0 - lowest), 0.02)
+    rows[0].set_ylim(1.0 - span, 1.0 + 0.05 * span)
+    return figure
+
+
+def _number_error(result: Result) -> OverTime:
+    def error(_: str, lag: int, key: str) -> FloatArray:
+        return np.abs(result.value("n_est", lag, key) - result.value("n_true", lag, key))
+
+    return error
+
+
+def _class_accuracy(result: Result) -> OverTime:
+    def accuracy(_: str, lag: int, key: str) -> FloatArray:
+        pairs, right = (result.value(name, lag, key) for name in ("pairs", "right_class"))
+        return np.divide(right, pairs, out=np.full(pairs.shape, np.nan), where=pairs > 0)
+
+    return accuracy
+
+
+def has_main(results: Sequence[Result]) -> bool:
+    """Return whether a study has a variant of this package's tracker."""
+    return any(result.variant.kind == PARTICLES for result in results)
+
+
+def _main(results: Sequence[Result]) -> Result:
+    """Return the study's first variant of this package's tracker."""
+    return next(result for result in results if result.variant.kind == PARTICLES)

@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rows of axes over time: means over runs, with bands that are 95 % intervals of these means."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy import stats
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.report.style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes
+
+from ..monte_carlo import ALL, Mean, Result
+
+# The lag over time is this one, or the largest below it that the study has.
+SHOWN_LAG = 5
+CONFIDENCE = 0.95
+
+# A figure by name, lag and set, over runs and time: shape (runs, scans).
+OverTime: TypeAlias = Callable[[str, int, str], FloatArray]
+
+
+def rows_over_time(result: Result, keys: Sequence[str], label: str) -> tuple[Figure, list[Axes]]:
+    """Return rows of axes over time that share both scales."""
+    figure = Figure(figsize=(WIDTH_IN, 0.7 + 1.75 * len(keys)), dpi=DPI, layout="constrained")
+    column = figure.subplots(len(keys), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    for axes in column:
+        plain_axes(axes)
+        axes.set_ylabel(label)
+    count = len(result.seeds)
+    column[-1].set_xlabel(
+        f"time from the first scan (s); {count} {'run' if count == 1 else 'runs'} of "
+        f"“{result.variant.name}”"
+    )
+    span = max(float(result.scores.time_s[-1]), 1.0)
+    column[-1].set_xlim(-0.01 * span, 1.01 * span)
+    return figure, list(column)
+
+
+def sets_of(result: Result) -> list[str]:
+    """Return the sets to draw, the classes first."""
+    return [*(key for key in result.scores.sets if key != ALL), ALL]
+
+
+def draw_lags(
+    axes: Axes,
+    result: Result,
+    key: str,
+    name: str,
+    value: OverTime,
+    number: str,
+    title: str | None = None,
+) -> None:
+    """Draw a figure of filter and smoother over time, with its band and its overall mean.
+
+    Parameters
+    ----------
+    axes : Axes
+    result : Result
+    key : str
+        The set, which has its colour.
+    name : str
+        Of the figure.
+    value : callable
+        Returns the figure over time.
+    number : str
+        How the mean is written.
+    title : str or None
+        The set's name if None.
+    """
+    colour = INK if key == ALL else class_colour(int(key.removeprefix("class_")))
+    time_s = result.scores.time_s
+    for lag, label in _shown_lags(result):
+        mean, half_width = band(value(name, lag, key))
+        low, high = mean - half_width, mean + half_width
+        if name == "class_accuracy":
+            low, high = np.maximum(low, 0.0), np.minimum(high, 1.0)
+        shade, width, alpha = (GREY, 1.2, 0.2) if lag == 0 else (colour, 1.6, 0.25)
+        axes.fill_between(time_s, low, high, color=shade, alpha=alpha, linewidth=0)
+        overall = Mean.of(result.figure(name, lag, key)).mean
+        axes.plot(
+            time_s,
+            mean,
+            "-" if len(time_s) > 1 else ".",
+            color=shade,
+            linewidth=width,
+            label=f"{label}, mean {number.format(overall)}" if np.isfinite(overall) else label,
+        )
+    default = "all classes" if key == ALL else key.replace("_", " ")
+    axes.set_title(title or default, loc="left", fontsize=10, fontweight="bold")
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncol=2,
+        frameon=False,
+        fontsize=9,
+        borderaxespad=0.1,
+    )
+
+
+def _shown_lags(result: Result) -> list[tuple[int, str]]:
+    """Return the lags to draw over time, with their names."""
+    lags = result.scores.lags
+    later = [lag for lag in lags if 0 < lag <= SHOWN_LAG] or [lag for lag in lags if lag > 0]
+    names = [(0, "filter")] if 0 in lags else []
+    return names + ([(max(later), f"smoother, lag {max(later)}")] if later else [])
+
+
+def band(runs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the mean over runs and half the width of its interval, shapes (scans,).
+
+    Where fewer than two runs have a value the width is 0; where none has, the mean is NaN.
+    """
+    known = np.isfinite(runs)
+    count = known.sum(axis=0)
+    mean = np.where(known, runs, 0.0).sum(axis=0) / np.where(count > 0, count, np.nan)
+    square = np.where(known, (runs - mean) ** 2, 0.0).sum(axis=0)
+    several = np.maximum(count, 2)
+    error = np.sqrt(square / (several - 1) / several)
+    width = stats.t.ppf(0.5 + 0.5 * CONFIDENCE, several - 1) * error
+    return mean, np.where(count > 1, width, 0.0)
+
+
+def scale_from_zero(rows: Sequence[Axes]) -> None:
+    """Let rows that share a scale begin at zero and hold all means; wide bands may leave it."""
+    highest = max(float(np.max(line.get_ydata())) for axes in rows for line in axes.lines)
+    rows[0].set_ylim(0.0, 1.15 * highest if highest > 0.0 else 1.0)

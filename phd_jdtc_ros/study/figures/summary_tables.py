@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A study's summary as tables, for the terminal and in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from ..monte_carlo import ALL, CUTOFF, ORDER
+
+
+def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
+    """Yield a table of the mean OSPA by variant and lag for each case, and one of the goals."""
+    for case, variants in summary["cases"].items():
+        lags = _all_lags(variants)
+        table = Table(title=f"{escape(case)}: mean OSPA in m, by lag in scans")
+        table.add_column("variant")
+        table.add_column("runs", justify="right")
+        for lag in lags:
+            table.add_column(lag, justify="right")
+        for name, row in _ospa_rows(variants, lags, _number):
+            table.add_row(escape(name), *row)
+        yield table
+    goals = [goal for goal in summary["goals"] if goal["reached"] is not None]
+    if goals:
+        table = Table(title="goals")
+        for heading in ("goal", "value", "bound", ""):
+            table.add_column(heading)
+        for goal in goals:
+            table.add_row(*map(escape, _goal_row(goal)), style=None if goal["reached"] else "red")
+        yield table
+
+
+def markdown(summary: Mapping[str, Any]) -> str:
+    """Return the tables of `tables` as Markdown."""
+    lines = []
+    for case, variants in summary["cases"].items():
+        lags = _all_lags(variants)
+        what = (
+            f"Mean OSPA (p = {ORDER:g}, c = {CUTOFF:g} m) in metres by lag in scans, 95 % interval."
+        )
+        lines += [f"## {case}", "", what, ""]
+        lines += _markdown_row(["variant", "runs", *lags])
+        lines += _markdown_row(["---", *["---:"] * (1 + len(lags))])
+        for name, row in _ospa_rows(variants, lags, _with_interval):
+            lines += _markdown_row([name, *row])
+        lines.append("")
+    lines += ["## Goals", ""]
+    lines += _markdown_row(["goal", "value", "bound", "reached"]) + _markdown_row(["---"] * 4)
+    for goal in summary["goals"]:
+        lines += _markdown_row(_goal_row(goal))
+    return "\n".join(lines) + "\n"
+
+
+def _all_lags(variants: Mapping[str, Any]) -> list[str]:
+    return sorted({lag for found in variants.values() for lag in found["lags"]}, key=int)
+
+
+def _ospa_rows(
+    variants: Mapping[str, Any], lags: Sequence[str], text: Callable[[Mapping[str, Any]], str]
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield each variant's name, number of runs and mean OSPA at every lag."""
+    for name, found in variants.items():
+        means = [found["lags"][lag][ALL]["ospa"] if lag in found["lags"] else None for lag in lags]
+        cells = ["-" if mean is None else text(mean) for mean in means]
+        yield name, [str(found["runs"]), *cells]
+
+
+def _number(mean: Mapping[str, Any]) -> str:
+    return f"{mean['mean']:.1f}"
+
+
+def _with_interval(mean: Mapping[str, Any]) -> str:
+    interval = mean["interval_95"]
+    return _number(mean) + (f" ± {interval[1] - mean['mean']:.1f}" if interval else "")
+
+
+def _goal_row(goal: Mapping[str, Any]) -> list[str]:
+    value, bound = ("-" if goal[key] is None else f"{goal[key]:.4g}" for key in ("value", "goal"))
+    sign = "at most" if goal["at_most"] else "at least"
+    reached = {True: "yes", False: "no", None: "-"}[goal["reached"]]
+    return [goal["name"], value, f"{sign} {bound}", reached]
+
+
+def _markdown_row(cells: Sequence[str]) -> list[str]:
+    return [f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"]

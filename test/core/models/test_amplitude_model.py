@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+from scenes import intensity, small
+from scipy.integrate import quad
+
+from phd_jdtc_ros.core.models.amplitude_model import Band, Ignored, Memory
+from phd_jdtc_ros.core.types import Detections
+
+MODEL = small().model
+MODES, RADAR = MODEL.modes, MODEL.radars[0]
+BANDS = np.log1p([c.snr_band for c in MODES.classes])
+
+
+def particles(memory, mode=None):
+    from dataclasses import replace
+
+    phd = intensity(np.zeros((len(memory), 5)), np.ones(len(memory)), mode=mode)
+    return replace(phd, memory=np.asarray(memory, dtype=float))
+
+
+def every_pair(phd, detections):
+    row, column = np.indices((len(phd), len(detections))).reshape(2, -1)
+    return row, column
+
+
+def test_band_remembers_and_draws_nothing():
+    rng = np.random.default_rng(0)
+    before = rng.bit_generator.state
+    mode = np.array([0, 3])
+
+    assert Band().born(mode, MODES, rng).tolist() == [0.0, 0.0]
+    assert rng.bit_generator.state == before
+
+
+def test_ignored_takes_the_amplitudes_away():
+    report = Detections(np.ones((2, 2)), np.array([5.0, 9.0]))
+
+    assert Ignored().used(report).amplitude is None
+    assert Band().used(report) is report
+
+
+def test_memory_is_born_uniform_in_the_band_of_its_class():
+    mode = np.repeat([0, 2], 4000)
+    born = Memory(0.1).born(mode, MODES, np.random.default_rng(0))
+
+    for class_id, part in enumerate((born[:4000], born[4000:])):
+        low, high = BANDS[class_id]
+        assert part.min() >= low
+        assert part.max() <= high
+        # The standard error of a uniform mean over 4000 draws is 0.46 % of the width.
+        assert part.mean() == pytest.approx((low + high) / 2.0, abs=0.02 * (high - low))
+
+
+def test_memory_moves_by_its_jitter_and_stays_in_the_band():
+    memory = np.linspace(*BANDS[0], 5000)
+    mode, rng = np.zeros(5000, dtype=int), np.random.default_rng(0)
+    moved = Memory(0.1).moved(memory, mode, MODES, MODES.interval_s, rng)
+
+    assert moved.min() >= BANDS[0, 0]
+    assert moved.max() <= BANDS[0, 1]
+    assert np.std(moved - memory) == pytest.approx(0.1, rel=0.05)
+
+
+def test_memory_moves_twice_as_far_in_an_interval_four_times_as_long():
+    memory = np.full(5000, BANDS[0].mean())
+    mode = np.zeros(5000, dtype=int)
+    short, long = (
+        Memory(0.1).moved(memory, mode, MODES, dt, np.random.default_rng(0)) - memory
+        for dt in (MODES.interval_s, 4.0 * MODES.interval_s)
+    )
+
+    np.testing.assert_allclose(long, 2.0 * short)
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 3.0, 40.0, 200.0, 1e4])
+@pytest.mark.parametrize("mode", [0, 2])
+def test_memory_born_of_a_detection_follows_its_amplitude(mode, amplitude):
+    count = 20_000
+    born = Memory(0.1).born(
+        np.full(count, mode), MODES, np.random.default_rng(0), np.full(count, amplitude)
+    )
+
+    low, high = BANDS[MODES.class_of[mode]]
+    edges = np.linspace(low, high, 2001)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    # The flat prior times the Rayleigh density of the amplitude.
+    log_density = -middle - 0.5 * max(amplitude, 1e-6) ** 2 * np.exp(-middle)
+    share = np.exp(log_density - log_density.max())
+    share /= share.sum()
+    mean = share @ middle
+    error = np.sqrt(share @ (middle - mean) ** 2 / count)
+    assert born.min() >= low
+    assert born.max() <= high
+    assert born.mean() == pytest.approx(mean, abs=4.5 * error + 1e-3 * (high - low))
+
+
+def test_memory_likelihood_integrates_to_its_detection_probability():
+    phd = particles([np.log1p(30.0)])
+    model = Memory(0.1)
+
+    def density(a):
+        report = Detections(np.ones((1, 2)), np.array([a]))
+        pairs = every_pair(phd, report)
+        return float(np.exp(model.log_likelihood(phd, report, pairs, RADAR, MODES))[0])
+
+    mass, _ = quad(density, RADAR.threshold, 200.0)
+    assert mass == pytest.approx(model.detection_probability(phd, RADAR, MODES)[0], rel=1e-6)
+
+
+def test_memory_averaged_over_the_band_is_the_band_likelihood():
+    # The band's closed form is the Rayleigh law averaged over ln(1 + d).
+    phd = particles(np.linspace(*BANDS[1], 20001), mode=np.full(20001, 2))
+    report = Detections(np.ones((3, 2)), np.array([4.0, 20.0, 60.0]))
+    pairs = every_pair(phd, report)
+    remembered = np.exp(Memory(0.1).log_likelihood(phd, report, pairs, RADAR, MODES))
+    averaged = remembered.reshape(len(phd), 3).mean(axis=0)
+    band = np.exp(Band().log_likelihood(phd, report, pairs, RADAR, MODES))[:3]
+
+    np.testing.assert_allclose(averaged, band, rtol=1e-3)
+
+
+@pytest.mark.parametrize("model", [Band(), Memory(0.1)])
+def test_likelihood_without_amplitudes_is_the_detection_probability(model):
+    phd = particles([BANDS[0, 0], BANDS[0, 1]])
+    report = Detections(np.ones((2, 2)), None)
+    pairs = every_pair(phd, report)
+    likelihood = np.exp(model.log_likelihood(phd, report, pairs, RADAR, MODES))
+    expected = model.detection_probability(phd, RADAR, MODES)
+
+    np.testing.assert_allclose(likelihood, np.repeat(expected, 2))

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import small
+from scipy.stats import norm
+
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.models import detection_birth
+from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel, Newborn
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.smc.correction import CORRECTORS
+from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.update import update, update_scan
+from phd_jdtc_ros.core.types import Detections, Scan
+
+MODEL = small().model
+MODES, RADAR = MODEL.modes, MODEL.radars[1]
+BIRTHS = DetectionBirthModel(np.array([0.05, 0.05]), 40.0, 1e-3, 4096)
+EMPTY = ParticlePHD.empty(5)
+
+
+def unknown():
+    """Return a model whose targets appear anywhere and nowhere else."""
+    return small({"births": [], "detection_births.rates": [0.05, 0.05]}).model
+
+
+def one_detection(mass=(0.3, 0.6), place=(6000.0, 0.5)):
+    return Newborn(RADAR, np.array([place]), np.array([mass]))
+
+
+def test_sample_carries_the_newborn_mass():
+    _, mode, weight, _ = detection_birth.sample(
+        one_detection(), BIRTHS, MODES, np.random.default_rng(0)
+    )
+    by_class = np.bincount(MODES.class_of[mode], weights=weight)
+
+    np.testing.assert_allclose(by_class, [0.3, 0.6], rtol=2e-3)
+
+
+def test_sample_is_about_the_detection():
+    state, mode, _, detection = detection_birth.sample(
+        one_detection(), BIRTHS, MODES, np.random.default_rng(0)
+    )
+    measured = RADAR.measure(state)
+
+    assert (detection == 0).all()
+    assert measured.mean(axis=0) == pytest.approx([6000.0, 0.5], abs=5.0)
+    np.testing.assert_allclose(measured.std(axis=0), RADAR.noise_std, rtol=0.02)
+    np.testing.assert_allclose(state[:, [1, 3]].std(axis=0), 40.0, rtol=0.02)
+    turning = np.isin(mode, [1, 3])
+    assert (state[~turning, 4] == 0.0).all()
+    assert state[turning, 4].std() == pytest.approx(1e-3, rel=0.05)
+
+
+def test_intensity_equals_the_density_written_out():
+    found = Newborn(
+        RADAR, np.array([[6000.0, 0.5], [9000.0, np.pi]]), np.array([[0.3, 0.6], [0.2, 0.1]])
+    )
+    state, mode, _, _ = detection_birth.sample(found, BIRTHS, MODES, np.random.default_rng(1))
+    chosen = np.arange(0, len(state), 97)
+    state, mode = state[chosen], mode[chosen]
+    measured = RADAR.measure(state)
+    expected = np.zeros(len(state))
+    for (distance, azimuth), mass in zip(found.measurement, found.mass, strict=True):
+        turn = np.angle(np.exp(1j * (measured[:, 1] - azimuth)))
+        density = norm.pdf(measured[:, 0], distance, RADAR.range_std)
+        density *= norm.pdf(turn, 0.0, RADAR.azimuth_std) / measured[:, 0]
+        density *= norm.pdf(state[:, 1], 0.0, 40.0) * norm.pdf(state[:, 3], 0.0, 40.0)
+        density *= np.where(np.isin(mode, [1, 3]), norm.pdf(state[:, 4], 0.0, 1e-3), 1.0)
+        expected += density * mass[MODES.class_of[mode]] / 2.0
+    found_intensity = detection_birth.intensity(found, BIRTHS, MODES, state, mode)
+
+    np.testing.assert_allclose(found_intensity, expected, rtol=1e-6)
+
+
+def test_update_leaves_strong_detections_that_nobody_explains_as_newborn():
+    # 45 dB: no clutter is that strong; 4: any clutter is.
+    report = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 4.0]))
+    _, found = update(EMPTY, report, RADAR, unknown(), 6.0)
+
+    assert found.mass[0].sum() == pytest.approx(1.0, abs=1e-6)
+    assert found.mass[0, 0] > 0.99  # of the stronger class
+    assert found.mass[1:].sum() < 0.05
+
+
+def reports_of_one_target(amplitude=200.0):
+    """Return what both radars say of a target, and a model of them that knows no places."""
+    model = unknown()
+    state = np.array([[5e3, 0.0, 4e3, 0.0, 0.0]])
+    reports = [Detections(r.measure(state), np.array([amplitude])) for r in model.radars]
+    return model, Scan(1, tuple(reports))
+
+
+@pytest.mark.parametrize("corrector", ["bernoulli", "poisson"])
+def test_update_scan_finds_a_target_of_two_radars_once(corrector):
+    model, scan = reports_of_one_target()
+    model = replace(model, corrector=CORRECTORS[corrector])
+    phd, found = update_scan(EMPTY, scan, model, 6.0, 0, np.random.default_rng(0))
+
+    assert [one.mass.sum() for one in found] == pytest.approx([1.0, 0.0], abs=0.05)
+    assert phd.weight.sum() == pytest.approx(1.0, abs=0.05)
+
+
+def test_newborn_mass_follows_the_interval():
+    report = Detections(np.array([[6000.0, 0.5]]), np.array([4.5]))
+    masses = [update(EMPTY, report, RADAR, unknown(), dt)[1].mass.sum() for dt in (3.0, 6.0)]
+
+    assert masses[1] == pytest.approx(2.0 * masses[0], rel=0.02)
+
+
+def test_update_without_such_births_leaves_nothing():
+    report = Detections(np.array([[6000.0, 0.5]]), np.array([200.0]))
+
+    assert update(EMPTY, report, RADAR, MODEL, 6.0)[1] is None
+
+
+def test_update_scan_gives_every_detection_an_origin_of_its_own():
+    model, scan = reports_of_one_target()
+    far = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 200.0]))
+    scan = replace(scan, detections=(far, scan.detections[1]))
+    scans = [update_scan(EMPTY, scan, model, 6.0, k, np.random.default_rng(0))[0] for k in (2, 3)]
+
+    assert [len(set(phd.origin)) for phd in scans] == [3, 3]
+    assert not set(scans[0].origin) & set(scans[1].origin)
+    for phd in scans:
+        assert (phd.parent == -1).all()
+        assert set(phd.label) == set(phd.origin)
+
+
+def test_tracker_finds_targets_without_known_birth_places():
+    config = resolve(
+        {
+            "births": [],
+            "detection_births.rates": [0.05, 0.05],
+            "particles_per_target": 500,
+        }
+    )
+    engine = config.engine()
+    run = simulate(paper_scenario(config.model.radars), 5)[:15]
+    for _, scan in run:
+        step = engine.step(scan)
+    truth = run[-1][0]
+    distance = np.hypot(
+        *(step.filtered.state[:, None, [0, 2]] - truth.state[None][:, :, [0, 2]]).transpose(2, 0, 1)
+    )
+
+    assert len(step.filtered) == 3
+    assert distance.min(axis=0).max() < 600.0

@@ -1,0 +1,182 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scenes import intensity, small
+
+from phd_jdtc_ros.core.models import amplitude_density
+from phd_jdtc_ros.core.models.radar import GATE_SIGMA, RadarModel, wrap_angle
+from phd_jdtc_ros.core.pair_search import sweep
+from phd_jdtc_ros.core.smc.update import update
+from phd_jdtc_ros.core.types import Detections
+
+RADAR = RadarModel(
+    name="radar",
+    position=(1000.0, -500.0),
+    yaw=0.7,
+    range_std=300.0,
+    azimuth_std=np.radians(1.0),
+    max_range=17e3,
+    clutter_rate=20.0,
+    clutter_max_range=15e3,
+    threshold=amplitude_density.threshold_for(1e-3),
+)
+
+
+@settings(deadline=None, max_examples=300)
+@given(angle=st.floats(-1e3, 1e3))
+@example(angle=np.pi)
+@example(angle=-np.pi)
+@example(angle=np.nextafter(np.pi, 4.0))
+@example(angle=np.nextafter(-np.pi, -4.0))
+def test_wrap_angle_lies_in_the_half_open_turn(angle):
+    wrapped = wrap_angle(np.array([angle]))[0]
+    assert -np.pi < wrapped <= np.pi
+
+
+@settings(deadline=None, max_examples=100)
+@given(angle=st.floats(-3.1, 3.1), turns=st.integers(-50, 50))
+def test_wrap_angle_undoes_whole_turns(angle, turns):
+    wrapped = wrap_angle(np.array([angle + turns * 2.0 * np.pi]))[0]
+    assert wrapped == pytest.approx(angle, abs=1e-12)
+
+
+@settings(deadline=None, max_examples=100)
+@given(x=st.floats(-2e4, 2e4), y=st.floats(-2e4, 2e4))
+def test_to_world_inverts_measure(x, y):
+    state = np.array([[x, 0.0, y, 0.0, 0.0]])
+    np.testing.assert_allclose(RADAR.to_world(RADAR.measure(state)), [[x, y]], rtol=0, atol=1e-8)
+
+
+def test_measure_counts_azimuth_counter_clockwise_from_the_sensor_axis():
+    radar = replace(RADAR, position=(0.0, 0.0), yaw=np.pi / 2)
+    state = np.array([[0.0, 0, 10.0, 0, 0], [10.0, 0, 0.0, 0, 0], [-3.0, 0, -4.0, 0, 0]])
+    expected = [[10.0, 0.0], [10.0, -np.pi / 2], [5.0, np.pi - np.arctan2(3.0, 4.0)]]
+    np.testing.assert_allclose(radar.measure(state), expected, atol=1e-12)
+
+
+def brute_pairs(radar, predicted, detections):
+    error = predicted[:, None, :] - detections.measurement[None, :, :]
+    turn = np.exp(1j * error[..., 1])
+    scaled = np.stack([error[..., 0], np.angle(turn)], axis=-1) / radar.noise_std
+    near = (scaled**2).sum(axis=-1) <= GATE_SIGMA**2
+    log_likelihood = -0.5 * (scaled**2).sum(axis=-1) - np.log(
+        2.0 * np.pi * radar.range_std * radar.azimuth_std
+    )
+    return {(n, m): log_likelihood[n, m] for n, m in np.argwhere(near)}
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    seed=st.integers(0, 10**6),
+    particles=st.integers(0, 40),
+    reports=st.integers(0, 25),
+    azimuth_std=st.sampled_from([0.001, 0.02, 0.3, 2.0]),
+    centre=st.sampled_from([0.0, np.pi, -np.pi]),
+)
+def test_gated_pairs_equal_brute_force(seed, particles, reports, azimuth_std, centre):
+    rng = np.random.default_rng(seed)
+    radar = replace(RADAR, azimuth_std=azimuth_std)
+
+    def draw(count):
+        azimuth = centre + rng.normal(0.0, 5.0 * azimuth_std, count)
+        return np.stack([rng.uniform(0.0, 5e3, count), wrap_angle(azimuth)], axis=1)
+
+    predicted, detections = draw(particles), Detections(draw(reports), None)
+    particle, detection, log_likelihood = radar.gated_pairs(predicted, detections)
+    expected = brute_pairs(radar, predicted, detections)
+    found = list(zip(particle.tolist(), detection.tolist(), strict=True))
+    assert len(found) == len(expected)
+    assert set(found) == set(expected)
+    np.testing.assert_allclose(
+        log_likelihood, [expected[pair] for pair in found], rtol=0, atol=1e-9
+    )
+
+
+def test_gated_pairs_are_the_same_bits_with_either_backend(monkeypatch):
+    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    rng = np.random.default_rng(8)
+    area = np.array([15e3, 2.0 * np.pi])
+    predicted = rng.uniform(0.0, 1.0, (5000, 2)) * area - [0.0, np.pi]
+    detections = Detections(rng.uniform(0.0, 1.0, (200, 2)) * area - [0.0, np.pi], None)
+    found = []
+    for name in ("numpy", "numba"):
+        monkeypatch.setattr(sweep, "BACKEND", sweep.backend(name))
+        found.append(RADAR.gated_pairs(predicted, detections))
+
+    assert len(found[0][0]) > 5000
+    for plain, compiled in zip(*found, strict=True):
+        assert plain.dtype == compiled.dtype
+        np.testing.assert_array_equal(plain, compiled)
+
+
+def test_gated_pairs_reach_across_the_cut():
+    detections = Detections(np.array([[1000.0, np.pi - 0.001], [1000.0, -np.pi + 0.001]]), None)
+    predicted = np.array([[1000.0, np.pi - 0.001], [1000.0, -np.pi + 0.001]])
+    particle, detection, _ = RADAR.gated_pairs(predicted, detections)
+    assert sorted(zip(particle, detection, strict=True)) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+
+
+@pytest.mark.parametrize("turns", [-2, -1, 1, 3])
+def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
+    model = small().model
+    radar = model.radars[0]
+    rng = np.random.default_rng(3)
+    state = np.zeros((200, 5))
+    state[:, [0, 2]] = rng.normal([-9e3, 0.0], 300.0, (200, 2))  # on the cut
+    measurement = radar.measure(state[:5]).copy()
+    turned = measurement + np.array([0.0, turns * 2.0 * np.pi])
+    phd = intensity(state, np.full(200, 0.004), mode=rng.integers(0, 4, 200))
+    amplitudes = np.full(5, 20.0)
+    missed, _ = update(phd, Detections(np.zeros((0, 2)), np.zeros(0)), radar, model, 6.0)
+    plain, _ = update(phd, Detections(measurement, amplitudes), radar, model, 6.0)
+    shifted, _ = update(phd, Detections(turned, amplitudes), radar, model, 6.0)
+    assert plain.weight.sum() > missed.weight.sum() + 0.1
+    np.testing.assert_allclose(shifted.weight, plain.weight, rtol=1e-9)
+
+
+def test_log_clutter_intensity_integrates_to_the_rate():
+    # Uniform over 2 pi x 15 km, times an amplitude density that integrates to one above tau.
+    detections = Detections(np.array([[5e3, 1.0]]), None)
+    area = 2.0 * np.pi * RADAR.clutter_max_range
+    assert np.exp(RADAR.log_clutter_intensity(detections))[0] * area == pytest.approx(20.0)
+
+
+def test_log_clutter_intensity_carries_the_truncated_amplitude_density():
+    measurement = np.full((3, 2), 1.0)
+    a = np.array([4.0, 5.0, 6.0])
+    plain = RADAR.log_clutter_intensity(Detections(measurement, None))
+    full = RADAR.log_clutter_intensity(Detections(measurement, a))
+    np.testing.assert_allclose(np.exp(full - plain), a * np.exp(-(a**2) / 2.0) / 1e-3, rtol=1e-9)
+
+
+def test_log_clutter_intensity_of_no_clutter_is_finite():
+    radar = replace(RADAR, clutter_rate=0.0)
+    detections = Detections(np.ones((1, 2)), np.array([250.0]))
+    assert np.isfinite(radar.log_clutter_intensity(detections)).all()
+
+
+def test_log_class_likelihood_is_the_untruncated_density():
+    classes = small().model.modes.classes
+    a = np.array([4.0, 20.0, 250.0])
+    likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), a), classes)
+    expected = [amplitude_density.log_target_density(a, c.snr_band) for c in classes]
+    np.testing.assert_array_equal(likelihood, expected)
+
+
+def test_log_class_likelihood_without_amplitudes_is_the_detection_probability():
+    classes = small().model.modes.classes
+    likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), None), classes)
+    p_d = RADAR.class_detection_probability(classes)
+    assert likelihood.shape == (2, 3)
+    np.testing.assert_allclose(np.exp(likelihood), np.repeat(p_d[:, None], 3, axis=1))
+
+
+def test_class_detection_probability_is_lower_for_the_weaker_class():
+    strong, weak = RADAR.class_detection_probability(small().model.modes.classes)
+    assert 0.5 < weak < strong < 1.0

@@ -1,0 +1,218 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import cdist
+
+from phd_jdtc_ros.core.pair_search import sweep
+
+
+def pairs_within(query, query_block, point, point_block, radius):
+    """Return the query, the point and the square distance of all near pairs."""
+    search = sweep.candidates(query, query_block, point, point_block, radius)
+    found = list(sweep.near_chunks(search))
+    none = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
+    return [np.concatenate(part) for part in zip(none, *found, strict=True)]
+
+
+def brute_force(query, query_block, point, point_block, radius):
+    limit = np.full(len(query), radius)[:, None]
+    near = (cdist(query, point) <= limit) & (query_block[:, None] == point_block)
+    return set(map(tuple, np.argwhere(near)))
+
+
+def check(query, query_block, point, point_block, radius):
+    row, column, square = pairs_within(query, query_block, point, point_block, radius)
+    found = list(zip(row.tolist(), column.tolist(), strict=True))
+    expected = brute_force(query, query_block, point, point_block, radius)
+    assert len(found) == len(expected)
+    assert set(found) == expected
+    assert (np.diff(row) >= 0).all()
+    exact = ((query[row] - point[column]) ** 2).sum(axis=1)
+    np.testing.assert_allclose(square, exact, rtol=1e-12, atol=1e-12)
+    return found
+
+
+def draw_points(rng, kind, count, dimension):
+    if kind == "wide":
+        return rng.uniform(-1e3, 1e3, (count, dimension))
+    if kind == "clustered":
+        centre = rng.uniform(-1e4, 1e4, (3, dimension))
+        return centre[rng.integers(0, 3, count)] + rng.normal(0.0, 2.0, (count, dimension))
+    if kind == "flat":
+        # Two wide axes that are not the first two, as whitening makes them.
+        scale = np.ones(dimension)
+        scale[[0, -1]] = 200.0
+        return rng.normal(0.0, 1.0, (count, dimension)) * scale
+    return np.repeat(rng.normal(0.0, 3.0, (1, dimension)), count, axis=0)  # duplicates
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    seed=st.integers(0, 10**6),
+    kind=st.sampled_from(["wide", "clustered", "flat", "duplicate"]),
+    sizes=st.tuples(st.integers(0, 40), st.integers(0, 40)),
+    dimension=st.integers(2, 5),
+    blocks=st.integers(1, 4),
+    radius=st.sampled_from([0.3, 2.0, 7.0, 300.0]),
+    chunk=st.sampled_from([1, 7, 1 << 18]),
+)
+def test_pairs_within_equal_brute_force(seed, kind, sizes, dimension, blocks, radius, chunk):
+    rng = np.random.default_rng(seed)
+    both = draw_points(rng, kind, sum(sizes), dimension)
+    query, point = both[: sizes[0]], both[sizes[0] :]
+    query_block, point_block = (rng.integers(0, blocks, size) for size in sizes)
+    with mock.patch.object(sweep, "CHUNK_PAIRS", chunk):
+        check(query, query_block, point, point_block, radius)
+
+
+@pytest.mark.parametrize("chunk", [1, 3, 50, 1000])
+def test_pairs_within_do_not_depend_on_the_chunk(chunk, monkeypatch):
+    rng = np.random.default_rng(4)
+    query, point = rng.normal(0.0, 3.0, (60, 4)), rng.normal(0.0, 3.0, (80, 4))
+    arguments = (query, rng.integers(0, 2, 60), point, rng.integers(0, 2, 80), 4.0)
+    whole = check(*arguments)
+    assert len(whole) > 100
+    monkeypatch.setattr(sweep, "CHUNK_PAIRS", chunk)
+    assert sorted(check(*arguments)) == sorted(whole)
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    seed=st.integers(0, 10**6),
+    kind=st.sampled_from(["wide", "clustered", "flat", "duplicate"]),
+    sizes=st.tuples(st.integers(1, 40), st.integers(1, 40)),
+    spread=st.sampled_from([1.0, 3.0, 100.0]),
+)
+def test_pairs_within_take_a_radius_for_each_query(seed, kind, sizes, spread):
+    rng = np.random.default_rng(seed)
+    both = draw_points(rng, kind, sum(sizes), 4)
+    blocks = rng.integers(0, 2, sum(sizes))
+    radius = 2.0 * spread ** rng.uniform(-1.0, 1.0, sizes[0])
+    check(both[: sizes[0]], blocks[: sizes[0]], both[sizes[0] :], blocks[sizes[0] :], radius)
+
+
+@pytest.mark.parametrize("radius", [1.0, 2.0, 5.0])
+@pytest.mark.parametrize("origin", [0.0, -7.0, 1e7])
+def test_pairs_within_include_those_exactly_as_far_as_the_radius(radius, origin):
+    side = np.arange(9.0)
+    lattice = np.stack(np.meshgrid(side, side, [0.0, 3.0]), axis=-1).reshape(-1, 3) + origin
+    none = np.zeros(len(lattice), int)
+    check(lattice[::-1], none, lattice, none, radius)
+
+
+def test_pairs_within_keep_blocks_apart():
+    query = point = np.zeros((2, 3))
+    found = check(query, np.array([0, 1]), point, np.array([1, 2]), 1.0)
+    assert found == [(1, 0)]
+
+
+def test_pairs_within_find_all_pairs_of_equal_points():
+    assert (
+        len(check(np.ones((6, 3)), np.zeros(6, int), np.ones((9, 3)), np.zeros(9, int), 0.5)) == 54
+    )
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        pytest.param([[0.0, 5.5, 0.0]], id="between-the-points"),
+        pytest.param([[1e3, 1e3, 1e3], [-1e3, -1e3, 0.0]], id="outside-the-search"),
+    ],
+)
+def test_pairs_within_of_far_queries_are_none(query):
+    query = np.array(query)
+    point = np.array([[0.0, 0.0, 0.0], [0.0, 9.0, 0.0]])
+    assert check(query, np.zeros(len(query), int), point, np.zeros(2, int), 1.0) == []
+
+
+@pytest.mark.parametrize(("queries", "points"), [(0, 3), (3, 0), (0, 0)])
+def test_pairs_within_of_nothing_are_none(queries, points):
+    row, column, square = pairs_within(
+        np.zeros((queries, 3)),
+        np.zeros(queries, int),
+        np.zeros((points, 3)),
+        np.zeros(points, int),
+        1.0,
+    )
+    assert len(row) == len(column) == len(square) == 0
+
+
+# --- The compiled inner loop ---------------------------------------------------------------------
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    seed=st.integers(0, 10**6),
+    kind=st.sampled_from(["wide", "clustered", "flat", "duplicate"]),
+    sizes=st.tuples(st.integers(0, 60), st.integers(0, 60)),
+    dimension=st.integers(2, 6),
+    chunk=st.sampled_from([1, 50, 1 << 14]),
+)
+def test_backends_return_the_same_bits(seed, kind, sizes, dimension, chunk):
+    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    rng = np.random.default_rng(seed)
+    both = draw_points(rng, kind, sum(sizes), dimension)
+    blocks = rng.integers(0, 3, sum(sizes))
+    parts = (both[: sizes[0]], blocks[: sizes[0]], both[sizes[0] :], blocks[sizes[0] :])
+    results = []
+    for name in ("numpy", "numba"):
+        with (
+            mock.patch.object(sweep, "BACKEND", sweep.backend(name)),
+            mock.patch.object(sweep, "CHUNK_PAIRS", chunk),
+        ):
+            results.append(pairs_within(*parts, 7.0))
+    for plain, compiled in zip(*results, strict=True):
+        assert plain.dtype == compiled.dtype
+        np.testing.assert_array_equal(plain, compiled)
+
+
+def chosen_backend(environment, without_numba=False):
+    """Return a new interpreter's choice, or the last line of its complaint."""
+    hide = "sys.modules['numba'] = None; " if without_numba else ""
+    script = (
+        f"import sys; {hide}"
+        "from phd_jdtc_ros.core.pair_search.sweep import BACKEND; print(BACKEND.name)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        cwd=Path(__file__).parents[3],
+        env={**os.environ, "PHD_JDTC_KERNELS": environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return (done.stdout or done.stderr).strip().splitlines()[-1]
+
+
+def test_backend_is_numpy_if_told_so():
+    assert chosen_backend("numpy") == "numpy"
+
+
+def test_backend_is_numpy_where_numba_is_missing():
+    assert chosen_backend("auto", without_numba=True) == "numpy"
+
+
+def test_backend_is_numba_where_it_is_installed():
+    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    assert chosen_backend("auto") == "numba"
+
+
+def test_backend_that_is_missing_is_an_error_if_asked_for():
+    assert "numba" in chosen_backend("numba", without_numba=True)
+    assert "Error" in chosen_backend("numba", without_numba=True)
+
+
+def test_backend_unknown_is_an_error():
+    assert chosen_backend("fortran") == (
+        "ValueError: PHD_JDTC_KERNELS: 'fortran' given, must be auto, numpy or numba"
+    )

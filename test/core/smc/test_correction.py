@@ -1,0 +1,117 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+from scenes import intensity
+from scipy import sparse
+
+from phd_jdtc_ros.core.smc.correction import Claims, bernoulli, poisson, scale_rows
+
+
+def claims(likelihood, weight, other, p_d=0.9):
+    """Return claims of a dense (N, M) likelihood; p_D is one number or one a particle."""
+    row, column = np.nonzero(likelihood)
+    p_d = np.broadcast_to(p_d, len(weight))
+    mass = (p_d * weight)[row] * likelihood[row, column]
+    return Claims(row, column, mass, np.asarray(other, dtype=float), p_d)
+
+
+def corrected(likelihood, weight, other, p_d=0.9, origin=None, corrector=bernoulli):
+    weight = np.asarray(weight, dtype=float)
+    phd = intensity(np.zeros((len(weight), 5)), weight, origin=origin)
+    return corrector(phd, claims(np.asarray(likelihood, dtype=float), weight, other, p_d))
+
+
+@pytest.mark.parametrize("existence", [0.01, 0.5, 0.99, 1.0])
+def test_bernoulli_missed_target_keeps_the_existence_of_bayes_rule(existence):
+    phd, _ = corrected(np.zeros((2, 0)), [existence / 2.0] * 2, [])
+    expected = existence * 0.1 / (1.0 - 0.9 * existence)
+    assert phd.weight.sum() == pytest.approx(expected, rel=1e-12)
+
+
+def test_poisson_missed_target_is_scaled_down_whatever_its_existence():
+    phd, _ = corrected(np.zeros((1, 0)), [0.99], [], corrector=poisson)
+    assert phd.weight.sum() == pytest.approx(0.099)
+
+
+def test_bernoulli_single_target_is_the_exact_posterior():
+    rng = np.random.default_rng(0)
+    likelihood, weight = rng.exponential(1.0, (5, 3)), rng.uniform(0.05, 0.15, 5)
+    other, p_d = np.array([0.3, 0.7, 0.1]), rng.uniform(0.5, 0.99, 5)
+    phd, claimed = corrected(likelihood, weight, other, p_d)
+    # Hypotheses: not there, missed, or the source of one detection.
+    absent, missed = 1.0 - weight.sum(), weight * (1.0 - p_d)
+    source = (weight * p_d)[:, None] * likelihood / other
+    total = absent + missed.sum() + source.sum()
+    np.testing.assert_allclose(phd.weight, (missed + source.sum(axis=1)) / total, rtol=1e-9)
+    np.testing.assert_allclose(claimed, source.sum(axis=0) / total, rtol=1e-9)
+
+
+def test_bernoulli_target_between_two_detections_is_one_and_poisson_makes_it_two():
+    likelihood, weight, other = np.full((4, 2), 50.0), np.full(4, 0.2475), [0.01, 0.01]
+    single, _ = corrected(likelihood, weight, other)
+    double, _ = corrected(likelihood, weight, other, corrector=poisson)
+    assert single.weight.sum() <= 1.0
+    assert double.weight.sum() > 1.9
+
+
+def test_bernoulli_of_small_masses_is_the_poisson_correction():
+    # With next to nothing at one place, one target at the most is no restriction.
+    rng = np.random.default_rng(1)
+    likelihood, weight = rng.exponential(1.0, (6, 1)), rng.uniform(1e-7, 1e-6, 6)
+    phds = [
+        corrected(likelihood, weight, [2e-7], origin=np.array([0, 0, 1, 1, 2, 2]), corrector=c)[0]
+        for c in (bernoulli, poisson)
+    ]
+    np.testing.assert_allclose(phds[0].weight, phds[1].weight, rtol=1e-5)
+
+
+def test_bernoulli_targets_do_not_both_take_one_detection():
+    phd, claimed = corrected(
+        np.full((2, 1), 100.0), [0.999, 0.999], [1e-3], p_d=0.95, origin=np.array([3, 8])
+    )
+    assert claimed[0] == pytest.approx(1.0, abs=1e-3)
+    # One was detected and one missed, nobody knows which: both live on.
+    np.testing.assert_allclose(phd.weight, [0.99, 0.99], atol=0.01)
+
+
+def test_bernoulli_components_are_the_origins_and_hold_all_mass():
+    origin = np.array([7, 2, 7, 5])
+    phd, _ = corrected(np.ones((4, 2)), [0.1, 0.2, 0.3, 0.4], [1.0, 1.0], origin=origin)
+    np.testing.assert_array_equal(phd.label, [2, 5, 7])
+    np.testing.assert_array_equal(phd.poisson, 0.0)
+    dense = phd.components.toarray()
+    np.testing.assert_array_equal(np.nonzero(dense)[1], [2, 0, 2, 1])
+    np.testing.assert_allclose(dense.sum(axis=1), phd.weight)
+
+
+def test_bernoulli_mass_above_one_is_one_target():
+    phd, _ = corrected(np.zeros((2, 0)), [0.6, 0.6], [], p_d=0.5)
+    assert phd.weight.sum() == pytest.approx(1.0)
+
+
+def test_bernoulli_particles_share_what_their_target_claims_by_likelihood():
+    phd, _ = corrected([[9.0], [1.0]], [0.4, 0.4], [1e-9], p_d=1.0 - 1e-9)
+    np.testing.assert_allclose(phd.weight, [0.9, 0.1], rtol=1e-5)
+
+
+def test_poisson_keeps_a_component_for_every_detection():
+    phd, _ = corrected(np.ones((3, 2)), [0.1, 0.2, 0.3], [1.0, 3.0], corrector=poisson)
+    np.testing.assert_array_equal(phd.label, [-1, -1])
+    masses = phd.components.toarray().sum(axis=0)
+    np.testing.assert_allclose(masses, [0.54 / 1.54, 0.54 / 3.54])
+
+
+@pytest.mark.parametrize("corrector", [bernoulli, poisson])
+def test_corrector_of_nothing_claims_nothing(corrector):
+    phd, claimed = corrected(np.zeros((0, 3)), [], [1.0, 1.0, 1.0], corrector=corrector)
+    assert len(phd) == 0
+    np.testing.assert_array_equal(claimed, 0.0)
+
+
+def test_scale_rows_multiplies_each_row():
+    dense = np.array([[1.0, 0.0, 2.0], [0.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
+    factor = np.array([2.0, 5.0, -1.0])
+    scaled = scale_rows(sparse.csr_array(dense), factor)
+    np.testing.assert_array_equal(scaled.toarray(), dense * factor[:, None])

@@ -1,0 +1,286 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import no_detections, plain, short_scenario, small
+
+from phd_jdtc_ros.core.engine import Lag
+from phd_jdtc_ros.core.simulation.scenario import TargetScript
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.types import Scan
+
+START_NS = 1_700_000_000_000_000_000
+SCANS = [scan for _, scan in simulate(short_scenario(8), 3)]
+
+
+def same(a, b):
+    names = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
+    return (a.stamp_ns, a.lag) == (b.stamp_ns, b.lag) and all(
+        np.array_equal(getattr(a, name), getattr(b, name)) for name in names
+    )
+
+
+def run(engine, scans=SCANS):
+    """Return the filtered, the smoothed and the flushed estimates of a run."""
+    steps = [engine.step(scan) for scan in scans]
+    smoothed = [estimate for step in steps for estimate in step.smoothed]
+    return [step.filtered for step in steps], smoothed, list(engine.flush())
+
+
+def all_same(first, second):
+    return all(
+        len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+        for a, b in zip(first, second, strict=True)
+    )
+
+
+@pytest.mark.parametrize("extraction", ["components", "clusters"])
+def test_engine_gives_the_same_run_for_the_same_seed(extraction):
+    config = small({"lag": 2, "seed": 7, "extraction": extraction})
+    assert all_same(run(config.engine()), run(config.engine()))
+
+
+def test_engine_gives_another_run_for_another_seed():
+    first, second = (run(small({"seed": seed}).engine()) for seed in (1, 2))
+    assert not all_same(first, second)
+
+
+@pytest.mark.parametrize("forget", ["reset", "flush"])
+def test_engine_starts_anew_after_a_reset(forget):
+    engine = small({"lag": 2}).engine()
+    first = run(engine)  # ends with a flush
+    for scan in SCANS[:5]:
+        engine.step(scan)
+    getattr(engine, forget)()
+    assert all_same(run(engine), first)
+
+
+def test_engine_keeps_to_its_particles_when_targets_leave_all_coverage():
+    # Nobody sees that they are gone, nor what they might have spawned since.
+    scene = short_scenario(120)
+    targets = tuple(
+        replace(target, turns=(), first_scan=0, last_scan=119) for target in scene.targets
+    )
+    scans = [scan for _, scan in simulate(replace(scene, targets=targets), 3)]
+    given, most = {"least_particles": 200}, 1500
+    usual = list(map(small(given).engine().step, scans))
+    assert usual[-1].particles > 2 * most
+    steps = list(map(small({**given, "max_particles": most}).engine().step, scans))
+    assert max(step.particles for step in steps) <= 1.1 * most
+    # Targets, with more mass than guesses, keep theirs: they are tracked as without a limit.
+    assert [len(step.filtered) for step in steps] == [len(step.filtered) for step in usual]
+
+
+def tracks(found):
+    return {number for one in found for number in one.track_id.tolist()} - {0}
+
+
+def test_engine_interrupted_gives_out_the_rest_and_new_numbers():
+    usual, engine = small({"lag": 2}).engine(), small({"lag": 2}).engine()
+    filtered, _, rest = run(usual)
+    for scan in SCANS:
+        engine.step(scan)
+    assert all_same([engine.interrupt()], [rest])
+    again, smoothed, flushed = run(engine)
+    highest = max(tracks([*filtered, *rest]))
+    assert min(tracks([*again, *smoothed, *flushed])) == highest + 1
+    # As new but for the numbers.
+    for first, second in zip(filtered, again, strict=True):
+        np.testing.assert_array_equal(first.state, second.state)
+        shifted = np.where(first.track_id > 0, first.track_id + highest, 0)
+        np.testing.assert_array_equal(shifted, second.track_id)
+
+
+def test_engine_flushed_after_an_interruption_numbers_from_one_again():
+    engine = small({"lag": 2}).engine()
+    first = run(engine)
+    for scan in SCANS:
+        engine.step(scan)
+    engine.interrupt()
+    engine.flush()
+    assert all_same(run(engine), first)
+
+
+def test_engine_finds_the_targets_of_the_scene():
+    engine = small({"particles_per_target": 500, "particles_per_birth": 512}).engine()
+    filtered, smoothed, flushed = run(engine)
+    for scan, (truth, _) in enumerate(simulate(short_scenario(8), 3)):
+        if scan < 2:
+            continue
+        for found in (filtered[scan], [*smoothed, *flushed][scan]):
+            assert len(found) == 3
+            distance = np.hypot(
+                *(found.state[:, None, [0, 2]] - truth.state[None, :, [0, 2]]).transpose(2, 0, 1)
+            )
+            assert distance.min(axis=0).max() < 1000.0
+
+
+@pytest.mark.parametrize("lag", [1, 3])
+def test_engine_smooths_each_stamp_once_its_lag_is_reached(lag):
+    engine = small({"lag": lag}).engine()
+    for index, scan in enumerate(SCANS):
+        smoothed = engine.step(scan).smoothed
+        expected = [(SCANS[index - lag].stamp_ns, lag)] if index >= lag else []
+        assert [(e.stamp_ns, e.lag) for e in smoothed] == expected
+
+
+def test_engine_flush_returns_the_rest_in_order_with_falling_lags():
+    engine = small({"lag": 3}).engine()
+    for scan in SCANS:
+        engine.step(scan)
+    flushed = engine.flush()
+    assert [e.stamp_ns for e in flushed] == [scan.stamp_ns for scan in SCANS[-3:]]
+    assert [e.lag for e in flushed] == [2, 1, 0]
+    assert engine.flush() == ()
+
+
+def test_engine_flush_before_the_window_is_full_returns_all():
+    engine = small({"lag": 5}).engine()
+    for scan in SCANS[:2]:
+        engine.step(scan)
+    assert [(e.stamp_ns, e.lag) for e in engine.flush()] == [
+        (SCANS[0].stamp_ns, 1),
+        (SCANS[1].stamp_ns, 0),
+    ]
+
+
+def test_engine_without_lag_smooths_at_once():
+    engine = small({"lag": 0}).engine()
+    for scan in SCANS:
+        step = engine.step(scan)
+        assert [(e.stamp_ns, e.lag) for e in step.smoothed] == [(scan.stamp_ns, 0)]
+    assert engine.flush() == ()
+
+
+@pytest.mark.parametrize("lag", [0, 1])
+def test_engine_filters_alike_whatever_the_lag(lag):
+    filtered = run(small({"lag": lag}).engine())[0]
+    reference = run(small({"lag": 5}).engine())[0]
+    assert all(same(a, b) for a, b in zip(filtered, reference, strict=True))
+
+
+def test_engine_with_a_lag_in_seconds_waits_for_the_stamps():
+    config = small({"lag_s": 10.0})
+    stamps_s = [0.0, 6.0, 9.0, 10.0, 19.0, 50.0]
+    scans = [
+        replace(scan, stamp_ns=START_NS + round(s * 1e9))
+        for scan, s in zip(SCANS[: len(stamps_s)], stamps_s, strict=True)
+    ]
+    engine = config.engine()
+    smoothed = [
+        [(round((e.stamp_ns - START_NS) * 1e-9), e.lag) for e in engine.step(scan).smoothed]
+        for scan in scans
+    ]
+    assert smoothed == [[], [], [], [(0, 3)], [(6, 3), (9, 2)], [(10, 2), (19, 1)]]
+    assert [(e.stamp_ns, e.lag) for e in engine.flush()] == [(scans[-1].stamp_ns, 0)]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "reached"), [([0], False), ([0, 1, 2], False), ([0, 1, 2, 3], True)]
+)
+def test_lag_in_scans_counts_those_that_follow(stamps, reached):
+    assert Lag(3).reached(stamps) is reached
+
+
+@pytest.mark.parametrize("back_ns", [0, 1, 10**9])
+@pytest.mark.parametrize("lag", [0, 5])
+def test_engine_refuses_a_stamp_that_is_not_later(back_ns, lag):
+    engine = small({"lag": lag}).engine()
+    engine.step(SCANS[0])
+    engine.step(SCANS[1])
+    stale = replace(SCANS[2], stamp_ns=SCANS[1].stamp_ns - back_ns)
+    with pytest.raises(ValueError, match=str(stale.stamp_ns)):
+        engine.step(stale)
+
+
+def test_engine_goes_on_after_a_refused_stamp():
+    refused, untouched = small({"lag": 2}).engine(), small({"lag": 2}).engine()
+    for engine in (refused, untouched):
+        engine.step(SCANS[0])
+    with pytest.raises(ValueError, match="not later"):
+        refused.step(SCANS[0])
+    assert same(refused.step(SCANS[1]).filtered, untouched.step(SCANS[1]).filtered)
+
+
+def test_engine_does_not_update_with_a_radar_that_did_not_report():
+    # A silent radar is no evidence; a report of nothing is.
+    silent, empty = small().engine(), small().engine()
+    for engine in (silent, empty):
+        for scan in SCANS[:4]:
+            engine.step(scan)
+    stamp_ns = SCANS[4].stamp_ns
+    nothing = no_detections()
+    unheard = silent.step(Scan(stamp_ns, (None, None))).class_mass.sum()
+    unseen = empty.step(Scan(stamp_ns, (nothing, nothing))).class_mass.sum()
+    assert 2.7 < unheard < 3.5
+    assert unseen < 0.3 * unheard
+
+
+def test_engine_step_reports_what_it_holds():
+    step = small().engine().step(SCANS[0])
+    assert step.class_mass.shape == (2,)
+    assert 2.0 < step.class_mass.sum() < 4.0
+    assert 0 < step.effective_sample_size <= 200 * 4 + 8 * 20
+    assert 0 < step.particles <= 1000
+    assert step.orphans == 0
+
+
+def one_target_scans(config, scans=6):
+    target = TargetScript(0, 1e4, (8e3, 6e3), (-30.0, 20.0), 0, scans - 1)
+    scenario = replace(short_scenario(scans), targets=(target,), radars=config.model.radars)
+    return simulate(scenario, 1)
+
+
+@pytest.mark.parametrize("death_term", ["bernoulli", "paper"])
+@pytest.mark.parametrize("extraction", ["components", "clusters"])
+def test_engine_runs_a_plain_phd(death_term, extraction):
+    config = plain(
+        {
+            "death_term": death_term,
+            "extraction": extraction,
+            "radar.clutter_rate": 3.0,
+            "lag": 2,
+            "particles_per_birth": 512,
+        }
+    )
+    engine = config.engine()
+    for index, (truth, scan) in enumerate(one_target_scans(config)):
+        step = engine.step(scan)
+        if index < 2:
+            continue
+        for found in (step.filtered, step.smoothed[0]):
+            assert len(found) == 1
+        error = step.filtered.state[0, [0, 2]] - truth.state[0, [0, 2]]
+        assert np.hypot(*error) < 700.0  # twice the radar's own error
+
+
+def test_engine_runs_three_classes_of_different_motions():
+    config = small(THREE_CLASSES)
+    filtered, smoothed, flushed = run(config.engine())
+    assert filtered[-1].class_probability.shape[1] == 3
+    assert len(filtered[-1]) == 3
+    assert len(smoothed) + len(flushed) == len(SCANS)
+
+
+THREE_CLASSES = {
+    "classes": ["strong", "weak", "turning"],
+    "strong.snr_band_db": [30.0, 50.0],
+    "weak.snr_band_db": [10.0, 30.0],
+    "weak.motions": ["cv"],
+    "weak.mode_transition": [1.0],
+    "turning.snr_band_db": [10.0, 30.0],
+    "turning.motions": ["ct"],
+    "turning.mode_transition": [1.0],
+    "spawn.class_transition": [],
+    "spawn.mode_transition": [],
+    **{f"start_{n}.rates": [0.005, 0.003, 0.002] for n in range(1, 5)},
+}
+
+
+def test_engine_runs_without_births_and_stays_empty():
+    engine = small({"births": [], "lag": 1}).engine()
+    filtered, smoothed, flushed = run(engine)
+    assert all(len(e) == 0 for e in [*filtered, *smoothed, *flushed])

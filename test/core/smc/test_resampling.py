@@ -1,0 +1,166 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phd_jdtc_ros.core.smc import resampling
+
+
+@st.composite
+def grouped_weights(draw):
+    sizes = draw(st.lists(st.integers(1, 12), min_size=1, max_size=6))
+    group = np.repeat(np.arange(len(sizes)), sizes)
+    weight = draw(
+        st.lists(st.floats(1e-6, 10.0), min_size=len(group), max_size=len(group)).map(np.array)
+    )
+    count = draw(st.lists(st.integers(0, 40), min_size=len(sizes), max_size=len(sizes)))
+    return weight, group, np.array(count), draw(st.integers(0, 10**6))
+
+
+@settings(deadline=None, max_examples=150)
+@given(case=grouped_weights())
+def test_systematic_copies_sum_to_the_count_of_every_group(case):
+    weight, group, count, seed = case
+    copies = resampling.systematic(weight, group, count, np.random.default_rng(seed))
+    assert (copies >= 0).all()
+    np.testing.assert_array_equal(np.bincount(group, copies, len(count)), count)
+
+
+@settings(deadline=None, max_examples=150)
+@given(case=grouped_weights())
+def test_systematic_copies_are_within_one_of_their_expectation(case):
+    weight, group, count, seed = case
+    copies = resampling.systematic(weight, group, count, np.random.default_rng(seed))
+    mass = np.bincount(group, weight, len(count))
+    expected = weight * (count / mass)[group]
+    # A comb with one offset a group, so never a whole tooth off; 1e-9 is the rounding of sums.
+    assert (np.abs(copies - expected) < 1.0 + 1e-9).all()
+
+
+def test_systematic_is_unbiased():
+    rng = np.random.default_rng(5)
+    group = np.repeat([0, 1, 3], [7, 1, 12])  # group 2 is empty
+    weight = rng.exponential(1.0, len(group))
+    count = np.array([9, 4, 0, 5])
+    trials = 4000
+    copies = np.array([resampling.systematic(weight, group, count, rng) for _ in range(trials)])
+    mass = np.bincount(group, weight, len(count))
+    expected = weight * count[group] / mass[group]
+    # A number of copies takes two neighbouring values, so its variance is f (1 - f).
+    fraction = expected % 1.0
+    error = 4.5 * np.sqrt(fraction * (1.0 - fraction) / trials) + 1e-12
+    assert (np.abs(copies.mean(axis=0) - expected) <= error).all()
+
+
+def test_systematic_of_equal_weights_copies_each_once():
+    copies = resampling.systematic(
+        np.full(50, 0.1), np.zeros(50, dtype=int), np.array([50]), np.random.default_rng(0)
+    )
+    np.testing.assert_array_equal(copies, 1)
+
+
+def test_systematic_gives_nothing_to_a_weightless_particle():
+    weight = np.array([1.0, 0.0, 2.0, 0.0])
+    group = np.array([0, 0, 1, 1])
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        copies = resampling.systematic(weight, group, np.array([3, 7]), rng)
+        np.testing.assert_array_equal(copies, [3, 0, 7, 0])
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.5, np.nextafter(1.0, 0.0)])
+@pytest.mark.parametrize("size", [3, 7, 10, 49])
+def test_comb_loses_no_copy_by_rounding(offset, size):
+    # Sums of tenths and sevenths miss the whole number by a rounding: the last tooth is there.
+    weight = np.tile(np.full(size, 1.0 / size), 3)
+    group = np.repeat([0, 1, 2], size)
+    copies = resampling.comb(weight, group, np.array([size, 1, 20]), np.full(3, offset))
+    np.testing.assert_array_equal(np.bincount(group, copies), [size, 1, 20])
+    assert (copies >= 0).all()
+
+
+def test_systematic_of_no_particles_is_empty():
+    none = np.zeros(0)
+    copies = resampling.systematic(
+        none, none.astype(int), np.zeros(0, dtype=int), np.random.default_rng(0)
+    )
+    assert copies.shape == (0,)
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    mass=st.lists(st.floats(1e-7, 5.0), min_size=1, max_size=10).map(np.array),
+    per_target=st.integers(10, 500),
+    least=st.integers(1, 50),
+)
+def test_allocate_keeps_the_mass_of_every_group_with_a_particle_of_its_own(mass, per_target, least):
+    count, weight = resampling.allocate(mass, per_target, least, np.random.default_rng(0))
+    sure = mass * per_target >= 1.0
+    np.testing.assert_allclose((count * weight)[sure], mass[sure], rtol=1e-12)
+    assert (count[sure] >= least).all()
+    np.testing.assert_array_less(count[sure], np.maximum(mass[sure] * per_target, least) + 1.0)
+
+
+def test_within_leaves_alone_what_fits():
+    mass = np.array([1.0, 0.2, 1e-3])
+    assert resampling.within(1500, mass, 1000, 100) == (1000, 100)
+
+
+def test_within_takes_first_from_those_without_mass():
+    # Two targets, and a thousand places where there might be one.
+    mass = np.concatenate([[1.0, 1.0], np.full(1000, 0.01)])
+    density, least = resampling.within(20_000, mass, 1000, 200)
+    assert density == 1000
+    count, weight = resampling.allocate(mass, density, least, np.random.default_rng(0))
+    assert count[:2].tolist() == [1000, 1000]
+    assert 10_000 < count.sum() <= 20_000
+    np.testing.assert_allclose(count * weight, mass, rtol=1e-12)
+
+
+def test_within_holds_for_more_mass_than_it_has_particles_for():
+    mass = np.random.default_rng(0).uniform(0.0, 2.0, 3000)
+    density, least = resampling.within(2000, mass, 1000, 200)
+    assert least == 1
+    totals = []
+    for seed in range(50):
+        count, weight = resampling.allocate(mass, density, least, np.random.default_rng(seed))
+        totals.append((count.sum(), count @ weight))
+    counts, masses = np.array(totals).T
+    assert counts.mean() <= 2000 * 1.1
+    assert masses.mean() == pytest.approx(mass.sum(), rel=0.02)
+
+
+def test_allocate_keeps_the_mass_of_smaller_groups_in_expectation():
+    mass = np.array([1e-4, 3e-3, 9e-3])
+    rng = np.random.default_rng(2)
+    trials = 40_000
+    kept = np.zeros((trials, 3))
+    for trial in range(trials):
+        count, weight = resampling.allocate(mass, 100, 20, rng)
+        assert count.max() <= 1
+        kept[trial] = count * weight
+    chance = mass * 100
+    # One particle of weight 1/100 with that chance.
+    error = 4.5 * np.sqrt(chance * (1.0 - chance) / trials) / 100
+    assert (np.abs(kept.mean(axis=0) - mass) < error).all()
+
+
+def test_allocate_gives_nothing_to_an_empty_group():
+    count, _ = resampling.allocate(np.array([0.0, 1.0]), 100, 20, np.random.default_rng(0))
+    np.testing.assert_array_equal(count, [0, 100])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_systematic_and_allocate_are_reproducible(seed):
+    weight = np.random.default_rng(9).random(30)
+    group = np.repeat([0, 1], 15)
+
+    def draw():
+        rng = np.random.default_rng(seed)
+        count, _ = resampling.allocate(np.array([0.004, 0.3]), 100, 5, rng)
+        return count.tolist(), resampling.systematic(weight, group, count, rng).tolist()
+
+    assert draw() == draw()

@@ -1,0 +1,105 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import json
+
+import numpy as np
+import pytest
+from scenes import short_scenario, small
+
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.smc.snapshot import Snapshot
+
+SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
+NAMES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
+
+
+def equal(a, b):
+    return (a.stamp_ns, a.lag) == (b.stamp_ns, b.lag) and all(
+        np.array_equal(getattr(a, name), getattr(b, name)) for name in NAMES
+    )
+
+
+def stored_and_read(snapshot):
+    """Return a snapshot after a way through JSON and bytes."""
+    arrays = {
+        name: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
+        for name, array in snapshot.arrays.items()
+    }
+    return Snapshot(arrays, json.loads(json.dumps(snapshot.facts)))
+
+
+@pytest.mark.parametrize("corrector", ["bernoulli", "poisson"])
+@pytest.mark.parametrize(
+    ("lag", "extraction"), [(0, "components"), (3, "components"), (2, "clusters")]
+)
+@pytest.mark.parametrize("stop", [0, 1, 6])
+def test_restored_tracker_goes_on_as_if_it_had_never_stopped(corrector, lag, extraction, stop):
+    config = small({"lag": lag, "extraction": extraction, "corrector": corrector, "seed": 5})
+    first, second = config.engine(), config.engine()
+    for scan in SCANS[:stop]:
+        first.step(scan)
+    second.restore(stored_and_read(first.snapshot()))
+    for scan in SCANS[stop:]:
+        one, other = first.step(scan), second.step(scan)
+        assert equal(one.filtered, other.filtered)
+        assert len(one.smoothed) == len(other.smoothed)
+        assert all(equal(a, b) for a, b in zip(one.smoothed, other.smoothed, strict=True))
+    assert all(equal(a, b) for a, b in zip(first.flush(), second.flush(), strict=True))
+
+
+def half_way():
+    engine = small({"lag": 2}).engine()
+    for scan in SCANS[:4]:
+        engine.step(scan)
+    return engine.snapshot()
+
+
+def without(name):
+    def change(snapshot):
+        del snapshot.arrays[name]
+
+    return change
+
+
+def shortened(name):
+    def change(snapshot):
+        snapshot.arrays[name] = snapshot.arrays[name][:-1]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        (without("stored.0.mode"), "stored.0.mode"),
+        (without("latest.components.indptr"), "latest.components.indptr"),
+        (shortened("stored.1.origin"), "stored.1"),
+        (shortened("stored.1.label"), "stored.1"),
+        (shortened("link.0.survival"), "link.0"),
+        (lambda snapshot: snapshot.facts.pop("filter"), "filter"),
+        (lambda snapshot: snapshot.facts["smoother"].update(rng={}), "snapshot"),
+    ],
+)
+def test_restore_refuses_what_is_no_tracker_and_leaves_a_new_one(change, named):
+    snapshot = half_way()
+    change(snapshot)
+    engine = small({"lag": 2}).engine()
+    with pytest.raises(ValueError, match=named):
+        engine.restore(snapshot)
+    fresh = small({"lag": 2}).engine()
+    for scan in SCANS[:4]:
+        assert equal(engine.step(scan).filtered, fresh.step(scan).filtered)
+
+
+def test_snapshot_is_not_changed_by_what_the_tracker_does_later():
+    engine = small({"lag": 2}).engine()
+    for scan in SCANS[:4]:
+        engine.step(scan)
+    snapshot = engine.snapshot()
+    before = stored_and_read(snapshot)
+    for scan in SCANS[4:]:
+        engine.step(scan)
+    assert snapshot.facts == before.facts
+    for name, array in snapshot.arrays.items():
+        np.testing.assert_array_equal(array, before.arrays[name])

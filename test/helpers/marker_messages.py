@@ -1,0 +1,90 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Markers and poses made of message objects: what the bytes that are published must say."""
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion, Vector3
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from msg_adapters import stamps
+from msg_adapters.ellipse import outline
+from msg_adapters.estimates import heading
+from msg_adapters.markers import (
+    ELLIPSE_POINTS,
+    ELLIPSE_SIGMA,
+    LABEL_HEIGHT,
+    LINE_WIDTH,
+    VELOCITY_SECONDS,
+    label_text,
+)
+from msg_adapters.palette import class_rgb
+from phd_jdtc_ros.core.models.motion import POSITION, VX, VY, X, Y
+
+
+def pose_array(estimates, class_id, frame):
+    """Return the poses of the estimates of one class, facing where they move."""
+    rows = estimates.state[estimates.class_id == class_id]
+    return PoseArray(
+        header=stamps.header(estimates.stamp_ns, frame),
+        poses=[
+            Pose(
+                position=Point(x=float(row[X]), y=float(row[Y]), z=0.0),
+                orientation=heading(row[VX], row[VY]),
+            )
+            for row in rows
+        ],
+    )
+
+
+def marker_array(estimates, frame, class_names):
+    """Return a clearing marker, then an ellipse, a velocity and a label for every estimate.
+
+    Namespaces are ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name.
+    """
+    clear = Marker(header=stamps.header(estimates.stamp_ns, frame), action=Marker.DELETEALL)
+    array = MarkerArray(markers=[clear])
+    for index, state in enumerate(estimates.state):
+        class_id = int(estimates.class_id[index])
+        colour = ColorRGBA(**dict(zip("rgb", class_rgb(class_id), strict=True)), a=1.0)
+        name = class_names[class_id]
+        share = estimates.class_probability[index, class_id]
+        ahead = state + VELOCITY_SECONDS * np.array([state[VX], 0.0, state[VY], 0.0, 0.0])
+        base = (estimates.stamp_ns, frame, index, colour)
+        ellipse = _marker(*base, f"{name}/ellipse", Marker.LINE_STRIP)
+        ellipse.scale = Vector3(x=LINE_WIDTH, y=0.0, z=0.0)
+        ellipse.points = _ellipse(state, estimates.covariance[index])
+        velocity = _marker(*base, f"{name}/velocity", Marker.ARROW)
+        velocity.scale = Vector3(x=LINE_WIDTH, y=3.0 * LINE_WIDTH, z=3.0 * LINE_WIDTH)
+        velocity.points = [_point(state[X], state[Y]), _point(ahead[X], ahead[Y])]
+        label = _marker(*base, f"{name}/label", Marker.TEXT_VIEW_FACING)
+        label.scale = Vector3(x=0.0, y=0.0, z=LABEL_HEIGHT)
+        label.pose.position = _point(state[X], state[Y] + 2.0 * LABEL_HEIGHT)
+        label.text = label_text(int(estimates.track_id[index]), name, share)
+        array.markers += [ellipse, velocity, label]
+    return array
+
+
+def _marker(stamp_ns, frame, index, colour, namespace, kind):
+    return Marker(
+        header=stamps.header(stamp_ns, frame),
+        ns=namespace,
+        id=index,
+        type=kind,
+        action=Marker.ADD,
+        pose=Pose(orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)),
+        color=colour,
+        lifetime=Duration(sec=0, nanosec=0),
+    )
+
+
+def _point(x, y):
+    return Point(x=float(x), y=float(y), z=0.0)
+
+
+def _ellipse(state, covariance):
+    """Return a closed outline of the position covariance at `ELLIPSE_SIGMA`."""
+    around = outline(covariance[np.ix_(POSITION, POSITION)], ELLIPSE_SIGMA, ELLIPSE_POINTS)
+    return [_point(state[X] + dx, state[Y] + dy) for dx, dy in around.T]

@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Message classes built after their public definitions, for packages that are not installed.
+
+Fields are checked as a ROS installation with `ROS_PYTHON_CHECK_FIELDS` does: an unknown name or a
+value of another type raises.
+"""
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, PoseWithCovariance, Vector3
+from std_msgs.msg import Header
+from unique_identifier_msgs.msg import UUID
+
+NUMBERS = {"float32": float, "float64": float, "uint16": int}
+
+
+class _Field:
+    """Of a message: its type and how a new one begins."""
+
+    def __init__(self, kind, known):
+        self.name, _, length = kind.partition("[")
+        self.array = bool(length)
+        self.length = int(length.rstrip("]") or 0)
+        self.type = known.get(self.name) or NUMBERS.get(self.name) or str
+
+    def new(self):
+        if not self.array:
+            return self.type()
+        return np.zeros(self.length, dtype=self.name) if self.length else []
+
+    def accepts(self, value):
+        if self.array and self.length:
+            shape = (self.length,)
+            return (
+                isinstance(value, np.ndarray)
+                and value.shape == shape
+                and (value.dtype == self.name)
+            )
+        if self.array:
+            return isinstance(value, list) and all(type(entry) is self.type for entry in value)
+        return type(value) is self.type
+
+
+def _make(name, definition, **known):
+    kinds = dict(reversed(line.split()) for line in definition.strip().splitlines())
+    fields = {field: _Field(kind, known) for field, kind in kinds.items()}
+
+    def setattr_checked(self, field, value):
+        if field not in fields:
+            raise AttributeError(f"{name} has no field {field!r}")
+        if not fields[field].accepts(value):
+            raise TypeError(f"{name}.{field}: {value!r} is no {kinds[field]}")
+        object.__setattr__(self, field, value)
+
+    def init(self, **given):
+        for field, of_field in fields.items():
+            setattr(self, field, given.pop(field) if field in given else of_field.new())
+        if given:
+            raise AttributeError(f"{name} has no field {sorted(given)}")
+
+    return type(name, (), {"__init__": init, "__setattr__": setattr_checked})
+
+
+RadarReturn = _make(
+    "RadarReturn",
+    """
+    float32 range
+    float32 azimuth
+    float32 elevation
+    float32 doppler_velocity
+    float32 amplitude
+    """,
+)
+RadarScan = _make(
+    "RadarScan",
+    """
+    Header header
+    RadarReturn[] returns
+    """,
+    Header=Header,
+    RadarReturn=RadarReturn,
+)
+RadarTrack = _make(
+    "RadarTrack",
+    """
+    UUID uuid
+    Point position
+    Vector3 velocity
+    Vector3 acceleration
+    Vector3 size
+    uint16 classification
+    float32[6] position_covariance
+    float32[6] velocity_covariance
+    float32[6] acceleration_covariance
+    float32[6] size_covariance
+    """,
+    UUID=UUID,
+    Point=Point,
+    Vector3=Vector3,
+)
+RadarTracks = _make(
+    "RadarTracks",
+    """
+    Header header
+    RadarTrack[] tracks
+    """,
+    Header=Header,
+    RadarTrack=RadarTrack,
+)
+BoundingBox3D = _make(
+    "BoundingBox3D",
+    """
+    Pose center
+    Vector3 size
+    """,
+    Pose=Pose,
+    Vector3=Vector3,
+)
+ObjectHypothesis = _make(
+    "ObjectHypothesis",
+    """
+    string class_id
+    float64 score
+    """,
+)
+ObjectHypothesisWithPose = _make(
+    "ObjectHypothesisWithPose",
+    """
+    ObjectHypothesis hypothesis
+    PoseWithCovariance pose
+    """,
+    ObjectHypothesis=ObjectHypothesis,
+    PoseWithCovariance=PoseWithCovariance,
+)
+Detection3D = _make(
+    "Detection3D",
+    """
+    Header header
+    ObjectHypothesisWithPose[] results
+    BoundingBox3D bbox
+    string id
+    """,
+    Header=Header,
+    ObjectHypothesisWithPose=ObjectHypothesisWithPose,
+    BoundingBox3D=BoundingBox3D,
+)
+Detection3DArray = _make(
+    "Detection3DArray",
+    """
+    Header header
+    Detection3D[] detections
+    """,
+    Header=Header,
+    Detection3D=Detection3D,
+)

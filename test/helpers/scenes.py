@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Small models, sets and runs that several test modules share."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy import sparse
+
+from phd_jdtc_ros.core.configuration import build
+from phd_jdtc_ros.core.models.motion import OMEGA
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario
+from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.types import Detections
+
+SMALL_BUDGET = {
+    "particles_per_target": 200,
+    "least_particles": 20,
+    "particles_per_birth": 64,
+    "spawn.particles_per_target": 20,
+}
+# One class, one motion: the general mode is then a plain PHD.
+PLAIN = {
+    "radars": ["radar"],
+    "classes": ["target"],
+    "motions": ["cv"],
+    "births": ["start"],
+    "target.snr_band_db": [30.0, 50.0],
+    "target.motions": ["cv"],
+    "target.mode_transition": [1.0],
+    "spawn.class_transition": [],
+    "spawn.mode_transition": [],
+    "start.position": [8e3, 6e3],
+    "start.rates": [0.01],
+}
+
+
+TARGETS = np.array([[6e3, 8e3], [6.6e3, 8.2e3], [-9e3, 0.0]])
+
+
+def small(given=None):
+    """Return the reference configuration with few particles, changed by `given`."""
+    return build.resolve({**SMALL_BUDGET, **(given or {})})
+
+
+def plain(given=None):
+    """Return a configuration of one radar, one class and one motion, changed by `given`."""
+    return build.resolve({**SMALL_BUDGET, **PLAIN, **(given or {})})
+
+
+def intensity(
+    state,
+    weight,
+    mode=None,
+    origin=None,
+    components=None,
+    multiplicity=None,
+    label=None,
+):
+    """Return a particle intensity; `weight` is the part that no detection explains."""
+    count = len(state)
+    parts = sparse.csr_array(np.zeros((count, 0)) if components is None else components)
+    return ParticlePHD(
+        state=np.asarray(state, dtype=float),
+        mode=np.zeros(count, dtype=int) if mode is None else mode,
+        origin=np.zeros(count, dtype=int) if origin is None else origin,
+        parent=np.full(count, -1),
+        multiplicity=np.ones(count, dtype=int) if multiplicity is None else multiplicity,
+        poisson=np.asarray(weight, dtype=float),
+        components=parts,
+        label=np.full(parts.shape[1], -1) if label is None else label,
+        memory=np.zeros(count),
+    )
+
+
+def gaussian_cloud(rng, count, mean, std):
+    """Return (count, 5) states about `mean`."""
+    return np.asarray(mean) + np.asarray(std) * rng.standard_normal((count, 5))
+
+
+def no_detections():
+    return Detections(np.zeros((0, 2)), np.zeros(0))
+
+
+def reference_scenario():
+    """Return the paper's scene: two parallel targets, one crossing both, one crossing late."""
+    return paper_scenario(build.resolve({}).model.radars)
+
+
+def short_scenario(scans, clutter_rate=5.0):
+    """Return the first scans of the reference scene, with less clutter."""
+    scenario = reference_scenario()
+    radars = tuple(replace(radar, clutter_rate=clutter_rate) for radar in scenario.radars)
+    return replace(scenario, scans=scans, radars=radars)
+
+
+def scattered(seed=0, count=300, mass=2.0):
+    """Return particles about three places, one on the azimuth's cut, in all modes."""
+    rng = np.random.default_rng(seed)
+    state = np.zeros((count, 5))
+    state[:, [0, 2]] = TARGETS[rng.integers(0, 3, count)] + rng.normal(0.0, 300.0, (count, 2))
+    state[:, [1, 3]] = rng.normal(0.0, 30.0, (count, 2))
+    mode = rng.integers(0, 4, count)
+    state[:, OMEGA] = np.where(mode % 2 == 1, rng.normal(0.0, 1e-2, count), 0.0)
+    weight = rng.exponential(1.0, count)
+    return intensity(
+        state, weight * mass / weight.sum(), mode=mode, origin=rng.integers(0, 3, count)
+    )

@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import struct
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from records import SCANS, START_NS, estimates_of, record_of, stamp_ns, truth_of
+
+from phd_jdtc_ros.report.clock import Clock
+from phd_jdtc_ros.report.pictures import figures
+from phd_jdtc_ros.report.pictures.figures import write_all
+from phd_jdtc_ros.report.record import Plot, Record
+
+SCORED = {"number_error", "ospa", "ospa_parts"}
+EVERYTHING = {"scenario", "measurements", "trajectories"} | SCORED
+
+
+def written(record, directory):
+    paths = write_all(record, record.evaluate(1000.0, 2.0), directory)
+    return {path.stem: path for path in paths}
+
+
+def png_size(path: Path):
+    data = path.read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    return struct.unpack(">II", data[16:24])
+
+
+def without_pixels(record):
+    """Every figure of a record, undrawn."""
+    evaluation = record.evaluate(1000.0, 2.0)
+    return {c.name: c.draw(record, evaluation) for c in figures.PICTURES}
+
+
+@pytest.mark.parametrize("classes", [1, 2, 3])
+def test_write_all_writes_every_picture_1200_pixels_wide(tmp_path, classes):
+    pictures = written(record_of(classes), tmp_path / "new")
+
+    assert set(pictures) == EVERYTHING
+    for path in pictures.values():
+        width, height = png_size(path)
+        assert width == 1200
+        assert 300 <= height <= 1500
+        assert len(path.read_bytes()) > 5000
+
+
+def test_write_all_skips_what_needs_the_truth(tmp_path):
+    assert set(written(record_of(truth=()), tmp_path)) == {"measurements", "trajectories"}
+
+
+def test_write_all_skips_measurements_without_plots(tmp_path):
+    assert set(written(record_of(plots=()), tmp_path)) == EVERYTHING - {"measurements"}
+
+
+def test_write_all_skips_measurements_when_every_scan_is_empty(tmp_path):
+    nothing = Plot(START_NS, "radar_1", np.zeros((0, 2)), np.zeros(0))
+
+    assert "measurements" not in written(record_of(plots=(nothing,)), tmp_path)
+
+
+def test_write_all_draws_a_run_of_empty_estimates(tmp_path):
+    none = tuple(estimates_of(k, 2, 0, 0) for k in range(SCANS))
+
+    assert set(written(record_of(filtered=none, smoothed=none), tmp_path)) == EVERYTHING
+
+
+def test_write_all_skips_scores_without_estimates(tmp_path):
+    pictures = written(record_of(filtered=(), smoothed=()), tmp_path)
+
+    assert set(pictures) == EVERYTHING - SCORED
+
+
+def test_write_all_draws_scores_of_one_source_alone(tmp_path):
+    assert set(written(record_of(filtered=()), tmp_path)) == EVERYTHING
+
+
+def test_write_all_writes_nothing_for_an_empty_record(tmp_path):
+    assert written(Record((), (), (), (), 2, np.zeros(0)), tmp_path) == {}
+
+
+def test_write_all_draws_a_single_scan(tmp_path):
+    parts = record_of()
+    one = {name: getattr(parts, name)[:1] for name in ("truth", "plots", "filtered", "smoothed")}
+
+    assert set(written(record_of(**one), tmp_path)) == EVERYTHING
+
+
+def test_write_all_draws_plots_of_unknown_amplitude(tmp_path):
+    unknown = Plot(START_NS, "radar_1", np.array([[0.0, 0.0], [1e3, 1e3]]), np.array([np.nan, 0.0]))
+
+    assert "measurements" in written(record_of(plots=(unknown,)), tmp_path)
+
+
+def test_write_all_leaves_global_settings_alone(tmp_path):
+    before = dict(matplotlib.rcParams)
+
+    written(record_of(), tmp_path)
+
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_number_error_shows_estimated_minus_true():
+    record = record_of(2, smoothed=tuple(estimates_of(k, 2, 5, 1) for k in range(SCANS)))
+
+    rows = without_pixels(record)["number_error"].axes
+
+    assert [set(axes.lines[-1].get_ydata()) for axes in rows] == [{0.0}, {-1.0}]
+
+
+def test_ospa_has_a_row_for_each_class_and_one_for_all():
+    rows = without_pixels(record_of(3))["ospa"].axes
+
+    titles = [axes.get_title(loc="left") for axes in rows]
+    assert titles == ["class 0", "class 1", "class 2", "all classes"]
+
+
+def test_ospa_legend_gives_the_means():
+    record = record_of()
+    summary = record.evaluate(1000.0, 2.0).summary()
+
+    legend = without_pixels(record)["ospa"].axes[-1].get_legend()
+
+    assert [text.get_text() for text in legend.get_texts()] == [
+        f"{source}, mean {summary[source]['all']['ospa']:.0f} m"
+        for source in ("filtered", "smoothed")
+    ]
+
+
+@pytest.mark.parametrize("name", ["scenario", "measurements", "trajectories"])
+def test_maps_have_equal_scales_in_kilometres(name):
+    axes = without_pixels(record_of())[name].axes[0]
+
+    assert axes.get_aspect() == 1.0
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("x (km)", "y (km)")
+
+
+def test_clock_counts_from_the_first_stamp_of_any_part():
+    late_truth = tuple(truth_of(k, 2) for k in range(3, SCANS))
+
+    clock = Clock.of(record_of(truth=late_truth))
+
+    assert clock.seconds([stamp_ns(0), stamp_ns(2)]).tolist() == [0.0, 12.0]
+
+
+def test_clock_gives_long_runs_in_minutes():
+    assert Clock(0, 7200.0).text(90.0) == "1.5 min"

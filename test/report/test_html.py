@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from records import SCANS, record_of
+
+from phd_jdtc_ros.report.page import charts
+from phd_jdtc_ros.report.page.html import POLICY, write_report
+
+VOID = {"meta", "img", "br", "hr", "link", "input"}
+
+
+def scores(first):
+    return {
+        "ospa": first,
+        "localization": first - 20.125,
+        "cardinality": 11.25,
+        "cardinality_abs_error": 0.0375,
+        "gospa": None,
+        "position_detection": 0.9876,
+    }
+
+
+def summary_of(classes=2, **changes):
+    keys = ["all", *(f"class_{k}" for k in range(classes))]
+    return {
+        "filtered": {key: scores(140.5 + 10 * i) for i, key in enumerate(keys)},
+        "smoothed": {key: scores(75.25 + 10 * i) for i, key in enumerate(keys)},
+        "reduction": 0.464,
+        "class_accuracy": 0.9957,
+        "p": 2.0,
+        "c": 1000.0,
+        "scans": 80,
+        "step_ms": {"median": 9.51, "p99": 21.37},
+        "long_gap_s": 16.4,
+        **changes,
+    }
+
+
+def nothing_known():
+    part = dict.fromkeys(("ospa", "localization", "cardinality", "cardinality_abs_error"))
+    sets = {"all": part, "class_0": part}
+    return {
+        "filtered": sets,
+        "smoothed": sets,
+        "reduction": None,
+        "class_accuracy": None,
+        "p": 2.0,
+        "c": 1000.0,
+        "scans": 0,
+    }
+
+
+def page(tmp_path, summary, title="A run", record=None, notes=()):
+    record = record_of() if record is None else record
+    drawn = charts.of_record(record, record.evaluate(1000.0, 2.0))
+    path = tmp_path / "deep" / "report.html"
+    assert write_report(path, title, summary, record, drawn, notes) == path
+    return path.read_text(encoding="utf-8")
+
+
+def without_library(text):
+    """Return a page without the plotting library, whose text is not ours to judge."""
+    return re.sub(r"<script>(?!\n).*?</script>", "", text, flags=re.DOTALL)
+
+
+def run_of(text):
+    """Return what the page's script works on."""
+    return json.loads(re.search(r'id="run">(.*?)</script>', text, re.DOTALL).group(1))
+
+
+class Reader(HTMLParser):
+    """Checks that tags nest, and collects attributes and table cells."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.attributes, self.rows = [], [], []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.attributes += [(tag, *attribute) for attribute in attrs]
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+
+    def handle_endtag(self, tag):
+        assert self.open, f"</{tag}> closes nothing"
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ("th", "td"):
+            self.rows[-1].append(data)
+
+
+@pytest.mark.parametrize("summary", [summary_of(), summary_of(1), nothing_known(), {}])
+def test_write_report_is_well_formed(tmp_path, summary):
+    reader = Reader(without_library(page(tmp_path, summary, notes=["A note."])))
+
+    assert reader.open == []
+
+
+def test_write_report_table_has_a_row_for_each_source_and_set(tmp_path):
+    rows = Reader(without_library(page(tmp_path, summary_of()))).rows
+
+    assert rows[0] == ["set", "source", "OSPA", "localisation", "cardinality", "number error"]
+    assert [row[:3] for row in rows[1:7]] == [
+        ["all classes", "filtered", "140.5 m"],
+        ["smoothed", "75.2 m", "55.1 m"],
+        ["class 0", "filtered", "150.5 m"],
+        ["smoothed", "85.2 m", "65.1 m"],
+        ["class 1", "filtered", "160.5 m"],
+        ["smoothed", "95.2 m", "75.1 m"],
+    ]
+    assert rows[1][3:] == ["120.4 m", "11.2 m", "0.037"]
+
+
+def test_write_report_tells_the_surveillance_figures(tmp_path):
+    text = page(tmp_path, summary_of())
+    rows = Reader(without_library(text)).rows
+
+    assert rows[7] == ["set", "source", "position detected"]
+    assert rows[8] == ["all classes", "filtered", "98.76%"]
+    assert "more than 16.4 s" in text
+
+
+def test_write_report_shows_which_class_was_taken_for_which(tmp_path):
+    summary = summary_of()
+    summary["smoothed"]["all"]["confusion"] = [[118, 2, 0], [1, 76, 3], [4, 5, 0]]
+
+    rows = Reader(without_library(page(tmp_path, summary))).rows
+
+    assert rows[-4:] == [
+        ["target", "class 0", "class 1", "missed"],
+        ["class 0", "118", "2", "0"],
+        ["class 1", "1", "76", "3"],
+        ["false", "4", "5"],
+    ]
+
+
+def test_write_report_orders_more_than_ten_classes_by_number(tmp_path):
+    names = [row[0] for row in Reader(without_library(page(tmp_path, summary_of(12)))).rows[1:27:2]]
+
+    assert names == ["all classes", *(f"class {k}" for k in range(12))]
+
+
+@pytest.mark.parametrize(
+    "shown", ["46 %", "75.2 m", "99.6 %", "9.5 ms", "21.4 ms", ">80<", "p = 2, c = 1000 m"]
+)
+def test_write_report_shows_the_headline_numbers(tmp_path, shown):
+    assert shown in page(tmp_path, summary_of())
+
+
+def test_write_report_tells_a_worse_smoother(tmp_path):
+    assert "12 % more" in page(tmp_path, summary_of(reduction=-0.12))
+
+
+def test_write_report_without_scores_has_neither_tables_nor_dashes(tmp_path):
+    text = without_library(page(tmp_path, nothing_known(), notes=["Nothing to score against."]))
+
+    assert "None" not in text
+    assert "<table" not in text
+    assert "<dd>\N{EN DASH}</dd>" not in text
+    assert '<p class="note">Nothing to score against.</p>' in text
+
+
+def test_write_report_of_one_source_has_rows_of_it_alone(tmp_path):
+    summary = {**summary_of(reduction=None), "smoothed": nothing_known()["smoothed"]}
+
+    text = without_library(page(tmp_path, summary))
+
+    assert "Mean OSPA distance of all targets: 140 m filtered." in text
+    assert 'class="smoothed"' not in text
+
+
+def test_write_report_loads_nothing_from_elsewhere(tmp_path):
+    text = page(tmp_path, summary_of())
+
+    attributes = Reader(without_library(text)).attributes
+    assert ("meta", "content", POLICY) in attributes
+    assert "default-src 'none'" in POLICY
+    assert not [value for _, name, value in attributes if name in ("src", "href")]
+    assert not re.search(r"https?://|url\(|@import|<link", without_library(text))
+
+
+def test_write_report_holds_the_library_once(tmp_path):
+    text = page(tmp_path, summary_of())
+
+    assert len(re.findall(r"plotly\.js v\d", text)) == 1
+    assert len(text.encode()) < 6_500_000
+
+
+def test_write_report_gives_the_script_every_scan_and_chart(tmp_path):
+    run = run_of(page(tmp_path, summary_of()))
+
+    assert run["times"] == [6.0 * k for k in range(SCANS)]
+    assert run["unit"] == "s"
+    assert [chart["name"] for chart in run["charts"]] == ["map", "ospa", "numbers", "classes"]
+    for layer in run["charts"][0]["moving"]:
+        assert {len(v) for k, v in layer.items() if k != "trace"} == {SCANS}
+
+
+def test_write_report_escapes_the_title(tmp_path):
+    text = page(tmp_path, summary_of(), title='<script>"$lead" & more')
+
+    assert "&lt;script&gt;&quot;$lead&quot; &amp; more" in text
+    assert '<script>"' not in text
+
+
+def test_write_report_lets_no_name_end_the_script(tmp_path):
+    record = record_of()
+    evil = type(record.plots[0])(**{**vars(record.plots[0]), "radar": "</script><b>"})
+
+    text = page(tmp_path, summary_of(), record=record_of(plots=(evil,)))
+
+    assert "</script><b>" not in text
+    assert any(
+        "</script><b>" in t.get("name", "") for t in run_of(text)["charts"][0]["figure"]["data"]
+    )
+
+
+def test_parts_of_the_page_are_installed():
+    root = Path(__file__).parents[2]
+
+    assert 'package_data={f"{PACKAGE}.report.page": ["page.*"]}' in (root / "setup.py").read_text()
+    assert {path.name for path in (root / "phd_jdtc_ros" / "report" / "page").glob("page.*")} == {
+        "page.css",
+        "page.html",
+        "page.js",
+    }

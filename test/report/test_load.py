@@ -1,0 +1,232 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+
+from msg_adapters import detections, diagnostics, estimates, interfaces, names, poses, truth
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.simulation.scenario import Scenario, TargetScript
+from phd_jdtc_ros.report import load
+from phd_jdtc_ros.tools.simulate import write_bag
+from phd_jdtc_ros.tools.track_bag import track_bag
+
+CONFIG = resolve({"particles_per_target": 100, "particles_per_birth": 256, "lag": 2})
+RADARS = [radar.topic for radar in CONFIG.inputs]
+FILTERED, SMOOTHED = names.estimates("filtered"), names.estimates("smoothed")
+SECOND = 10**9
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    """Return a tracked bag of 4 scans."""
+    directory = tmp_path_factory.mktemp("load")
+    target = TargetScript(0, 3e4, (-10e3, 10e3), (36.0, -44.0), 0, 3)
+    scenario = Scenario(1000 * SECOND, 6.0, 4, (target,), CONFIG.model.radars)
+    write_bag(directory / "in", scenario, CONFIG.inputs, CONFIG.world_frame, 0)
+    track_bag(BagReader(directory / "in"), CONFIG, directory / "out")
+    return directory / "out"
+
+
+def rewrite(source, out, drop=(), add=(), change=lambda entry: [entry]):
+    """Write a bag anew: without some topics, with more (topic, type, messages), or changed."""
+    reader = BagReader(source)
+    with BagWriter(out) as written:
+        for topic, kind in reader.types.items():
+            if topic not in drop:
+                written.add_topic(Topic(topic, kind))
+        for topic, kind, messages in add:
+            written.add_topic(Topic(topic, kind))
+            for data, log_time in messages:
+                written.write(topic, data, log_time)
+        for entry in reader.messages():
+            if entry.topic not in drop:
+                for topic, data, log_time in change((entry.topic, entry.data, entry.log_time_ns)):
+                    written.write(topic, data, log_time)
+    return out
+
+
+def messages(bag, topic):
+    kind = BagReader(bag).types[topic]
+    return [interfaces.decode(entry.data, kind) for entry in BagReader(bag).messages([topic])]
+
+
+def assert_same(one, other):
+    assert len(one) == len(other) == 4
+    for a, b in zip(one, other, strict=True):
+        for name in a.__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+
+
+def test_record_holds_the_truth_and_both_estimates(bag):
+    run = load.record(bag, CONFIG)
+    assert_same(run.truth, [truth.from_msg(cloud) for cloud in messages(bag, names.TRUTH)])
+    assert_same(run.filtered, [estimates.from_msg(cloud) for cloud in messages(bag, FILTERED)])
+    assert_same(run.smoothed, [estimates.from_msg(cloud) for cloud in messages(bag, SMOOTHED)])
+    assert run.classes == 2
+    assert run.step_ms.shape == (0,)
+
+
+def test_record_places_the_detections_in_the_world(bag):
+    run = load.record(bag, CONFIG)
+    assert [plot.stamp_ns for plot in run.plots] == [
+        (1000 + 6 * scan) * SECOND for scan in range(4) for _ in CONFIG.inputs
+    ]
+    assert [plot.radar for plot in run.plots] == ["radar_1", "radar_2"] * 4
+    for radar, model in zip(CONFIG.inputs, CONFIG.model.radars, strict=True):
+        plots = [plot for plot in run.plots if plot.radar == radar.name]
+        for plot, cloud in zip(plots, messages(bag, radar.topic), strict=True):
+            report = detections.from_msg(cloud, radar).detections
+            distance = np.hypot(*(plot.position - model.position).T)
+            np.testing.assert_allclose(distance, report.measurement[:, 0], rtol=1e-12)
+            np.testing.assert_array_equal(plot.amplitude, report.amplitude)
+
+
+def test_record_orders_by_stamp_whatever_the_order_of_recording(bag, tmp_path):
+    last = 2000 * SECOND
+    backwards = rewrite(bag, tmp_path / "bag", change=lambda e: [(e[0], e[1], last - e[2])])
+    one, other = load.record(backwards, CONFIG), load.record(bag, CONFIG)
+    for name in ("truth", "filtered", "smoothed"):
+        assert_same(getattr(one, name), getattr(other, name))
+    stamps = [plot.stamp_ns for plot in one.plots]
+    assert stamps == sorted(stamps)
+
+
+def test_record_reads_step_times_from_the_figures(bag, tmp_path):
+    figures = [
+        diagnostics.array(scan, [diagnostics.status("all", {"step_ms": 1.5 * scan})])
+        for scan in range(3)
+    ]
+    sent = [
+        (serialize_message(figure), (1001 + 6 * k) * SECOND) for k, figure in enumerate(figures)
+    ]
+    more = (names.cardinality(), names.FIGURES, sent)
+    run = load.record(rewrite(bag, tmp_path / "bag", add=[more]), CONFIG)
+    assert run.step_ms.tolist() == [0.0, 1.5, 3.0]
+
+
+@pytest.mark.parametrize("statuses", [[], [diagnostics.status("all", {"total": 3.0})]])
+def test_record_reads_past_figures_without_step_times(bag, tmp_path, statuses):
+    data = serialize_message(diagnostics.array(0, statuses))
+    more = (names.cardinality(), names.FIGURES, [(data, 1001 * SECOND)])
+    run = load.record(rewrite(bag, tmp_path / "bag", add=[more]), CONFIG)
+    assert run.step_ms.tolist() == []
+    assert len(run.filtered) == 4
+
+
+def test_record_without_truth_is_blind(bag, tmp_path):
+    run = load.record(rewrite(bag, tmp_path / "bag", drop=[names.TRUTH]), CONFIG)
+    assert run.truth == ()
+    assert len(run.filtered) == len(run.smoothed) == 4
+
+
+def test_record_without_detections_has_no_plots(bag, tmp_path):
+    run = load.record(rewrite(bag, tmp_path / "bag", drop=RADARS[:1]), CONFIG)
+    assert {plot.radar for plot in run.plots} == {"radar_2"}
+
+
+def test_record_reads_the_estimates_of_another_tracker(bag, tmp_path):
+    added = [
+        (
+            names.estimates(source, "/mine"),
+            names.CLOUD,
+            [(e.data, e.log_time_ns) for e in BagReader(bag).messages([names.estimates(source)])],
+        )
+        for source in ("filtered", "smoothed")
+    ]
+    path = rewrite(bag, tmp_path / "bag", drop=[FILTERED, SMOOTHED], add=added)
+    assert_same(load.record(path, CONFIG, "/mine").smoothed, load.record(bag, CONFIG).smoothed)
+    assert load.record(path, CONFIG).smoothed == ()
+
+
+@pytest.mark.parametrize("source", ["filtered", "smoothed"])
+def test_record_without_a_source_has_the_other(bag, tmp_path, source):
+    run = load.record(rewrite(bag, tmp_path / "bag", drop=[names.estimates(source)]), CONFIG)
+    lengths = {"filtered": len(run.filtered), "smoothed": len(run.smoothed)}
+    assert lengths.pop(source) == 0
+    assert list(lengths.values()) == [4]
+    assert run.classes == 2
+
+
+def test_record_without_estimates_has_the_configured_classes(bag, tmp_path):
+    run = load.record(rewrite(bag, tmp_path / "bag", drop=[FILTERED, SMOOTHED]), CONFIG)
+    assert (run.filtered, run.smoothed) == ((), ())
+    assert (len(run.truth), len(run.plots), run.classes) == (4, 8, 2)
+
+
+def test_record_knows_where_the_radars_stand(bag):
+    expected = [(model.name, model.position) for model in CONFIG.model.radars]
+    sites = load.record(bag, CONFIG).radars
+    assert [(site.name, site.position) for site in sites] == expected
+
+
+def test_record_refuses_a_bag_with_nothing_of_a_run(bag, tmp_path):
+    path = rewrite(bag, tmp_path / "bag", drop=[FILTERED, SMOOTHED, names.TRUTH, *RADARS])
+    with pytest.raises(BagError, match=f"none of {FILTERED}.*{RADARS[1]} is in it") as caught:
+        load.record(path, CONFIG)
+    assert not caught.value.corrupt
+
+
+@pytest.mark.parametrize("topic", [FILTERED, names.TRUTH, RADARS[0], names.cardinality()])
+def test_record_refuses_an_optional_topic_of_another_type(bag, tmp_path, topic):
+    data = poses.to_cdr(load.record(bag, CONFIG).filtered[0], 0, "map")
+    more = (topic, names.POSES, [(data, 1001 * SECOND)])
+    path = rewrite(bag, tmp_path / "bag", drop=[topic], add=[more])
+    with pytest.raises(BagError, match=f"{topic} is {names.POSES}, must be ") as caught:
+        load.record(path, CONFIG)
+    assert not caught.value.corrupt
+
+
+def test_record_of_a_missing_bag_says_so(tmp_path):
+    with pytest.raises(BagError, match="no such bag"):
+        load.record(tmp_path / "none", CONFIG)
+
+
+def test_record_refuses_estimates_that_are_none(bag, tmp_path):
+    def spoil(entry):
+        return [(entry[0], b"\0\1\0\0", entry[2])] if entry[0] == SMOOTHED else [entry]
+
+    path = rewrite(bag, tmp_path / "bag", change=spoil)
+    with pytest.raises(BagError, match=str(path)) as caught:
+        load.record(path, CONFIG)
+    assert "\n" not in str(caught.value)
+
+
+def test_record_leaves_out_detections_that_the_tracker_rejects_too(bag, tmp_path):
+    spoiled = []
+
+    def spoil(entry):
+        if entry[0] != RADARS[0] or spoiled:
+            return [entry]
+        spoiled.append(entry)
+        cloud = interfaces.decode(entry[1], names.CLOUD)
+        cloud.header.frame_id = "elsewhere"
+        return [(entry[0], interfaces.encode(cloud), entry[2])]
+
+    run = load.record(rewrite(bag, tmp_path / "bag", change=spoil), CONFIG)
+    assert len(run.plots) == 7
+    assert len(run.filtered) == 4
+
+
+def test_record_gives_detections_without_amplitude_a_neutral_one(bag, tmp_path):
+    def rename(entry):
+        if entry[0] != RADARS[0]:
+            return [entry]
+        cloud = interfaces.decode(entry[1], names.CLOUD)
+        cloud.fields[-1].name = "something"
+        return [(entry[0], interfaces.encode(cloud), entry[2])]
+
+    run = load.record(rewrite(bag, tmp_path / "bag", change=rename), CONFIG)
+    for plot in run.plots:
+        assert plot.amplitude.shape == plot.position.shape[:1]
+        assert (plot.amplitude == 1.0).all() == (plot.radar == "radar_1")
+
+
+def test_record_can_be_evaluated(bag):
+    scores = load.record(bag, CONFIG).evaluate(1000.0, 2.0).scores["smoothed"]
+    assert list(scores) == [(1000 + 6 * scan) * SECOND for scan in range(4)]
+    assert [score.scores["all"].n_true for score in scores.values()] == [1] * 4

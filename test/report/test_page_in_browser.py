@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The report's page in a real browser: it draws, moves, complains of nothing and loads nothing."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+from records import SCANS, record_of, truth_of
+
+from phd_jdtc_ros.report.page import charts
+from phd_jdtc_ros.report.page.html import write_report
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--disable-sync",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-dev-shm-usage",
+    "--no-first-run",
+    "--virtual-time-budget=20000",
+    "--enable-logging=stderr",
+    "--dump-dom",
+)
+DARK = "--blink-settings=preferredColorScheme=0"
+
+pytestmark = pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(NAMES)} is installed")
+
+
+@pytest.fixture
+def opened(tmp_path):
+    """Return a function that opens a record's page; it returns the DOM and the console's lines."""
+
+    def open_page(record=None, *flags, at="", then=""):
+        record = record_of(3) if record is None else record
+        evaluation = record.evaluate(1000.0, 2.0)
+        path = write_report(
+            tmp_path / "report.html",
+            "A run",
+            evaluation.summary(),
+            record,
+            charts.of_record(record, evaluation),
+            charts.missing(record, evaluation),
+        )
+        path.write_text(path.read_text().replace("</body>", f"<script>{then}</script></body>"))
+        done = subprocess.run(
+            [
+                BROWSER,
+                *FLAGS,
+                *flags,
+                f"--user-data-dir={tmp_path / 'profile'}",
+                path.as_uri() + at,
+            ],
+            check=False,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
+
+    return open_page
+
+
+def part(dom, name):
+    """Return the DOM of one chart."""
+    return re.search(rf'<div id="{name}".*?</figure>', dom, re.DOTALL).group()
+
+
+def test_page_draws_every_chart_and_complains_of_nothing(opened):
+    dom, console = opened()
+
+    assert console == []
+    assert 'data-drawn="yes"' in dom
+    for name in ("map", "ospa", "numbers", "classes"):
+        assert '<svg class="main-svg"' in part(dom, name)
+        assert 'class="trace scatter' in part(dom, name)
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"truth": ()},
+        {"smoothed": ()},
+        {"filtered": (), "smoothed": ()},
+        {"filtered": (), "smoothed": (), "truth": (), "plots": ()},
+        {"truth": (truth_of(0, 3),), "plots": (), "filtered": (), "smoothed": ()},
+    ],
+)
+def test_page_of_a_part_draws_and_complains_of_nothing(opened, parts):
+    dom, console = opened(record_of(3, **parts))
+
+    assert console == []
+    assert 'data-drawn="yes"' in dom
+    assert ('<svg class="main-svg"' in dom) == (len(parts) < 4 or bool(parts["truth"]))
+
+
+def test_page_opens_at_the_scan_asked_for(opened):
+    dom, _ = opened(None, at="#scan=3")
+
+    assert f"12.0 s, scan 3 of {SCANS}" in dom
+
+
+def test_play_goes_on_to_the_last_scan(opened):
+    click = 'setTimeout(() => document.getElementById("play").click(), 2000);'
+    dom, console = opened(None, at="#scan=3", then=click)
+
+    assert f"66.0 s, scan {SCANS} of {SCANS}" in dom
+    assert ">Play<" in dom
+    assert console == []
+
+
+def test_a_click_on_a_time_shows_its_scan(opened):
+    click = (
+        'setTimeout(() => document.getElementById("ospa").emit("plotly_click", '
+        "{points: [{x: 31.0}]}), 2000);"
+    )
+    dom, console = opened(None, then=click)
+
+    assert f"30.0 s, scan 6 of {SCANS}" in dom
+    assert console == []
+
+
+def test_page_is_light_or_dark_as_the_reader_has_it(opened):
+    light, _ = opened()
+    dark, console = opened(None, DARK)
+
+    assert "fill: rgb(28, 33, 38)" in part(light, "ospa")
+    assert "fill: rgb(230, 233, 236)" in part(dark, "ospa")
+    assert console == []
+
+
+def test_page_is_refused_anything_from_elsewhere(opened):
+    _, console = opened(None, then='new Image().src = "http://127.0.0.1:9/x.png";')
+
+    assert len(console) == 1
+    assert "Content Security Policy" in console[0]

@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.simulation.scenario import Truth
+from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.report.record import Record
+
+
+def truth(stamp_ns, rows, classes):
+    state = np.zeros((len(rows), 5))
+    state[:, [0, 2]] = np.reshape(rows, (-1, 2))
+    return Truth(stamp_ns, state, np.arange(1, len(rows) + 1), np.array(classes, dtype=int))
+
+
+def estimates(stamp_ns, rows, classes):
+    targets = truth(stamp_ns, rows, classes)
+    count = len(rows)
+    return Estimates(
+        stamp_ns=stamp_ns,
+        lag=0,
+        state=targets.state,
+        covariance=np.zeros((count, 5, 5)),
+        weight=np.ones(count),
+        class_probability=np.full((count, 2), 0.5),
+        class_id=targets.class_id,
+        track_id=np.zeros(count, dtype=int),
+    )
+
+
+@pytest.fixture
+def run():
+    return Record(
+        truth=(truth(1, [[0, 0], [5e3, 0]], [0, 1]), truth(2, [[0, 0]], [0])),
+        plots=(),
+        filtered=(estimates(1, [[30, 40]], [0]), estimates(2, [[0, 60]], [1])),
+        smoothed=(estimates(1, [[0, 30], [5e3, 40]], [0, 0]),),
+        classes=2,
+        step_ms=np.zeros(0),
+    )
+
+
+def test_evaluate_scores_every_stamp_that_has_both(run):
+    evaluation = run.evaluate(1000.0, 2.0)
+    scored = {source: list(scores) for source, scores in evaluation.scores.items()}
+    assert scored == {"filtered": [1, 2], "smoothed": [1]}
+
+
+def test_evaluate_scores_positions_and_classes(run):
+    evaluation = run.evaluate(1000.0, 2.0)
+    first = evaluation.scores["filtered"][1].scores
+    assert first["all"].ospa.distance == pytest.approx(np.sqrt((50.0**2 + 1000.0**2) / 2))
+    assert first["class_0"].ospa.distance == pytest.approx(50.0)
+    assert first["class_1"].ospa.distance == pytest.approx(1000.0)
+    second = evaluation.scores["filtered"][2].scores
+    assert second["all"].ospa.distance == pytest.approx(60.0)
+    assert (second["class_0"].n_true, second["class_0"].n_est) == (1, 0)
+    smoothed = evaluation.scores["smoothed"][1]
+    assert smoothed.scores["all"].ospa.distance == pytest.approx(np.sqrt((30.0**2 + 40.0**2) / 2))
+    assert (smoothed.pairs, smoothed.right_class) == (2, 1)
+
+
+def test_evaluate_passes_cutoff_and_order_on(run):
+    evaluation = run.evaluate(35.0, 1.0)
+    assert (evaluation.cutoff, evaluation.order) == (35.0, 1.0)
+    first = evaluation.scores["smoothed"][1].scores["all"].ospa
+    assert first.distance == pytest.approx((30.0 + 35.0) / 2)
+
+
+def test_evaluate_without_truth_scores_nothing(run):
+    blind = Record(**{**vars(run), "truth": ()})
+    assert blind.evaluate(1000.0, 2.0).summary()["scans"] == 0
+
+
+def test_of_source_returns_that_sources_estimates(run):
+    assert run.of_source("filtered") is run.filtered
+    assert run.of_source("smoothed") is run.smoothed

@@ -1,0 +1,208 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.report.table import metrics, score_tables
+
+
+def points(rows, classes):
+    return PointSet(np.array(rows, dtype=float).reshape(-1, 2), np.array(classes, dtype=int))
+
+
+@pytest.fixture
+def evaluation():
+    found = Evaluation(classes=2, cutoff=1000.0, order=2.0)
+    found.add_truth(1, points([[0, 0]], [0]))
+    found.add_truth(2, points([[0, 0]], [0]))
+    found.add_estimates("filtered", 1, points([[0, 80]], [0]))
+    found.add_estimates("filtered", 2, points([[0, 120]], [0]))
+    found.add_estimates("smoothed", 1, points([[0, 20]], [0]))
+    found.add_estimates("smoothed", 2, points([[0, 30]], [0]))
+    return found
+
+
+def printed(summary, width=80):
+    """Return the lines of the tables as printed."""
+    stream = io.StringIO()
+    Console(file=stream, width=width).print(score_tables(summary))
+    return stream.getvalue().splitlines()
+
+
+def tables(summary):
+    """Return each table as printed: title, rows of cells, lines of the caption."""
+    found, block = [], []
+    for line in [*printed(summary), ""]:
+        if line.strip():
+            block.append(line)
+            continue
+        edges = [n for n, text in enumerate(block) if text.startswith(("┏", "└"))]
+        rows = [[cell.strip() for cell in text.split("│")[1:-1]] for text in block if "│" in text]
+        title, caption = (
+            [text.strip() for text in part] for part in (block[: edges[0]], block[edges[1] + 1 :])
+        )
+        found.append((" ".join(title), rows, caption))
+        block = []
+    return found
+
+
+def test_metrics_are_the_summary_and_the_step_times(evaluation):
+    found = metrics(evaluation, np.array([1.0, 2.0, 3.0, 10.0]))
+    assert found.pop("step_ms") == {
+        "median": 2.5,
+        "p99": pytest.approx(10.0 - 0.03 * 7.0),
+    }
+    assert found == evaluation.summary()
+
+
+def test_metrics_hold_what_the_file_promises(evaluation):
+    found = metrics(evaluation, np.ones(2))
+    assert set(found) == {
+        "filtered", "smoothed", "reduction", "class_accuracy", "p", "c", "scans", "step_ms",
+        "long_gap_s", "ospa2_window",
+    }  # fmt: skip
+    figures = [
+        "ospa", "localization", "cardinality", "cardinality_abs_error",
+        "gospa", "gospa_localization", "missed", "false", "position_rms", "position_detection",
+        "longest_gap_s", "long_gap_share", "long_gap_misses",
+    ]  # fmt: skip
+    for source in ("filtered", "smoothed"):
+        assert list(found[source]) == ["all", "class_0", "class_1"]
+        everything = found[source].pop("all")
+        assert list(everything) == [*figures, "ospa2", "confusion"]
+        assert [list(means) for means in found[source].values()] == [figures] * 2
+        found[source]["all"] = everything
+    assert found["filtered"]["all"]["ospa"] == pytest.approx(100.0)
+    assert found["smoothed"]["all"]["ospa"] == pytest.approx(25.0)
+    assert found["reduction"] == pytest.approx(0.75)
+    assert (found["class_accuracy"], found["p"], found["c"], found["scans"]) == (
+        1.0,
+        2.0,
+        1000.0,
+        2,
+    )
+
+
+def test_metrics_without_step_times_have_none(evaluation):
+    assert "step_ms" not in metrics(evaluation, np.zeros(0))
+
+
+def test_score_tables_shows_both_sources_and_the_reduction_of_every_set(evaluation):
+    (_, rows, _), *_ = tables(metrics(evaluation, np.zeros(0)))
+    nothing = ["0.0 m", "0.0 m", "0.0 m", "0.000"]
+    assert rows == [
+        ["all", "filter", "100.0 m", "100.0 m", "0.0 m", "0.000"],
+        ["", "smoother", "25.0 m", "25.0 m", "0.0 m", "0.000"],
+        ["", "reduction", "75%", "75%", "-", "-"],
+        ["class 0", "filter", "100.0 m", "100.0 m", "0.0 m", "0.000"],
+        ["", "smoother", "25.0 m", "25.0 m", "0.0 m", "0.000"],
+        ["", "reduction", "75%", "75%", "-", "-"],
+        ["class 1", "filter", *nothing],
+        ["", "smoother", *nothing],
+        ["", "reduction", *["-"] * 4],
+    ]
+
+
+def test_score_tables_shows_gospa_and_its_parts(evaluation):
+    evaluation.add_truth(3, points([[0, 0]], [1]))
+    evaluation.add_estimates("smoothed", 3, points([[0, 0], [9000, 0]], [1, 1]))
+    _, (title, rows, _), *_ = tables(metrics(evaluation, np.zeros(0)))
+    assert title == "means over the scans (GOSPA: p = 2, c = 1000 m)"
+    assert rows == [
+        ["all", "filter", "100.0 m", "100.0 m", "0.000", "0.000"],
+        # 20, 30 and, for half a target too many, 707.1 m.
+        ["", "smoother", "252.4 m", "16.7 m", "0.000", "0.333"],
+        ["class 0", "filter", "100.0 m", "100.0 m", "0.000", "0.000"],
+        ["", "smoother", "16.7 m", "16.7 m", "0.000", "0.000"],
+        ["class 1", "filter", "0.0 m", "0.0 m", "0.000", "0.000"],
+        ["", "smoother", "235.7 m", "0.0 m", "0.000", "0.333"],
+    ]
+
+
+def test_score_tables_shows_the_surveillance_figures():
+    truth = [points([[0, 0]], [0]), points([[5000, 0]], [1])]
+    found = Evaluation(classes=2, cutoff=1000.0, order=2.0)
+    for stamp, target in enumerate(truth):
+        label = np.array([1 + stamp])
+        found.add_truth(stamp, PointSet(target.position, target.class_id, label))
+        found.add_estimates("smoothed", stamp, points([[0, 80]], [0]))
+    _, _, (_, rows, caption), _ = tables(metrics(found, np.zeros(0)))
+    assert rows == [
+        ["all", "filter", *["-"] * 5],
+        ["", "smoother", "80.0 m", "50.00%", "0.0 s", "0.0%", "0.00%"],
+        ["class 0", "filter", *["-"] * 5],
+        ["", "smoother", "80.0 m", "100.00%", "0.0 s", "0.0%", "0.00%"],
+        ["class 1", "filter", *["-"] * 5],
+        ["", "smoother", "-", "0.00%", "0.0 s", "0.0%", "0.00%"],
+    ]
+    assert caption == [
+        "long gaps: over 16.4 s between estimates",
+        "no OSPA(2): the estimates carry no track ids",
+    ]
+
+
+def test_score_tables_shows_ospa2_where_there_is_one(evaluation):
+    summary = metrics(evaluation, np.zeros(0))
+    summary["smoothed"]["all"]["ospa2"] = 12.34
+    _, _, (_, _, caption), _ = tables(summary)
+    assert caption[1] == "OSPA(2) over 10 scans: filter -, smoother 12.3 m"
+
+
+def test_score_tables_shows_what_the_smoother_took_targets_for(evaluation):
+    evaluation.add_truth(3, points([[0, 0], [5000, 0]], [0, 1]))
+    evaluation.add_estimates("smoothed", 3, points([[0, 0], [9000, 0]], [1, 0]))
+    *_, (title, rows, _) = tables(metrics(evaluation, np.zeros(0)))
+    assert title == "smoother: true against estimated class"
+    assert rows == [
+        ["class 0", "2", "1", "0"],
+        ["class 1", "0", "0", "1"],
+        ["none (false)", "1", "0", ""],
+    ]
+
+
+def test_score_tables_fits_80_columns():
+    """With figures as large as they get."""
+    found = Evaluation(classes=3, cutoff=1000.0, order=2.0)
+    rng = np.random.default_rng(0)
+    for stamp in range(50):
+        found.add_truth(stamp, points(rng.uniform(-1e5, 1e5, (100, 2)), rng.integers(0, 3, 100)))
+        for source in ("filtered", "smoothed"):
+            estimates = points(rng.uniform(-1e5, 1e5, (100, 2)), rng.integers(0, 3, 100))
+            found.add_estimates(source, stamp, estimates)
+    lines = printed(metrics(found, np.ones(50)), width=200)
+    text = "\n".join(printed(metrics(found, np.ones(50))))
+    assert max(len(line.rstrip().lstrip()) for line in lines) <= 80
+    assert "…" not in text
+
+
+def test_score_tables_says_what_it_is_of(evaluation):
+    (title, _, caption), *_ = tables(metrics(evaluation, np.array([1.25, 1.25])))
+    assert title == "means over 2 scans (OSPA: p = 2, c = 1000 m)"
+    assert caption == ["right class: 100.0%; CPU a scan: median 1.2 ms, p99 1.2 ms"]
+
+
+def test_score_tables_leaves_out_what_was_not_measured(evaluation):
+    (_, _, caption), *_ = tables(metrics(evaluation, np.zeros(0)))
+    assert caption == ["right class: 100.0%"]
+
+
+def test_score_tables_of_nothing_shows_dashes():
+    empty = Evaluation(classes=1, cutoff=500.0, order=1.0)
+    (title, rows, _), (_, parts, _), (_, more, _) = tables(metrics(empty, np.zeros(0)))
+    assert title == "means over 0 scans (OSPA: p = 1, c = 500 m)"
+    assert [row[2:] for row in rows] == [["-"] * 4] * 6
+    assert [row[2:] for row in parts] == [["-"] * 4] * 4
+    assert [row[2:] for row in more] == [["-"] * 5] * 4
+
+
+def test_score_tables_shows_a_loss_as_negative(evaluation):
+    summary = metrics(evaluation, np.zeros(0))
+    summary["filtered"], summary["smoothed"] = summary["smoothed"], summary["filtered"]
+    (_, rows, _), *_ = tables(summary)
+    assert rows[2] == ["", "reduction", "-300%", "-300%", "-", "-"]
