@@ -31,14 +31,14 @@ from scipy.spatial import cKDTree
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.smc.backward_kernel import GATE_SIGMA, Transition
-from phd_jdtc_ros.core.smc.correction import scale_rows
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.correction import Corrector, scale_rows
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_step
 
-Link = Callable[[ParticlePHD, ParticlePHD, TrackerModel, float], Transition]
+Link = Callable[[ParticleSet, ParticleSet, TrackerModel, Corrector, float], Transition]
 
 
-def copies(phd: ParticlePHD) -> ParticlePHD:
+def copies(phd: ParticleSet) -> ParticleSet:
     """Return the set with every copy of a particle as a row of its own."""
     row = np.repeat(np.arange(len(phd)), phd.multiplicity)
     share = 1.0 / phd.multiplicity[row]
@@ -51,24 +51,26 @@ def copies(phd: ParticlePHD) -> ParticlePHD:
         multiplicity=np.ones(len(row), dtype=np.int64),
         poisson=phd.poisson[row] * share,
         components=scale_rows(phd.components[row], share),
-        memory=phd.memory[row],
+        log_snr=phd.log_snr[row],
     )
 
 
 def smooth(
-    stored: Sequence[ParticlePHD],
+    stored: Sequence[ParticleSet],
     model: TrackerModel,
+    corrector: Corrector,
     dt: float,
     death_term: DeathTerm,
     link: Link,
-) -> ParticlePHD:
+) -> ParticleSet:
     """Return the oldest set smoothed over all later ones, every kernel evaluated on the way.
 
     Parameters
     ----------
-    stored : sequence of ParticlePHD
+    stored : sequence of ParticleSet
         The oldest first.
     model : TrackerModel
+    corrector : Corrector
     dt : float
         Between each two, seconds.
     death_term : DeathTerm
@@ -78,12 +80,14 @@ def smooth(
     smoothed = stored[-1]
     for earlier, later in zip(stored[-2::-1], stored[:0:-1], strict=True):
         smoothed = backward_step(
-            earlier, link(earlier, later, model, dt), smoothed.weight, death_term
+            earlier, link(earlier, later, model, corrector, dt), smoothed.weight, death_term
         )
     return smoothed
 
 
-def dense(earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: float) -> Transition:
+def dense(
+    earlier: ParticleSet, later: ParticleSet, model: TrackerModel, corrector: Corrector, dt: float
+) -> Transition:
     """Return the transition with K and mu between all particles.
 
     Notes
@@ -91,17 +95,17 @@ def dense(earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: flo
     Sec. IV-C, Step 4. The matrix is dense, of 8 bytes for every pair of particles of a class.
     """
     survival = model.modes.survival(dt)[earlier.mode]
-    born = _born(later, model, dt)
+    born = _born(later, model, corrector, dt)
     blocks = []
     for mode, rows in _destinations(later, model):
         sources, share = _survivors(earlier, model, mode, dt)
         kernel = share * _dense_gaussian(
             *_pair(earlier, later, model, mode, rows, sources, dt), _motion_noise(model, mode, dt)
         )
-        if model.labelled:
+        if corrector.labelled:
             kernel *= later.origin[rows][:, None] == earlier.origin[sources]
         mu = born[rows] + kernel @ earlier.weight[sources]
-        parents, rate = _parents(earlier, model, mode, dt)
+        parents, rate = _parents(earlier, model, corrector, mode, dt)
         if len(parents):
             spawned = _dense_gaussian(
                 *_pair(earlier, later, model, mode, rows, parents, dt), _spawn_noise(model, mode)
@@ -113,18 +117,18 @@ def dense(earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: flo
 
 
 def k_d_tree(
-    earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: float
+    earlier: ParticleSet, later: ParticleSet, model: TrackerModel, corrector: Corrector, dt: float
 ) -> Transition:
     """Return the transition with the pairs within the gate, found by k-d trees."""
     survival = model.modes.survival(dt)[earlier.mode]
-    mu = _born(later, model, dt)
+    mu = _born(later, model, corrector, dt)
     row, column, value = [], [], []
     for mode, rows in _destinations(later, model):
         sources, share = _survivors(earlier, model, mode, dt)
         near, source, density = _near_gaussian(
             *_pair(earlier, later, model, mode, rows, sources, dt), _motion_noise(model, mode, dt)
         )
-        if model.labelled:
+        if corrector.labelled:
             own = later.origin[rows[near]] == earlier.origin[sources[source]]
             near, source, density = near[own], source[own], density[own]
         kernel = share[source] * density
@@ -132,7 +136,7 @@ def k_d_tree(
         row.append(sources[source])
         column.append(rows[near])
         value.append(kernel)
-        sources, rate = _parents(earlier, model, mode, dt)
+        sources, rate = _parents(earlier, model, corrector, mode, dt)
         if len(sources):
             near, source, density = _near_gaussian(
                 *_pair(earlier, later, model, mode, rows, sources, dt), _spawn_noise(model, mode)
@@ -160,14 +164,14 @@ class _Blocks:
         return product
 
 
-def _destinations(later: ParticlePHD, model: TrackerModel) -> Iterator[tuple[int, IntArray]]:
+def _destinations(later: ParticleSet, model: TrackerModel) -> Iterator[tuple[int, IntArray]]:
     """Yield every flat mode and the rows of the later set that are in it."""
     for mode in range(len(model.modes)):
         yield mode, np.flatnonzero(later.mode == mode)
 
 
 def _survivors(
-    earlier: ParticlePHD, model: TrackerModel, mode: int, dt: float
+    earlier: ParticleSet, model: TrackerModel, mode: int, dt: float
 ) -> tuple[IntArray, FloatArray]:
     """Return the rows that can survive into a flat mode, and P_s h of each."""
     share = (model.modes.transition(dt) * model.modes.survival(dt)[:, None])[earlier.mode, mode]
@@ -176,10 +180,10 @@ def _survivors(
 
 
 def _parents(
-    earlier: ParticlePHD, model: TrackerModel, mode: int, dt: float
+    earlier: ParticleSet, model: TrackerModel, corrector: Corrector, mode: int, dt: float
 ) -> tuple[IntArray, FloatArray]:
     """Return the rows that can spawn into a flat mode within an origin, and the rate of each."""
-    if model.labelled:
+    if corrector.labelled:
         return np.zeros(0, dtype=np.int64), np.zeros(0)
     rate = model.spawn.rate * dt / model.modes.interval_s
     share = rate * model.spawn.transition[earlier.mode, mode]
@@ -187,10 +191,10 @@ def _parents(
     return sources, share[sources]
 
 
-def _born(later: ParticlePHD, model: TrackerModel, dt: float) -> FloatArray:
+def _born(later: ParticleSet, model: TrackerModel, corrector: Corrector, dt: float) -> FloatArray:
     """Return the birth intensity at every row, without a gate, shape (N,)."""
     total = np.zeros(len(later))
-    if model.labelled:  # births begin origins of their own
+    if corrector.labelled:  # births begin origins of their own
         return total
     for mode, rows in _destinations(later, model):
         support = list(model.modes.motions[mode].support)
@@ -210,8 +214,8 @@ def _spawn_noise(model: TrackerModel, mode: int) -> FloatArray:
 
 
 def _pair(
-    earlier: ParticlePHD,
-    later: ParticlePHD,
+    earlier: ParticleSet,
+    later: ParticleSet,
     model: TrackerModel,
     mode: int,
     rows: IntArray,

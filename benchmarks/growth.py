@@ -68,6 +68,6 @@ def _cases(window: Window, quick: bool) -> dict[str, Case]:
     last = (*window.stored[-2:], window.model, window.dt)
     cases["limit"] = Case(partial(limit.whiten_sort_gather, *last), rounds)
     if window.particles <= DENSE_PARTICLES and not quick:
-        form = partial(forms.smooth, copies, window.model, window.dt, DEATH_TERM, forms.dense)
+        form = partial(forms.smooth, copies, *window.assumed, DEATH_TERM, forms.dense)
         cases["dense"] = Case(form, 1)
     return cases

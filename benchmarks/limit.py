@@ -10,11 +10,11 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.models.motion import whitener
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 
 
 def whiten_sort_gather(
-    earlier: ParticlePHD, later: ParticlePHD, model: TrackerModel, dt: float
+    earlier: ParticleSet, later: ParticleSet, model: TrackerModel, dt: float
 ) -> list[FloatArray]:
     """Whiten for every destination mode, sort by one coordinate, gather; nothing is searched."""
     gathered = []

@@ -17,7 +17,7 @@ import numpy as np
 
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.engine import Step
-from phd_jdtc_ros.core.models.motion import STATE_SIZE
+from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
 from .timing import Case, interleaved, spread
@@ -173,12 +173,12 @@ def _reports(radars: int) -> list[Detections]:
 
 def _estimates(classes: int) -> Estimates:
     rng = np.random.default_rng(0)
-    root = rng.normal(size=(ESTIMATES, STATE_SIZE, STATE_SIZE))
+    root = rng.normal(size=(ESTIMATES, len(PLANAR), len(PLANAR)))
     probability = rng.dirichlet(np.ones(classes), ESTIMATES)
     return Estimates(
         stamp_ns=STAMP_S * 10**9,
         lag=0,
-        state=1e3 * rng.normal(size=(ESTIMATES, STATE_SIZE)),
+        state=1e3 * rng.normal(size=(ESTIMATES, len(PLANAR))),
         covariance=1e3 * root @ root.transpose(0, 2, 1),
         weight=np.ones(ESTIMATES),
         class_probability=probability,

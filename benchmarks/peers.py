@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import peers
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
@@ -61,7 +62,7 @@ def measure(quick: bool) -> dict[str, Any]:
 
 def _ours(config: TrackerConfig, backend: str) -> Callable[[SimulatedRun], object]:
     def track(run: SimulatedRun) -> None:
-        engine = config.engine()
+        engine = new_engine(config)
         with backends.using(backend):
             for scan in run.scans:
                 engine.step(scan)

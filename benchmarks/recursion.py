@@ -1,36 +1,25 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The engine's step laid open, so that its parts can be timed and its sets looked at.
-
-`phd_jdtc_ros.core.smc.engine` runs the same functions in the same order with the same draws; a test
-holds the two to equal estimates.
-"""
+"""The particle engine with the CPU time of every part of a step, and a window of its sets."""
 
 from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.engines import particle_engine, particle_filter
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.backward_kernel import Transition
-from phd_jdtc_ros.core.smc.engine import EXTRACTION_STREAM
-from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.smc.filter import FILTER_STREAM
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
-from phd_jdtc_ros.core.smc.prediction import predict
-from phd_jdtc_ros.core.smc.resampling import resample
-from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
-from phd_jdtc_ros.core.smc.update import update_scan
-from phd_jdtc_ros.core.types import Estimates, Scan
+from phd_jdtc_ros.core.smc.correction import Corrector
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
+from phd_jdtc_ros.core.types import Scan
 
 from . import scenes
 
@@ -39,72 +28,42 @@ PARTS = ("predict", "update", "resample", "transition", "backward", "extraction"
 SETTLING = 6
 
 
-@dataclass
-class Recursion:
-    """The filter and its fixed-lag smoother, step by step, with the CPU time of every part.
+class TimedEngine:
+    """A particle engine that says how long each part of a step took.
 
     Parameters
     ----------
     config : TrackerConfig
-        Its lag is in scans.
-    latest : ParticlePHD
+    start : ParticleSet
         The stored set an interval before the first scan; empty for a new start.
     """
 
-    config: TrackerConfig
-    latest: ParticlePHD
-    stored: list[ParticlePHD] = field(default_factory=list)
-    links: list[Transition] = field(default_factory=list)
-    parts_ms: dict[str, float] = field(default_factory=dict)
-    _stamp_ns: int | None = None
-    _index: int = 0
-
-    def __post_init__(self) -> None:
-        self._rng = np.random.default_rng([self.config.seed, FILTER_STREAM])
-        self._extraction_rng = np.random.default_rng([self.config.seed, EXTRACTION_STREAM])
-        self._extract = EXTRACTIONS[str(self.config.values["extraction"])]
-        self._death_term = DEATH_TERMS[str(self.config.values["death_term"])]
-
-    def step(self, scan: Scan) -> tuple[Estimates, Estimates | None]:
-        """Take in a scan; return the filtered estimates and, past the lag, the smoothed ones."""
-        model, rng, lag = self.config.model, self._rng, self.config.lag.scans
-        dt = model.modes.interval_s
-        if self._stamp_ns is not None:
-            dt = (scan.stamp_ns - self._stamp_ns) * 1e-9
+    def __init__(self, config: TrackerConfig, start: ParticleSet) -> None:
+        self._engine = particle_engine(config)
+        self._engine.forward.done = self._note
+        self._interval_ns = round(config.model.modes.interval_s * 1e9)
+        self._start: ParticleSet | None = start
+        self._latest_s = 0.0
         self.parts_ms = dict.fromkeys(PARTS, 0.0)
-        with self._timed("predict"):
-            predicted = predict(self.latest, model, self.config.budget, dt, self._index, rng)
-        with self._timed("update"):
-            updated, found = update_scan(predicted, scan, model, dt, self._index, rng)
-        with self._timed("resample"):
-            stored = resample(updated, model.modes, self.config.budget, rng)
-        if self.stored:
-            with self._timed("transition"):
-                self.links.append(backward_kernel.build(self.latest, stored, model, dt, found))
-        with self._timed("extraction"):
-            filtered = self._targets(updated, scan.stamp_ns, 0)
-        self.stored.append(stored)
-        self.latest, self._stamp_ns, self._index = stored, scan.stamp_ns, self._index + 1
-        if len(self.stored) <= lag:
-            return filtered, None
-        with self._timed("backward"):
-            *_, smoothed = backward_pass(self.stored, self.links, self._death_term)
-        del self.stored[0], self.links[0]
-        # The smoothed stamp is the time of the state; scans are evenly spaced here.
-        stamp_ns = scan.stamp_ns - round(lag * dt * 1e9)
-        with self._timed("extraction"):
-            late = self._targets(smoothed, stamp_ns, lag)
-        return filtered, late
 
-    def _targets(self, phd: ParticlePHD, stamp_ns: int, lag: int) -> Estimates:
-        modes, threshold = self.config.model.modes, self.config.existence_threshold
-        return self._extract(phd, modes, stamp_ns, lag, threshold, self._extraction_rng)
+    def step(self, scan: Scan) -> None:
+        """Take in a scan."""
+        if self._start is not None:
+            self._engine.forward.start_from(scan.stamp_ns - self._interval_ns, self._start)
+            self._start = None
+        self.parts_ms = dict.fromkeys(PARTS, 0.0)
+        self._latest_s = time.process_time()
+        self._engine.step(scan)
 
-    @contextmanager
-    def _timed(self, part: str) -> Iterator[None]:
-        begin = time.process_time()
-        yield
-        self.parts_ms[part] += 1e3 * (time.process_time() - begin)
+    @property
+    def stored(self) -> ParticleSet:
+        """The last stored set."""
+        return self._engine.forward.stored
+
+    def _note(self, part: str) -> None:
+        now = time.process_time()
+        self.parts_ms[part] += 1e3 * (now - self._latest_s)
+        self._latest_s = now
 
 
 @dataclass(frozen=True)
@@ -113,16 +72,23 @@ class Window:
 
     Parameters
     ----------
-    stored : tuple of ParticlePHD
+    stored : tuple of ParticleSet
         The oldest first.
     model : TrackerModel
+    corrector : Corrector
     dt : float
         Between each two, seconds.
     """
 
-    stored: tuple[ParticlePHD, ...]
+    stored: tuple[ParticleSet, ...]
     model: TrackerModel
+    corrector: Corrector
     dt: float
+
+    @property
+    def assumed(self) -> tuple[TrackerModel, Corrector, float]:
+        """What a transition between two sets is built with."""
+        return self.model, self.corrector, self.dt
 
     @property
     def particles(self) -> int:
@@ -137,7 +103,7 @@ class Window:
     def links(self) -> list[Transition]:
         """Return the cached transitions between the sets."""
         return [
-            backward_kernel.build(earlier, later, self.model, self.dt)
+            backward_kernel.build(earlier, later, *self.assumed)
             for earlier, later in itertools.pairwise(self.stored)
         ]
 
@@ -146,15 +112,11 @@ def window(
     targets: int, per_target: int, lag: int, seed: int, corrector: str = "bernoulli"
 ) -> Window:
     """Return the sets of a filter that has tracked `targets` targets for a while."""
-    config = scenes.configuration(targets, per_target, corrector)
+    config = replace(scenes.configuration(targets, per_target, corrector), seed=seed)
     scene = scenes.crowd(targets, SETTLING + lag + 1, config, seed)
-    start = scenes.clouds(scene, config, np.random.default_rng(seed))
     # The filter alone: the sets do not depend on the smoother.
-    rng = np.random.default_rng([seed, FILTER_STREAM])
-    stored = [start]
-    for index, (_, scan) in enumerate(simulate(scene, seed)):
-        phd = predict(stored[-1], config.model, config.budget, scene.interval_s, index, rng)
-        phd, _ = update_scan(phd, scan, config.model, scene.interval_s, index, rng)
-        stored = [*stored, resample(phd, config.model.modes, config.budget, rng)]
-        stored = stored[-(lag + 1) :]
-    return Window(tuple(stored), config.model, scene.interval_s)
+    forward = particle_filter(config)
+    start = scenes.clouds(scene, config, np.random.default_rng(seed))
+    forward.start_from(scene.start_ns - round(scene.interval_s * 1e9), start)
+    stored = [forward.step(scan, linked=False).stored for _, scan in simulate(scene, seed)]
+    return Window(tuple(stored[-(lag + 1) :]), config.model, forward.corrector, scene.interval_s)

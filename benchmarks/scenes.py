@@ -13,7 +13,6 @@ from scipy import sparse
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.models.amplitude_density import snr_from_db
-from phd_jdtc_ros.core.models.motion import OMEGA, POSITION, VELOCITY
 from phd_jdtc_ros.core.simulation.scenario import (
     Scenario,
     TargetScript,
@@ -21,7 +20,7 @@ from phd_jdtc_ros.core.simulation.scenario import (
     paper_scenario,
     truth_at,
 )
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 
 # Targets are within this of the origin, metres; both radars see all of it.
 FIELD_RADIUS = 13e3
@@ -85,24 +84,26 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
     return replace(scene, scans=scans, targets=scripts)
 
 
-def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> ParticlePHD:
+def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> ParticleSet:
     """Return what a filter that tracks all of a scene's targets holds an interval before it.
 
     Every target has its own origin and ``particles_per_target`` rows of mass one together, half of
     them in each motion of its class.
     """
     before: Truth = truth_at(scene, 0)
-    count = config.budget.per_target
+    count = config.values["particles_per_target"]
     modes = config.model.modes
     target = np.repeat(np.arange(len(before.state)), count)
     state = before.state[target].copy()
-    state[:, list(POSITION)] -= scene.interval_s * state[:, list(VELOCITY)]
-    state[:, list(POSITION)] += POSITION_STD * rng.standard_normal((len(target), 2))
-    state[:, list(VELOCITY)] += VELOCITY_STD * rng.standard_normal((len(target), 2))
+    space = modes.space
+    position, velocity, turn_rate = list(space.position), list(space.velocity), space.turn_rate
+    state[:, position] -= scene.interval_s * state[:, velocity]
+    state[:, position] += POSITION_STD * rng.standard_normal((len(target), 2))
+    state[:, velocity] += VELOCITY_STD * rng.standard_normal((len(target), 2))
     mode = _modes_of(before, config, target, rng)
-    turning = np.array([OMEGA in motion.support for motion in modes.motions])[mode]
-    state[:, OMEGA] = np.where(turning, TURN_RATE_STD * rng.standard_normal(len(target)), 0.0)
-    return ParticlePHD(
+    turning = np.array([turn_rate in motion.support for motion in modes.motions])[mode]
+    state[:, turn_rate] = np.where(turning, TURN_RATE_STD * rng.standard_normal(len(target)), 0.0)
+    return ParticleSet(
         state=state,
         mode=mode,
         # Below those of births, which are counted from 0.
@@ -112,7 +113,7 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
         poisson=np.full(len(target), 1.0 / count),
         components=sparse.csr_array((len(target), 0)),
         label=np.zeros(0, dtype=np.int64),
-        memory=config.model.amplitudes.born(mode, modes, rng),
+        log_snr=config.model.amplitudes.born(mode, modes, rng),
     )
 
 

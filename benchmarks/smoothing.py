@@ -15,7 +15,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.backward_kernel import Transition
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_pass, bernoulli_death_term
 
 from . import backends, forms, recursion
@@ -44,10 +44,10 @@ def measure(quick: bool, corrector: str = "bernoulli") -> dict[str, Any]:
 def _measure_size(targets: int, dense_runs: bool, quick: bool, corrector: str) -> dict[str, Any]:
     window = recursion.window(targets, PER_TARGET, LAG, seed=0, corrector=corrector)
     copies = [forms.copies(phd) for phd in window.stored]
-    found: list[ParticlePHD] = []
+    found: list[ParticleSet] = []
 
     def dense() -> None:
-        found[:] = [forms.smooth(copies, window.model, window.dt, DEATH_TERM, forms.dense)]
+        found[:] = [forms.smooth(copies, *window.assumed, DEATH_TERM, forms.dense)]
 
     rounds = 3 if quick else 15 if targets <= 20 else 7
     cases = {
@@ -103,13 +103,13 @@ def product_smoother(window: Window, backend: str) -> Callable[[], None]:
     return smooth
 
 
-def k_d_tree_smoother(window: Window, stored: Sequence[ParticlePHD]) -> Callable[[], None]:
+def k_d_tree_smoother(window: Window, stored: Sequence[ParticleSet]) -> Callable[[], None]:
     """Return a call that does the same with the kernels of a k-d tree, cached too."""
     pairs = list(itertools.pairwise(stored))
-    links = [forms.k_d_tree(*pair, window.model, window.dt) for pair in pairs]
+    links = [forms.k_d_tree(*pair, *window.assumed) for pair in pairs]
 
     def smooth() -> None:
-        forms.k_d_tree(*pairs[-1], window.model, window.dt)
+        forms.k_d_tree(*pairs[-1], *window.assumed)
         _backward(stored, links)
 
     return smooth
@@ -118,23 +118,23 @@ def k_d_tree_smoother(window: Window, stored: Sequence[ParticlePHD]) -> Callable
 def _build(window: Window, backend: str) -> Callable[[], Transition]:
     def build() -> Transition:
         with backends.using(backend):
-            return backward_kernel.build(*window.stored[-2:], window.model, window.dt)
+            return backward_kernel.build(*window.stored[-2:], *window.assumed)
 
     return build
 
 
-def _backward(stored: Sequence[ParticlePHD], links: Sequence[Transition]) -> None:
+def _backward(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> None:
     """Carry the weights back over the whole window."""
     deque(backward_pass(stored, links, DEATH_TERM), maxlen=0)
 
 
-def gate_error(window: Window, dense: ParticlePHD, backend: str) -> dict[str, float]:
+def gate_error(window: Window, dense: ParticleSet, backend: str) -> dict[str, float]:
     """Compare smoothed weights with those of the dense form.
 
     Parameters
     ----------
     window : Window
-    dense : ParticlePHD
+    dense : ParticleSet
         The oldest set's copies, smoothed by `forms.dense`.
     backend : str
 
@@ -159,14 +159,14 @@ def gate_error(window: Window, dense: ParticlePHD, backend: str) -> dict[str, fl
 
 
 def _memory(
-    window: Window, copies: Sequence[ParticlePHD], dense_runs: bool
+    window: Window, copies: Sequence[ParticleSet], dense_runs: bool
 ) -> dict[str, float | None]:
     """Return the peak memory of a kernel in each form, and what a cached one keeps."""
     link = window.links()[-1]
     kept = link.survival.nbytes + sum(
         array.nbytes for array in (link.ratio.data, link.ratio.indices, link.ratio.indptr)
     )
-    last = (window.model, window.dt)
+    last = window.assumed
     peak = {f"build [{name}]": peak_bytes(_build(window, name)) for name in backends.available()}
     peak["k-d tree"] = peak_bytes(lambda: forms.k_d_tree(*copies[-2:], *last))
     megabytes: dict[str, float | None] = {f"{k}, MB": v / 1e6 for k, v in peak.items()}

@@ -15,11 +15,11 @@ import numpy as np
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.types import Scan
 
 from . import backends, scenes
-from .recursion import PARTS, SETTLING, Recursion
+from .recursion import PARTS, SETTLING, TimedEngine
 from .smoothing import PER_TARGET
 from .timing import peak_bytes, spread
 
@@ -35,7 +35,7 @@ def measure(quick: bool) -> dict[str, Any]:
     scene = paper_scenario(config.model.radars)
     if quick:
         scene = replace(scene, scans=20)
-    empty = ParticlePHD.empty(config.model.state_size)
+    empty = ParticleSet.empty(len(config.model.modes.space))
     found = {PAPER: _measure(config, scene, empty, config.lag.scans)}
     for name, targets in CROWDS.items():
         if quick and targets > 20:
@@ -49,12 +49,12 @@ def measure(quick: bool) -> dict[str, Any]:
 
 
 def _measure(
-    config: TrackerConfig, scene: Scenario, start: ParticlePHD, settling: int
+    config: TrackerConfig, scene: Scenario, start: ParticleSet, settling: int
 ) -> dict[str, Any]:
     """Return the figures of a scene, the first `settling` steps left out."""
     scans = [scan for _, scan in simulate(scene, seed=0)]
     names = backends.available()
-    runs = {name: Recursion(config, start) for name in names}
+    runs = {name: TimedEngine(config, start) for name in names}
     costs: dict[str, list[dict[str, float]]] = {name: [] for name in names}
     for scan in scans[:-1]:
         # The backends take turns, scan by scan.
@@ -75,19 +75,19 @@ def _measure(
     }
 
 
-def _timed_step(run: Recursion, scan: Scan, backend: str) -> dict[str, float]:
+def _timed_step(run: TimedEngine, scan: Scan, backend: str) -> dict[str, float]:
     with backends.using(backend):
         begin = time.process_time()
         run.step(scan)
         whole = 1e3 * (time.process_time() - begin)
     counts = {
-        "particles": float(run.latest.multiplicity.sum()),
-        "unique_particles": float(len(run.latest)),
+        "particles": float(run.stored.multiplicity.sum()),
+        "unique_particles": float(len(run.stored)),
     }
     return {"step": whole, **run.parts_ms, **counts}
 
 
-def _peak(run: Recursion, scan: Scan, backend: str) -> int:
+def _peak(run: TimedEngine, scan: Scan, backend: str) -> int:
     with backends.using(backend):
         return peak_bytes(lambda: run.step(scan))
 

@@ -33,8 +33,8 @@ from stonesoup.updater.particle import SMCPHDUpdater
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.models.motion import VX, VY, X, Y
 from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 from phd_jdtc_ros.core.types import Scan
 
 STATE = [X, VX, Y, VY]
@@ -53,7 +53,7 @@ def step_times_ms(scans: Sequence[Scan], config: TrackerConfig, targets: int) ->
         Particles are resampled to so many targets' budget after every radar.
     """
     np.random.seed(0)  # noqa: NPY002 - Stone Soup's resampler draws from the global generator
-    size = targets * config.budget.per_target
+    size = targets * config.values["particles_per_target"]
     predictor = _predictor(config, size)
     updaters = [_updater(radar, config, size) for radar in config.model.radars]
     stamps = [EPOCH + timedelta(microseconds=scan.stamp_ns / 1000) for scan in scans]
@@ -77,7 +77,7 @@ def _predictor(config: TrackerConfig, size: int) -> SMCPHDPredictor:
     model = config.model
     axis = ConstantVelocity(model.modes.motions[0].noise_density)
     survival = np.mean([c.survival_probability for c in model.modes.classes])
-    births = len(model.births) * config.budget.per_birth_term
+    births = len(model.births) * config.values["particles_per_birth"]
     rng = np.random.default_rng(0)
 
     def born(num_samples: int) -> FloatArray:

@@ -9,13 +9,13 @@ import numpy as np
 from geometry_msgs.msg import Quaternion
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.core.models.motion import OMEGA, STATE_SIZE, VX, VY, X, Y
+from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
 from . import point_cloud, stamps
 from .errors import RejectedMessageError
 
-_UPPER = tuple(zip(*np.triu_indices(STATE_SIZE), strict=True))
+_UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))
 _COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
 _STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
 
@@ -72,10 +72,10 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     )
     point_cloud.require_finite(columns)
     size = len(columns["x"])
-    state = np.zeros((size, STATE_SIZE))
+    state = np.zeros((size, len(PLANAR)))
     for name, index in _STATE:
         state[:, index] = columns[name]
-    covariance = np.zeros((size, STATE_SIZE, STATE_SIZE))
+    covariance = np.zeros((size, len(PLANAR), len(PLANAR)))
     for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
         covariance[:, row, column] = covariance[:, column, row] = columns[name]
     return Estimates(

@@ -12,7 +12,6 @@ import numpy as np
 from visualization_msgs.msg import Marker
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.models.motion import POSITION, VX, VY
 from phd_jdtc_ros.core.types import Estimates
 
 from . import cdr, stamps
@@ -74,11 +73,11 @@ def _labels(estimates: Estimates, class_names: tuple[str, ...]) -> list[bytes]:
 
 def _lines(estimates: Estimates) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return positions (T, 2), ends of arrows (T, 2) and ellipses (T, ELLIPSE_POINTS, 2)."""
-    plane = list(POSITION)
-    position = estimates.state[:, plane]
-    ahead = position + VELOCITY_SECONDS * estimates.state[:, [VX, VY]]
-    covariance = estimates.covariance[:, plane][:, :, plane]
-    around = outline(covariance, ELLIPSE_SIGMA, ELLIPSE_POINTS).transpose(0, 2, 1)
+    position = estimates.position
+    ahead = position + VELOCITY_SECONDS * estimates.velocity
+    around = outline(estimates.position_covariance, ELLIPSE_SIGMA, ELLIPSE_POINTS).transpose(
+        0, 2, 1
+    )
     return position, ahead, position[:, None] + around
 
 

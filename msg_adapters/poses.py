@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from phd_jdtc_ros.core.models.motion import VX, VY, X, Y
+from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
 from . import cdr

@@ -3,47 +3,44 @@
 
 """A ``radar_msgs/RadarScan`` to `Detections`.
 
-radar_msgs is not part of every ROS installation: nothing here imports it, and the tracker asks for
-the message class only where a radar is configured to send it.
+radar_msgs is not part of every ROS installation: nothing here imports it. A live tracker needs its
+message class; recorded bytes are read without it.
 """
 
 from __future__ import annotations
 
+import struct
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
+from std_msgs.msg import Header
 
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 
-from . import interfaces
 from .detections import Report, require_frame, select, stamp_of
 from .errors import RejectedMessageError
 from .point_cloud import MAX_POINTS
 
 TYPE_NAME = "radar_msgs/msg/RadarScan"
-
-
-def installed() -> Any:
-    """Return the message class, or None where radar_msgs is not installed."""
-    try:
-        return interfaces.message_class(TYPE_NAME)
-    except ImportError:
-        return None
+# Of a RadarReturn: range, azimuth, elevation, doppler_velocity, amplitude, all of float32.
+RETURN_FIELDS = 5
 
 
 def from_msg(scan: Any, radar: RadarInput) -> Report:
     """Return the detections of a scan.
 
     The message fixes what a point cloud leaves to its driver: azimuths are counter-clockwise from
-    the sensor's x axis, amplitudes are in dB, elevations are there (0 of a planar radar).
+    the sensor's x axis, amplitudes are in dB, and there are elevations (0 for a planar radar).
 
     Parameters
     ----------
     scan : radar_msgs.msg.RadarScan
     radar : RadarInput
-        Of which the frame, the range limit and `amplitude_offset_db` matter, which makes an SNR of
-        the amplitudes; without an `amplitude_field` they are left aside.
+        Its frame, its range limit and its `amplitude_offset_db`, which turns the amplitudes into
+        an SNR, matter; without an `amplitude_field` the amplitudes are left out.
 
     Raises
     ------
@@ -52,16 +49,46 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
         `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp makes no sense, see
         `detections.stamp_of`.
     """
-    require_frame(scan.header.frame_id, radar)
-    if len(scan.returns) > MAX_POINTS:
-        raise RejectedMessageError(
-            "oversize", f"{len(scan.returns)} returns, at most {MAX_POINTS} are allowed"
-        )
-    rows = np.array(
-        [(r.range, r.azimuth, r.elevation, r.amplitude) for r in scan.returns], dtype=np.float64
-    ).reshape(-1, 4)
+    _require_size(len(scan.returns))
+    rows = [(r.range, r.azimuth, r.elevation, r.amplitude) for r in scan.returns]
+    return _report(scan.header, np.array(rows, dtype=np.float64).reshape(-1, 4), radar)
+
+
+def from_cdr(data: bytes, radar: RadarInput) -> Report:
+    """Return the detections of a serialised scan; parameters and errors are those of `from_msg`.
+
+    Raises
+    ------
+    RejectedMessageError
+        ``schema`` also if the bytes hold no scan.
+    """
+    try:
+        order = "<" if data[1] & 1 else ">"
+        sec, nanosec, length = struct.unpack_from(f"{order}iII", data, 4)
+        frame = data[16 : 16 + length].rstrip(b"\0").decode()
+        # Alignment is counted from behind the four bytes of the encapsulation.
+        start = 16 + length + -(12 + length) % 4
+        (count,) = struct.unpack_from(f"{order}I", data, start)
+        _require_size(count)
+        values = np.frombuffer(data, f"{order}f4", count * RETURN_FIELDS, start + 4)
+    except RejectedMessageError:
+        raise
+    except (struct.error, IndexError, ValueError) as error:
+        raise RejectedMessageError("schema", f"no {TYPE_NAME}: {error}") from error
+    rows = values.reshape(count, RETURN_FIELDS)[:, [0, 1, 2, 4]].astype(np.float64)
+    return _report(Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame), rows, radar)
+
+
+def _require_size(count: int) -> None:
+    if count > MAX_POINTS:
+        raise RejectedMessageError("oversize", f"{count} returns, at most {MAX_POINTS} are allowed")
+
+
+def _report(header: Header, rows: FloatArray, radar: RadarInput) -> Report:
+    """Return the detections among rows of range, azimuth, elevation and amplitude, (M, 4)."""
+    require_frame(header.frame_id, radar)
     return select(
-        stamp_of(scan.header),
+        stamp_of(header),
         replace(radar, amplitude_in_db=True, compass=False),
         distance=rows[:, 0],
         azimuth=rows[:, 1],

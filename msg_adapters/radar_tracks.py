@@ -15,7 +15,7 @@ import numpy as np
 from geometry_msgs.msg import Point, Vector3
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.models.motion import POSITION, VELOCITY, VX, VY, X, Y
+from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
 from . import interfaces, stamps
@@ -79,8 +79,8 @@ def _track(estimates: Estimates, row: int, run: uuid.UUID, types: Types) -> Any:
     track.position = Point(x=float(state[X]), y=float(state[Y]), z=0.0)
     track.velocity = Vector3(x=float(state[VX]), y=float(state[VY]), z=0.0)
     track.classification = FIRST_OWN_CLASSIFICATION + int(estimates.class_id[row])
-    track.position_covariance = _upper_triangle(covariance, POSITION)
-    track.velocity_covariance = _upper_triangle(covariance, VELOCITY)
+    track.position_covariance = _upper_triangle(covariance, (X, Y))
+    track.velocity_covariance = _upper_triangle(covariance, (VX, VY))
     return track
 
 

@@ -14,7 +14,7 @@ from geometry_msgs.msg import Point, Pose, PoseStamped, Twist, Vector3
 from nav_msgs.msg import Odometry, Path
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.models.motion import OMEGA, STATE_SIZE, VX, VY, X, Y
+from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
 from . import stamps
@@ -98,7 +98,7 @@ def _odometry(
 
 def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the (6, 6) covariance of x, y, z, roll, pitch, yaw."""
-    to_pose = np.zeros((6, STATE_SIZE))
+    to_pose = np.zeros((6, len(PLANAR)))
     to_pose[0, X] = to_pose[1, Y] = 1.0
     square = max(state[VX] ** 2 + state[VY] ** 2, np.finfo(float).tiny)
     to_pose[5, VX], to_pose[5, VY] = -state[VY] / square, state[VX] / square
@@ -115,7 +115,7 @@ def _pose_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
 def _twist_covariance(state: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the (6, 6) covariance of vx, vy, vz and the three rates, in the track's frame."""
     yaw = math.atan2(state[VY], state[VX])
-    to_twist = np.zeros((6, STATE_SIZE))
+    to_twist = np.zeros((6, len(PLANAR)))
     to_twist[0, [VX, VY]] = math.cos(yaw), math.sin(yaw)
     to_twist[1, [VX, VY]] = -math.sin(yaw), math.cos(yaw)
     to_twist[5, OMEGA] = 1.0

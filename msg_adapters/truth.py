@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.core.models.motion import STATE_SIZE, VX, VY, X, Y
 from phd_jdtc_ros.core.simulation.scenario import Truth
+from phd_jdtc_ros.core.state_space import PLANAR, VX, VY, X, Y
 
 from . import point_cloud, stamps
 
@@ -47,7 +47,7 @@ def from_msg(cloud: PointCloud2) -> Truth:
     wanted = dict.fromkeys(_FLOATS, point_cloud.FLOATS) | dict.fromkeys(_IDS, point_cloud.UNSIGNED)
     columns = point_cloud.decode(cloud, wanted)
     point_cloud.require_finite(columns)
-    state = np.zeros((len(columns["x"]), STATE_SIZE))
+    state = np.zeros((len(columns["x"]), len(PLANAR)))
     for index, name in ((X, "x"), (VX, "vx"), (Y, "y"), (VY, "vy")):
         state[:, index] = columns[name]
     return Truth(

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from geometry_msgs.msg import Point, Pose, PoseWithCovariance
 
-from phd_jdtc_ros.core.models.motion import POSITION, VX, VY, X, Y
+from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
 from . import interfaces, stamps
@@ -94,7 +94,7 @@ def _detection(
 def _pose(estimates: Estimates, row: int) -> PoseWithCovariance:
     state = estimates.state[row]
     covariance = np.zeros((6, 6))
-    covariance[:2, :2] = estimates.covariance[row][np.ix_(POSITION, POSITION)]
+    covariance[:2, :2] = estimates.position_covariance[row]
     return PoseWithCovariance(
         pose=Pose(
             position=Point(x=float(state[X]), y=float(state[Y]), z=0.0),

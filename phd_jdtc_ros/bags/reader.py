@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""rosbag2 bags in MCAP: written so that rosbag2 takes them for its own, read with care."""
+"""rosbag2 bags in MCAP: every intact chunk is read, and what is lost is reported."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from mcap.records import Message
 from msg_adapters import stamps
 
 from . import chunks, mcap_index
-from .errors import BagError as BagError
+from .errors import BagError
+from .writer import Topic
 
 # What may wait at a time for earlier messages further on in the file; recorders write messages as
 # they come, so that few wait.
@@ -80,6 +81,18 @@ class BagReader:
                 self.counts[channel.topic] += self._index.counts[channel.id]
         if self._index.damage and not self.types:
             raise BagError(f"{self._file}: is damaged: {self._index.damage}", corrupt=True)
+
+    def topic(self, name: str, depth: int = 10) -> Topic:
+        """Return a topic as this bag describes it, to be copied to another bag."""
+        channels = [c for c in self._index.channels.values() if c.topic == name]
+        schema = self._index.schemas[channels[0].schema_id]
+        return Topic(
+            name,
+            self.types[name],
+            depth,
+            definition=schema.data.decode() if schema.encoding == "ros2msg" else "",
+            type_hash=channels[0].metadata.get("topic_type_hash", ""),
+        )
 
     def require(self, needed: Mapping[str, str]) -> None:
         """Check that topics are there and of the type they should have.

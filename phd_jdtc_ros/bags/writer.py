@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from msg_adapters import interfaces
 
-from .errors import BagError as BagError
+from .errors import BagError
 
 _METADATA = "metadata.yaml"
 # A damaged byte costs one chunk.
@@ -38,12 +38,16 @@ class Topic:
     depth : int
         History depth it was offered with.
     transient_local : bool
+    definition, type_hash : str
+        Of the type, as MCAP and rosbag2 store them; of the installed package where empty.
     """
 
     name: str
     type_name: str
     depth: int = 10
     transient_local: bool = False
+    definition: str = ""
+    type_hash: str = ""
 
     @property
     def offered_qos(self) -> list[dict[str, Any]]:
@@ -110,7 +114,9 @@ class BagWriter:
         """Declare a topic; messages can be written to it from now on."""
         if topic.type_name not in self._schemas:
             self._schemas[topic.type_name] = self._writer.register_schema(
-                topic.type_name, "ros2msg", interfaces.definition(topic.type_name).encode()
+                topic.type_name,
+                "ros2msg",
+                (topic.definition or interfaces.definition(topic.type_name)).encode(),
             )
         self._channels[topic.name] = self._writer.register_channel(
             topic=topic.name,
@@ -118,7 +124,7 @@ class BagWriter:
             schema_id=self._schemas[topic.type_name],
             metadata={
                 "offered_qos_profiles": yaml.safe_dump(topic.offered_qos, sort_keys=False),
-                "topic_type_hash": interfaces.type_hash(topic.type_name),
+                "topic_type_hash": _type_hash(topic),
             },
         )
         self._topics[topic.name] = topic
@@ -187,7 +193,7 @@ class BagWriter:
                             "type": topic.type_name,
                             "serialization_format": "cdr",
                             "offered_qos_profiles": topic.offered_qos,
-                            "type_description_hash": interfaces.type_hash(topic.type_name),
+                            "type_description_hash": _type_hash(topic),
                         },
                         "message_count": self._counts[topic.name],
                     }
@@ -208,3 +214,7 @@ class BagWriter:
                 "ros_distro": ROS_DISTRO,
             }
         }
+
+
+def _type_hash(topic: Topic) -> str:
+    return topic.type_hash or interfaces.type_hash(topic.type_name)

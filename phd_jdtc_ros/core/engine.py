@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from .arrays import FloatArray
 from .models.tracker_model import TrackerModel
+from .snapshot import Snapshot
 from .types import Estimates, Scan
 
 
@@ -21,30 +23,30 @@ class Step:
     ----------
     filtered : Estimates
     smoothed : tuple of Estimates
-        Those whose lag is reached: with a lag in scans one, none while the window fills.
+        Those whose lag is reached: one with a lag in scans, none of them while the window fills.
     class_mass : array of shape (C,)
         Expected number of targets of each class after the update.
-    particles : int
-        Rows of the stored set.
-    effective_sample_size : float
-        Of the stored set.
-    orphans : int
-        See `Transition`.
+    figures : mapping of name to number
+        The engine's own diagnostics.
     """
 
     filtered: Estimates
     smoothed: tuple[Estimates, ...]
     class_mass: FloatArray
-    particles: int
-    effective_sample_size: float
-    orphans: int
+    figures: Mapping[str, float]
 
 
 class Engine(Protocol):
-    """What a node needs of a tracker, whatever it is made of."""
+    """What a node needs of an engine."""
 
     def step(self, scan: Scan) -> Step:
-        """Take in one scan; stamps must increase."""
+        """Take in one scan; stamps must increase.
+
+        Raises
+        ------
+        ValueError
+            If the stamp is not later than the one before.
+        """
         ...
 
     def flush(self) -> tuple[Estimates, ...]:
@@ -52,15 +54,38 @@ class Engine(Protocol):
         ...
 
     def interrupt(self) -> tuple[Estimates, ...]:
-        """Do as `flush`, but give tracks found from now on numbers that no other has had."""
+        """Do as `flush`, but number tracks found from now on as no track was numbered before.
+
+        For a gap in a time that goes on: whoever follows tracks by their numbers must not take a
+        new target for an old one.
+        """
         ...
 
     def retune(self, model: TrackerModel, existence_threshold: float) -> None:
-        """Go by another model of equal structure and another threshold from the next scan on."""
+        """Use another model of equal structure and another threshold from the next scan on."""
         ...
 
     def reset(self) -> None:
         """Forget everything, as if newly made."""
+        ...
+
+    def snapshot(self) -> Snapshot:
+        """Return all that the engine holds; it shares its arrays, which nobody changes."""
+        ...
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go on from a snapshot as if the engine had never stopped.
+
+        Parameters
+        ----------
+        snapshot : Snapshot
+            Of an engine with the same configuration.
+
+        Raises
+        ------
+        ValueError
+            If it is not one; the engine is reset then.
+        """
         ...
 
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import FloatArray, IntArray, read_only
+from .state_space import PLANAR, StateSpace
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,8 @@ class Estimates:
     class_id : int array of shape (T,)
     track_id : int array of shape (T,)
         0 means unlabelled.
+    space : StateSpace
+        What the axes of the states are.
     """
 
     stamp_ns: int
@@ -101,6 +104,23 @@ class Estimates:
     class_probability: FloatArray
     class_id: IntArray
     track_id: IntArray
+    space: StateSpace = PLANAR
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions in the world frame, metres, shape (T, 2)."""
+        return self.state[:, list(self.space.position)]
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities in the world frame, metres per second, shape (T, 2)."""
+        return self.state[:, list(self.space.velocity)]
+
+    @property
+    def position_covariance(self) -> FloatArray:
+        """Covariances of the positions, square metres, shape (T, 2, 2)."""
+        axes = list(self.space.position)
+        return self.covariance[:, axes][:, :, axes]
 
     def __post_init__(self) -> None:
         for name in ("state", "covariance", "weight", "class_probability"):

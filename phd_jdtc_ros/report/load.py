@@ -13,12 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import detections, diagnostics, estimates, interfaces, names, truth
+from msg_adapters import diagnostics, estimates, interfaces, names, truth
+from msg_adapters.detections import Report
 from msg_adapters.errors import RejectedMessageError
+from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
@@ -44,8 +45,8 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     bag = BagReader(path)
     sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
     figures = names.cardinality(tracker)
-    radars = [radar.topic for radar in config.inputs]
-    wanted = dict.fromkeys([*sources, names.TRUTH, *radars], names.CLOUD)
+    wanted = dict.fromkeys([*sources, names.TRUTH], names.CLOUD)
+    wanted |= {radar.topic: reader_of(radar).type_name for radar in config.inputs}
     if not wanted.keys() & bag.types.keys():
         raise BagError(f"{path}: none of {', '.join(wanted)} is in it")
     wanted[figures] = names.FIGURES
@@ -66,8 +67,8 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
             for entry in bag.messages([radar.topic] if radar.topic in bag.types else []):
                 # What the tracker refuses and counts is not shown.
                 with contextlib.suppress(RejectedMessageError):
-                    message = interfaces.decode(entry.data, names.CLOUD)
-                    found["plots"].append(_plot(message, radar, model))
+                    report = reader_of(radar).from_cdr(entry.data, radar)
+                    found["plots"].append(_plot(report, model))
     except RejectedMessageError as error:
         raise BagError(f"{path}: {error}") from error
     return Record(
@@ -89,12 +90,11 @@ def _decoded(bag: BagReader, topics: list[str]) -> Iterator[tuple[str, Any]]:
             yield entry.topic, interfaces.decode(entry.data, bag.types[entry.topic])
 
 
-def _plot(message: Any, radar: RadarInput, model: RadarModel) -> Plot:
-    report = detections.from_msg(message, radar)
+def _plot(report: Report, model: RadarModel) -> Plot:
     amplitude = report.detections.amplitude
     return Plot(
         stamp_ns=report.stamp_ns,
-        radar=radar.name,
+        radar=model.name,
         position=model.to_world(report.detections.measurement),
         amplitude=np.ones(len(report.detections)) if amplitude is None else amplitude,
     )

@@ -10,16 +10,18 @@ nothing else share one filter, and one backward pass over the window has the set
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.smc.filter import Filtered, ForwardFilter
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.filter import Filtered
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 
 from .runs import SimulatedRun, Tracks
@@ -62,7 +64,7 @@ def track(
     An estimate does not depend on which other readings and lags are asked for.
     """
     longest = max(lags)
-    forward = ForwardFilter(config.model, config.budget, seed=run.seed)
+    forward = particle_filter(replace(config, seed=run.seed))
     readers = [_Reader(reading, run, lags, config) for reading in readings]
     window: list[Filtered] = []
     for index, scan in enumerate(run.scans):
@@ -98,17 +100,17 @@ class _Reader:
         # One for each lag, so that no lag's draws depend on which others are wanted.
         self._rng = {lag: np.random.default_rng([run.seed, 1, lag]) for lag in lags}
 
-    def read_filtered(self, index: int, updated: ParticlePHD) -> None:
+    def read_filtered(self, index: int, updated: ParticleSet) -> None:
         if 0 in self._found:
             self._found[0][index] = self._points(index, 0, updated, 0)
 
-    def read_smoothed(self, index: int, lag: int, smoothed: ParticlePHD) -> None:
+    def read_smoothed(self, index: int, lag: int, smoothed: ParticleSet) -> None:
         run_over = index + lag == len(self._run.scans) - 1
         for wanted in self._found:
             if wanted > 0 and (wanted == lag or (run_over and wanted > lag)):
                 self._found[wanted][index] = self._points(index, lag, smoothed, wanted)
 
-    def _points(self, index: int, lag: int, phd: ParticlePHD, wanted: int) -> PointSet:
+    def _points(self, index: int, lag: int, phd: ParticleSet, wanted: int) -> PointSet:
         extract = EXTRACTIONS[self.reading.extraction]
         stamp_ns = self._run.scans[index].stamp_ns
         found = extract(phd, self._modes, stamp_ns, lag, self._threshold, self._rng[wanted])

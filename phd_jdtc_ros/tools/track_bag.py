@@ -3,29 +3,30 @@
 
 """Offline tracking: a bag with detections in, a bag with estimates out.
 
-The scans take the same path as in the live node (decode, group by stamp, step), so the estimates
-are equal to the live ones, and two runs write the same bytes.
+The detections take the same path as in the live node (`readers`, then `core.pipeline`), so the
+estimates are equal to the live ones, and two runs write the same bytes.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import detections, estimates, interfaces, names
+from msg_adapters import estimates, interfaces, names
 from msg_adapters.errors import RejectedMessageError
+from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.scans import Rejection, Reset
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan
+from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
+from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.exit_status import OK, fail
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.table import score_tables
@@ -34,7 +35,7 @@ from . import command
 
 
 class OfflineTracker:
-    """Feeds recorded clouds to an engine and writes what comes out.
+    """Feeds recorded detections to a pipeline and writes what comes out.
 
     Parameters
     ----------
@@ -46,45 +47,41 @@ class OfflineTracker:
     def __init__(self, config: TrackerConfig, bag: BagWriter) -> None:
         self._config = config
         self._bag = bag
-        self._engine: Engine = config.engine()
-        self._grouper = config.grouper()
+        self._pipeline = new_pipeline(config)
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self.scans = 0
         self.dropped: Counter[str] = Counter()
 
     def add(self, entry: BagMessage) -> None:
-        """Take in one recorded cloud."""
+        """Take in one recorded message of a radar."""
         index = self._radar_of[entry.topic]
+        radar = self._config.inputs[index]
         try:
-            cloud = interfaces.decode(entry.data, names.CLOUD)
-            report = detections.from_msg(cloud, self._config.inputs[index])
+            report = reader_of(radar).from_cdr(entry.data, radar)
         except RejectedMessageError as error:
             self.dropped[error.reason] += 1
             return
         self.dropped.update(report.dropped)
-        events = self._grouper.add(index, report.stamp_ns, report.detections)
+        events = self._pipeline.add(index, report.stamp_ns, report.detections)
         if isinstance(events, Rejection):
             self.dropped[events.value] += 1
         else:
-            self._handle(events)
+            self._write(events)
 
     def finish(self) -> None:
         """Close what is pending and write the estimates still held back."""
-        self._handle(self._grouper.close_all())
-        self._write_all(SMOOTHED, self._engine.flush())
+        self._write(self._pipeline.flush())
 
-    def _handle(self, events: Sequence[Scan | Reset]) -> None:
+    def _write(self, events: Iterable[Event]) -> None:
         for event in events:
-            if isinstance(event, Reset):
-                rest = self._engine.interrupt() if event.ahead else self._engine.flush()
-                self._write_all(SMOOTHED, rest)
+            if isinstance(event, RunEnded):
+                self._write_estimates(SMOOTHED, event.smoothed)
                 continue
-            step = self._engine.step(event)
             self.scans += 1
-            self._write_all(FILTERED, (step.filtered,))
-            self._write_all(SMOOTHED, step.smoothed)
+            self._write_estimates(FILTERED, (event.step.filtered,))
+            self._write_estimates(SMOOTHED, event.step.smoothed)
 
-    def _write_all(self, source: str, run: Sequence[Estimates]) -> None:
+    def _write_estimates(self, source: str, run: Iterable[Estimates]) -> None:
         for found in run:
             message = estimates.to_msg(found, self._config.world_frame)
             self._bag.write(names.estimates(source), interfaces.encode(message), found.stamp_ns)
@@ -100,10 +97,11 @@ def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTra
     """
     topics = [radar.topic for radar in config.inputs]
     copied = [*topics, *([names.TRUTH] if names.TRUTH in source.types else [])]
-    source.require(dict.fromkeys(copied, names.CLOUD))
+    types = {radar.topic: reader_of(radar).type_name for radar in config.inputs}
+    source.require({topic: types.get(topic, names.CLOUD) for topic in copied})
     with BagWriter(out) as bag:
         for topic in copied:
-            bag.add_topic(Topic(topic, source.types[topic], depth=50))
+            bag.add_topic(source.topic(topic, depth=50))
         for kind in (FILTERED, SMOOTHED):
             bag.add_topic(Topic(names.estimates(kind), names.CLOUD))
         tracker = OfflineTracker(config, bag)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scenes import plain, short_scenario, small
 
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.scenario import TargetScript
 from phd_jdtc_ros.core.simulation.simulate import simulate
 
@@ -26,7 +27,7 @@ def statistics(given, make, scans):
     """Return masses, moments and class shares of every seed, shape (seeds, figures)."""
     figures = []
     for seed in range(SEEDS):
-        engine = make({**given, "seed": seed}).engine()
+        engine = new_engine(make({**given, "seed": seed}))
         steps = [engine.step(scan) for scan in scans]
         smoothed = [e for step in steps for e in step.smoothed] + list(engine.flush())
         last, middle = steps[-1].filtered, smoothed[2]

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+"""Imports go one way: between the packages, and between the rooms of the core."""
+
 import ast
 import subprocess
 import sys
@@ -10,7 +12,43 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 CORE = sorted((ROOT / "phd_jdtc_ros" / "core").rglob("*.py"))
+PACKAGE = sorted((ROOT / "phd_jdtc_ros").rglob("*.py"))
 ADAPTERS = sorted((ROOT / "msg_adapters").rglob("*.py"))
+COMPILED = "compiled"
+
+BASE = ("arrays", "state_space", "types", "origins", "track_numbers")
+# What each room of the core, or module beside the rooms, may import of the others.
+ROOMS = {
+    "arrays": (),
+    "origins": (),
+    "snapshot": (),
+    "state_space": ("arrays",),
+    "types": ("arrays", "state_space"),
+    "track_numbers": ("arrays", "types"),
+    "scans": ("types",),
+    "association": BASE,
+    "pair_search": BASE,
+    "models": (*BASE, "pair_search"),
+    "engine": (*BASE, "models", "snapshot"),
+    "smc": (*BASE, "association", "engine", "models", "pair_search", "snapshot"),
+    "gaussian": (*BASE, "association", "engine", "models", "pair_search", "snapshot"),
+    "evaluation": BASE,
+    "configuration": (*BASE, "engine", "models", "scans", "smc"),
+    "simulation": (*BASE, "configuration", "models"),
+    "engines": ("configuration", "engine", "smc"),
+    "pipeline": ("configuration", "engine", "engines", "scans", "types"),
+}
+# What each part of the project may import of the others.
+PARTS = {
+    "core": (),
+    "msg_adapters": ("core",),
+    "bags": ("msg_adapters",),
+    "exit_status": ("bags", "core"),
+    "report": ("bags", "core", "msg_adapters"),
+    "study": ("core", "report"),
+    "nodes": ("bags", "core", "exit_status", "msg_adapters", "report"),
+    "tools": ("bags", "core", "exit_status", "msg_adapters", "nodes", "report", "study"),
+}
 
 
 def imported_modules(path):
@@ -23,38 +61,75 @@ def imported_modules(path):
         elif isinstance(node, ast.ImportFrom):
             base = package[: len(package) - node.level + 1] if node.level else []
             module = ".".join([*base, *([node.module] if node.module else [])])
-            names |= {module} | {f"{module}.{alias.name}" for alias in node.names}
+            names |= {f"{module}.{alias.name}" for alias in node.names}
     return names
 
 
-def within(name, package):
-    return name == package or name.startswith(package + ".")
+def room_of(name):
+    """Return the room that a module of the core, by its absolute name, is in."""
+    parts = name.split(".")
+    return parts[2] if parts[:2] == ["phd_jdtc_ros", "core"] and len(parts) > 2 else None
+
+
+def part_of(name):
+    """Return the part of the project that a module is in."""
+    parts = name.split(".")
+    if parts[0] == "msg_adapters":
+        return "msg_adapters"
+    return parts[1] if parts[0] == "phd_jdtc_ros" and len(parts) > 1 else None
+
+
+def module_of(path):
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts)
 
 
 def test_imported_modules_resolve_relative_names():
     # Guards the other tests: a parser that saw nothing would let everything pass.
-    names = imported_modules(ROOT / "phd_jdtc_ros" / "core" / "engine.py")
-    assert {"typing", "phd_jdtc_ros.core.types", "phd_jdtc_ros.core.types.Scan"} <= names
+    names = imported_modules(ROOT / "phd_jdtc_ros" / "core" / "smc" / "filter.py")
+    core = "phd_jdtc_ros.core"
+    assert {"numpy", f"{core}.types.Scan", f"{core}.smc.prediction.predict"} <= names
 
 
-# The one file that may import an optional library, and is imported only if that is there.
-COMPILED = "compiled"
-
-
-@pytest.mark.parametrize("path", CORE, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", CORE, ids=module_of)
 def test_core_imports_only_numpy_scipy_and_itself(path):
     libraries = {"numpy", "scipy", "numba"} if path.stem == COMPILED else {"numpy", "scipy"}
     for name in imported_modules(path):
         root = name.split(".")[0]
         allowed = root in sys.stdlib_module_names or root in libraries
-        assert allowed or within(name, "phd_jdtc_ros.core"), f"{path.name} imports {name}"
+        assert allowed or room_of(name), f"{path.name} imports {name}"
 
 
-@pytest.mark.parametrize("path", ADAPTERS, ids=lambda path: path.stem)
-def test_adapters_import_neither_nodes_nor_study(path):
-    for name in imported_modules(path):
-        assert not within(name, "phd_jdtc_ros.nodes"), f"{path.name} imports {name}"
-        assert not within(name, "phd_jdtc_ros.study"), f"{path.name} imports {name}"
+@pytest.mark.parametrize("path", CORE, ids=module_of)
+def test_rooms_of_the_core_import_in_one_direction(path):
+    own = room_of(module_of(path))
+    if own == "__init__":
+        return
+    others = {room_of(name) for name in imported_modules(path)} - {own, None}
+    assert others <= set(ROOMS[own])
+
+
+@pytest.mark.parametrize("path", [*PACKAGE, *ADAPTERS], ids=module_of)
+def test_parts_of_the_project_import_in_one_direction(path):
+    own = part_of(module_of(path))
+    if own in ("__init__", "__main__"):
+        return
+    others = {part_of(name) for name in imported_modules(path)} - {own, None, "__version__"}
+    assert others <= set(PARTS[own])
+
+
+def test_directions_have_no_circle():
+    for table in (ROOMS, PARTS):
+        placed = set()
+        while len(placed) < len(table):
+            free = {room for room, others in table.items() if set(others) <= placed} - placed
+            assert free, f"a circle among {set(table) - placed}"
+            placed |= free
+
+
+def test_only_messages_motions_and_the_state_space_know_the_layout_of_a_state():
+    layout = {f"phd_jdtc_ros.core.state_space.{axis}" for axis in ("X", "VX", "Y", "VY", "OMEGA")}
+    knowing = {module_of(path) for path in PACKAGE if imported_modules(path) & layout}
+    assert knowing == {"phd_jdtc_ros.core.models.motion", "phd_jdtc_ros.study.peers.conversion"}
 
 
 def test_core_loads_without_ros_and_without_numba():
@@ -65,7 +140,7 @@ def test_core_loads_without_ros_and_without_numba():
         "names = [m.name for m in pkgutil.walk_packages(core.__path__, core.__name__ + '.')]\n"
         f"names = [name for name in names if not name.endswith('.{COMPILED}')]\n"
         "for name in names: importlib.import_module(name)\n"
-        "assert len(names) > 15, names\n"
+        "assert len(names) > 40, names\n"
         "print(*sorted({m.split('.')[0] for m in sys.modules}))\n"
     )
     done = subprocess.run(

@@ -6,7 +6,7 @@ import pytest
 from scenes import intensity
 
 from phd_jdtc_ros.core.arrays import read_only, sum_by
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.types import Detections, Estimates
 
 
@@ -84,7 +84,7 @@ def test_particle_phd_effective_sample_size_counts_copies(weight, multiplicity, 
 
 
 def test_particle_phd_empty_has_no_mass():
-    empty = ParticlePHD.empty(5)
+    empty = ParticleSet.empty(5)
     assert (len(empty), empty.state.shape, empty.components.shape) == (0, (0, 5), (0, 0))
     assert empty.weight.shape == (0,)
     assert empty.effective_sample_size == 0.0

@@ -11,7 +11,7 @@ from scipy import sparse
 from phd_jdtc_ros.core.configuration import build
 from phd_jdtc_ros.core.models.motion import OMEGA
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.types import Detections
 
 SMALL_BUDGET = {
@@ -61,7 +61,7 @@ def intensity(
     """Return a particle intensity; `weight` is the part that no detection explains."""
     count = len(state)
     parts = sparse.csr_array(np.zeros((count, 0)) if components is None else components)
-    return ParticlePHD(
+    return ParticleSet(
         state=np.asarray(state, dtype=float),
         mode=np.zeros(count, dtype=int) if mode is None else mode,
         origin=np.zeros(count, dtype=int) if origin is None else origin,
@@ -70,7 +70,7 @@ def intensity(
         poisson=np.asarray(weight, dtype=float),
         components=parts,
         label=np.full(parts.shape[1], -1) if label is None else label,
-        memory=np.zeros(count),
+        log_snr=np.zeros(count),
     )
 
 

@@ -5,12 +5,14 @@ import math
 
 import numpy as np
 import pytest
+import radar_scans
 from message_types import RadarReturn, RadarScan
 from numpy.testing import assert_allclose
 from samples import FRAME, STAMP_NS, radar
 
 from msg_adapters import radar_scan, stamps
 from msg_adapters.errors import RejectedMessageError
+from msg_adapters.readers import READERS
 
 
 def scan(*rows, frame=FRAME):
@@ -84,8 +86,48 @@ def test_from_msg_rejects_more_than_it_takes(monkeypatch):
 
 
 def test_from_msg_reads_the_installed_messages():
-    scan_class = radar_scan.installed()
+    scan_class = READERS["radar_scan"].installed()
     if scan_class is None:
         pytest.skip("radar_msgs is not installed")
     empty = scan_class(header=stamps.header(STAMP_NS, FRAME))
     assert len(radar_scan.from_msg(empty, radar()).detections) == 0
+
+
+ROWS = [(1000.0, 0.5, 0.25, 20.0), (2000.0, -1.5, 0.0, 35.0)]
+
+
+@pytest.mark.parametrize("frame", ["r", "ra", "rad", "radar", "radar_front_left"])
+@pytest.mark.parametrize("little_endian", [True, False])
+def test_from_cdr_reads_what_from_msg_does_however_long_the_frame(frame, little_endian):
+    # The frame's length moves everything behind it.
+    setting = radar(frame=frame)
+    data = radar_scans.cdr(STAMP_NS, frame, ROWS, little_endian)
+    expected = radar_scan.from_msg(scan(*ROWS, frame=frame), setting)
+
+    report = radar_scan.from_cdr(data, setting)
+
+    assert report.stamp_ns == STAMP_NS
+    assert_allclose(report.detections.measurement, expected.detections.measurement, rtol=1e-6)
+    assert_allclose(report.detections.amplitude, expected.detections.amplitude, rtol=1e-6)
+
+
+def test_from_cdr_of_an_empty_scan_is_an_empty_scan():
+    report = radar_scan.from_cdr(radar_scans.cdr(STAMP_NS, FRAME, []), radar())
+    assert report.detections.measurement.shape == (0, 2)
+
+
+def test_from_cdr_rejects_bytes_that_end_early_wherever_they_end():
+    data = radar_scans.cdr(STAMP_NS, FRAME, ROWS)
+    for length in range(len(data)):
+        with pytest.raises(RejectedMessageError) as caught:
+            radar_scan.from_cdr(data[:length], radar())
+        assert caught.value.reason in ("schema", "frame")
+
+
+def test_from_cdr_rejects_a_count_that_lies_before_it_reads():
+    data = bytearray(radar_scans.cdr(STAMP_NS, FRAME, ROWS))
+    place = data.index((len(ROWS)).to_bytes(4, "little"), 16)
+    data[place : place + 4] = b"\xff" * 4
+    with pytest.raises(RejectedMessageError) as caught:
+        radar_scan.from_cdr(bytes(data), radar())
+    assert caught.value.reason == "oversize"

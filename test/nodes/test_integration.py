@@ -20,6 +20,7 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import detections, estimates, point_cloud, stamps
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import flatten
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.evaluation.metrics import ospa
 from phd_jdtc_ros.core.models.motion import STATE_SIZE, VX, VY, X, Y
 from phd_jdtc_ros.core.scans import Rejection
@@ -135,7 +136,7 @@ def second_half_ospa(found):
 def offline(changes):
     """Return the filtered estimates of the scene under changed parameters, without a node."""
     config = resolve({**GIVEN, **changes})
-    grouper, engine, found = config.grouper(), config.engine(), []
+    grouper, engine, found = config.grouper(), new_engine(config), []
     for index, cloud in SCENE:
         report = detections.from_msg(cloud, config.inputs[index])
         events = grouper.add(index, report.stamp_ns, report.detections)

@@ -6,6 +6,7 @@ import pytest
 
 from phd_jdtc_ros.core.configuration.parameters import schema
 from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.nodes.tracker.settings import NAMES, TABLE, changed, resolve
@@ -76,7 +77,7 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
     value = small.values[name]
     other = [0.1, 0.05] if isinstance(value, list) else 0.3
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:6]]
-    engine = small.config.engine()
+    engine = new_engine(small.config)
     for scan in scans[:3]:
         engine.step(scan)
     found = changed(small, {name: other})
@@ -92,7 +93,7 @@ def test_retuned_engine_steps_like_one_that_was_always_so():
     small = resolve(SMALL)
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:3]]
     other = changed(small, {"radar_1.clutter_rate": 60.0, "existence_threshold": 0.3})
-    engine, fresh = small.config.engine(), other.config.engine()
+    engine, fresh = new_engine(small.config), new_engine(other.config)
     engine.retune(other.config.model, other.config.existence_threshold)
     for scan in scans:
         ours, theirs = engine.step(scan).filtered, fresh.step(scan).filtered

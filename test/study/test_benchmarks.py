@@ -30,7 +30,7 @@ from phd_jdtc_ros.core.simulation.scenario import paper_scenario, truth_at
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 
 LAG = 3
@@ -55,7 +55,7 @@ def of_rows(copies, phd):
 
 def dense(window, death_term=smoothing.DEATH_TERM):
     copies = [forms.copies(phd) for phd in window.stored]
-    return forms.smooth(copies, window.model, window.dt, death_term, forms.dense)
+    return forms.smooth(copies, *window.assumed, death_term, forms.dense)
 
 
 @every_backend
@@ -85,7 +85,7 @@ def test_gate_error_is_small_and_shows_a_gate_that_is_not(window, monkeypatch, b
 @every_death_term
 def test_k_d_tree_form_is_the_dense_one_within_the_gate(window, death_term):
     exact = of_rows(dense(window, death_term), window.stored[0])
-    tree = forms.smooth(window.stored, window.model, window.dt, death_term, forms.k_d_tree)
+    tree = forms.smooth(window.stored, *window.assumed, death_term, forms.k_d_tree)
 
     assert_allclose(tree.weight, exact, rtol=1e-4, atol=1e-9 * exact.sum())
 
@@ -99,25 +99,15 @@ def test_copies_stand_for_the_same_intensity(window):
     assert_allclose(copies.components.sum(axis=0), phd.components.sum(axis=0))
 
 
-@pytest.mark.parametrize("corrector", CORRECTORS)
-def test_recursion_finds_what_the_engine_finds(corrector):
-    config = resolve({**FEW, "lag": LAG, "corrector": corrector, **BORN_ANYWHERE})
-    scenario = replace(paper_scenario(config.model.radars), scans=8)
-    engine = config.engine()
-    opened = recursion.Recursion(config, ParticlePHD.empty(config.model.state_size))
-    smoothed = 0
+def test_timed_engine_notes_every_part_of_a_step():
+    config = resolve({**FEW, "lag": LAG, **BORN_ANYWHERE})
+    scenario = replace(paper_scenario(config.model.radars), scans=LAG + 2)
+    engine = recursion.TimedEngine(config, ParticleSet.empty(len(config.model.modes.space)))
     for _, scan in simulate(scenario, 5):
-        step = engine.step(scan)
-        filtered, late = opened.step(scan)
-        smoothed += late is not None
+        engine.step(scan)
 
-        assert np.array_equal(filtered.state, step.filtered.state)
-        assert [late.stamp_ns] if late else [one.stamp_ns for one in step.smoothed] == []
-        for one in step.smoothed:
-            assert np.array_equal(late.state, one.state)
-            assert np.array_equal(late.weight, one.weight)
-        assert set(opened.parts_ms) == set(recursion.PARTS)
-    assert smoothed == 8 - LAG
+    assert set(engine.parts_ms) == set(recursion.PARTS)
+    assert all(ms > 0.0 for ms in engine.parts_ms.values())
 
 
 def test_window_is_of_a_filter_that_tracks_every_target():

@@ -12,6 +12,7 @@ from msg_adapters import names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.core.simulation.scenario import truth_at
 from phd_jdtc_ros.core.simulation.simulate import simulate
@@ -93,7 +94,7 @@ def test_a_shipped_bag_is_small_and_whole(path):
 @each
 def test_a_scenario_is_tracked_with_its_parameters(path):
     config, found = resolved(path, particles_per_target=300, particles_per_birth=512)
-    engine = config.engine()
+    engine = new_engine(config)
     numbers = []
     for truth, scan in simulate(found, 1)[:25]:
         numbers.append(len(engine.step(scan).filtered) - len(truth.state))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.tools import params_file
@@ -19,7 +20,7 @@ CONFIG = Path(__file__).parents[2] / "config"
 @pytest.mark.parametrize("profile", ["paper_scenario", "paper_literal", "surveillance"])
 def test_profile_runs_a_few_scans(profile):
     config = resolve(params_file.load(CONFIG / f"{profile}.yaml"))
-    engine = config.engine()
+    engine = new_engine(config)
     steps = [engine.step(s) for _, s in simulate(paper_scenario(config.model.radars), 0)[:8]]
 
     assert len(engine.flush()) == 5

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+import radar_scans
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
@@ -10,6 +11,7 @@ from msg_adapters import detections, estimates, interfaces, names, stamps
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.report import load
 
 RADARS = [names.detections("radar_1"), names.detections("radar_2")]
 FILTERED, SMOOTHED = names.estimates("filtered"), names.estimates("smoothed")
@@ -474,3 +476,64 @@ def test_track_bag_of_a_cut_bag_ends_with_one_line_and_status_3(
     assert status == 3
     (fault,) = faults()
     assert fault.startswith(f"{bag}: ")
+
+
+@pytest.fixture
+def scan_bag(short_bag, tmp_path):
+    """Return the short bag with ``radar_msgs/RadarScan`` in the place of clouds."""
+    inputs = {radar.topic: radar for radar in resolve({}).inputs}
+
+    def as_scan(topic, data, log_time):
+        if topic not in inputs:
+            return [(topic, data, log_time)]
+        report = detections.from_msg(interfaces.decode(data, names.CLOUD), inputs[topic])
+        level = 20.0 * np.log10(report.detections.amplitude) - 10.0 * np.log10(2.0)
+        rows = [
+            (r, a, 0.0, s) for (r, a), s in zip(report.detections.measurement, level, strict=True)
+        ]
+        return [(topic, radar_scans.cdr(report.stamp_ns, inputs[topic].frame, rows), log_time)]
+
+    out = tmp_path / "scans"
+    with BagWriter(out) as bag:
+        for topic in inputs:
+            described = Topic(
+                topic, radar_scans.TYPE, definition=radar_scans.DEFINITION, type_hash="RIHS01_0"
+            )
+            bag.add_topic(described)
+        bag.add_topic(Topic(names.TRUTH, names.CLOUD))
+        for entry in BagReader(short_bag).messages():
+            for topic, data, log_time in as_scan(entry.topic, entry.data, entry.log_time_ns):
+                bag.write(topic, data, log_time)
+    return out
+
+
+AS_SCANS = ["-p", "radar_1.message:=radar_scan", "-p", "radar_2.message:=radar_scan"]
+
+
+def test_track_bag_reads_radar_scans_where_radar_msgs_is_not_installed(scan_bag, tracked, track):
+    status, out = track(scan_bag, *AS_SCANS)
+    assert status == 0
+    for topic in (FILTERED, SMOOTHED):
+        of_scans, of_clouds = found(out, topic), found(tracked, topic)
+        assert [e.stamp_ns for e in of_scans] == [e.stamp_ns for e in of_clouds]
+        # Levels in decibels are rounded to single precision.
+        for one, other in zip(of_scans, of_clouds, strict=True):
+            np.testing.assert_allclose(one.state, other.state, rtol=0, atol=1.0)
+
+
+def test_track_bag_copies_radar_scans_as_they_are(scan_bag, track):
+    _, out = track(scan_bag, *AS_SCANS)
+    source, copy = BagReader(scan_bag), BagReader(out)
+    for topic in RADARS:
+        assert copy.topic(topic) == source.topic(topic)
+        assert [m.data for m in copy.messages([topic])] == [
+            m.data for m in source.messages([topic])
+        ]
+
+
+def test_report_shows_the_detections_of_radar_scans(scan_bag, track):
+    _, out = track(scan_bag, *AS_SCANS)
+    given = {"radar_1.message": "radar_scan", "radar_2.message": "radar_scan"}
+    record = load.record(out, resolve(given))
+    assert len(record.plots) == 16
+    assert sum(len(plot.position) for plot in record.plots) > 100

@@ -10,41 +10,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
-from ..arrays import FloatArray
 from ..engine import Lag
 from ..models import amplitude_density
 from ..models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from ..models.birth import BirthTerm
 from ..models.detection_birth import DetectionBirthModel
 from ..models.modes import ClassModel, ModeSpace
-from ..models.motion import (
-    OMEGA,
-    POSITION,
-    STATE_SIZE,
-    VELOCITY,
-    ConstantVelocity,
-    CoordinatedTurn,
-    MotionModel,
-)
+from ..models.motion import MOTIONS, MotionModel
 from ..models.radar import RadarModel
 from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
 from ..scans import ScanGrouper
-from ..smc.budget import ParticleBudget
-from ..smc.correction import CORRECTORS
-from ..smc.engine import ParticleEngine
-from ..smc.extraction import EXTRACTIONS
-from ..smc.filter import ForwardFilter
-from ..smc.smoother import DEATH_TERMS
 from .checks import CHECKS, name_or, square
-from .parameters import BIRTH, RADAR, schema
+from .parameters import BIRTH, MOTION, RADAR, schema
 from .radar_input import RadarInput
-from .schema import ConfigError, Value
+from .schema import ConfigError
 
 # Stamps that jump back further than this are a new run.
 RESET_THRESHOLD_SCANS = 3.0
@@ -61,7 +46,8 @@ class TrackerConfig:
     world_frame : str
     inputs : tuple of RadarInput
     model : TrackerModel
-    budget : ParticleBudget
+    engine : str
+        Of `engines.ENGINES`.
     lag : Lag
     existence_threshold : float
         Probability of existence above which a target is reported.
@@ -72,11 +58,11 @@ class TrackerConfig:
         How many of the newest scans are held back for what arrives out of order.
     """
 
-    values: dict[str, Value]
+    values: dict[str, Any]
     world_frame: str
     inputs: tuple[RadarInput, ...]
     model: TrackerModel
-    budget: ParticleBudget
+    engine: str
     lag: Lag
     existence_threshold: float
     seed: int
@@ -95,16 +81,6 @@ class TrackerConfig:
             self.reset_threshold_s,
             self.max_gap_s,
             self.reorder_scans,
-        )
-
-    def engine(self) -> ParticleEngine:
-        """Return a new tracker."""
-        return ParticleEngine(
-            forward=ForwardFilter(self.model, self.budget, self.seed),
-            lag=self.lag,
-            death_term=DEATH_TERMS[str(self.values["death_term"])],
-            extraction=EXTRACTIONS[str(self.values["extraction"])],
-            existence_threshold=self.existence_threshold,
         )
 
 
@@ -154,20 +130,13 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         spawn=_spawn(values, modes),
         amplitudes=_amplitudes(values),
         radars=tuple(_radar(values, name) for name in values["radars"]),
-        corrector=CORRECTORS[values["corrector"]],
-    )
-    budget = ParticleBudget(
-        per_target=values["particles_per_target"],
-        least=values["least_particles"],
-        per_birth_term=values["particles_per_birth"],
-        most=values["max_particles"],
     )
     return TrackerConfig(
         values=values,
         world_frame=values["world_frame"],
         inputs=tuple(_input(values, name) for name in values["radars"]),
         model=model,
-        budget=budget,
+        engine=values["engine"],
         lag=Lag(values["lag"], values["lag_s"] or None),
         existence_threshold=values["existence_threshold"],
         seed=values["seed"],
@@ -183,10 +152,9 @@ def _amplitudes(values: Mapping[str, Any]) -> AmplitudeModel:
 
 
 def _motion(values: Mapping[str, Any], name: str) -> MotionModel:
-    noise = values[f"{name}.noise_density"]
-    if values[f"{name}.model"] == "constant_velocity":
-        return ConstantVelocity(noise)
-    return CoordinatedTurn(noise, values[f"{name}.turn_noise_density"])
+    kind = MOTIONS[values[f"{name}.model"]]
+    own = {field.name for field in fields(kind)}
+    return kind(**{p.name: values[f"{name}.{p.name}"] for p in MOTION if p.name in own})
 
 
 def _class(values: Mapping[str, Any], name: str, motions: dict[str, MotionModel]) -> ClassModel:
@@ -203,22 +171,14 @@ def _class(values: Mapping[str, Any], name: str, motions: dict[str, MotionModel]
     )
 
 
-def _state(position: Any, velocity: Any, turn_rate: float) -> FloatArray:
-    state = np.zeros(STATE_SIZE)
-    state[list(POSITION)] = position
-    state[list(VELOCITY)] = velocity
-    state[OMEGA] = turn_rate
-    return state
-
-
 def _birth(values: Mapping[str, Any], name: str, modes: ModeSpace) -> BirthTerm:
     get = {member.name: values[f"{name}.{member.name}"] for member in BIRTH}
     motions_of_class = np.bincount(modes.class_of)
     rate = (np.array(get["rates"]) / motions_of_class)[modes.class_of]
     return BirthTerm(
         name=name,
-        mean=_state(get["position"], get["velocity"], 0.0),
-        std=_state(get["position_std"], get["velocity_std"], get["turn_rate_std"]),
+        mean=modes.space.state(get["position"], get["velocity"], 0.0),
+        std=modes.space.state(get["position_std"], get["velocity_std"], get["turn_rate_std"]),
         rate=rate,
     )
 
@@ -239,7 +199,7 @@ def _spawn(values: Mapping[str, Any], modes: ModeSpace) -> SpawnModel:
     return SpawnModel(
         rate=values["spawn.rate"],
         transition=transition,
-        std=_state(
+        std=modes.space.state(
             values["spawn.position_std"],
             values["spawn.velocity_std"],
             values["spawn.turn_rate_std"],

@@ -15,6 +15,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ..models.motion import MOTIONS
 from ..smc.correction import CORRECTORS
 from ..smc.extraction import EXTRACTIONS
 from ..smc.smoother import DEATH_TERMS
@@ -64,6 +65,12 @@ TOP = (
         "many scans later.",
         0,
         2,
+    ),
+    Parameter(
+        "engine",
+        "particles",
+        "What represents the targets: particles.",
+        choices=("particles",),
     ),
     Parameter("lag", 5, "Smoothing lag, scans.", 0, 100),
     Parameter("lag_s", 0.0, "Smoothing lag, s; above 0 it replaces lag.", 0.0, 1e5),
@@ -265,7 +272,7 @@ MOTION = (
         "model",
         "constant_velocity",
         "How a target moves: straight on, or turning at a rate of its own.",
-        choices=("constant_velocity", "coordinated_turn"),
+        choices=tuple(MOTIONS),
     ),
     Parameter("noise_density", 1.0, "Spectral density of the acceleration, m^2/s^3.", SMALL),
     Parameter(

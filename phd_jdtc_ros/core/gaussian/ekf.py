@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import FloatArray
-from ..models.motion import POSITION, STATE_SIZE, MotionModel
+from ..models.motion import MotionModel
 from ..models.radar import RadarModel, wrap_angle
 
 # Gauss-Newton steps of one measurement update; two or three suffice but for targets next to the
@@ -36,7 +36,7 @@ class Gaussian:
 def transition_matrix(model: MotionModel, dt: float) -> FloatArray:
     """Return F(dt) of a linear motion model on its support, shape (D, D)."""
     support = list(model.support)
-    matrix: FloatArray = model.mean(np.eye(STATE_SIZE), dt).T[np.ix_(support, support)]
+    matrix: FloatArray = model.mean(np.eye(len(model.space)), dt).T[np.ix_(support, support)]
     return matrix
 
 
@@ -93,12 +93,13 @@ def _linearised(
     radar: RadarModel, mean: FloatArray, support: tuple[int, ...]
 ) -> tuple[FloatArray, FloatArray]:
     """Return (range, azimuth) at a mean, shape (2,), and their derivatives, shape (2, D)."""
-    state = np.zeros((1, STATE_SIZE))
+    position, size = list(radar.space.position), len(radar.space)
+    state = np.zeros((1, size))
     state[0, list(support)] = mean
     expected = radar.measure(state)[0]
-    east, north = state[0, list(POSITION)] - radar.position
+    east, north = state[0, position] - radar.position
     distance = expected[0]
-    full = np.zeros((2, STATE_SIZE))
-    full[0, list(POSITION)] = np.array([east, north]) / distance
-    full[1, list(POSITION)] = np.array([-north, east]) / distance**2
+    full = np.zeros((2, size))
+    full[0, position] = np.array([east, north]) / distance
+    full[1, position] = np.array([-north, east]) / distance**2
     return expected, full[:, list(support)]

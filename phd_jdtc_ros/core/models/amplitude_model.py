@@ -1,12 +1,15 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a detection's amplitude says of a particle: three ways to use it.
+"""What a detection's amplitude says of a target: three ways to use it.
 
-A band knows a class's signal-to-noise ratio only as an interval and forgets every amplitude at
-once. With a memory every particle carries a ratio of its own, drawn from its class's band at birth,
-so that a target's amplitudes tell its ratio from scan to scan. Ignoring amplitudes leaves
-positions only.
+`Band` knows a class's signal-to-noise ratio only as an interval and forgets every amplitude at
+once. With `Memory` every hypothesis of a target (a particle, say) carries ln(1 + SNR) of its own,
+drawn from its class's band at birth, so that a target's amplitudes tell its ratio from scan to
+scan. `Ignored` leaves positions only.
+
+Engines hold, for each of N hypotheses, a flat mode and a log_snr; both are arrays of shape (N,).
+Models that remember nothing keep log_snr at zero.
 """
 
 from __future__ import annotations
@@ -17,7 +20,6 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..smc.particle_set import ParticlePHD
 from ..types import Detections
 from .amplitude_density import SMALLEST_AMPLITUDE
 from .modes import ModeSpace
@@ -38,7 +40,7 @@ class AmplitudeModel(Protocol):
         rng: np.random.Generator,
         amplitude: FloatArray | None = None,
     ) -> FloatArray:
-        """Return the memory of new particles of flat modes `mode`, shape (N,).
+        """Return the log_snr of new hypotheses of flat modes `mode`, shape (N,).
 
         `amplitude` is that of the detection which founded each, where one did and has one.
         """
@@ -46,30 +48,31 @@ class AmplitudeModel(Protocol):
 
     def moved(
         self,
-        memory: FloatArray,
+        log_snr: FloatArray,
         mode: IntArray,
         modes: ModeSpace,
         dt: float,
         rng: np.random.Generator,
     ) -> FloatArray:
-        """Return the memory of survivors `dt` seconds later, shape (N,)."""
+        """Return the log_snr of survivors `dt` seconds later, shape (N,)."""
         ...
 
     def detection_probability(
-        self, phd: ParticlePHD, radar: RadarModel, modes: ModeSpace
+        self, mode: IntArray, log_snr: FloatArray, radar: RadarModel, modes: ModeSpace
     ) -> FloatArray:
-        """Return p_D of every particle inside the radar's range, shape (N,)."""
+        """Return p_D of every hypothesis inside the radar's range, shape (N,)."""
         ...
 
     def log_likelihood(
         self,
-        phd: ParticlePHD,
+        mode: IntArray,
+        log_snr: FloatArray,
         detections: Detections,
         pairs: tuple[IntArray, IntArray],
         radar: RadarModel,
         modes: ModeSpace,
     ) -> FloatArray:
-        """Return log p_D g^tau(a) of every (particle, detection) pair, shape (P,)."""
+        """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
         ...
 
 
@@ -88,31 +91,32 @@ class Band:
         rng: np.random.Generator,
         amplitude: FloatArray | None = None,
     ) -> FloatArray:
-        """Return no memory; nothing is drawn."""
+        """Return zeros; nothing is drawn."""
         return np.zeros(len(mode))
 
     def moved(
         self,
-        memory: FloatArray,
+        log_snr: FloatArray,
         mode: IntArray,
         modes: ModeSpace,
         dt: float,
         rng: np.random.Generator,
     ) -> FloatArray:
-        """Return no memory; nothing is drawn."""
-        return memory
+        """Return `log_snr` unchanged; nothing is drawn."""
+        return log_snr
 
     def detection_probability(
-        self, phd: ParticlePHD, radar: RadarModel, modes: ModeSpace
+        self, mode: IntArray, log_snr: FloatArray, radar: RadarModel, modes: ModeSpace
     ) -> FloatArray:
-        """Return p_D of each particle's class, shape (N,)."""
+        """Return p_D of each mode's class, shape (N,)."""
         per_class = radar.class_detection_probability(modes.classes)
-        probability: FloatArray = per_class[modes.class_of[phd.mode]]
+        probability: FloatArray = per_class[modes.class_of[mode]]
         return probability
 
     def log_likelihood(
         self,
-        phd: ParticlePHD,
+        mode: IntArray,
+        log_snr: FloatArray,
         detections: Detections,
         pairs: tuple[IntArray, IntArray],
         radar: RadarModel,
@@ -121,7 +125,7 @@ class Band:
         """Return log g_c(a) of each pair's class, shape (P,)."""
         row, column = pairs
         per_class = radar.log_class_likelihood(detections, modes.classes)
-        place = (modes.class_of * len(detections)).take(phd.mode).take(row) + column
+        place = (modes.class_of * len(detections)).take(mode).take(row) + column
         likelihood: FloatArray = per_class.take(place)
         return likelihood
 
@@ -137,7 +141,7 @@ class Ignored(Band):
 
 @dataclass(frozen=True)
 class Memory:
-    """Every particle remembers ln(1 + d) of its target's mean signal-to-noise ratio d.
+    """Every hypothesis remembers ln(1 + d) of its target's mean signal-to-noise ratio d.
 
     Parameters
     ----------
@@ -146,8 +150,8 @@ class Memory:
 
     Notes
     -----
-    Beyond the paper. The backward kernel does not look at the memory: it smooths the intensity
-    over state and mode, of which the memory is integrated out.
+    Beyond the paper. The backward step does not look at log_snr: it smooths the intensity over
+    state and mode, with log_snr integrated out.
     """
 
     jitter: float
@@ -163,7 +167,7 @@ class Memory:
         rng: np.random.Generator,
         amplitude: FloatArray | None = None,
     ) -> FloatArray:
-        """Return ln(1 + d): uniform over each particle's class band, or what an amplitude tells.
+        """Return ln(1 + d): uniform over the band of each mode's class, or what an amplitude tells.
 
         Notes
         -----
@@ -182,31 +186,32 @@ class Memory:
 
     def moved(
         self,
-        memory: FloatArray,
+        log_snr: FloatArray,
         mode: IntArray,
         modes: ModeSpace,
         dt: float,
         rng: np.random.Generator,
     ) -> FloatArray:
-        """Return the memory a small random step on, reflected into the band."""
+        """Return log_snr after a small random step, reflected into the band."""
         low, high = _band_edges(mode, modes)
         step = self.jitter * np.sqrt(dt / modes.interval_s)
-        stepped = memory + step * rng.standard_normal(len(memory))
+        stepped = log_snr + step * rng.standard_normal(len(log_snr))
         stepped = np.where(stepped < low, 2.0 * low - stepped, stepped)
         stepped = np.where(stepped > high, 2.0 * high - stepped, stepped)
         inside: FloatArray = np.clip(stepped, low, high)
         return inside
 
     def detection_probability(
-        self, phd: ParticlePHD, radar: RadarModel, modes: ModeSpace
+        self, mode: IntArray, log_snr: FloatArray, radar: RadarModel, modes: ModeSpace
     ) -> FloatArray:
         """Return exp(-tau^2 / 2(1 + d)), the Rayleigh target's p_D, shape (N,)."""
-        probability: FloatArray = np.exp(-0.5 * radar.threshold**2 * np.exp(-phd.memory))
+        probability: FloatArray = np.exp(-0.5 * radar.threshold**2 * np.exp(-log_snr))
         return probability
 
     def log_likelihood(
         self,
-        phd: ParticlePHD,
+        mode: IntArray,
+        log_snr: FloatArray,
         detections: Detections,
         pairs: tuple[IntArray, IntArray],
         radar: RadarModel,
@@ -214,15 +219,15 @@ class Memory:
     ) -> FloatArray:
         """Return log a - ln(1 + d) - a^2 / 2(1 + d) of each pair, shape (P,)."""
         row, column = pairs
-        memory = phd.memory[row]
+        own = log_snr[row]
         if detections.amplitude is None:
-            return -0.5 * radar.threshold**2 * np.exp(-memory)
+            return -0.5 * radar.threshold**2 * np.exp(-own)
         a = np.maximum(detections.amplitude[column], SMALLEST_AMPLITUDE)
-        density: FloatArray = np.log(a) - memory - 0.5 * a**2 * np.exp(-memory)
+        density: FloatArray = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
         return density
 
 
 def _band_edges(mode: IntArray, modes: ModeSpace) -> tuple[FloatArray, FloatArray]:
-    """Return ln(1 + d1) and ln(1 + d2) of each particle's class, shapes (N,)."""
+    """Return ln(1 + d1) and ln(1 + d2) of each mode's class, shapes (N,)."""
     bands = np.log1p([model.snr_band for model in modes.classes])[modes.class_of[mode]]
     return bands[:, 0], bands[:, 1]

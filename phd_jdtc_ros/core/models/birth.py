@@ -12,7 +12,6 @@ from scipy.special import ndtri
 
 from ..arrays import FloatArray, IntArray, read_only
 from .modes import ModeSpace
-from .motion import POSITION
 from .sobol import sobol_points
 
 # Birth terms are not evaluated farther out than this many standard deviations in any coordinate.
@@ -98,7 +97,7 @@ def intensity(
         supported[index, list(motion.support)] = True
     total = np.zeros(len(state))
     # By place first, so that a term is not evaluated at rows that are nowhere near it.
-    axis = POSITION[0]
+    axis = modes.space.position[0]
     east = np.argsort(state[:, axis])
     sorted_east = state[east, axis]
     for term in terms:

@@ -20,7 +20,6 @@ from ..arrays import FloatArray, IntArray, read_only, sum_by
 from ..types import Detections
 from .birth import shifted
 from .modes import ModeSpace
-from .motion import OMEGA, POSITION, STATE_SIZE, VELOCITY
 from .radar import RadarModel
 from .sobol import sobol_points
 
@@ -136,9 +135,10 @@ def sample(
     detection : int array of shape (N,)
         The row of `found` that each particle comes from.
     """
-    count = model.particles
-    shift = rng.random((len(found), 1, STATE_SIZE + 1))
-    uniform = shifted(sobol_points(STATE_SIZE + 1, count), shift)
+    count, space = model.particles, modes.space
+    size = len(space)
+    shift = rng.random((len(found), 1, size + 1))
+    uniform = shifted(sobol_points(size + 1, count), shift)
     normal = ndtri(uniform[..., 1:])
     per_mode = _mode_mass(found, modes)
     share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
@@ -146,11 +146,11 @@ def sample(
 
     measured = found.measurement[:, None, :] + normal[..., :2] * found.radar.noise_std
     measured[..., 0] = np.abs(measured[..., 0])
-    state = np.zeros((len(found) * count, STATE_SIZE))
-    state[:, list(VELOCITY)] = model.velocity_std * normal[..., 2:4].reshape(-1, 2)
-    state[:, list(POSITION)] = found.radar.to_world(measured.reshape(-1, 2))
-    turning = np.array([OMEGA in motion.support for motion in modes.motions])[mode]
-    state[:, OMEGA] = np.where(turning, model.turn_rate_std * normal[..., 4].ravel(), 0.0)
+    state = np.zeros((len(found) * count, size))
+    state[:, list(space.velocity)] = model.velocity_std * normal[..., 2:4].reshape(-1, 2)
+    state[:, list(space.position)] = found.radar.to_world(measured.reshape(-1, 2))
+    turning = np.array([space.turn_rate in motion.support for motion in modes.motions])[mode]
+    state[:, space.turn_rate] = np.where(turning, model.turn_rate_std * normal[..., 4].ravel(), 0.0)
     detection = np.repeat(np.arange(len(found)), count)
     weight = (per_mode.sum(axis=1) / count)[detection]
     return state, mode, weight, detection
@@ -170,19 +170,20 @@ def intensity(
     The density of the measurement is one over range and azimuth; dividing by the range turns it
     into one over the plane.
     """
-    slow = np.abs(state[:, list(VELOCITY)]).max(axis=1) <= GATE_SIGMA * model.velocity_std
-    slow &= np.abs(state[:, OMEGA]) <= GATE_SIGMA * model.turn_rate_std
+    velocity, turn_rate = list(modes.space.velocity), modes.space.turn_rate
+    slow = np.abs(state[:, velocity]).max(axis=1) <= GATE_SIGMA * model.velocity_std
+    slow &= np.abs(state[:, turn_rate]) <= GATE_SIGMA * model.turn_rate_std
     rows = np.flatnonzero(slow)
     slow_state = state[rows]
     predicted = found.radar.measure(slow_state)
     report = Detections(found.measurement, None)
     row, column, log_density = found.radar.gated_pairs(predicted, report)
-    scaled = slow_state[row][:, list(VELOCITY)] / model.velocity_std
+    scaled = slow_state[row][:, velocity] / model.velocity_std
     log_density -= 0.5 * (scaled**2).sum(axis=1)
     log_density -= np.log(2.0 * np.pi * model.velocity_std**2)
     log_density -= np.log(np.maximum(predicted[row, 0], LEAST_RANGE))
-    turning = np.array([OMEGA in motion.support for motion in modes.motions])[mode[rows[row]]]
-    turn = slow_state[row, OMEGA] / model.turn_rate_std
+    turning = np.array([turn_rate in motion.support for motion in modes.motions])[mode[rows[row]]]
+    turn = slow_state[row, turn_rate] / model.turn_rate_std
     log_turn = -0.5 * turn**2 - np.log(model.turn_rate_std * np.sqrt(2.0 * np.pi))
     log_density += np.where(turning, log_turn, 0.0)
     rate = _mode_mass(found, modes)[column, mode[rows[row]]]

@@ -20,6 +20,7 @@ import numpy as np
 from scipy import linalg
 
 from ..arrays import FloatArray, IntArray, read_only
+from ..state_space import StateSpace
 from .motion import MotionModel
 
 GENERATOR_TOLERANCE = 1e-9
@@ -96,6 +97,11 @@ class ModeSpace:
     def motions(self) -> tuple[MotionModel, ...]:
         """The motion model of each flat mode, length O."""
         return tuple(motion for model in self.classes for motion in model.motions)
+
+    @property
+    def space(self) -> StateSpace:
+        """The axes of the states, the same for every motion."""
+        return self.motions[0].space
 
     def __len__(self) -> int:
         return len(self.motions)

@@ -9,8 +9,7 @@ so its density is one over four numbers where the coordinated turn's is over fiv
 four-dimensional density with a five-dimensional one would be meaningless; birth, spawn and
 survival of one mode therefore share the mode's support.
 
-The state is ``[x, vx, y, vy, omega]`` in the world frame. Only this module, the radar and the
-encoders know the layout, through the index constants below.
+The state is ``[x, vx, y, vy, omega]`` in the world frame, `state_space.PLANAR`.
 """
 
 from __future__ import annotations
@@ -22,15 +21,18 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import FloatArray, read_only
+from ..state_space import OMEGA, PLANAR, VX, VY, StateSpace, X, Y
 
-X, VX, Y, VY, OMEGA = range(5)
-POSITION = (X, Y)
-VELOCITY = (VX, VY)
-STATE_SIZE = 5
+POSITION, VELOCITY, STATE_SIZE = PLANAR.position, PLANAR.velocity, len(PLANAR)
 
 
 class MotionModel(Protocol):
     """One motion mode's transition."""
+
+    @property
+    def space(self) -> StateSpace:
+        """The axes of its states."""
+        ...
 
     @property
     def support(self) -> tuple[int, ...]:
@@ -77,6 +79,7 @@ class ConstantVelocity:
 
     noise_density: float
     support: tuple[int, ...] = (X, VX, Y, VY)
+    space: StateSpace = PLANAR
 
     def mean(self, state: FloatArray, dt: float) -> FloatArray:
         """Return F(dt) x of each row, its turn rate zero; shape (N, D)."""
@@ -113,6 +116,7 @@ class CoordinatedTurn:
     noise_density: float
     turn_noise_density: float
     support: tuple[int, ...] = (X, VX, Y, VY, OMEGA)
+    space: StateSpace = PLANAR
 
     def mean(self, state: FloatArray, dt: float) -> FloatArray:
         """Return F(omega, dt) x of each row; shape (N, D)."""
@@ -141,6 +145,14 @@ class CoordinatedTurn:
         covariance[:4, :4] = _planar_noise(dt, self.noise_density)
         covariance[4, 4] = dt * self.turn_noise_density
         return covariance
+
+
+# By the name that configurations use. A motion's parameters are those of its fields that the
+# configuration has parameters for.
+MOTIONS: dict[str, type[ConstantVelocity | CoordinatedTurn]] = {
+    "constant_velocity": ConstantVelocity,
+    "coordinated_turn": CoordinatedTurn,
+}
 
 
 def sample(

@@ -13,10 +13,10 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..pair_search import sweep
 from ..pair_search.gating import cell_lists
+from ..state_space import PLANAR, StateSpace
 from ..types import Detections
 from . import amplitude_density
 from .modes import ClassModel
-from .motion import POSITION
 
 # A likelihood six standard deviations out is 1e-8 of its peak.
 GATE_SIGMA = 6.0
@@ -51,6 +51,8 @@ class RadarModel:
         They are uniform in azimuth and in range up to here, metres.
     threshold : float
         Detection threshold tau on the amplitude.
+    space : StateSpace
+        Of the states that it measures.
 
     Notes
     -----
@@ -66,11 +68,12 @@ class RadarModel:
     clutter_rate: float
     clutter_max_range: float
     threshold: float
+    space: StateSpace = PLANAR
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""
-        east = state[:, POSITION[0]] - self.position[0]
-        north = state[:, POSITION[1]] - self.position[1]
+        x, y = self.space.position
+        east, north = state[:, x] - self.position[0], state[:, y] - self.position[1]
         # Turned into the sensor's frame first, the azimuth needs no wrapping.
         cos, sin = np.cos(self.yaw), np.sin(self.yaw)
         ahead, left = cos * east + sin * north, cos * north - sin * east

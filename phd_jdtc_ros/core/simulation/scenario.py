@@ -12,8 +12,9 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only
 from ..models.amplitude_density import snr_from_db
-from ..models.motion import OMEGA, POSITION, STATE_SIZE, VELOCITY, CoordinatedTurn
+from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
+from ..state_space import PLANAR, StateSpace
 
 # The truth moves as this model's mean does; turn rate 0 is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
@@ -78,14 +79,13 @@ class TargetScript:
         interval_s : float
             Between scans.
         """
-        state = np.zeros((1, STATE_SIZE))
-        state[0, list(POSITION)] = self.position
-        state[0, list(VELOCITY)] = self.velocity
+        space = NOISE_FREE.space
+        state = space.state(self.position, self.velocity, 0.0)[None]
         for scans, turn_rate in self._legs(scan):
-            state[0, OMEGA] = turn_rate
+            state[0, space.turn_rate] = turn_rate
             state = NOISE_FREE.mean(state, scans * interval_s)
         now = [turn.turn_rate for turn in self.turns if turn.first_scan <= scan < turn.last_scan]
-        state[0, OMEGA] = sum(now)
+        state[0, space.turn_rate] = sum(now)
         exact: FloatArray = state[0]
         return exact
 
@@ -135,12 +135,20 @@ class Truth:
     track_id : int array of shape (T,)
         Counted from 1 in the order of the scenario.
     class_id : int array of shape (T,)
+    space : StateSpace
+        What the axes of the states are.
     """
 
     stamp_ns: int
     state: FloatArray
     track_id: IntArray
     class_id: IntArray
+    space: StateSpace = PLANAR
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions in the world frame, metres, shape (T, 2)."""
+        return self.state[:, list(self.space.position)]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "state", read_only(self.state))
@@ -155,7 +163,7 @@ def truth_at(scenario: Scenario, scan: int) -> Truth:
         for number, target in enumerate(scenario.targets, start=1)
         if target.first_scan <= scan <= target.last_scan
     ]
-    state = np.zeros((len(alive), STATE_SIZE))
+    state = np.zeros((len(alive), len(NOISE_FREE.space)))
     for row, (_, target) in enumerate(alive):
         state[row] = target.state_at(scan, scenario.interval_s)
     return Truth(

@@ -23,13 +23,14 @@ from ..arrays import FloatArray, IntArray, SparseArray, factorize
 from ..models import birth, detection_birth
 from ..models.detection_birth import Newborn
 from ..models.modes import ModeSpace
-from ..models.motion import POSITION, MotionModel, whitener
+from ..models.motion import MotionModel, whitener
 from ..models.tracker_model import TrackerModel
 from ..pair_search import sweep
 from ..pair_search.grid import within_groups
 from ..pair_search.sweep import candidates, near_chunks
 from . import kernel_thinning
-from .particle_set import ParticlePHD
+from .correction import Corrector
+from .particle_set import ParticleSet
 
 GATE_SIGMA = 7.5
 # Spawned mass is summed only as far out as it can change mu by this share, a tenth of what the gate
@@ -102,9 +103,10 @@ class _Sums(NamedTuple):
 
 
 def build(
-    earlier: ParticlePHD,
-    later: ParticlePHD,
+    earlier: ParticleSet,
+    later: ParticleSet,
     model: TrackerModel,
+    corrector: Corrector,
     dt: float,
     found: tuple[Newborn, ...] = (),
 ) -> Transition:
@@ -112,9 +114,11 @@ def build(
 
     Parameters
     ----------
-    earlier, later : ParticlePHD
+    earlier, later : ParticleSet
         Stored sets at t and t + 1, of N_t and N_{t+1} rows.
     model : TrackerModel
+    corrector : Corrector
+        With a labelled one, only rows of one origin are joined.
     dt : float
         True interval between them, seconds.
     found : tuple of Newborn
@@ -137,7 +141,7 @@ def build(
     successor = {motion: motion.mean(earlier.state, dt) for motion in dict.fromkeys(modes.motions)}
     noise = {motion: motion.noise_covariance(dt) for motion in successor}
     moved = _kernel(modes, modes.transition(dt), noise, successor, survival)
-    if model.labelled:
+    if corrector.labelled:
         ratio, column, start, mu = _within_origins(moved, modes, earlier, later)
     else:
         every = np.arange(len(later))
@@ -150,7 +154,7 @@ def build(
     # A row without any explanation inside the gate goes to the row it was drawn from, which is
     # the limit of the quotient as the gate widens.
     orphan = np.flatnonzero((mu <= 0.0) & (later.parent >= 0))
-    if model.labelled:  # spawned ones have no past of their own
+    if corrector.labelled:  # spawned ones have no past of their own
         orphan = orphan[later.origin[orphan] == earlier.origin[later.parent[orphan]]]
     if len(orphan):
         heir = later.parent[orphan]
@@ -165,7 +169,7 @@ def build(
 
 
 def _appearing(
-    later: ParticlePHD, model: TrackerModel, dt: float, found: tuple[Newborn, ...]
+    later: ParticleSet, model: TrackerModel, dt: float, found: tuple[Newborn, ...]
 ) -> FloatArray:
     """Return the intensity of births at every later row, shape (N_{t+1},)."""
     modes, state, mode = model.modes, later.state, later.mode
@@ -197,8 +201,8 @@ def _kernel(
 
 def _spawn_intensity(
     mu: FloatArray,
-    earlier: ParticlePHD,
-    later: ParticlePHD,
+    earlier: ParticleSet,
+    later: ParticleSet,
     model: TrackerModel,
     dt: float,
     successor: dict[MotionModel, FloatArray],
@@ -214,7 +218,7 @@ def _spawn_intensity(
     rate = spawn.rate * dt / modes.interval_s
     beside = _kernel(modes, spawn.transition, noise, successor, rate * earlier.weight)
     most = (beside.peak * spawn.transition.max(axis=0))[later.mode]
-    most *= _mass_about(later.state, beside, GATE_SIGMA * spawn.std)
+    most *= _mass_about(later.state, beside, GATE_SIGMA * spawn.std, modes.space.position)
     tiny = np.finfo(float).tiny
     log_share = np.log(np.maximum(most, tiny)) - np.log(np.maximum(mu, tiny))
     square = np.minimum(2.0 * (log_share - np.log(SPAWN_TOLERANCE)), GATE_SIGMA**2)
@@ -228,14 +232,15 @@ def _spawn_intensity(
     return intensity
 
 
-def _mass_about(state: FloatArray, kernel: _Kernel, reach: FloatArray) -> FloatArray:
+def _mass_about(
+    state: FloatArray, kernel: _Kernel, reach: FloatArray, axes: tuple[int, ...]
+) -> FloatArray:
     """Return at least the scaled mass that has a successor within `reach` of each state, (N,).
 
-    Counted in bins at least as wide as the reach, three of them on the position axis that holds
-    less.
+    Counted in bins at least as wide as the reach, three of them, on the axis that holds less.
     """
     bound = np.full(len(state), np.inf)
-    for axis in POSITION:
+    for axis in axes:
         moved = np.array([successor[:, axis] for successor in kernel.successor.values()])
         low, high = moved.min(), moved.max()
         width = max(reach[axis], (high - low) / MOST_BINS)
@@ -249,11 +254,13 @@ def _mass_about(state: FloatArray, kernel: _Kernel, reach: FloatArray) -> FloatA
 
 
 def _within_origins(
-    kernel: _Kernel, modes: ModeSpace, earlier: ParticlePHD, later: ParticlePHD
+    kernel: _Kernel, modes: ModeSpace, earlier: ParticleSet, later: ParticleSet
 ) -> _Sums:
     """Return the kernel between rows of one origin, and its sums."""
     # No class turns into another: so many smaller groups.
-    key = [modes.class_of[phd.mode] + len(modes.classes) * phd.origin for phd in (later, earlier)]
+    key = [
+        modes.class_of[side.mode] + len(modes.classes) * side.origin for side in (later, earlier)
+    ]
     group = factorize(np.concatenate(key))[1]
     later_group, earlier_group = group[: len(later)], group[len(later) :]
     every = np.arange(len(later))
@@ -284,7 +291,7 @@ def _within_origins(
 
 
 def _summed(
-    pairs: Iterable[tuple[IntArray, IntArray, FloatArray]], earlier: ParticlePHD, later: ParticlePHD
+    pairs: Iterable[tuple[IntArray, IntArray, FloatArray]], earlier: ParticleSet, later: ParticleSet
 ) -> _Sums:
     """Return the pairs of a kernel in one, and the sums of kernel times weight by later row.
 
@@ -324,8 +331,8 @@ def _whitened(state: FloatArray, mode: IntArray, modes: ModeSpace, kernel: _Kern
 def _gated_density(
     kernel: _Kernel,
     modes: ModeSpace,
-    earlier: ParticlePHD,
-    later: ParticlePHD,
+    earlier: ParticleSet,
+    later: ParticleSet,
     rows: IntArray,
     radius: float | FloatArray,
     groups: tuple[IntArray, IntArray] | None = None,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ParticleBudget:
-    """How many particles stand for what.
+    """How many particles represent what.
 
     Parameters
     ----------

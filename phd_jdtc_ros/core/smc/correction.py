@@ -3,10 +3,10 @@
 
 """The two ways to correct an intensity with one radar's detections.
 
-`poisson` is the PHD filter's: targets are a Poisson process, so the mass at one place may claim
-any number of detections, and a missed detection scales all of it down alike. `bernoulli` knows
-that the particles of one origin are one target at the most. It claims one detection, and a missed
-one costs a well-established target no more than it should.
+`POISSON` is the PHD filter's: targets are a Poisson process, so the mass at one place may claim any
+number of detections, and a missed detection scales all of it down alike. `BERNOULLI` knows that the
+particles of one origin are at most one target. It claims one detection, and a missed one costs a
+well-established target no more than it should.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, factorize, sum_by
 from ..association.marginals import marginals
-from .particle_set import ParticlePHD
+from .particle_set import ParticleSet
 
 # Some probability to be missed is always left.
 LEAST_MISSED = 1e-6
@@ -48,15 +48,30 @@ class Claims:
     detection_probability: FloatArray
 
 
-class Corrector(Protocol):
+class Correction(Protocol):
     """How the intensity takes in one radar's detections."""
 
-    def __call__(self, phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray]:
-        """Return the corrected intensity, and of each detection the share it claimed, (M,)."""
+    def __call__(self, particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, FloatArray]:
+        """Return the corrected intensity, and the claimed share of each detection, (M,)."""
         ...
 
 
-def poisson(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray]:
+@dataclass(frozen=True)
+class Corrector:
+    """A correction, and what it makes of origins.
+
+    Parameters
+    ----------
+    correct : Correction
+    labelled : bool
+        Whether an origin is at most one target, so that the origin is the target's label.
+    """
+
+    correct: Correction
+    labelled: bool
+
+
+def _poisson(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, FloatArray]:
     """Correct as the PHD filter does; the components are those of the detections.
 
     Earlier components are multiplied by 1 - p_D, one is added for each of the M detections.
@@ -71,19 +86,19 @@ def poisson(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray]:
     total = np.where(total > 0.0, total, 1.0)
     part = sparse.csr_array(
         (claims.mass / total.take(claims.column), (claims.row, claims.column)),
-        shape=(len(phd), size),
+        shape=(len(particles), size),
     )
     missed = 1.0 - claims.detection_probability
     corrected = replace(
-        phd,
-        poisson=phd.poisson * missed,
-        components=sparse.hstack([scale_rows(phd.components, missed), part], format="csr"),
-        label=np.concatenate([phd.label, np.full(size, -1)]),
+        particles,
+        poisson=particles.poisson * missed,
+        components=sparse.hstack([scale_rows(particles.components, missed), part], format="csr"),
+        label=np.concatenate([particles.label, np.full(size, -1)]),
     )
     return corrected, claimed / total
 
 
-def bernoulli(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray]:
+def _bernoulli(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, FloatArray]:
     """Correct every origin as one target at the most; the components are those of the origins.
 
     Notes
@@ -99,11 +114,11 @@ def bernoulli(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray
     Meyer et al., "Message passing algorithms for scalable multitarget tracking", Proceedings of
     the IEEE 106(2), 2018, for the same marginals in a particle filter of Bernoulli targets.
     """
-    origins, target = factorize(phd.origin)
+    origins, target = factorize(particles.origin)
     count, size = len(origins), len(claims.other)
     # Resampling may round a mass a little above one.
-    excess = np.maximum(sum_by(target, phd.weight, count), 1.0)
-    prior = phd.weight / excess.take(target)
+    excess = np.maximum(sum_by(target, particles.weight, count), 1.0)
+    prior = particles.weight / excess.take(target)
     seen = sum_by(target, prior * claims.detection_probability, count)
     missed = np.maximum(1.0 - seen, LEAST_MISSED)
 
@@ -114,12 +129,12 @@ def bernoulli(phd: ParticlePHD, claims: Claims) -> tuple[ParticlePHD, FloatArray
 
     scale = probability / np.where(components > 0.0, components, 1.0) / excess[owner]
     weight = prior * (1.0 - claims.detection_probability) * (none / missed).take(target)
-    weight += sum_by(claims.row, claims.mass * scale.take(edge_of_pair), len(phd))
+    weight += sum_by(claims.row, claims.mass * scale.take(edge_of_pair), len(particles))
     corrected = replace(
-        phd,
-        poisson=np.zeros(len(phd)),
+        particles,
+        poisson=np.zeros(len(particles)),
         components=sparse.csr_array(
-            (weight, target, np.arange(len(phd) + 1)), shape=(len(phd), count)
+            (weight, target, np.arange(len(particles) + 1)), shape=(len(particles), count)
         ),
         label=origins,
     )
@@ -144,4 +159,6 @@ def scale_rows(matrix: sparse.csr_array, factor: FloatArray) -> sparse.csr_array
     return sparse.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
-CORRECTORS: dict[str, Corrector] = {"bernoulli": bernoulli, "poisson": poisson}
+BERNOULLI = Corrector(_bernoulli, labelled=True)
+POISSON = Corrector(_poisson, labelled=False)
+CORRECTORS = {"bernoulli": BERNOULLI, "poisson": POISSON}

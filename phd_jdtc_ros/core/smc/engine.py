@@ -12,14 +12,15 @@ import numpy as np
 
 from ..engine import Lag, Step
 from ..models.tracker_model import TrackerModel
+from ..snapshot import Snapshot
 from ..track_numbers import TrackNumbers
 from ..types import Estimates, Scan
+from . import snapshot
 from .backward_kernel import Transition
 from .extraction import Extraction
 from .filter import ForwardFilter
-from .particle_set import ParticlePHD
+from .particle_set import ParticleSet
 from .smoother import DeathTerm, backward_pass
-from .snapshot import Snapshot
 
 # Second word of the seed; the filter has another, see `filter`.
 EXTRACTION_STREAM = 1
@@ -27,7 +28,7 @@ EXTRACTION_STREAM = 1
 
 @dataclass
 class ParticleEngine:
-    """SMC PHD filter with a fixed-lag backward smoother over the general mode.
+    """Sequential Monte Carlo filter with a fixed-lag backward smoother over the general mode.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ class ParticleEngine:
     existence_threshold: float
     _tracks: TrackNumbers = field(init=False, repr=False)
     _stamps: list[int] = field(init=False, repr=False)
-    _stored: list[ParticlePHD] = field(init=False, repr=False)
+    _stored: list[ParticleSet] = field(init=False, repr=False)
     _links: list[Transition] = field(init=False, repr=False)  # one between every two stored sets
     _rng: np.random.Generator = field(init=False, repr=False)
 
@@ -62,13 +63,7 @@ class ParticleEngine:
         self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
 
     def step(self, scan: Scan) -> Step:
-        """Filter one scan and smooth the stamps whose lag is reached.
-
-        Raises
-        ------
-        ValueError
-            If the stamp is not later than the one before.
-        """
+        """Filter one scan and smooth the stamps whose lag is reached; see `Engine.step`."""
         modes = self.forward.model.modes
         found = self.forward.step(scan, linked=bool(self._stored))
         filtered = self._targets(found.updated, scan.stamp_ns, 0)
@@ -79,21 +74,22 @@ class ParticleEngine:
         smoothed = []
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
-        self._tracks.forget_all_but([found.stored.label, *(phd.label for phd in self._stored)])
+        self._tracks.forget_all_but([found.stored.label, *(kept.label for kept in self._stored)])
         return Step(
             filtered=filtered,
             smoothed=tuple(smoothed),
             class_mass=found.updated.class_mass(modes.class_of, len(modes.classes)),
-            particles=len(found.stored),
-            effective_sample_size=found.stored.effective_sample_size,
-            orphans=found.link.orphans if found.link else 0,
+            figures={
+                "particles": len(found.stored),
+                "effective_sample_size": found.stored.effective_sample_size,
+                "orphans": found.link.orphans if found.link else 0,
+            },
         )
 
     def retune(self, model: TrackerModel, existence_threshold: float) -> None:
-        """Go by another model of the same structure, and another threshold, from the next scan on.
+        """Use another model and threshold from the next scan on; see `Engine.retune`.
 
-        What is kept from scan to scan, the stored sets and the links between them, was made with
-        what held then, and stays.
+        The stored sets and the links between them were made with what held then, and stay.
         """
         self.forward.model = model
         self.existence_threshold = existence_threshold
@@ -105,44 +101,29 @@ class ParticleEngine:
         return rest
 
     def interrupt(self) -> tuple[Estimates, ...]:
-        """Do as `flush`, but give tracks found from now on numbers that no other has had.
-
-        For a gap in a time that goes on: whoever follows tracks by their numbers must not take a
-        new target for an old one.
-        """
+        """Do as `flush`, but go on counting tracks; see `Engine.interrupt`."""
         rest, given = self._smooth_rest(), self._tracks.count
         self.reset()
         self._tracks = TrackNumbers(count=given)
         return rest
 
     def snapshot(self) -> Snapshot:
-        """Return all that the tracker holds; it shares its arrays, which nobody changes."""
-        snapshot = Snapshot()
-        self.forward.put(snapshot)
-        snapshot.facts["smoother"] = {
+        """Return all that the engine holds; see `Engine.snapshot`."""
+        held = Snapshot(self.forward.stamp_ns)
+        self.forward.put(held)
+        held.facts["smoother"] = {
             "stamps_ns": list(self._stamps),
             "tracks": self._tracks.facts,
             "rng": self._rng.bit_generator.state,
         }
-        for index, phd in enumerate(self._stored):
-            snapshot.put_particles(f"stored.{index}", phd)
+        for index, stored in enumerate(self._stored):
+            snapshot.put_particles(held, f"stored.{index}", stored)
         for index, link in enumerate(self._links):
-            snapshot.put_link(f"link.{index}", link)
-        return snapshot
+            snapshot.put_transition(held, f"link.{index}", link)
+        return held
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on from a snapshot as if the tracker had never stopped.
-
-        Parameters
-        ----------
-        snapshot : Snapshot
-            Of a tracker with the same configuration.
-
-        Raises
-        ------
-        ValueError
-            If it is not one of a tracker; the tracker is reset then.
-        """
+        """Go on from a snapshot; see `Engine.restore`."""
         self.reset()
         try:
             self._take(snapshot)
@@ -150,15 +131,17 @@ class ParticleEngine:
             self.reset()
             raise ValueError(f"snapshot: {error}") from error
 
-    def _take(self, snapshot: Snapshot) -> None:
-        facts = snapshot.facts["smoother"]
-        stored = [snapshot.particles(f"stored.{k}") for k in range(len(facts["stamps_ns"]))]
+    def _take(self, held: Snapshot) -> None:
+        facts = held.facts["smoother"]
+        stored = [
+            snapshot.take_particles(held, f"stored.{k}") for k in range(len(facts["stamps_ns"]))
+        ]
         links = [
-            snapshot.link(f"link.{k}", earlier, later)
+            snapshot.take_transition(held, f"link.{k}", earlier, later)
             for k, (earlier, later) in enumerate(itertools.pairwise(stored))
         ]
         tracks = facts["tracks"]
-        self.forward.take(snapshot)
+        self.forward.take(held)
         self._rng.bit_generator.state = facts["rng"]
         self._tracks = TrackNumbers({int(k): int(n) for k, n in tracks["number"]}, tracks["count"])
         self._stamps, self._stored, self._links = list(facts["stamps_ns"]), stored, links
@@ -173,12 +156,14 @@ class ParticleEngine:
     def _smooth_oldest(self) -> Estimates:
         """Smooth the oldest stored set with all that follow, and drop it from the window."""
         *_, smoothed = backward_pass(self._stored, self._links, self.death_term)
+        self.forward.done("backward")
         stamp_ns, lag = self._stamps[0], len(self._stored) - 1
         del self._stamps[0], self._stored[0], self._links[:1]
         return self._targets(smoothed, stamp_ns, lag)
 
-    def _targets(self, phd: ParticlePHD, stamp_ns: int, lag: int) -> Estimates:
+    def _targets(self, particles: ParticleSet, stamp_ns: int, lag: int) -> Estimates:
         """Read the targets off an intensity and number their tracks."""
         modes, threshold = self.forward.model.modes, self.existence_threshold
-        found = self.extraction(phd, modes, stamp_ns, lag, threshold, self._rng)
+        found = self.extraction(particles, modes, stamp_ns, lag, threshold, self._rng)
+        self.forward.done("extraction")
         return self._tracks.numbered(found)

@@ -13,7 +13,7 @@ from ..arrays import FloatArray, IntArray, factorize, sum_by
 from ..models.modes import ModeSpace
 from ..types import Estimates
 from . import resampling
-from .particle_set import ParticlePHD
+from .particle_set import ParticleSet
 
 CLUSTER_SAMPLES = 2000
 
@@ -23,14 +23,14 @@ class Extraction(Protocol):
 
     def __call__(
         self,
-        phd: ParticlePHD,
+        particles: ParticleSet,
         modes: ModeSpace,
         stamp_ns: int,
         lag: int,
         threshold: float,
         rng: np.random.Generator,
     ) -> Estimates:
-        """Return the targets of `phd`, filtered (lag 0) or smoothed.
+        """Return the targets of `particles`, filtered (lag 0) or smoothed.
 
         `threshold` is the probability of existence above which a target is reported. Labelled
         targets have their label plus one for a track_id.
@@ -39,7 +39,7 @@ class Extraction(Protocol):
 
 
 def components(
-    phd: ParticlePHD,
+    particles: ParticleSet,
     modes: ModeSpace,
     stamp_ns: int,
     lag: int,
@@ -58,16 +58,16 @@ def components(
     Deviation from Sec. IV-C, Step 6, which rounds the total mass and clusters; the PHD's mass is
     biased and a component already says which particles belong together.
     """
-    parts = phd.components
-    target_class = modes.class_of[phd.mode]
+    parts = particles.components
+    target_class = modes.class_of[particles.mode]
     # The groups of the Poisson part follow the components in one index space.
     first_group = parts.shape[1]
-    alone = np.flatnonzero(phd.poisson)
-    origins, origin = factorize(phd.origin[alone])
+    alone = np.flatnonzero(particles.poisson)
+    origins, origin = factorize(particles.origin[alone])
     classes = len(modes.classes)
-    row = np.concatenate([np.arange(len(phd)).repeat(np.diff(parts.indptr)), alone])
+    row = np.concatenate([np.arange(len(particles)).repeat(np.diff(parts.indptr)), alone])
     group = np.concatenate([parts.indices, first_group + origin * classes + target_class[alone]])
-    weight = np.concatenate([parts.data, phd.poisson[alone]])
+    weight = np.concatenate([parts.data, particles.poisson[alone]])
     size = first_group + len(origins) * classes
     mass = sum_by(group, weight, size)
 
@@ -76,12 +76,12 @@ def components(
     rank[found] = np.arange(len(found))
     kept = rank[group] >= 0
     row, group, weight = row[kept], rank[group[kept]], weight[kept]
-    label = np.concatenate([phd.label, np.full(size - first_group, -1)])[found]
-    return _moments(phd, modes, stamp_ns, lag, row, group, weight, label)
+    label = np.concatenate([particles.label, np.full(size - first_group, -1)])[found]
+    return _moments(particles, modes, stamp_ns, lag, row, group, weight, label)
 
 
 def _moments(
-    phd: ParticlePHD,
+    particles: ParticleSet,
     modes: ModeSpace,
     stamp_ns: int,
     lag: int,
@@ -92,7 +92,7 @@ def _moments(
 ) -> Estimates:
     """Return the moments of each group's majority class; entries are (row, group, weight)."""
     classes, count = len(modes.classes), len(label)
-    target_class = modes.class_of[phd.mode[row]]
+    target_class = modes.class_of[particles.mode[row]]
     class_mass = sum_by(group * classes + target_class, weight, count * classes).reshape(
         count, classes
     )
@@ -103,8 +103,8 @@ def _moments(
     share = weight[kept] / class_mass[np.arange(count), majority].take(group)
 
     # Axis by axis, so that no temporary is larger than a column.
-    dimension = phd.state.shape[1]
-    offset = np.stack([axis.take(row) for axis in phd.state.T])
+    dimension = particles.state.shape[1]
+    offset = np.stack([axis.take(row) for axis in particles.state.T])
     state = np.stack([sum_by(group, share * axis, count) for axis in offset], axis=1)
     for axis in range(dimension):
         offset[axis] -= state[:, axis].take(group)
@@ -122,11 +122,12 @@ def _moments(
         class_probability=class_mass / np.where(mass > 0.0, mass, 1.0)[:, None],
         class_id=majority,
         track_id=label + 1,
+        space=modes.space,
     )
 
 
 def clusters(
-    phd: ParticlePHD,
+    particles: ParticleSet,
     modes: ModeSpace,
     stamp_ns: int,
     lag: int,
@@ -142,11 +143,11 @@ def clusters(
     # Loaded when it is asked for, which the default never does: a live node starts sooner.
     from scipy.cluster.vq import kmeans2
 
-    target_class = modes.class_of[phd.mode]
+    target_class = modes.class_of[particles.mode]
     rows, groups, count = [], [], 0
     for class_id in range(len(modes.classes)):
         member = np.flatnonzero(target_class == class_id)
-        weight = phd.weight[member]
+        weight = particles.weight[member]
         targets = round(float(weight.sum()))
         if targets == 0:
             continue
@@ -154,21 +155,23 @@ def clusters(
             weight, np.zeros(len(member), dtype=np.int64), np.array([CLUSTER_SAMPLES]), rng
         )
         drawn = np.repeat(member, copies)
-        scale = phd.state[drawn].std(axis=0)
-        whitened = phd.state[drawn] / np.where(scale > 0.0, scale, 1.0)
+        scale = particles.state[drawn].std(axis=0)
+        whitened = particles.state[drawn] / np.where(scale > 0.0, scale, 1.0)
         # The seed is an integer because scipy renamed the argument that takes a generator.
         _, label = kmeans2(whitened, targets, minit="++", seed=int(rng.integers(2**31)))
         rows.append(drawn)
         groups.append(count + label)
         count += targets
     if count == 0:
-        return _moments(phd, modes, stamp_ns, lag, *_no_entries())
+        return _moments(particles, modes, stamp_ns, lag, *_no_entries())
     row, group = np.concatenate(rows), np.concatenate(groups)
     size = np.bincount(group, minlength=count)
     # k-means may leave a cluster empty; it is not a target.
     rank = np.cumsum(size > 0) - 1
     unlabelled = np.full(int((size > 0).sum()), -1)
-    return _moments(phd, modes, stamp_ns, lag, row, rank[group], 1.0 / size[group], unlabelled)
+    return _moments(
+        particles, modes, stamp_ns, lag, row, rank[group], 1.0 / size[group], unlabelled
+    )
 
 
 def _no_entries() -> tuple[IntArray, IntArray, FloatArray, IntArray]:

@@ -1,27 +1,34 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The forward filter: predict, update with every radar, resample, scan after scan."""
+"""The forward filter: predict, update with every radar, resample, link back, scan after scan."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..models.tracker_model import TrackerModel
+from ..snapshot import Snapshot
 from ..types import Scan
-from . import backward_kernel
+from . import backward_kernel, snapshot
 from .backward_kernel import Transition
 from .budget import ParticleBudget
-from .particle_set import ParticlePHD
+from .correction import Corrector
+from .particle_set import ParticleSet
 from .prediction import predict
 from .resampling import resample
-from .snapshot import Snapshot
 from .update import update_scan
 
-# Second word of the seed, so that no other purpose shares these draws.
+# Second word of the seed, so that no other purpose shares these draws: with one shared stream, a
+# simulation of the same seed would be correlated with the filter.
 FILTER_STREAM = 2
+
+
+def _ignore(part: str) -> None:
+    """Take no note of a part that is done."""
 
 
 @dataclass(frozen=True)
@@ -30,34 +37,39 @@ class Filtered:
 
     Parameters
     ----------
-    updated : ParticlePHD
+    updated : ParticleSet
         After all radars; the filtered targets are read off it.
-    stored : ParticlePHD
+    stored : ParticleSet
         Resampled.
     link : Transition or None
         From the stored set of the scan before; None on the first scan and where nobody smooths.
     """
 
-    updated: ParticlePHD
-    stored: ParticlePHD
+    updated: ParticleSet
+    stored: ParticleSet
     link: Transition | None
 
 
 @dataclass
 class ForwardFilter:
-    """The PHD filter over scans; keeps the last stored set and the random generator.
+    """The filter over scans; keeps the last stored set and the random generator.
 
     Parameters
     ----------
     model : TrackerModel
+    corrector : Corrector
     budget : ParticleBudget
     seed : int
+    done : callable
+        Called with the name of each part of a step when it is done; for measurements.
     """
 
     model: TrackerModel
+    corrector: Corrector
     budget: ParticleBudget
     seed: int
-    _latest: tuple[int, ParticlePHD] | None = field(init=False, repr=False)
+    done: Callable[[str], None] = _ignore
+    _latest: tuple[int, ParticleSet] | None = field(init=False, repr=False)
     _rng: np.random.Generator = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
 
@@ -67,9 +79,12 @@ class ForwardFilter:
     def reset(self) -> None:
         """Forget everything; the random generator starts from the seed again."""
         self._latest = None
-        # Marked as the filter's: a simulation of the same seed must not share its draws.
         self._rng = np.random.default_rng([self.seed, FILTER_STREAM])
         self._scan_index = 0
+
+    def start_from(self, stamp_ns: int, stored: ParticleSet) -> None:
+        """Take `stored` for the set of an earlier scan."""
+        self._latest = (stamp_ns, stored)
 
     def step(self, scan: Scan, linked: bool) -> Filtered:
         """Predict, update with every radar, resample; build the link backward if wanted.
@@ -78,44 +93,60 @@ class ForwardFilter:
         ------
         ValueError
             If the stamp is not later than the one before.
+
+        Notes
+        -----
+        Sec. IV-C, Steps 1 to 3, and the kernel of Step 4.
         """
-        model, rng = self.model, self._rng
+        model, corrector, index, rng = self.model, self.corrector, self._scan_index, self._rng
         earlier, dt = self._earlier(scan.stamp_ns)
-        predicted = predict(earlier, model, self.budget, dt, self._scan_index, rng)
-        updated, found = update_scan(predicted, scan, model, dt, self._scan_index, rng)
+        predicted = predict(earlier, model, corrector, self.budget, dt, index, rng)
+        self.done("predict")
+        updated, found = update_scan(predicted, scan, model, corrector, dt, index, rng)
+        self.done("update")
         stored = resample(updated, model.modes, self.budget, rng)
-        first = self._latest is None
+        self.done("resample")
         link = None
-        if linked and not first:
-            link = backward_kernel.build(earlier, stored, model, dt, found)
-        self._latest = (scan.stamp_ns, stored)
-        self._scan_index += 1
+        if linked and self._latest is not None:
+            link = backward_kernel.build(earlier, stored, model, corrector, dt, found)
+            self.done("transition")
+        self._latest, self._scan_index = (scan.stamp_ns, stored), index + 1
         return Filtered(updated, stored, link)
 
-    def put(self, snapshot: Snapshot) -> None:
+    @property
+    def stamp_ns(self) -> int | None:
+        """Stamp of the last scan; None before the first."""
+        return None if self._latest is None else self._latest[0]
+
+    @property
+    def stored(self) -> ParticleSet:
+        """The last stored set; empty before the first scan."""
+        if self._latest is None:
+            return ParticleSet.empty(len(self.model.modes.space))
+        return self._latest[1]
+
+    def put(self, into: Snapshot) -> None:
         """Store what the filter holds."""
-        snapshot.facts["filter"] = {
-            "stamp_ns": None if self._latest is None else self._latest[0],
+        into.facts["filter"] = {
             "scan_index": self._scan_index,
             "rng": self._rng.bit_generator.state,
         }
         if self._latest is not None:
-            snapshot.put_particles("latest", self._latest[1])
+            snapshot.put_particles(into, "latest", self._latest[1])
 
-    def take(self, snapshot: Snapshot) -> None:
+    def take(self, stored: Snapshot) -> None:
         """Go on from what was stored."""
-        facts = snapshot.facts["filter"]
+        facts = stored.facts["filter"]
         latest = None
-        if facts["stamp_ns"] is not None:
-            latest = (int(facts["stamp_ns"]), snapshot.particles("latest"))
+        if stored.stamp_ns is not None:
+            latest = (stored.stamp_ns, snapshot.take_particles(stored, "latest"))
         self._rng.bit_generator.state = facts["rng"]
         self._latest, self._scan_index = latest, int(facts["scan_index"])
 
-    def _earlier(self, stamp_ns: int) -> tuple[ParticlePHD, float]:
+    def _earlier(self, stamp_ns: int) -> tuple[ParticleSet, float]:
         """Return the stored set of the scan before and the interval since, in seconds."""
-        if self._latest is None:
-            return ParticlePHD.empty(self.model.state_size), self.model.modes.interval_s
-        latest_ns, stored = self._latest
-        if stamp_ns <= latest_ns:
-            raise ValueError(f"scan.stamp_ns: {stamp_ns} is not later than {latest_ns}")
-        return stored, (stamp_ns - latest_ns) * 1e-9
+        if self.stamp_ns is None:
+            return self.stored, self.model.modes.interval_s
+        if stamp_ns <= self.stamp_ns:
+            raise ValueError(f"scan.stamp_ns: {stamp_ns} is not later than {self.stamp_ns}")
+        return self.stored, (stamp_ns - self.stamp_ns) * 1e-9

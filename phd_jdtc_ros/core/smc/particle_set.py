@@ -15,7 +15,7 @@ from ..arrays import FloatArray, IntArray, SparseArray, read_only, sum_by
 
 
 @dataclass(frozen=True)
-class ParticlePHD:
+class ParticleSet:
     """A particle approximation of the intensity over (state, class, motion mode).
 
     After an update the posterior is a Poisson part and Bernoulli components, each one target at
@@ -42,8 +42,8 @@ class ParticlePHD:
         Weight in component j.
     label : int array of shape (J,)
         Origin that each component is the target of; -1 where it is a detection's.
-    memory : array of shape (N,)
-        What the amplitude model remembers; zeros where it remembers nothing.
+    log_snr : array of shape (N,)
+        What the amplitude model remembers, ln(1 + SNR); zeros where it remembers nothing.
     """
 
     state: FloatArray
@@ -54,10 +54,10 @@ class ParticlePHD:
     poisson: FloatArray
     components: SparseArray
     label: IntArray
-    memory: FloatArray
+    log_snr: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("state", "poisson", "memory"):
+        for name in ("state", "poisson", "log_snr"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
         for name in ("mode", "origin", "parent", "multiplicity", "label"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
@@ -108,10 +108,10 @@ class ParticlePHD:
         return sum_by(class_of[self.mode], self.weight, classes)
 
     @staticmethod
-    def empty(state_size: int) -> ParticlePHD:
+    def empty(state_size: int) -> ParticleSet:
         """Return an intensity of no targets."""
         none = np.zeros(0, dtype=np.int64)
-        return ParticlePHD(
+        return ParticleSet(
             state=np.zeros((0, state_size)),
             mode=none,
             origin=none,
@@ -120,5 +120,5 @@ class ParticlePHD:
             poisson=np.zeros(0),
             components=sparse.csr_array((0, 0)),
             label=none,
-            memory=np.zeros(0),
+            log_snr=np.zeros(0),
         )

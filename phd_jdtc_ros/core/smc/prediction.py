@@ -8,30 +8,35 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
+from .. import origins
 from ..arrays import FloatArray, IntArray, factorize
 from ..models import birth, motion
 from ..models.birth import BirthTerm
-from ..models.tracker_model import ORIGINS_PER_SCAN, TrackerModel
+from ..models.tracker_model import TrackerModel
 from . import resampling
 from .budget import ParticleBudget
-from .particle_set import ParticlePHD
+from .correction import Corrector
+from .particle_set import ParticleSet
 
 
 def predict(
-    phd: ParticlePHD,
+    particles: ParticleSet,
     model: TrackerModel,
+    corrector: Corrector,
     budget: ParticleBudget,
     dt: float,
     scan_index: int,
     rng: np.random.Generator,
-) -> ParticlePHD:
+) -> ParticleSet:
     """Move the intensity over `dt` seconds: survivors, spawned targets, births.
 
     Parameters
     ----------
-    phd : ParticlePHD
+    particles : ParticleSet
         The stored set; each row is moved `multiplicity` times with noise of its own.
     model : TrackerModel
+    corrector : Corrector
+        A labelled one gives every spawned target an origin of its own.
     budget : ParticleBudget
     dt : float
         True interval since the scan before, seconds.
@@ -41,7 +46,7 @@ def predict(
 
     Returns
     -------
-    ParticlePHD
+    ParticleSet
         With all weight in the Poisson part.
 
     Notes
@@ -49,10 +54,10 @@ def predict(
     Sec. IV-C, Step 1, with the survivor and birth steps that are missing there and the spawn
     weight in full.
     """
-    origin = scan_index * ORIGINS_PER_SCAN
+    origin = origins.first_predicted(scan_index)
     parts = [
-        _survivors(phd, model, dt, rng),
-        _spawned(phd, model, dt, origin + len(model.births), rng),
+        _survivors(particles, model, dt, rng),
+        _spawned(particles, model, corrector, dt, origin + len(model.births), rng),
     ]
     for index, term in enumerate(model.births):
         parts.append(_born(term, model, budget.per_birth_term, dt, origin + index, rng))
@@ -65,10 +70,10 @@ def _fresh(
     origin: IntArray,
     parent: IntArray,
     weight: FloatArray,
-    memory: FloatArray,
-) -> ParticlePHD:
+    log_snr: FloatArray,
+) -> ParticleSet:
     """Return single particles of no component yet."""
-    return ParticlePHD(
+    return ParticleSet(
         state=state,
         mode=mode,
         origin=origin,
@@ -77,18 +82,18 @@ def _fresh(
         poisson=weight,
         components=sparse.csr_array((len(weight), 0)),
         label=np.zeros(0, dtype=np.int64),
-        memory=memory,
+        log_snr=log_snr,
     )
 
 
-def _concatenate(parts: list[ParticlePHD]) -> ParticlePHD:
+def _concatenate(parts: list[ParticleSet]) -> ParticleSet:
     return _fresh(
         state=np.concatenate([part.state for part in parts]),
         mode=np.concatenate([part.mode for part in parts]),
         origin=np.concatenate([part.origin for part in parts]),
         parent=np.concatenate([part.parent for part in parts]),
         weight=np.concatenate([part.poisson for part in parts]),
-        memory=np.concatenate([part.memory for part in parts]),
+        log_snr=np.concatenate([part.log_snr for part in parts]),
     )
 
 
@@ -105,49 +110,55 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
 
 
 def _survivors(
-    phd: ParticlePHD, model: TrackerModel, dt: float, rng: np.random.Generator
-) -> ParticlePHD:
+    particles: ParticleSet, model: TrackerModel, dt: float, rng: np.random.Generator
+) -> ParticleSet:
     modes = model.modes
-    copy = np.repeat(np.arange(len(phd)), phd.multiplicity)
-    source_mode = phd.mode[copy]
-    weight = (phd.weight / np.maximum(phd.multiplicity, 1))[copy] * modes.survival(dt)[source_mode]
+    copy = np.repeat(np.arange(len(particles)), particles.multiplicity)
+    source_mode = particles.mode[copy]
+    weight = (particles.weight / np.maximum(particles.multiplicity, 1))[copy]
+    weight *= modes.survival(dt)[source_mode]
     mode = _draw_mode(modes.transition(dt), source_mode, rng)
-    state = np.empty((len(copy), phd.state.shape[1]))
+    state = np.empty((len(copy), particles.state.shape[1]))
     for index, motion_model in enumerate(modes.motions):
         chosen = np.flatnonzero(mode == index)
         state[chosen] = motion.sample(
-            motion_model, phd.state.take(copy.take(chosen), axis=0), dt, rng
+            motion_model, particles.state.take(copy.take(chosen), axis=0), dt, rng
         )
-    memory = model.amplitudes.moved(phd.memory[copy], mode, modes, dt, rng)
-    return _fresh(state, mode, phd.origin[copy], copy, weight, memory)
+    log_snr = model.amplitudes.moved(particles.log_snr[copy], mode, modes, dt, rng)
+    return _fresh(state, mode, particles.origin[copy], copy, weight, log_snr)
 
 
 def _spawned(
-    phd: ParticlePHD, model: TrackerModel, dt: float, origin: int, rng: np.random.Generator
-) -> ParticlePHD:
+    particles: ParticleSet,
+    model: TrackerModel,
+    corrector: Corrector,
+    dt: float,
+    origin: int,
+    rng: np.random.Generator,
+) -> ParticleSet:
     """Return the mass beside every target; where origins are targets, it founds new ones."""
     spawn = model.spawn
-    mass = float(phd.weight.sum())
+    mass = float(particles.weight.sum())
     count = int(np.ceil(spawn.particles_per_target * mass)) if spawn.rate > 0.0 else 0
-    group = np.zeros(len(phd), dtype=np.int64)
-    copies = resampling.systematic(phd.weight, group, np.array([count]), rng)
-    parent = np.repeat(np.arange(len(phd)), copies)
-    mode = _draw_mode(spawn.transition, phd.mode[parent], rng)
-    state = np.empty((len(parent), phd.state.shape[1]))
+    group = np.zeros(len(particles), dtype=np.int64)
+    copies = resampling.systematic(particles.weight, group, np.array([count]), rng)
+    parent = np.repeat(np.arange(len(particles)), copies)
+    mode = _draw_mode(spawn.transition, particles.mode[parent], rng)
+    state = np.empty((len(parent), particles.state.shape[1]))
     for index, motion_model in enumerate(model.modes.motions):
         chosen = np.flatnonzero(mode == index)
-        centre = motion_model.mean(phd.state.take(parent.take(chosen), axis=0), dt)
+        centre = motion_model.mean(particles.state.take(parent.take(chosen), axis=0), dt)
         support = list(motion_model.support)
         noise = rng.standard_normal((len(chosen), len(support))) * spawn.std[support]
         centre[:, support] += noise
         state[chosen] = centre
     rate = spawn.rate * dt / model.modes.interval_s
     weight = np.full(len(parent), rate * mass / max(count, 1))
-    memory = model.amplitudes.born(mode, model.modes, rng)
-    founder = phd.origin[parent]
-    if model.labelled:
+    log_snr = model.amplitudes.born(mode, model.modes, rng)
+    founder = particles.origin[parent]
+    if corrector.labelled:
         founder = origin + factorize(founder)[1]
-    return _fresh(state, mode, founder, parent, weight, memory)
+    return _fresh(state, mode, founder, parent, weight, log_snr)
 
 
 def _born(
@@ -157,7 +168,7 @@ def _born(
     dt: float,
     origin: int,
     rng: np.random.Generator,
-) -> ParticlePHD:
+) -> ParticleSet:
     state, mode = birth.sample(term, model.modes, count, rng)
     expected = float(term.rate.sum()) * dt / model.modes.interval_s
     return _fresh(

@@ -17,7 +17,7 @@ from ..arrays import FloatArray, IntArray, factorize, run_starts, sum_by
 from ..models.modes import ModeSpace
 from .budget import ParticleBudget
 from .correction import scale_rows
-from .particle_set import ParticlePHD
+from .particle_set import ParticleSet
 
 
 def allocate(
@@ -120,13 +120,13 @@ def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArra
 
 
 def resample(
-    phd: ParticlePHD, modes: ModeSpace, budget: ParticleBudget, rng: np.random.Generator
-) -> ParticlePHD:
+    particles: ParticleSet, modes: ModeSpace, budget: ParticleBudget, rng: np.random.Generator
+) -> ParticleSet:
     """Resample within each (class, origin) to unique rows with a multiplicity.
 
     Parameters
     ----------
-    phd : ParticlePHD
+    particles : ParticleSet
         Updated.
     modes : ModeSpace
     budget : ParticleBudget
@@ -134,7 +134,7 @@ def resample(
 
     Returns
     -------
-    ParticlePHD
+    ParticleSet
         Sorted by (class, origin); every component of a row is scaled by its new over its old
         weight.
 
@@ -142,15 +142,15 @@ def resample(
     -----
     Sec. IV-C, Step 3. Deviation: within class and origin, not class alone.
     """
-    origins, origin = factorize(phd.origin)
-    key = modes.class_of[phd.mode] * len(origins) + origin
+    origins, origin = factorize(particles.origin)
+    key = modes.class_of[particles.mode] * len(origins) + origin
     # numpy sorts narrow integers by radix.
     narrow = key.astype(np.int16) if len(modes.classes) * len(origins) < 2**15 else key
     order = np.argsort(narrow, kind="stable")
     ranked = key[order]
-    group = np.zeros(len(phd), dtype=np.int64)
+    group = np.zeros(len(particles), dtype=np.int64)
     np.cumsum(ranked[1:] != ranked[:-1], out=group[1:])
-    weight = phd.weight[order]
+    weight = particles.weight[order]
     mass = sum_by(group, weight, int(group[-1]) + 1 if len(group) else 0)
     density, least = within(budget.most, mass, budget.per_target, budget.least)
     count, copy_weight = allocate(mass, density, least, rng)
@@ -158,14 +158,14 @@ def resample(
     kept = np.flatnonzero(copies)
     row = order[kept]
     factor = copies[kept] * copy_weight[group[kept]] / weight[kept]
-    return ParticlePHD(
-        state=phd.state.take(row, axis=0),
-        mode=phd.mode[row],
-        origin=phd.origin[row],
-        parent=phd.parent[row],
+    return ParticleSet(
+        state=particles.state.take(row, axis=0),
+        mode=particles.mode[row],
+        origin=particles.origin[row],
+        parent=particles.parent[row],
         multiplicity=copies[kept],
-        poisson=phd.poisson[row] * factor,
-        components=scale_rows(phd.components[row], factor),
-        label=phd.label,
-        memory=phd.memory[row],
+        poisson=particles.poisson[row] * factor,
+        components=scale_rows(particles.components[row], factor),
+        label=particles.label,
+        log_snr=particles.log_snr[row],
     )

@@ -14,18 +14,20 @@ import numpy as np
 
 from ..arrays import FloatArray, sum_by
 from .backward_kernel import Transition
-from .particle_set import ParticlePHD
+from .particle_set import ParticleSet
 
 
 class DeathTerm(Protocol):
     """How the backward step shares out the mass of targets that did not survive."""
 
-    def __call__(self, phd: ParticlePHD, survival: FloatArray, backward: FloatArray) -> FloatArray:
+    def __call__(
+        self, particles: ParticleSet, survival: FloatArray, backward: FloatArray
+    ) -> FloatArray:
         """Return phi_j, the factor on 1 - P_s, for every component; shape (J,).
 
         Parameters
         ----------
-        phd : ParticlePHD
+        particles : ParticleSet
             The filtered set at t, N rows and J components.
         survival : array of shape (N,)
             P_s over the interval to t + 1.
@@ -35,7 +37,9 @@ class DeathTerm(Protocol):
         ...
 
 
-def paper_death_term(phd: ParticlePHD, survival: FloatArray, backward: FloatArray) -> FloatArray:
+def paper_death_term(
+    particles: ParticleSet, survival: FloatArray, backward: FloatArray
+) -> FloatArray:
     """Return phi = 1: the term as printed.
 
     Notes
@@ -43,11 +47,11 @@ def paper_death_term(phd: ParticlePHD, survival: FloatArray, backward: FloatArra
     Sec. II-B, backward equation. It treats every target as barely existing, so a target that was
     certain and then died loses its mass back through the whole lag window.
     """
-    return np.ones(phd.components.shape[1])
+    return np.ones(particles.components.shape[1])
 
 
 def bernoulli_death_term(
-    phd: ParticlePHD, survival: FloatArray, backward: FloatArray
+    particles: ParticleSet, survival: FloatArray, backward: FloatArray
 ) -> FloatArray:
     """Return the death factor of each component taken as a Bernoulli target.
 
@@ -58,15 +62,15 @@ def bernoulli_death_term(
     phi_j = (1 - B_j) / (1 - sum_s P_s(s) a_j(s)), with B_j = sum_s a_j(s) B(s) clipped at 1.
     It is the exact backward step of a component that alone feeds mu.
     """
-    parts = phd.components
+    parts = particles.components
     components = parts.shape[1]
 
     def by_component(factor: FloatArray) -> FloatArray:
-        return sum_by(parts.indices, parts.data * phd.by_entry(factor), components)
+        return sum_by(parts.indices, parts.data * particles.by_entry(factor), components)
 
     survived = np.minimum(by_component(backward), 1.0)
     # A component holds one target at the most; resampling may round it a little above.
-    mass = np.maximum(phd.component_mass, 1.0)
+    mass = np.maximum(particles.component_mass, 1.0)
     dying = 1.0 - by_component(survival) / mass
     factor: FloatArray = (1.0 - survived) / np.where(dying > 0.0, dying, np.inf)
     return factor
@@ -79,13 +83,13 @@ DEATH_TERMS: dict[str, DeathTerm] = {
 
 
 def backward_step(
-    phd: ParticlePHD, link: Transition, later_weight: FloatArray, death_term: DeathTerm
-) -> ParticlePHD:
+    particles: ParticleSet, link: Transition, later_weight: FloatArray, death_term: DeathTerm
+) -> ParticleSet:
     """Carry smoothed weights from t + 1 back to t.
 
     Parameters
     ----------
-    phd : ParticlePHD
+    particles : ParticleSet
         The filtered set at t, with its filtered components.
     link : Transition
         Between t and t + 1.
@@ -95,7 +99,7 @@ def backward_step(
 
     Returns
     -------
-    ParticlePHD
+    ParticleSet
         The set at t with a_{j,t|k}(s) = a_{j,t|t}(s) [B(s) + (1 - P_s) phi_j]; for the part that
         no detection explains phi is 1.
 
@@ -105,24 +109,24 @@ def backward_step(
     """
     backward = link.ratio @ later_weight
     death = 1.0 - link.survival
-    factor = death_term(phd, link.survival, backward)
-    parts = phd.components
-    data = phd.by_entry(death) * factor.take(parts.indices)
-    data += phd.by_entry(backward)
+    factor = death_term(particles, link.survival, backward)
+    parts = particles.components
+    data = particles.by_entry(death) * factor.take(parts.indices)
+    data += particles.by_entry(backward)
     data *= parts.data
     components = copy.copy(parts)  # the pattern is shared
     components.data = data
-    return replace(phd, poisson=phd.poisson * (backward + death), components=components)
+    return replace(particles, poisson=particles.poisson * (backward + death), components=components)
 
 
 def backward_pass(
-    stored: Sequence[ParticlePHD], links: Sequence[Transition], death_term: DeathTerm
-) -> Iterator[ParticlePHD]:
+    stored: Sequence[ParticleSet], links: Sequence[Transition], death_term: DeathTerm
+) -> Iterator[ParticleSet]:
     """Yield the smoothed sets of a window, the newest first: lag 0, lag 1 and so on.
 
     Parameters
     ----------
-    stored : sequence of ParticlePHD
+    stored : sequence of ParticleSet
         Filtered sets, the oldest first.
     links : sequence of Transition
         One between every two of them.
@@ -130,6 +134,6 @@ def backward_pass(
     """
     smoothed = stored[-1]
     yield smoothed
-    for phd, link in zip(stored[-2::-1], links[::-1], strict=True):
-        smoothed = backward_step(phd, link, smoothed.weight, death_term)
+    for particles, link in zip(stored[-2::-1], links[::-1], strict=True):
+        smoothed = backward_step(particles, link, smoothed.weight, death_term)
         yield smoothed

@@ -1,103 +1,84 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a tracker holds, as plain arrays and numbers: to be stored, and to go on from.
-
-Data, never code: arrays by dotted name, and facts that JSON can hold. `engine` says what is stored;
-here is how its parts become arrays and come back.
-"""
+"""Particle sets and transitions as arrays of a snapshot, and back."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
 from ..arrays import SparseArray
+from ..snapshot import Snapshot
 from .backward_kernel import Transition
-from .particle_set import ParticlePHD
+from .particle_set import ParticleSet
 
-PARTICLES = tuple(f.name for f in fields(ParticlePHD) if f.name != "components")
+PARTS = tuple(f.name for f in fields(ParticleSet) if f.name != "components")
 
 
-@dataclass(frozen=True)
-class Snapshot:
-    """A tracker's state.
+def put_particles(snapshot: Snapshot, name: str, particles: ParticleSet) -> None:
+    """Store a particle set."""
+    for part in PARTS:
+        snapshot.arrays[f"{name}.{part}"] = getattr(particles, part)
+    _put_sparse(snapshot, f"{name}.components", particles.components)
 
-    Parameters
-    ----------
-    arrays : dict of name to array
-    facts : dict
-        Of numbers, strings, lists and dicts.
+
+def take_particles(snapshot: Snapshot, name: str) -> ParticleSet:
+    """Return a stored particle set.
+
+    Raises
+    ------
+    ValueError
+        If its arrays do not belong together.
     """
+    parts = {part: snapshot.array(f"{name}.{part}") for part in PARTS}
+    components = _take_sparse(snapshot, f"{name}.components", sparse.csr_array)
+    rows = {part: len(array) for part, array in parts.items() if part != "label"}
+    if {*rows.values(), components.shape[0]} != {len(parts["state"])}:
+        raise ValueError(f"{name}: arrays of different length, {rows}")
+    if components.shape[1] != len(parts["label"]):
+        raise ValueError(f"{name}: {components.shape[1]} components, {len(parts['label'])} labels")
+    return ParticleSet(components=components, **parts)
 
-    arrays: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
-    facts: dict[str, Any] = field(default_factory=dict)
 
-    def put_particles(self, name: str, phd: ParticlePHD) -> None:
-        """Store an intensity."""
-        for part in PARTICLES:
-            self.arrays[f"{name}.{part}"] = getattr(phd, part)
-        self._put_sparse(f"{name}.components", phd.components)
+def put_transition(snapshot: Snapshot, name: str, link: Transition) -> None:
+    """Store the transition between two particle sets."""
+    snapshot.arrays[f"{name}.survival"] = link.survival
+    snapshot.arrays[f"{name}.orphans"] = np.array(link.orphans)
+    _put_sparse(snapshot, f"{name}.ratio", link.ratio)
 
-    def particles(self, name: str) -> ParticlePHD:
-        """Return a stored intensity.
 
-        Raises
-        ------
-        ValueError
-            If its arrays do not belong together.
-        """
-        parts = {part: self._array(f"{name}.{part}") for part in PARTICLES}
-        components = sparse.csr_array(self._sparse(f"{name}.components", sparse.csr_array))
-        rows = {part: len(array) for part, array in parts.items() if part != "label"}
-        if {*rows.values(), components.shape[0]} != {len(parts["state"])}:
-            raise ValueError(f"{name}: arrays of different length, {rows}")
-        if components.shape[1] != len(parts["label"]):
-            raise ValueError(
-                f"{name}: {components.shape[1]} components, {len(parts['label'])} labels"
-            )
-        return ParticlePHD(components=components, **parts)
+def take_transition(
+    snapshot: Snapshot, name: str, earlier: ParticleSet, later: ParticleSet
+) -> Transition:
+    """Return a stored transition.
 
-    def put_link(self, name: str, link: Transition) -> None:
-        """Store the transition between two intensities."""
-        self.arrays[f"{name}.survival"] = link.survival
-        self.arrays[f"{name}.orphans"] = np.array(link.orphans)
-        self._put_sparse(f"{name}.ratio", link.ratio)
+    Raises
+    ------
+    ValueError
+        If it is not between sets of these sizes.
+    """
+    ratio = _take_sparse(snapshot, f"{name}.ratio", sparse.csc_array)
+    survival = snapshot.array(f"{name}.survival")
+    if ratio.shape != (len(earlier), len(later)) or len(survival) != len(earlier):
+        raise ValueError(
+            f"{name}: {ratio.shape} and {len(survival)} rows, expected "
+            f"({len(earlier)}, {len(later)}) and {len(earlier)}"
+        )
+    return Transition(ratio, survival, int(snapshot.array(f"{name}.orphans")))
 
-    def link(self, name: str, earlier: ParticlePHD, later: ParticlePHD) -> Transition:
-        """Return a stored transition.
 
-        Raises
-        ------
-        ValueError
-            If it is not between sets of these sizes.
-        """
-        ratio = self._sparse(f"{name}.ratio", sparse.csc_array)
-        survival = self._array(f"{name}.survival")
-        if ratio.shape != (len(earlier), len(later)) or len(survival) != len(earlier):
-            raise ValueError(
-                f"{name}: {ratio.shape} and {len(survival)} rows, expected "
-                f"({len(earlier)}, {len(later)}) and {len(earlier)}"
-            )
-        return Transition(ratio, survival, int(self._array(f"{name}.orphans")))
+def _put_sparse(snapshot: Snapshot, name: str, matrix: SparseArray) -> None:
+    for part in ("data", "indices", "indptr"):
+        snapshot.arrays[f"{name}.{part}"] = getattr(matrix, part)
+    snapshot.arrays[f"{name}.shape"] = np.array(matrix.shape, dtype=np.int64)
 
-    def _put_sparse(self, name: str, matrix: SparseArray) -> None:
-        for part in ("data", "indices", "indptr"):
-            self.arrays[f"{name}.{part}"] = getattr(matrix, part)
-        self.arrays[f"{name}.shape"] = np.array(matrix.shape, dtype=np.int64)
 
-    def _sparse(self, name: str, kind: Any) -> Any:
-        parts = tuple(self._array(f"{name}.{part}") for part in ("data", "indices", "indptr"))
-        shape = tuple(self._array(f"{name}.shape").tolist())
-        matrix = kind(parts, shape=shape)
-        matrix.check_format()
-        return matrix
-
-    def _array(self, name: str) -> npt.NDArray[Any]:
-        if name not in self.arrays:
-            raise ValueError(f"{name}: missing")
-        return self.arrays[name]
+def _take_sparse(snapshot: Snapshot, name: str, kind: Any) -> Any:
+    parts = tuple(snapshot.array(f"{name}.{part}") for part in ("data", "indices", "indptr"))
+    matrix = kind(parts, shape=tuple(snapshot.array(f"{name}.shape").tolist()))
+    matrix.check_format()
+    return matrix

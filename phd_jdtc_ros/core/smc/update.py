@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The forward PHD filter over the general mode: update and resample what was predicted.
+"""The update: every radar's detections correct the intensity in turn.
 
-Both are pure, as `prediction.predict` is: intensity in, intensity out. The update keeps the split
-of the posterior into a Poisson part and Bernoulli components (see `ParticlePHD`), which the
-smoother needs.
+Pure, as `prediction.predict` is: intensity in, intensity out. The posterior stays split into a
+Poisson part and Bernoulli components (see `ParticleSet`), which the smoother needs.
 """
 
 from __future__ import annotations
@@ -13,33 +12,40 @@ from __future__ import annotations
 import numpy as np
 from scipy import sparse
 
+from .. import origins
 from ..models import detection_birth
 from ..models.detection_birth import Newborn
 from ..models.radar import RadarModel
-from ..models.tracker_model import ORIGINS_PER_SCAN, TrackerModel
+from ..models.tracker_model import TrackerModel
 from ..types import Detections, Scan
-from .correction import Claims
-from .particle_set import ParticlePHD
+from .correction import Claims, Corrector
+from .particle_set import ParticleSet
 
 
 def update(
-    phd: ParticlePHD, detections: Detections, radar: RadarModel, model: TrackerModel, dt: float
-) -> tuple[ParticlePHD, Newborn | None]:
+    particles: ParticleSet,
+    detections: Detections,
+    radar: RadarModel,
+    model: TrackerModel,
+    corrector: Corrector,
+    dt: float,
+) -> tuple[ParticleSet, Newborn | None]:
     """Update the intensity with one radar's detections.
 
     Parameters
     ----------
-    phd : ParticlePHD
+    particles : ParticleSet
     detections : Detections
         M of them; zero is a valid report.
     radar : RadarModel
     model : TrackerModel
+    corrector : Corrector
     dt : float
         True interval since the scan before, seconds.
 
     Returns
     -------
-    phd : ParticlePHD
+    particles : ParticleSet
         Corrected; see `correction`.
     found : Newborn or None
         What unknown targets explain of these detections, where births come from detections.
@@ -51,12 +57,12 @@ def update(
     alone would underflow.
     """
     detections = model.amplitudes.used(detections)
-    predicted = radar.measure(phd.state)
+    predicted = radar.measure(particles.state)
     in_range = predicted[:, 0] <= radar.max_range
     predicted[~in_range, 0] = np.inf  # near no detection
     row, column, log_likelihood = radar.gated_pairs(predicted, detections)
     log_likelihood += model.amplitudes.log_likelihood(
-        phd, detections, (row, column), radar, model.modes
+        particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
     )
     log_other = radar.log_clutter_intensity(detections)[None]
     if model.detection_births.enabled:
@@ -69,13 +75,17 @@ def update(
     claims = Claims(
         row=row,
         column=column,
-        mass=phd.weight.take(row) * np.exp(log_likelihood - scale.take(column)),
+        mass=particles.weight.take(row) * np.exp(log_likelihood - scale.take(column)),
         other=other.sum(axis=0),
         detection_probability=np.where(
-            in_range, model.amplitudes.detection_probability(phd, radar, model.modes), 0.0
+            in_range,
+            model.amplitudes.detection_probability(
+                particles.mode, particles.log_snr, radar, model.modes
+            ),
+            0.0,
         ),
     )
-    corrected, claimed = model.corrector(phd, claims)
+    corrected, claimed = corrector.correct(particles, claims)
     if not model.detection_births.enabled:
         return corrected, None
     total = np.where(claims.other > 0.0, claims.other, 1.0)
@@ -84,50 +94,56 @@ def update(
 
 
 def update_scan(
-    phd: ParticlePHD,
+    particles: ParticleSet,
     scan: Scan,
     model: TrackerModel,
+    corrector: Corrector,
     dt: float,
     scan_index: int,
     rng: np.random.Generator,
-) -> tuple[ParticlePHD, tuple[Newborn, ...]]:
+) -> tuple[ParticleSet, tuple[Newborn, ...]]:
     """Update with every radar that reported, in the configured order.
 
     A target that one radar found is there when the next one's detections are shared out, so that
     both have found one target and not two.
     """
-    origin = scan_index * ORIGINS_PER_SCAN + ORIGINS_PER_SCAN // 2
+    origin = origins.first_detected(scan_index)
     found = []
     for radar, detections in zip(model.radars, scan.detections, strict=True):
         if detections is not None:
-            phd, one = update(phd, detections, radar, model, dt)
+            particles, one = update(particles, detections, radar, model, corrector, dt)
             if one is not None:
-                phd = _joined(phd, one, model, origin, rng)
+                particles = _joined(particles, one, model, corrector, origin, rng)
                 origin += len(one)
                 found.append(one)
-    return phd, tuple(found)
+    return particles, tuple(found)
 
 
 def _joined(
-    phd: ParticlePHD, found: Newborn, model: TrackerModel, origin: int, rng: np.random.Generator
-) -> ParticlePHD:
+    particles: ParticleSet,
+    found: Newborn,
+    model: TrackerModel,
+    corrector: Corrector,
+    origin: int,
+    rng: np.random.Generator,
+) -> ParticleSet:
     """Return the intensity with newborn targets, each a component of its own."""
     state, mode, weight, detection = detection_birth.sample(
         found, model.detection_births, model.modes, rng
     )
     count = len(weight)
     amplitude = None if found.amplitude is None else found.amplitude.take(detection)
-    memory = model.amplitudes.born(mode, model.modes, rng, amplitude)
-    labels = origin + np.arange(len(found)) if model.labelled else np.full(len(found), -1)
+    log_snr = model.amplitudes.born(mode, model.modes, rng, amplitude)
+    labels = origin + np.arange(len(found)) if corrector.labelled else np.full(len(found), -1)
     own = sparse.csr_array((weight, detection, np.arange(count + 1)), shape=(count, len(found)))
-    return ParticlePHD(
-        state=np.concatenate([phd.state, state]),
-        mode=np.concatenate([phd.mode, mode]),
-        origin=np.concatenate([phd.origin, origin + detection]),
-        parent=np.concatenate([phd.parent, np.full(count, -1)]),
-        multiplicity=np.concatenate([phd.multiplicity, np.ones(count, dtype=np.int64)]),
-        poisson=np.concatenate([phd.poisson, np.zeros(count)]),
-        components=sparse.block_diag([phd.components, own], format="csr"),
-        label=np.concatenate([phd.label, labels]),
-        memory=np.concatenate([phd.memory, memory]),
+    return ParticleSet(
+        state=np.concatenate([particles.state, state]),
+        mode=np.concatenate([particles.mode, mode]),
+        origin=np.concatenate([particles.origin, origin + detection]),
+        parent=np.concatenate([particles.parent, np.full(count, -1)]),
+        multiplicity=np.concatenate([particles.multiplicity, np.ones(count, dtype=np.int64)]),
+        poisson=np.concatenate([particles.poisson, np.zeros(count)]),
+        components=sparse.block_diag([particles.components, own], format="csr"),
+        label=np.concatenate([particles.label, labels]),
+        log_snr=np.concatenate([particles.log_snr, log_snr]),
     )

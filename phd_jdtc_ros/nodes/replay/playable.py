@@ -14,7 +14,8 @@ from typing import Any
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
-from msg_adapters import interfaces, names, radar_scan
+from msg_adapters import interfaces, names
+from msg_adapters.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 
@@ -71,12 +72,11 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
     chosen = wanted or [topic for topic in sorted(bag.types) if not _is_left_out(topic)]
     detections = [topic for topic in chosen if topic.endswith(names.DETECTIONS_SUFFIX)]
     truth = [topic for topic in chosen if topic == names.TRUTH]
-    bag.require(
-        {t: names.CLOUD for t in [*detections, *truth] if bag.types[t] != radar_scan.TYPE_NAME}
-    )
+    readable = {reader.type_name for reader in READERS.values()}
+    bag.require({t: names.CLOUD for t in [*detections, *truth] if bag.types[t] not in readable})
     if not detections:
         # A driver's own name for them.
-        detections = [t for t in chosen if bag.types[t] in (names.CLOUD, radar_scan.TYPE_NAME)]
+        detections = [t for t in chosen if bag.types[t] in readable]
         detections = [topic for topic in detections if topic not in truth]
     classes, skipped = {}, []
     for topic in chosen:

@@ -21,14 +21,14 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.smc.engine import ParticleEngine
-from phd_jdtc_ros.core.smc.snapshot import Snapshot
+from phd_jdtc_ros.core.engine import Engine
+from phd_jdtc_ros.core.snapshot import Snapshot
 
 from ..common.runtime import WARNING_PERIOD_S
 
-MAGIC = b"phd_jdtc_ros checkpoint 1\n"
+MAGIC = b"phd_jdtc_ros checkpoint 2\n"
 DIGEST_SIZE = hashlib.sha256().digest_size
-FACTS, CONFIGURATION = "facts", "configuration"
+STAMP, FACTS, CONFIGURATION = "stamp_ns", "facts", "configuration"
 
 
 class CheckpointError(Exception):
@@ -51,7 +51,11 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
     OSError
         If it cannot be written.
     """
-    texts = {FACTS: snapshot.facts, CONFIGURATION: dict(configuration)}
+    texts = {
+        STAMP: snapshot.stamp_ns,
+        FACTS: snapshot.facts,
+        CONFIGURATION: dict(configuration),
+    }
     stored = {name: _text(value) for name, value in texts.items()}
     payload = io.BytesIO()
     np.savez(payload, **stored, **{f"array.{k}": v for k, v in snapshot.arrays.items()})
@@ -87,14 +91,17 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
     try:
         with np.load(io.BytesIO(body), allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
-        facts, stored = (json.loads(arrays.pop(key).tobytes()) for key in (FACTS, CONFIGURATION))
+        stamp_ns, facts, stored = (
+            json.loads(arrays.pop(key).tobytes()) for key in (STAMP, FACTS, CONFIGURATION)
+        )
     except (KeyError, ValueError, zipfile.BadZipFile) as error:
         raise CheckpointError(f"{path}: not a checkpoint, {error}") from error
     expected = json.loads(json.dumps(dict(configuration)))
     other = sorted(name for name in {*stored, *expected} if stored.get(name) != expected.get(name))
     if other:
         raise CheckpointError(f"{path}: of a tracker with another {', '.join(other)}")
-    return Snapshot({name.removeprefix("array."): array for name, array in arrays.items()}, facts)
+    held = {name.removeprefix("array."): array for name, array in arrays.items()}
+    return Snapshot(stamp_ns, held, facts)
 
 
 class Checkpoints:
@@ -126,13 +133,15 @@ class Checkpoints:
             if not isinstance(error.__cause__, FileNotFoundError):
                 log.warning(f"starting cold: {error}")
 
-    def resume(self, engine: ParticleEngine, stamp_ns: int) -> None:
+    def resume(self, engine: Engine, stamp_ns: int) -> None:
         """Go on from the checkpoint, if there is one, before the first scan is taken in."""
         found, self._found = self._found, None
         if found is None:
             return
         try:
-            age_s = (stamp_ns - found.facts["filter"]["stamp_ns"]) * 1e-9
+            if found.stamp_ns is None:
+                raise ValueError("it holds no scan")
+            age_s = (stamp_ns - found.stamp_ns) * 1e-9
             if not 0.0 < age_s <= self._max_age_s:
                 raise ValueError(
                     f"it ends {age_s:.1f} s before the first scan, at most {self._max_age_s:g} s "
@@ -144,13 +153,13 @@ class Checkpoints:
             return
         self._log.info(f"going on from {self._path}, {age_s:.1f} s old")
 
-    def stepped(self, engine: ParticleEngine) -> None:
+    def stepped(self, engine: Engine) -> None:
         """Count a scan, and write the checkpoint that is due."""
         self._scans += 1
         if self._every and self._scans % self._every == 0:
             self.save(engine)
 
-    def save(self, engine: ParticleEngine) -> str | None:
+    def save(self, engine: Engine) -> str | None:
         """Write a checkpoint; return why it could not be written, or None."""
         if not self._scans:
             return "no scan has been taken in yet"

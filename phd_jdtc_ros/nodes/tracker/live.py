@@ -1,16 +1,16 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A scan's way through the live node: decode, group, step, publish.
+"""A message's way through the live node: decode, hand to the pipeline, publish what comes out.
 
-What a tracker has from its configuring to its clean-up.
+This is what a tracker node has from its configuration to its clean-up.
 """
 
 from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,14 +20,15 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
-from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, radar_scan
 from msg_adapters.errors import RejectedMessageError
+from msg_adapters.readers import Reader, reader_of
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.scans import Rejection, Reset
-from phd_jdtc_ros.core.types import SMOOTHED, Estimates, Scan
+from phd_jdtc_ros.core.engine import Engine
+from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, new_pipeline
+from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.types import SMOOTHED
 
 from ..common.runtime import WARNING_PERIOD_S
 from . import endpoints
@@ -56,8 +57,6 @@ class LiveTracker:
         self._settings = settings
         config = settings.config
         nominal_s = config.model.modes.interval_s
-        self._engine = config.engine()
-        self._grouper = config.grouper()
         self._inputs = [
             InputHealth(radar.name, radar.topic, Rhythm(nominal_s)) for radar in config.inputs
         ]
@@ -71,11 +70,13 @@ class LiveTracker:
         self._patience = self._make_patience(settings.node["max_wait_s"])
         try:
             self._checkpoints = self._make_checkpoints()
+            self._pipeline = new_pipeline(config, self._begin)
             for index, health in enumerate(self._inputs):
-                message_class, read = _reader(config.inputs[index])
+                reader = reader_of(config.inputs[index])
+                on_message = partial(self._on_message, index, reader)
                 self._subscriptions.append(
                     endpoints.subscription(
-                        node, message_class, partial(self._on_detections, index, read), health
+                        node, _message_class(config.inputs[index], reader), on_message, health
                     )
                 )
         except Exception:
@@ -134,29 +135,35 @@ class LiveTracker:
     def retune(self, settings: Settings) -> None:
         """Go by changed settings from the next scan on; their structure must be the same."""
         self._settings = settings
-        self._engine.retune(settings.config.model, settings.config.existence_threshold)
+        self._pipeline.engine.retune(settings.config.model, settings.config.existence_threshold)
         self._outputs.show_markers(settings.node["publish_markers"])
 
     def flush(self) -> int:
         """Close all scans, publish all smoothed estimates, begin anew; return their number."""
-        self._handle(self._grouper.close_all(), time.thread_time())
-        self._grouper.reset()
-        return self._end_run(self._engine.flush())
+        start, published = time.thread_time(), 0
+        for event in self._pipeline.flush():
+            start = self._publish(event, start)
+            published = len(event.smoothed) if isinstance(event, RunEnded) else 0
+        return published
 
     def save(self) -> str | None:
         """Write a checkpoint; return why there is none, or None."""
         if self._checkpoints is None:
             return "checkpoint.path is not set"
-        return self._checkpoints.save(self._engine)
+        return self._checkpoints.save(self._pipeline.engine)
 
     def reset(self) -> None:
         """Begin anew and publish nothing."""
-        self._grouper.reset()
-        self._engine.reset()
-        self._begin_run()
+        self._pipeline.reset()
+        self._forget_run()
         self._outputs.clear_markers()
 
-    def _begin_run(self) -> None:
+    def _begin(self, engine: Engine, stamp_ns: int) -> None:
+        """Go on from the checkpoint, if there is one, before a run's first scan is taken in."""
+        if self._checkpoints is not None:
+            self._checkpoints.resume(engine, stamp_ns)
+
+    def _forget_run(self) -> None:
         if self._checkpoints is not None:
             self._checkpoints.discard()
         self._outputs.forget()
@@ -164,19 +171,8 @@ class LiveTracker:
         if self._patience is not None:
             self._patience.cancel()
 
-    def _end_run(self, rest: Sequence[Estimates]) -> int:
-        """Publish the smoothed estimates that were held back; return their number."""
-        for found in rest:
-            self._outputs.publish_estimates(SMOOTHED, found)
-        self._begin_run()
-        return len(rest)
-
-    def _on_detections(
-        self,
-        index: int,
-        read: Callable[[Any, RadarInput], detections.Report],
-        message: Any,
-        info: Mapping[str, int],
+    def _on_message(
+        self, index: int, reader: Reader, message: Any, info: Mapping[str, int]
     ) -> None:
         if not self._active:
             return
@@ -184,7 +180,7 @@ class LiveTracker:
         radar, health = self._settings.config.inputs[index], self._inputs[index]
         health.arrived(time.monotonic(), info.get("publication_sequence_number"))
         try:
-            report = read(message, radar)
+            report = reader.from_msg(message, radar)
         except RejectedMessageError as error:
             self._drop(health, error.reason, f"scan rejected: {error}")
             return
@@ -196,15 +192,15 @@ class LiveTracker:
                 f"{radar.topic}: no field {radar.amplitude_field!r}; "
                 "its amplitudes say nothing of the class"
             )
-        waiting = self._grouper.waiting
-        events = self._grouper.add(index, report.stamp_ns, report.detections)
+        waiting = self._pipeline.waiting
+        events = self._pipeline.add(index, report.stamp_ns, report.detections)
         if isinstance(events, Rejection):
             self._drop(health, events.value, f"scan rejected: {events.value} stamp")
             return
         health.rhythm.beat(time.monotonic())
-        self._handle(events, start)
+        closed = self._handle(events, start)
         if self._patience is not None:
-            self._wait(anew=bool(events) or not waiting)
+            self._wait(anew=bool(closed) or not waiting)
 
     def _wait(self, anew: bool) -> None:
         """Time the wait for the rest of a scan, if there is one; `anew` if it is another scan."""
@@ -215,33 +211,49 @@ class LiveTracker:
 
     def _on_overdue(self) -> None:
         self._patience.cancel()
-        events = self._grouper.close_all()
-        self._pace.closed_by_wait += sum(isinstance(event, Scan) for event in events)
-        self._handle(events, time.thread_time())
+        events = self._pipeline.close_scans()
+        self._pace.closed_by_wait += self._handle(events, time.thread_time())
 
-    def _handle(self, events: Sequence[Scan | Reset], start: float) -> None:
-        """Step through closed scans; `start` is the CPU time when their last report came."""
+    def _handle(self, events: Iterable[Event], start: float) -> int:
+        """Publish what comes of reports; return the number of scans that were taken in.
+
+        `start` is the CPU time when the last of the reports came.
+        """
+        scans = 0
         for event in events:
-            if isinstance(event, Reset):
-                limit = ", more than max_gap_scans" if event.ahead else ""
-                self._node.get_logger().warning(f"{event}{limit}: starting anew")
-                self._end_run(self._engine.interrupt() if event.ahead else self._engine.flush())
-                self._pace.epoch += 1
-                continue
-            if self._checkpoints is not None:
-                self._checkpoints.resume(self._engine, event.stamp_ns)
-            step = self._engine.step(event)
-            self._outputs.publish_filtered(step.filtered)
-            for smoothed in step.smoothed:
-                self._outputs.publish_estimates(SMOOTHED, smoothed)
-            now = time.thread_time()
-            step_ms = 1e3 * (self._cpu_s + now - start)
-            self._cpu_s, start = 0.0, now
-            self._pace.stepped(event.stamp_ns, step_ms)
-            if self._checkpoints is not None:
-                self._checkpoints.stepped(self._engine)
-            self._outputs.publish_cardinality(step, step_ms)
-        self._cpu_s += time.thread_time() - start if not events else 0.0
+            start = self._publish(event, start)
+            scans += isinstance(event, Stepped)
+        if not scans:
+            self._cpu_s += time.thread_time() - start
+        return scans
+
+    def _publish(self, event: Event, start: float) -> float:
+        """Publish an event; return the CPU time at which that was done."""
+        if isinstance(event, RunEnded):
+            self._end_run(event)
+            return start
+        step = event.step
+        self._outputs.publish_filtered(step.filtered)
+        for smoothed in step.smoothed:
+            self._outputs.publish_estimates(SMOOTHED, smoothed)
+        now = time.thread_time()
+        step_ms = 1e3 * (self._cpu_s + now - start)
+        self._cpu_s = 0.0
+        self._pace.stepped(event.stamp_ns, step_ms)
+        if self._checkpoints is not None:
+            self._checkpoints.stepped(self._pipeline.engine)
+        self._outputs.publish_cardinality(step, step_ms)
+        return now
+
+    def _end_run(self, event: RunEnded) -> None:
+        """Publish the smoothed estimates that were held back, and begin a new run."""
+        if event.reset is not None:
+            limit = ", more than max_gap_scans" if event.reset.ahead else ""
+            self._node.get_logger().warning(f"{event.reset}{limit}: starting again")
+            self._pace.epoch += 1
+        for found in event.smoothed:
+            self._outputs.publish_estimates(SMOOTHED, found)
+        self._forget_run()
 
     def _drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
         health.drop(reason, count, time.monotonic())
@@ -284,13 +296,11 @@ class LiveTracker:
         return f"{received} clouds received, dropped: {', '.join(drops) or 'none'}"
 
 
-def _reader(radar: RadarInput) -> tuple[type, Callable[[Any, RadarInput], detections.Report]]:
-    """Return the class of a radar's messages and what reads them."""
-    if radar.message == "point_cloud":
-        return PointCloud2, detections.from_msg
-    message_class = radar_scan.installed()
+def _message_class(radar: RadarInput, reader: Reader) -> Any:
+    message_class = reader.installed()
     if message_class is None:
+        package = reader.type_name.split("/")[0]
         raise ConfigError(
-            [f"{radar.name}.message: {radar.message} given, but radar_msgs is not installed"]
+            [f"{radar.name}.message: {radar.message} given, but {package} is not installed"]
         )
-    return message_class, radar_scan.from_msg
+    return message_class

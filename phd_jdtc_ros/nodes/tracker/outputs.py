@@ -194,10 +194,8 @@ class Outputs:
         values = {
             "total": float(np.sum(step.class_mass)),
             **mass,
-            "particles": step.particles,
-            "effective_sample_size": step.effective_sample_size,
+            **step.figures,
             "unresolved": step.filtered.unresolved,
-            "orphans": step.orphans,
             "step_ms": step_ms,
         }
         self._cardinality.publish(

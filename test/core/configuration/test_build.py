@@ -9,6 +9,7 @@ from scenes import plain
 
 from phd_jdtc_ros.core.configuration import build
 from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.engines import new_engine, particle_filter
 from phd_jdtc_ros.core.models import amplitude_density
 from phd_jdtc_ros.core.models.motion import ConstantVelocity, CoordinatedTurn
 
@@ -40,7 +41,7 @@ def test_resolve_of_nothing_is_the_reference_scene():
         np.testing.assert_allclose(birth.std, [200.0, 40.0, 200.0, 40.0, 1e-3])
     assert resolved.lag.scans == 5
     assert resolved.lag.seconds is None
-    assert resolved.budget.per_target == 1000
+    assert particle_filter(resolved).budget.per_target == 1000
     assert resolved.world_frame == "map"
 
 
@@ -243,7 +244,7 @@ def test_resolve_does_not_change_what_it_was_given():
 
 def test_engine_carries_the_configured_choices():
     resolved = build.resolve({"death_term": "paper", "extraction": "clusters", "seed": 9})
-    engine = resolved.engine()
+    engine = new_engine(resolved)
     assert engine.death_term.__name__ == "paper_death_term"
     assert engine.extraction.__name__ == "clusters"
     assert engine.forward.seed == 9

@@ -18,7 +18,7 @@ def particles(memory, mode=None):
     from dataclasses import replace
 
     phd = intensity(np.zeros((len(memory), 5)), np.ones(len(memory)), mode=mode)
-    return replace(phd, memory=np.asarray(memory, dtype=float))
+    return replace(phd, log_snr=np.asarray(memory, dtype=float))
 
 
 def every_pair(phd, detections):
@@ -104,10 +104,14 @@ def test_memory_likelihood_integrates_to_its_detection_probability():
     def density(a):
         report = Detections(np.ones((1, 2)), np.array([a]))
         pairs = every_pair(phd, report)
-        return float(np.exp(model.log_likelihood(phd, report, pairs, RADAR, MODES))[0])
+        return float(
+            np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))[0]
+        )
 
     mass, _ = quad(density, RADAR.threshold, 200.0)
-    assert mass == pytest.approx(model.detection_probability(phd, RADAR, MODES)[0], rel=1e-6)
+    assert mass == pytest.approx(
+        model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)[0], rel=1e-6
+    )
 
 
 def test_memory_averaged_over_the_band_is_the_band_likelihood():
@@ -115,9 +119,11 @@ def test_memory_averaged_over_the_band_is_the_band_likelihood():
     phd = particles(np.linspace(*BANDS[1], 20001), mode=np.full(20001, 2))
     report = Detections(np.ones((3, 2)), np.array([4.0, 20.0, 60.0]))
     pairs = every_pair(phd, report)
-    remembered = np.exp(Memory(0.1).log_likelihood(phd, report, pairs, RADAR, MODES))
+    remembered = np.exp(
+        Memory(0.1).log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES)
+    )
     averaged = remembered.reshape(len(phd), 3).mean(axis=0)
-    band = np.exp(Band().log_likelihood(phd, report, pairs, RADAR, MODES))[:3]
+    band = np.exp(Band().log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))[:3]
 
     np.testing.assert_allclose(averaged, band, rtol=1e-3)
 
@@ -127,7 +133,7 @@ def test_likelihood_without_amplitudes_is_the_detection_probability(model):
     phd = particles([BANDS[0, 0], BANDS[0, 1]])
     report = Detections(np.ones((2, 2)), None)
     pairs = every_pair(phd, report)
-    likelihood = np.exp(model.log_likelihood(phd, report, pairs, RADAR, MODES))
-    expected = model.detection_probability(phd, RADAR, MODES)
+    likelihood = np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))
+    expected = model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)
 
     np.testing.assert_allclose(likelihood, np.repeat(expected, 2))

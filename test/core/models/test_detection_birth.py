@@ -9,19 +9,20 @@ from scenes import small
 from scipy.stats import norm
 
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.models import detection_birth
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel, Newborn
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.smc.correction import CORRECTORS
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.update import update, update_scan
 from phd_jdtc_ros.core.types import Detections, Scan
 
 MODEL = small().model
 MODES, RADAR = MODEL.modes, MODEL.radars[1]
 BIRTHS = DetectionBirthModel(np.array([0.05, 0.05]), 40.0, 1e-3, 4096)
-EMPTY = ParticlePHD.empty(5)
+EMPTY = ParticleSet.empty(5)
 
 
 def unknown():
@@ -81,7 +82,7 @@ def test_intensity_equals_the_density_written_out():
 def test_update_leaves_strong_detections_that_nobody_explains_as_newborn():
     # 45 dB: no clutter is that strong; 4: any clutter is.
     report = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 4.0]))
-    _, found = update(EMPTY, report, RADAR, unknown(), 6.0)
+    _, found = update(EMPTY, report, RADAR, unknown(), BERNOULLI, 6.0)
 
     assert found.mass[0].sum() == pytest.approx(1.0, abs=1e-6)
     assert found.mass[0, 0] > 0.99  # of the stronger class
@@ -99,8 +100,9 @@ def reports_of_one_target(amplitude=200.0):
 @pytest.mark.parametrize("corrector", ["bernoulli", "poisson"])
 def test_update_scan_finds_a_target_of_two_radars_once(corrector):
     model, scan = reports_of_one_target()
-    model = replace(model, corrector=CORRECTORS[corrector])
-    phd, found = update_scan(EMPTY, scan, model, 6.0, 0, np.random.default_rng(0))
+    phd, found = update_scan(
+        EMPTY, scan, model, CORRECTORS[corrector], 6.0, 0, np.random.default_rng(0)
+    )
 
     assert [one.mass.sum() for one in found] == pytest.approx([1.0, 0.0], abs=0.05)
     assert phd.weight.sum() == pytest.approx(1.0, abs=0.05)
@@ -108,7 +110,9 @@ def test_update_scan_finds_a_target_of_two_radars_once(corrector):
 
 def test_newborn_mass_follows_the_interval():
     report = Detections(np.array([[6000.0, 0.5]]), np.array([4.5]))
-    masses = [update(EMPTY, report, RADAR, unknown(), dt)[1].mass.sum() for dt in (3.0, 6.0)]
+    masses = [
+        update(EMPTY, report, RADAR, unknown(), BERNOULLI, dt)[1].mass.sum() for dt in (3.0, 6.0)
+    ]
 
     assert masses[1] == pytest.approx(2.0 * masses[0], rel=0.02)
 
@@ -116,14 +120,17 @@ def test_newborn_mass_follows_the_interval():
 def test_update_without_such_births_leaves_nothing():
     report = Detections(np.array([[6000.0, 0.5]]), np.array([200.0]))
 
-    assert update(EMPTY, report, RADAR, MODEL, 6.0)[1] is None
+    assert update(EMPTY, report, RADAR, MODEL, BERNOULLI, 6.0)[1] is None
 
 
 def test_update_scan_gives_every_detection_an_origin_of_its_own():
     model, scan = reports_of_one_target()
     far = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 200.0]))
     scan = replace(scan, detections=(far, scan.detections[1]))
-    scans = [update_scan(EMPTY, scan, model, 6.0, k, np.random.default_rng(0))[0] for k in (2, 3)]
+    scans = [
+        update_scan(EMPTY, scan, model, BERNOULLI, 6.0, k, np.random.default_rng(0))[0]
+        for k in (2, 3)
+    ]
 
     assert [len(set(phd.origin)) for phd in scans] == [3, 3]
     assert not set(scans[0].origin) & set(scans[1].origin)
@@ -140,7 +147,7 @@ def test_tracker_finds_targets_without_known_birth_places():
             "particles_per_target": 500,
         }
     )
-    engine = config.engine()
+    engine = new_engine(config)
     run = simulate(paper_scenario(config.model.radars), 5)[:15]
     for _, scan in run:
         step = engine.step(scan)

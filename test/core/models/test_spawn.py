@@ -7,17 +7,20 @@ import numpy as np
 import pytest
 from scenes import intensity, small
 
+from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.models.motion import OMEGA
-from phd_jdtc_ros.core.smc.correction import poisson
+from phd_jdtc_ros.core.smc.correction import POISSON
 from phd_jdtc_ros.core.smc.prediction import predict
 
 CONFIG = small({"spawn.particles_per_target": 20_000})
+FILTER = particle_filter(CONFIG)
 MODEL = replace(CONFIG.model, births=())
 
 
-def spawned_from(state, mode, dt=6.0, model=MODEL):
+def spawned_from(state, mode, dt=6.0, corrector=FILTER.corrector):
     phd = intensity([state], [1.0], mode=np.array([mode]), origin=np.array([7]))
-    predicted = predict(phd, model, CONFIG.budget, dt, 1, np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    predicted = predict(phd, MODEL, corrector, FILTER.budget, dt, 1, rng)
     return phd, predicted, np.arange(len(predicted)) > 0  # the first row survives
 
 
@@ -56,15 +59,15 @@ def test_spawn_mass_follows_the_interval(dt):
 
 
 def test_spawn_inherits_the_origin_in_the_phd_filter():
-    model = replace(MODEL, corrector=poisson)
-    _, predicted, _ = spawned_from([0.0, 10.0, 0.0, 0.0, 0.0], 0, model=model)
+    _, predicted, _ = spawned_from([0.0, 10.0, 0.0, 0.0, 0.0], 0, corrector=POISSON)
     np.testing.assert_array_equal(predicted.origin, 7)
 
 
 def test_spawn_founds_an_origin_a_parent_where_origins_are_targets():
     phd = intensity(np.zeros((3, 5)), np.ones(3), origin=np.array([7, 9, 9]))
     model = replace(MODEL, births=CONFIG.model.births)
-    predicted = predict(phd, model, CONFIG.budget, 6.0, 5, np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    predicted = predict(phd, model, FILTER.corrector, FILTER.budget, 6.0, 5, rng)
     spawned = (predicted.parent >= 0) & (np.arange(len(predicted)) >= 3)
     own = predicted.origin[spawned]
     named = {(phd.origin[p], o) for p, o in zip(predicted.parent[spawned], own, strict=True)}

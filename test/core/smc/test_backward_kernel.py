@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scenes import gaussian_cloud, intensity, short_scenario, small
 
+from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.pair_search import sweep
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.correction import BERNOULLI, POISSON
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.prediction import predict
 from phd_jdtc_ros.core.smc.resampling import resample
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_step
@@ -33,7 +35,7 @@ def gaussian(offset, covariance):
     return np.exp(-0.5 * (square + log_determinant))
 
 
-def dense_kernels(earlier, later, model, dt):
+def dense_kernels(earlier, later, model, corrector, dt):
     """Return K[q, s] and mu[q], without gates, caches or whitening."""
     modes = model.modes
     share = dt / modes.interval_s
@@ -58,23 +60,23 @@ def dense_kernels(earlier, later, model, dt):
             )[0]
             for term in model.births
         )
-        if model.labelled:
+        if corrector.labelled:
             kernel[q, earlier.origin != later.origin[q]] = 0.0
             spawned, born = 0.0, 0.0
         mu[q] = born + (earlier.weight * (kernel[q] + spawned)).sum()
     return kernel, mu
 
 
-def stored_run(model, budget, stamps_s, seed, start=None):
+def stored_run(model, method, stamps_s, seed, start=None):
     """Return the stored sets of a short run with unequal intervals, and those intervals."""
     rng = np.random.default_rng(seed)
     scans = [scan for _, scan in simulate(short_scenario(len(stamps_s)), seed)]
-    stored = [ParticlePHD.empty(5) if start is None else start]
+    stored = [ParticleSet.empty(5) if start is None else start]
     intervals = np.diff(stamps_s, prepend=-4.0)
     for index, (scan, dt) in enumerate(zip(scans, intervals, strict=True)):
-        phd = predict(stored[-1], model, budget, dt, index, rng)
-        phd, _ = update_scan(phd, scan, model, dt, index, rng)
-        stored.append(resample(phd, model.modes, budget, rng))
+        phd = predict(stored[-1], model, method.corrector, method.budget, dt, index, rng)
+        phd, _ = update_scan(phd, scan, model, method.corrector, dt, index, rng)
+        stored.append(resample(phd, model.modes, method.budget, rng))
     return (stored[1:], intervals[1:]) if start is None else (stored, intervals)
 
 
@@ -112,18 +114,19 @@ def run(request):
         start = wide_cloud()
     corrector = "bernoulli" if request.param == "labelled" else "poisson"
     config = small({**SPARSE_BUDGET, "corrector": corrector, **given})
+    method = particle_filter(config)
     # Scans do not come at exactly the nominal interval, here 4, 6, 5 and 6.5 s.
     stamps_s = [0.0, 6.0, 11.0, 17.5]
-    stored, intervals = stored_run(config.model, config.budget, stamps_s, seed=2, start=start)
+    stored, intervals = stored_run(config.model, method, stamps_s, seed=2, start=start)
     links = [
-        backward_kernel.build(a, b, config.model, dt)
+        backward_kernel.build(a, b, config.model, method.corrector, dt)
         for a, b, dt in zip(stored[:-1], stored[1:], intervals, strict=True)
     ]
     dense = [
-        dense_kernels(a, b, config.model, dt)
+        dense_kernels(a, b, config.model, method.corrector, dt)
         for a, b, dt in zip(stored[:-1], stored[1:], intervals, strict=True)
     ]
-    return config.model, stored, intervals, links, dense
+    return (config.model, method.corrector), stored, intervals, links, dense
 
 
 def assert_weights_equal(found, expected):
@@ -198,20 +201,20 @@ def test_build_survival_is_that_of_the_true_interval(run):
 
 def test_build_spawn_stands_in_mu_and_not_in_the_numerator():
     # A slow particle of the other class: only a spawn explains it.
-    model = replace(small({"spawn.rate": 0.5, "corrector": "poisson"}).model, births=())
+    model = replace(small({"spawn.rate": 0.5}).model, births=())
     earlier = intensity([[0.0, 0.0, 0.0, 0.0, 0.0]], [1.0], mode=np.array([0]))
     later = replace(earlier, mode=np.array([2]), parent=np.array([0]))
-    link = backward_kernel.build(earlier, later, model, 6.0)
+    link = backward_kernel.build(earlier, later, model, POISSON, 6.0)
     assert link.orphans == 0
     assert link.ratio.toarray().tolist() == [[0.0]]
 
 
 def test_build_spawn_beyond_its_radius_is_within_the_tolerance(run, monkeypatch):
-    model, stored, intervals, links, _ = run
+    (model, corrector), stored, intervals, links, _ = run
     with monkeypatch.context() as patch:
         patch.setattr(backward_kernel, "SPAWN_TOLERANCE", 1e-300)  # then every radius is the gate
         exact = [
-            backward_kernel.build(a, b, model, dt)
+            backward_kernel.build(a, b, model, corrector, dt)
             for a, b, dt in zip(stored[:-1], stored[1:], intervals, strict=True)
         ]
     for link, full in zip(links, exact, strict=True):
@@ -221,11 +224,11 @@ def test_build_spawn_beyond_its_radius_is_within_the_tolerance(run, monkeypatch)
 
 
 def test_build_bounds_spawned_mass_in_little_memory_however_narrow_the_spawn():
-    model = small({"spawn.rate": 0.5, "spawn.position_std": 1e-6, "corrector": "poisson"}).model
+    model = small({"spawn.rate": 0.5, "spawn.position_std": 1e-6}).model
     state = [[0.0, 10.0, 0.0, 10.0, 0.0], [2e4, 10.0, 2e4, 10.0, 0.0]]
     earlier = intensity(state, [1.0, 1.0])
     later = intensity([model.modes.motions[0].mean(np.array(state), 6.0)[0]], [1.0])
-    link = backward_kernel.build(earlier, later, model, 6.0)
+    link = backward_kernel.build(earlier, later, model, POISSON, 6.0)
     assert link.ratio.nnz == 1
 
 
@@ -237,7 +240,7 @@ def test_build_gives_an_orphan_to_its_parent(rate):
     earlier = intensity(state, [0.5, 0.25])
     far = np.array([[4000.0, 0.0, 3000.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0]])
     later = replace(intensity(far, [0.2, 0.4]), parent=np.array([1, 0]))
-    link = backward_kernel.build(earlier, later, model, 6.0)
+    link = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
     assert link.orphans == 1
     backward = link.ratio @ later.weight
     assert backward[1] * earlier.weight[1] == pytest.approx(0.2, rel=1e-9)
@@ -248,7 +251,7 @@ def test_build_gives_all_orphans_to_their_parents():
     earlier = intensity(np.zeros((2, 5)), [0.5, 0.25])
     far = np.array([[9000.0, 0.0, 8000.0, 0.0, 0.0], [-9e3, 0.0, 9e3, 0.0, 0.0]])
     later = replace(intensity(far, [0.2, 0.4]), parent=np.array([1, 1]))
-    link = backward_kernel.build(earlier, later, model, 6.0)
+    link = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
     assert link.orphans == 2
     np.testing.assert_allclose(link.ratio @ later.weight, [0.0, 0.6 / 0.25])
 
@@ -267,8 +270,8 @@ def test_build_gives_orphans_among_many_rows_to_their_parents():
     lost = np.sort(rng.choice(count, 40, replace=False))
     far = moved.copy()
     far[lost, 0] += 5000.0 * np.arange(1, 41)
-    plain = backward_kernel.build(earlier, later, model, 6.0)
-    link = backward_kernel.build(earlier, replace(later, state=far), model, 6.0)
+    plain = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
+    link = backward_kernel.build(earlier, replace(later, state=far), model, BERNOULLI, 6.0)
     assert (plain.orphans, link.orphans) == (0, 40)
     columns = link.ratio.tocsc()
     for row in lost:
@@ -284,7 +287,7 @@ def test_build_leaves_a_birth_out_of_reach_without_a_parent():
     model = small().model
     earlier = intensity(np.zeros((1, 5)), [1.0])
     later = intensity(model.births[0].mean[None], [0.3])
-    link = backward_kernel.build(earlier, later, model, 6.0)
+    link = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
     assert link.orphans == 0
     assert (link.ratio @ later.weight).tolist() == [0.0]
 
@@ -309,7 +312,7 @@ def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch
     links = {}
     for name in ("numpy", "numba"):
         monkeypatch.setattr(sweep, "BACKEND", sweep.backend(name))
-        links[name] = backward_kernel.build(earlier, later, model, 6.0)
+        links[name] = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
 
     plain, compiled = (links[name].ratio.toarray() for name in ("numpy", "numba"))
     assert np.count_nonzero(plain) > 1000
@@ -322,7 +325,7 @@ def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch
 def test_build_from_an_empty_set_has_no_rows():
     model = small().model
     later = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
-    link = backward_kernel.build(ParticlePHD.empty(5), later, model, 6.0)
+    link = backward_kernel.build(ParticleSet.empty(5), later, model, BERNOULLI, 6.0)
     assert link.ratio.shape == (0, 3)
     assert len(link.ratio @ later.weight) == 0
 
@@ -331,5 +334,5 @@ def test_build_from_an_empty_set_has_no_rows():
 def test_build_to_an_empty_set_leaves_nothing_alive():
     model = small().model
     earlier = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
-    link = backward_kernel.build(earlier, ParticlePHD.empty(5), model, 6.0)
+    link = backward_kernel.build(earlier, ParticleSet.empty(5), model, BERNOULLI, 6.0)
     np.testing.assert_array_equal(link.ratio @ np.zeros(0), np.zeros(3))

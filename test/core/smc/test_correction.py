@@ -6,7 +6,7 @@ import pytest
 from scenes import intensity
 from scipy import sparse
 
-from phd_jdtc_ros.core.smc.correction import Claims, bernoulli, poisson, scale_rows
+from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS, POISSON, Claims, scale_rows
 
 
 def claims(likelihood, weight, other, p_d=0.9):
@@ -17,10 +17,10 @@ def claims(likelihood, weight, other, p_d=0.9):
     return Claims(row, column, mass, np.asarray(other, dtype=float), p_d)
 
 
-def corrected(likelihood, weight, other, p_d=0.9, origin=None, corrector=bernoulli):
+def corrected(likelihood, weight, other, p_d=0.9, origin=None, corrector=BERNOULLI):
     weight = np.asarray(weight, dtype=float)
     phd = intensity(np.zeros((len(weight), 5)), weight, origin=origin)
-    return corrector(phd, claims(np.asarray(likelihood, dtype=float), weight, other, p_d))
+    return corrector.correct(phd, claims(np.asarray(likelihood, dtype=float), weight, other, p_d))
 
 
 @pytest.mark.parametrize("existence", [0.01, 0.5, 0.99, 1.0])
@@ -31,7 +31,7 @@ def test_bernoulli_missed_target_keeps_the_existence_of_bayes_rule(existence):
 
 
 def test_poisson_missed_target_is_scaled_down_whatever_its_existence():
-    phd, _ = corrected(np.zeros((1, 0)), [0.99], [], corrector=poisson)
+    phd, _ = corrected(np.zeros((1, 0)), [0.99], [], corrector=POISSON)
     assert phd.weight.sum() == pytest.approx(0.099)
 
 
@@ -51,7 +51,7 @@ def test_bernoulli_single_target_is_the_exact_posterior():
 def test_bernoulli_target_between_two_detections_is_one_and_poisson_makes_it_two():
     likelihood, weight, other = np.full((4, 2), 50.0), np.full(4, 0.2475), [0.01, 0.01]
     single, _ = corrected(likelihood, weight, other)
-    double, _ = corrected(likelihood, weight, other, corrector=poisson)
+    double, _ = corrected(likelihood, weight, other, corrector=POISSON)
     assert single.weight.sum() <= 1.0
     assert double.weight.sum() > 1.9
 
@@ -62,7 +62,7 @@ def test_bernoulli_of_small_masses_is_the_poisson_correction():
     likelihood, weight = rng.exponential(1.0, (6, 1)), rng.uniform(1e-7, 1e-6, 6)
     phds = [
         corrected(likelihood, weight, [2e-7], origin=np.array([0, 0, 1, 1, 2, 2]), corrector=c)[0]
-        for c in (bernoulli, poisson)
+        for c in (BERNOULLI, POISSON)
     ]
     np.testing.assert_allclose(phds[0].weight, phds[1].weight, rtol=1e-5)
 
@@ -97,13 +97,13 @@ def test_bernoulli_particles_share_what_their_target_claims_by_likelihood():
 
 
 def test_poisson_keeps_a_component_for_every_detection():
-    phd, _ = corrected(np.ones((3, 2)), [0.1, 0.2, 0.3], [1.0, 3.0], corrector=poisson)
+    phd, _ = corrected(np.ones((3, 2)), [0.1, 0.2, 0.3], [1.0, 3.0], corrector=POISSON)
     np.testing.assert_array_equal(phd.label, [-1, -1])
     masses = phd.components.toarray().sum(axis=0)
     np.testing.assert_allclose(masses, [0.54 / 1.54, 0.54 / 3.54])
 
 
-@pytest.mark.parametrize("corrector", [bernoulli, poisson])
+@pytest.mark.parametrize("corrector", CORRECTORS.values(), ids=CORRECTORS)
 def test_corrector_of_nothing_claims_nothing(corrector):
     phd, claimed = corrected(np.zeros((0, 3)), [], [1.0, 1.0, 1.0], corrector=corrector)
     assert len(phd) == 0

@@ -6,7 +6,7 @@ import pytest
 from scenes import intensity, small
 
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS, clusters, components
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 
 MODES = small().model.modes  # flat modes 0, 1 are class 0; 2, 3 class 1
 
@@ -100,7 +100,7 @@ def test_components_report_a_mass_above_one_and_a_half_once_and_count_it():
 
 @pytest.mark.parametrize("method", list(EXTRACTIONS.values()), ids=list(EXTRACTIONS))
 def test_extraction_of_an_empty_intensity_is_no_target_of_the_right_shapes(method):
-    found = extract(ParticlePHD.empty(5), method, lag=3)
+    found = extract(ParticleSet.empty(5), method, lag=3)
     assert (found.stamp_ns, found.lag, len(found)) == (42, 3, 0)
     assert found.state.shape == (0, 5)
     assert found.covariance.shape == (0, 5, 5)

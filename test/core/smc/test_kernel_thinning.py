@@ -10,6 +10,7 @@ from scenes import gaussian_cloud, intensity, small
 from phd_jdtc_ros.core.models.motion import sample
 from phd_jdtc_ros.core.pair_search import sweep
 from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning
+from phd_jdtc_ros.core.smc.correction import BERNOULLI
 
 COUNT = 600
 
@@ -103,10 +104,10 @@ def dense_scene(interval):
 @pytest.mark.parametrize("interval", [24.0, 60.0])
 def test_a_dense_kernel_is_drawn_to_few_pairs_that_carry_the_same_weights(interval, monkeypatch):
     model, earlier, later = dense_scene(interval)
-    few = backward_kernel.build(earlier, later, model, interval)
+    few = backward_kernel.build(earlier, later, model, BERNOULLI, interval)
     limit = kernel_thinning.MOST
     monkeypatch.setattr(kernel_thinning, "MOST", 1_000_000)
-    every = backward_kernel.build(earlier, later, model, interval)
+    every = backward_kernel.build(earlier, later, model, BERNOULLI, interval)
     assert every.ratio.nnz > 100 * COUNT
     assert np.diff(few.ratio.indptr).max() <= limit
     # Each later row is explained once, by both.
@@ -130,5 +131,7 @@ def test_draws_do_not_depend_on_the_backend(interval, monkeypatch):
     ratios = []
     for name in ("numpy", "numba"):
         monkeypatch.setattr(sweep, "BACKEND", sweep.backend(name))
-        ratios.append(backward_kernel.build(earlier, later, model, interval).ratio.toarray())
+        ratios.append(
+            backward_kernel.build(earlier, later, model, BERNOULLI, interval).ratio.toarray()
+        )
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=1e-9, atol=0.0)

@@ -8,6 +8,7 @@ import pytest
 from scenes import no_detections, plain, short_scenario, small
 
 from phd_jdtc_ros.core.engine import Lag
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.scenario import TargetScript
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.types import Scan
@@ -40,17 +41,17 @@ def all_same(first, second):
 @pytest.mark.parametrize("extraction", ["components", "clusters"])
 def test_engine_gives_the_same_run_for_the_same_seed(extraction):
     config = small({"lag": 2, "seed": 7, "extraction": extraction})
-    assert all_same(run(config.engine()), run(config.engine()))
+    assert all_same(run(new_engine(config)), run(new_engine(config)))
 
 
 def test_engine_gives_another_run_for_another_seed():
-    first, second = (run(small({"seed": seed}).engine()) for seed in (1, 2))
+    first, second = (run(new_engine(small({"seed": seed}))) for seed in (1, 2))
     assert not all_same(first, second)
 
 
 @pytest.mark.parametrize("forget", ["reset", "flush"])
 def test_engine_starts_anew_after_a_reset(forget):
-    engine = small({"lag": 2}).engine()
+    engine = new_engine(small({"lag": 2}))
     first = run(engine)  # ends with a flush
     for scan in SCANS[:5]:
         engine.step(scan)
@@ -66,10 +67,10 @@ def test_engine_keeps_to_its_particles_when_targets_leave_all_coverage():
     )
     scans = [scan for _, scan in simulate(replace(scene, targets=targets), 3)]
     given, most = {"least_particles": 200}, 1500
-    usual = list(map(small(given).engine().step, scans))
-    assert usual[-1].particles > 2 * most
-    steps = list(map(small({**given, "max_particles": most}).engine().step, scans))
-    assert max(step.particles for step in steps) <= 1.1 * most
+    usual = list(map(new_engine(small(given)).step, scans))
+    assert usual[-1].figures["particles"] > 2 * most
+    steps = list(map(new_engine(small({**given, "max_particles": most})).step, scans))
+    assert max(step.figures["particles"] for step in steps) <= 1.1 * most
     # Targets, with more mass than guesses, keep theirs: they are tracked as without a limit.
     assert [len(step.filtered) for step in steps] == [len(step.filtered) for step in usual]
 
@@ -79,7 +80,7 @@ def tracks(found):
 
 
 def test_engine_interrupted_gives_out_the_rest_and_new_numbers():
-    usual, engine = small({"lag": 2}).engine(), small({"lag": 2}).engine()
+    usual, engine = new_engine(small({"lag": 2})), new_engine(small({"lag": 2}))
     filtered, _, rest = run(usual)
     for scan in SCANS:
         engine.step(scan)
@@ -95,7 +96,7 @@ def test_engine_interrupted_gives_out_the_rest_and_new_numbers():
 
 
 def test_engine_flushed_after_an_interruption_numbers_from_one_again():
-    engine = small({"lag": 2}).engine()
+    engine = new_engine(small({"lag": 2}))
     first = run(engine)
     for scan in SCANS:
         engine.step(scan)
@@ -105,7 +106,7 @@ def test_engine_flushed_after_an_interruption_numbers_from_one_again():
 
 
 def test_engine_finds_the_targets_of_the_scene():
-    engine = small({"particles_per_target": 500, "particles_per_birth": 512}).engine()
+    engine = new_engine(small({"particles_per_target": 500, "particles_per_birth": 512}))
     filtered, smoothed, flushed = run(engine)
     for scan, (truth, _) in enumerate(simulate(short_scenario(8), 3)):
         if scan < 2:
@@ -120,7 +121,7 @@ def test_engine_finds_the_targets_of_the_scene():
 
 @pytest.mark.parametrize("lag", [1, 3])
 def test_engine_smooths_each_stamp_once_its_lag_is_reached(lag):
-    engine = small({"lag": lag}).engine()
+    engine = new_engine(small({"lag": lag}))
     for index, scan in enumerate(SCANS):
         smoothed = engine.step(scan).smoothed
         expected = [(SCANS[index - lag].stamp_ns, lag)] if index >= lag else []
@@ -128,7 +129,7 @@ def test_engine_smooths_each_stamp_once_its_lag_is_reached(lag):
 
 
 def test_engine_flush_returns_the_rest_in_order_with_falling_lags():
-    engine = small({"lag": 3}).engine()
+    engine = new_engine(small({"lag": 3}))
     for scan in SCANS:
         engine.step(scan)
     flushed = engine.flush()
@@ -138,7 +139,7 @@ def test_engine_flush_returns_the_rest_in_order_with_falling_lags():
 
 
 def test_engine_flush_before_the_window_is_full_returns_all():
-    engine = small({"lag": 5}).engine()
+    engine = new_engine(small({"lag": 5}))
     for scan in SCANS[:2]:
         engine.step(scan)
     assert [(e.stamp_ns, e.lag) for e in engine.flush()] == [
@@ -148,7 +149,7 @@ def test_engine_flush_before_the_window_is_full_returns_all():
 
 
 def test_engine_without_lag_smooths_at_once():
-    engine = small({"lag": 0}).engine()
+    engine = new_engine(small({"lag": 0}))
     for scan in SCANS:
         step = engine.step(scan)
         assert [(e.stamp_ns, e.lag) for e in step.smoothed] == [(scan.stamp_ns, 0)]
@@ -157,8 +158,8 @@ def test_engine_without_lag_smooths_at_once():
 
 @pytest.mark.parametrize("lag", [0, 1])
 def test_engine_filters_alike_whatever_the_lag(lag):
-    filtered = run(small({"lag": lag}).engine())[0]
-    reference = run(small({"lag": 5}).engine())[0]
+    filtered = run(new_engine(small({"lag": lag})))[0]
+    reference = run(new_engine(small({"lag": 5})))[0]
     assert all(same(a, b) for a, b in zip(filtered, reference, strict=True))
 
 
@@ -169,7 +170,7 @@ def test_engine_with_a_lag_in_seconds_waits_for_the_stamps():
         replace(scan, stamp_ns=START_NS + round(s * 1e9))
         for scan, s in zip(SCANS[: len(stamps_s)], stamps_s, strict=True)
     ]
-    engine = config.engine()
+    engine = new_engine(config)
     smoothed = [
         [(round((e.stamp_ns - START_NS) * 1e-9), e.lag) for e in engine.step(scan).smoothed]
         for scan in scans
@@ -188,7 +189,7 @@ def test_lag_in_scans_counts_those_that_follow(stamps, reached):
 @pytest.mark.parametrize("back_ns", [0, 1, 10**9])
 @pytest.mark.parametrize("lag", [0, 5])
 def test_engine_refuses_a_stamp_that_is_not_later(back_ns, lag):
-    engine = small({"lag": lag}).engine()
+    engine = new_engine(small({"lag": lag}))
     engine.step(SCANS[0])
     engine.step(SCANS[1])
     stale = replace(SCANS[2], stamp_ns=SCANS[1].stamp_ns - back_ns)
@@ -197,7 +198,7 @@ def test_engine_refuses_a_stamp_that_is_not_later(back_ns, lag):
 
 
 def test_engine_goes_on_after_a_refused_stamp():
-    refused, untouched = small({"lag": 2}).engine(), small({"lag": 2}).engine()
+    refused, untouched = new_engine(small({"lag": 2})), new_engine(small({"lag": 2}))
     for engine in (refused, untouched):
         engine.step(SCANS[0])
     with pytest.raises(ValueError, match="not later"):
@@ -207,7 +208,7 @@ def test_engine_goes_on_after_a_refused_stamp():
 
 def test_engine_does_not_update_with_a_radar_that_did_not_report():
     # A silent radar is no evidence; a report of nothing is.
-    silent, empty = small().engine(), small().engine()
+    silent, empty = new_engine(small()), new_engine(small())
     for engine in (silent, empty):
         for scan in SCANS[:4]:
             engine.step(scan)
@@ -220,12 +221,12 @@ def test_engine_does_not_update_with_a_radar_that_did_not_report():
 
 
 def test_engine_step_reports_what_it_holds():
-    step = small().engine().step(SCANS[0])
+    step = new_engine(small()).step(SCANS[0])
     assert step.class_mass.shape == (2,)
     assert 2.0 < step.class_mass.sum() < 4.0
-    assert 0 < step.effective_sample_size <= 200 * 4 + 8 * 20
-    assert 0 < step.particles <= 1000
-    assert step.orphans == 0
+    assert 0 < step.figures["effective_sample_size"] <= 200 * 4 + 8 * 20
+    assert 0 < step.figures["particles"] <= 1000
+    assert step.figures["orphans"] == 0
 
 
 def one_target_scans(config, scans=6):
@@ -246,7 +247,7 @@ def test_engine_runs_a_plain_phd(death_term, extraction):
             "particles_per_birth": 512,
         }
     )
-    engine = config.engine()
+    engine = new_engine(config)
     for index, (truth, scan) in enumerate(one_target_scans(config)):
         step = engine.step(scan)
         if index < 2:
@@ -259,7 +260,7 @@ def test_engine_runs_a_plain_phd(death_term, extraction):
 
 def test_engine_runs_three_classes_of_different_motions():
     config = small(THREE_CLASSES)
-    filtered, smoothed, flushed = run(config.engine())
+    filtered, smoothed, flushed = run(new_engine(config))
     assert filtered[-1].class_probability.shape[1] == 3
     assert len(filtered[-1]) == 3
     assert len(smoothed) + len(flushed) == len(SCANS)
@@ -281,6 +282,6 @@ THREE_CLASSES = {
 
 
 def test_engine_runs_without_births_and_stays_empty():
-    engine = small({"births": [], "lag": 1}).engine()
+    engine = new_engine(small({"births": [], "lag": 1}))
     filtered, smoothed, flushed = run(engine)
     assert all(len(e) == 0 for e in [*filtered, *smoothed, *flushed])

@@ -8,11 +8,14 @@ import pytest
 from scenes import intensity, scattered, small
 from scipy import sparse
 
-from phd_jdtc_ros.core.models.tracker_model import ORIGINS_PER_SCAN
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.engines import particle_filter
+from phd_jdtc_ros.core.origins import ORIGINS_PER_SCAN
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.prediction import predict
 
 CONFIG = small({"corrector": "poisson"})
+FILTER = particle_filter(CONFIG)
+METHOD = (FILTER.corrector, FILTER.budget)
 MODEL = CONFIG.model
 MODES = MODEL.modes
 
@@ -20,7 +23,7 @@ MODES = MODEL.modes
 @pytest.mark.parametrize("dt", [6.0, 2.0, 9.5])
 def test_predict_mass_is_that_of_survivors_spawned_and_born(dt):
     phd = scattered()
-    predicted = predict(phd, MODEL, CONFIG.budget, dt, 3, np.random.default_rng(0))
+    predicted = predict(phd, MODEL, *METHOD, dt, 3, np.random.default_rng(0))
     share = dt / 6.0
     births = share * sum(term.rate.sum() for term in MODEL.births)
     expected = 0.99**share * 2.0 + 0.01 * share * 2.0 + births
@@ -42,7 +45,7 @@ def test_predict_uses_each_class_survival():
     )
     phd = scattered()
     before = phd.class_mass(MODES.class_of, 2)
-    predicted = predict(phd, model, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
+    predicted = predict(phd, model, *METHOD, 6.0, 1, np.random.default_rng(0))
     after = predicted.class_mass(MODES.class_of, 2)
     np.testing.assert_allclose(after, before * [0.9, 0.5], rtol=1e-12)
 
@@ -51,7 +54,7 @@ def test_predict_moves_every_copy_with_noise_of_its_own():
     state = np.repeat([[0.0, 10.0, 0.0, 5.0, 0.0]], 2, axis=0)
     phd = intensity(state, [0.6, 0.2], multiplicity=np.array([3, 1]))
     model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
-    predicted = predict(phd, model, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
+    predicted = predict(phd, model, *METHOD, 6.0, 1, np.random.default_rng(0))
     assert len(predicted) == 4
     assert len(np.unique(predicted.state[:, 0])) == 4
     np.testing.assert_array_equal(predicted.parent, [0, 0, 0, 1])
@@ -62,7 +65,7 @@ def test_predict_moves_every_copy_with_noise_of_its_own():
 def test_predict_survivors_keep_class_and_origin():
     phd = scattered()
     model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
-    predicted = predict(phd, model, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
+    predicted = predict(phd, model, *METHOD, 6.0, 1, np.random.default_rng(0))
     source = phd.mode[predicted.parent]
     np.testing.assert_array_equal(MODES.class_of[predicted.mode], MODES.class_of[source])
     np.testing.assert_array_equal(predicted.origin, phd.origin[predicted.parent])
@@ -73,7 +76,7 @@ def test_predict_draws_modes_by_the_transition_over_the_interval():
     count = 20_000
     phd = intensity(np.zeros((count, 5)), np.full(count, 1e-4), mode=np.full(count, 2))
     model = replace(MODEL, births=(), spawn=replace(MODEL.spawn, rate=0.0))
-    predicted = predict(phd, model, CONFIG.budget, 3.0, 1, np.random.default_rng(0))
+    predicted = predict(phd, model, *METHOD, 3.0, 1, np.random.default_rng(0))
     share = np.bincount(predicted.mode, minlength=4) / count
     expected = MODES.transition(3.0)[2]
     error = 4.5 * np.sqrt(expected * (1.0 - expected) / count)
@@ -81,9 +84,9 @@ def test_predict_draws_modes_by_the_transition_over_the_interval():
 
 
 def test_predict_names_births_after_term_and_scan():
-    empty = ParticlePHD.empty(5)
+    empty = ParticleSet.empty(5)
     rng = np.random.default_rng(0)
-    scans = [predict(empty, MODEL, CONFIG.budget, 6.0, index, rng) for index in (0, 1)]
+    scans = [predict(empty, MODEL, *METHOD, 6.0, index, rng) for index in (0, 1)]
     names = [set(scan.origin.tolist()) for scan in scans]
     assert names == [{0, 1, 2, 3}, {ORIGINS_PER_SCAN + term for term in range(4)}]
     for term, (mean, _) in enumerate(zip(MODEL.births, range(4), strict=True)):
@@ -93,8 +96,8 @@ def test_predict_names_births_after_term_and_scan():
 
 def test_predict_of_nothing_without_births_is_nothing():
     model = replace(MODEL, births=())
-    empty = ParticlePHD.empty(5)
-    predicted = predict(empty, model, CONFIG.budget, 6.0, 0, np.random.default_rng(0))
+    empty = ParticleSet.empty(5)
+    predicted = predict(empty, model, *METHOD, 6.0, 0, np.random.default_rng(0))
     assert len(predicted) == 0
 
 
@@ -104,6 +107,6 @@ def test_predict_leaves_all_weight_in_the_poisson_part():
     updated = replace(
         phd, poisson=np.zeros(len(phd)), components=held, label=np.arange(3, dtype=np.int64)
     )
-    predicted = predict(updated, MODEL, CONFIG.budget, 6.0, 1, np.random.default_rng(0))
+    predicted = predict(updated, MODEL, *METHOD, 6.0, 1, np.random.default_rng(0))
     assert predicted.components.shape == (len(predicted), 0)
     np.testing.assert_array_equal(predicted.weight, predicted.poisson)

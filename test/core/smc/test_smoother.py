@@ -9,6 +9,7 @@ import pytest
 from scenes import gaussian_cloud, intensity, no_detections, plain
 from scipy import sparse
 
+from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.prediction import predict
@@ -28,26 +29,27 @@ DT = 6.0
 def single_target_model(given):
     """Return a plain model of one target that is neither born nor splits, without clutter."""
     config = plain({"spawn.rate": 0.0, "radar.clutter_rate": 0.0, **given})
-    return replace(config.model, births=()), config.budget
+    method = particle_filter(config)
+    return replace(config.model, births=()), method
 
 
-def forward(start, model, budget, scans, rng):
+def forward(start, model, method, scans, rng):
     """Return the stored set after every scan; the first scan updates `start` as it is."""
     stored = []
     for index, detections in enumerate(scans):
         predicted = start
         if index:
-            predicted = predict(stored[-1], model, budget, DT, index, rng)
-        updated, _ = update(predicted, detections, model.radars[0], model, DT)
-        stored.append(resample(updated, model.modes, budget, rng))
+            predicted = predict(stored[-1], model, method.corrector, method.budget, DT, index, rng)
+        updated, _ = update(predicted, detections, model.radars[0], model, method.corrector, DT)
+        stored.append(resample(updated, model.modes, method.budget, rng))
     return stored
 
 
-def backward(stored, model, death_term):
+def backward(stored, model, method, death_term):
     """Return the smoothed set of every scan, given all scans."""
     smoothed = [stored[-1]]
     for earlier, later in zip(stored[-2::-1], stored[::-1], strict=False):
-        link = backward_kernel.build(earlier, later, model, DT)
+        link = backward_kernel.build(earlier, later, model, method.corrector, DT)
         smoothed.append(backward_step(earlier, link, smoothed[-1].weight, death_term))
     return smoothed[::-1]
 
@@ -186,7 +188,7 @@ def test_bernoulli_term_is_finite_for_a_component_rounded_above_one(excess):
 def toy_masses(snr_db, seen, death_term, corrector="poisson"):
     """Return filtered and smoothed masses of one target, detected or not scan by scan."""
     band = [snr_db - 0.01, snr_db + 0.01]
-    model, budget = single_target_model(
+    model, method = single_target_model(
         {
             "target.snr_band_db": band,
             "particles_per_target": 400,
@@ -200,8 +202,8 @@ def toy_masses(snr_db, seen, death_term, corrector="poisson"):
     hit = Detections(radar.measure(np.array([[8e3, 0.0, 6e3, 0.0, 0.0]])), None)
     scans = [hit if detected else no_detections() for detected in seen]
     scans = [s if len(s) else Detections(np.zeros((0, 2)), None) for s in scans]
-    stored = forward(intensity(start, np.full(1500, 1.0 / 1500)), model, budget, scans, rng)
-    smoothed = backward(stored, model, DEATH_TERMS[death_term])
+    stored = forward(intensity(start, np.full(1500, 1.0 / 1500)), model, method, scans, rng)
+    smoothed = backward(stored, model, method, DEATH_TERMS[death_term])
     return [[phd.weight.sum() for phd in phds] for phds in (stored, smoothed)]
 
 
@@ -302,7 +304,7 @@ def rts_comparison():
     linear for the purpose, and there is one association: no clutter, no births.
     """
     scans, density = 5, 9.0
-    model, budget = single_target_model(
+    model, method = single_target_model(
         {
             "radar.range_std": 30.0,
             "radar.azimuth_std_deg": 0.16,
@@ -337,8 +339,8 @@ def rts_comparison():
         rng = np.random.default_rng(seed)
         cloud = gaussian_cloud(rng, 3000, [*prior_mean, 0.0], [*prior_std, 0.0])
         start = intensity(cloud, np.full(3000, 1.0 / 3000))
-        stored = forward(start, model, budget, detections, rng)
-        smoothed = backward(stored, model, bernoulli_death_term)
+        stored = forward(start, model, method, detections, rng)
+        smoothed = backward(stored, model, method, bernoulli_death_term)
         for kind, phds in enumerate((stored, smoothed)):
             for t, phd in enumerate(phds):
                 weight = phd.weight / phd.weight.sum()

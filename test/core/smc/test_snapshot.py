@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scenes import short_scenario, small
 
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc.snapshot import Snapshot
 
@@ -26,7 +27,7 @@ def stored_and_read(snapshot):
         name: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
         for name, array in snapshot.arrays.items()
     }
-    return Snapshot(arrays, json.loads(json.dumps(snapshot.facts)))
+    return Snapshot(snapshot.stamp_ns, arrays, json.loads(json.dumps(snapshot.facts)))
 
 
 @pytest.mark.parametrize("corrector", ["bernoulli", "poisson"])
@@ -36,7 +37,7 @@ def stored_and_read(snapshot):
 @pytest.mark.parametrize("stop", [0, 1, 6])
 def test_restored_tracker_goes_on_as_if_it_had_never_stopped(corrector, lag, extraction, stop):
     config = small({"lag": lag, "extraction": extraction, "corrector": corrector, "seed": 5})
-    first, second = config.engine(), config.engine()
+    first, second = new_engine(config), new_engine(config)
     for scan in SCANS[:stop]:
         first.step(scan)
     second.restore(stored_and_read(first.snapshot()))
@@ -49,7 +50,7 @@ def test_restored_tracker_goes_on_as_if_it_had_never_stopped(corrector, lag, ext
 
 
 def half_way():
-    engine = small({"lag": 2}).engine()
+    engine = new_engine(small({"lag": 2}))
     for scan in SCANS[:4]:
         engine.step(scan)
     return engine.snapshot()
@@ -84,16 +85,16 @@ def shortened(name):
 def test_restore_refuses_what_is_no_tracker_and_leaves_a_new_one(change, named):
     snapshot = half_way()
     change(snapshot)
-    engine = small({"lag": 2}).engine()
+    engine = new_engine(small({"lag": 2}))
     with pytest.raises(ValueError, match=named):
         engine.restore(snapshot)
-    fresh = small({"lag": 2}).engine()
+    fresh = new_engine(small({"lag": 2}))
     for scan in SCANS[:4]:
         assert equal(engine.step(scan).filtered, fresh.step(scan).filtered)
 
 
 def test_snapshot_is_not_changed_by_what_the_tracker_does_later():
-    engine = small({"lag": 2}).engine()
+    engine = new_engine(small({"lag": 2}))
     for scan in SCANS[:4]:
         engine.step(scan)
     snapshot = engine.snapshot()

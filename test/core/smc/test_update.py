@@ -8,16 +8,19 @@ import pytest
 from scenes import TARGETS, intensity, no_detections, scattered, small
 from scipy.stats import norm
 
+from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.models.modes import ClassModel
 from phd_jdtc_ros.core.smc import update as update_step
 from phd_jdtc_ros.core.smc.budget import ParticleBudget
-from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
+from phd_jdtc_ros.core.smc.correction import POISSON
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.resampling import resample
 from phd_jdtc_ros.core.smc.update import update_scan
 from phd_jdtc_ros.core.types import Detections, Scan
 
 # The PHD filter itself; what the other corrector does is tested in test_correction.
 CONFIG = small({"corrector": "poisson"})
+FILTER = particle_filter(CONFIG)
 MODEL = CONFIG.model
 MODES = MODEL.modes
 # Much clutter, so that weak detections are in doubt.
@@ -26,7 +29,9 @@ RADAR = RADARS[1]  # at the world's origin
 
 
 def update(phd, detections, radar, modes):
-    updated, _ = update_step.update(phd, detections, radar, replace(MODEL, modes=modes), 6.0)
+    updated, _ = update_step.update(
+        phd, detections, radar, replace(MODEL, modes=modes), POISSON, 6.0
+    )
     return updated
 
 
@@ -172,7 +177,7 @@ def test_update_without_clutter_explains_a_detection_wholly():
 
 
 def test_update_of_nothing_is_nothing():
-    updated = update(ParticlePHD.empty(5), reports(), RADAR, MODES)
+    updated = update(ParticleSet.empty(5), reports(), RADAR, MODES)
     assert (len(updated), updated.components.shape) == (0, (0, 4))
 
 
@@ -181,8 +186,8 @@ def test_update_scan_applies_the_radars_in_order_and_skips_the_silent():
     model = replace(MODEL, radars=RADARS)
     first, second = (reports(radar=radar) for radar in RADARS)
     rng = np.random.default_rng(0)
-    both, _ = update_scan(phd, Scan(1, (first, second)), model, 6.0, 1, rng)
-    one, _ = update_scan(phd, Scan(1, (None, second)), model, 6.0, 1, rng)
+    both, _ = update_scan(phd, Scan(1, (first, second)), model, POISSON, 6.0, 1, rng)
+    one, _ = update_scan(phd, Scan(1, (None, second)), model, POISSON, 6.0, 1, rng)
     chained = update(update(phd, first, RADARS[0], MODES), second, RADARS[1], MODES)
     np.testing.assert_array_equal(both.weight, chained.weight)
     np.testing.assert_array_equal(one.weight, update(phd, second, RADARS[1], MODES).weight)
@@ -216,7 +221,7 @@ def test_resample_keeps_the_mass_of_every_class_and_origin():
 
 def test_resample_scales_every_component_by_the_new_over_the_old_weight():
     phd = updated_set()
-    kept = resample(phd, MODES, CONFIG.budget, np.random.default_rng(0))
+    kept = resample(phd, MODES, FILTER.budget, np.random.default_rng(0))
     by_state = {row.tobytes(): index for index, row in enumerate(phd.state)}
     source = np.array([by_state[row.tobytes()] for row in kept.state])
     factor = kept.weight / phd.weight[source]
@@ -229,7 +234,7 @@ def test_resample_scales_every_component_by_the_new_over_the_old_weight():
 
 
 def test_resample_gives_unique_rows_of_equally_heavy_copies():
-    kept = resample(updated_set(), MODES, CONFIG.budget, np.random.default_rng(0))
+    kept = resample(updated_set(), MODES, FILTER.budget, np.random.default_rng(0))
     assert len(np.unique(kept.state, axis=0)) == len(kept)
     assert kept.multiplicity.max() > 1
     group = np.stack([MODES.class_of[kept.mode], kept.origin], axis=1)
@@ -240,7 +245,7 @@ def test_resample_gives_unique_rows_of_equally_heavy_copies():
 
 
 def test_resample_is_sorted_by_class_and_origin():
-    kept = resample(updated_set(), MODES, CONFIG.budget, np.random.default_rng(0))
+    kept = resample(updated_set(), MODES, FILTER.budget, np.random.default_rng(0))
     key = MODES.class_of[kept.mode] * 100 + kept.origin
     assert (np.diff(key) >= 0).all()
 
@@ -256,5 +261,5 @@ def test_resample_is_unbiased_in_every_component():
 
 
 def test_resample_of_nothing_is_nothing():
-    kept = resample(ParticlePHD.empty(5), MODES, CONFIG.budget, np.random.default_rng(0))
+    kept = resample(ParticleSet.empty(5), MODES, FILTER.budget, np.random.default_rng(0))
     assert len(kept) == 0

@@ -13,16 +13,17 @@ from phd_jdtc_ros.core.models.motion import sample
 from phd_jdtc_ros.core.pair_search import grid, sweep
 from phd_jdtc_ros.core.pair_search.gating import cell_lists
 from phd_jdtc_ros.core.smc import backward_kernel
+from phd_jdtc_ros.core.smc.correction import CORRECTORS
 
 SPACING = 2500.0
 
 
 def tracked(targets, per_target, corrector="poisson", spacing=SPACING):
-    """Return a model and two stored sets of well-tracked targets, an interval of 6 s apart.
+    """Return the arguments of a build: two stored sets of well-tracked targets, 6 s apart.
 
     With the PHD filter's corrector spawned targets are in mu, and no origin keeps rows apart.
     """
-    model = small({"corrector": corrector}).model
+    model = small().model
     rng = np.random.default_rng(targets)
     mode = np.repeat(np.arange(targets) % 4, per_target)
     # In a square, so that a search over one coordinate only would find rows of strangers.
@@ -39,12 +40,12 @@ def tracked(targets, per_target, corrector="poisson", spacing=SPACING):
     for index, motion in enumerate(model.modes.motions):
         moved[mode == index] = sample(motion, state[mode == index], 6.0, rng)
     later = intensity(moved, weight, mode=mode, origin=place)
-    return model, earlier, later
+    return earlier, later, model, CORRECTORS[corrector], 6.0
 
 
 def candidates_of_a_build(monkeypatch, *scene):
     """Return candidates tested per later row by every search, and the kernel's pairs."""
-    model, earlier, later = tracked(*scene)
+    case = tracked(*scene)
     tested = []
 
     def counted(search):
@@ -59,8 +60,9 @@ def candidates_of_a_build(monkeypatch, *scene):
         patch.setattr(backward_kernel, "candidates", counted(sweep.candidates))
         patch.setattr(grid, "grid_candidates", counted(grid.grid_candidates))
         patch.setattr(sweep, "BACKEND", sweep.NUMPY)
-        link = backward_kernel.build(earlier, later, model, 6.0)
-    return np.array(tested) / len(later), link.ratio.nnz / len(later)
+        link = backward_kernel.build(*case)
+    rows = len(case[1])
+    return np.array(tested) / rows, link.ratio.nnz / rows
 
 
 def test_build_tests_as_many_candidates_a_row_whatever_the_number_of_targets(monkeypatch):
@@ -99,18 +101,18 @@ def peak_bytes(call):
 @pytest.mark.parametrize("corrector", ["poisson", "bernoulli"])
 @pytest.mark.parametrize("targets", [8, 32])
 def test_build_peak_memory_is_some_columns_a_row(targets, corrector):
-    model, earlier, later = tracked(targets, 150, corrector)
-    peak = peak_bytes(lambda: backward_kernel.build(earlier, later, model, 6.0))
+    case = tracked(targets, 150, corrector)
+    peak = peak_bytes(lambda: backward_kernel.build(*case))
     # A dense kernel has 8 bytes for every pair of rows: 10 and 38 kB a row here.
     # Chunks of candidates are a constant part.
-    assert peak <= 1100 * len(later) + 80 * sweep.CHUNK_PAIRS
+    assert peak <= 1100 * len(case[1]) + 80 * sweep.CHUNK_PAIRS
 
 
 def test_build_keeps_at_most_200_bytes_a_row():
-    model, earlier, later = tracked(8, 300)
-    ratio = backward_kernel.build(earlier, later, model, 6.0).ratio
+    case = tracked(8, 300)
+    ratio = backward_kernel.build(*case).ratio
     kept = ratio.data.nbytes + ratio.indices.nbytes + ratio.indptr.nbytes
-    assert kept <= 200 * len(later)
+    assert kept <= 200 * len(case[1])
 
 
 @pytest.mark.parametrize("reports", [10, 300])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.particles import Reading, track
@@ -43,7 +44,7 @@ def tracks(run, config):
 
 def engine_positions(run, lag):
     """Return what the engine's own smoother finds, filtered and smoothed, a scan each."""
-    engine = resolve({**GIVEN, "lag": lag}).engine()
+    engine = new_engine(resolve({**GIVEN, "lag": lag}))
     steps = [engine.step(scan) for scan in run.scans]
     smoothed = [found for step in steps for found in step.smoothed] + list(engine.flush())
     return [

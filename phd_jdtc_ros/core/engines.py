@@ -1,0 +1,49 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The engines by their name in a configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from .configuration.build import TrackerConfig
+from .engine import Engine
+from .smc.budget import ParticleBudget
+from .smc.correction import CORRECTORS
+from .smc.engine import ParticleEngine
+from .smc.extraction import EXTRACTIONS
+from .smc.filter import ForwardFilter
+from .smc.smoother import DEATH_TERMS
+
+
+def new_engine(config: TrackerConfig) -> Engine:
+    """Return a new engine of the configured kind."""
+    return ENGINES[config.engine](config)
+
+
+def particle_engine(config: TrackerConfig) -> ParticleEngine:
+    """Return a new particle engine."""
+    values = config.values
+    return ParticleEngine(
+        forward=particle_filter(config),
+        lag=config.lag,
+        death_term=DEATH_TERMS[str(values["death_term"])],
+        extraction=EXTRACTIONS[str(values["extraction"])],
+        existence_threshold=config.existence_threshold,
+    )
+
+
+def particle_filter(config: TrackerConfig) -> ForwardFilter:
+    """Return a new filter of the particle engine."""
+    values = config.values
+    budget = ParticleBudget(
+        per_target=values["particles_per_target"],
+        least=values["least_particles"],
+        per_birth_term=values["particles_per_birth"],
+        most=values["max_particles"],
+    )
+    return ForwardFilter(config.model, CORRECTORS[values["corrector"]], budget, config.seed)
+
+
+ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {"particles": particle_engine}

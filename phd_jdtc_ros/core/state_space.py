@@ -1,0 +1,52 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the axes of a state are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class StateSpace:
+    """The names of a state's axes, and which of them are what.
+
+    Parameters
+    ----------
+    axes : tuple of D str
+    position, velocity : tuples of int
+        Axes in the world frame, x first; metres and metres per second.
+    turn_rate : int
+        Axis in radians per second.
+    """
+
+    axes: tuple[str, ...]
+    position: tuple[int, ...]
+    velocity: tuple[int, ...]
+    turn_rate: int
+
+    def __len__(self) -> int:
+        return len(self.axes)
+
+    def state(
+        self, position: Sequence[float] | float, velocity: Sequence[float] | float, turn_rate: float
+    ) -> FloatArray:
+        """Return a state of these values, shape (D,); a number stands for all its axes."""
+        state = np.zeros(len(self))
+        state[list(self.position)] = position
+        state[list(self.velocity)] = velocity
+        state[self.turn_rate] = turn_rate
+        return state
+
+
+# The axes of `PLANAR`, for code that must know the layout: motions, radars and messages.
+X, VX, Y, VY, OMEGA = range(5)
+PLANAR = StateSpace(
+    axes=("x", "vx", "y", "vy", "omega"), position=(X, Y), velocity=(VX, VY), turn_rate=OMEGA
+)

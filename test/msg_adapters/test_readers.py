@@ -1,0 +1,22 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import pytest
+
+from msg_adapters import names
+from msg_adapters.readers import READERS
+from phd_jdtc_ros.core.configuration.parameters import RADAR
+
+
+def test_readers_are_what_radars_may_be_configured_to_send():
+    (message,) = [parameter for parameter in RADAR if parameter.name == "message"]
+    assert message.choices == tuple(READERS)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_installed_is_a_message_class_of_the_type(name):
+    reader = READERS[name]
+    found = reader.installed()
+    if reader.type_name == names.CLOUD:
+        assert found is not None
+    assert found is None or found.__name__ == reader.type_name.rsplit("/", 1)[1]
