@@ -18,7 +18,6 @@ from std_srvs.srv import Trigger
 from msg_adapters import diagnostics, estimates, names, stamps
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.evaluation.metrics import ospa
-from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.types import Estimates
 
 from . import scans
@@ -117,7 +116,7 @@ class Radars:
         found = self.found[scans.stamp_of_scan(index)]
         if found is None:
             raise RuntimeError(f"the estimates of scan {index} cannot be read")
-        there, here = (one.state[:, list(POSITION)] for one in (scans.truth()[index], found))
+        there, here = (one.position for one in (scans.truth()[index], found))
         return ospa(there, here, CUTOFF_M, ORDER).distance
 
     def flush(self) -> bool:

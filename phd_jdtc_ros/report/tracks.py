@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.models.motion import POSITION
 
 from .record import Record
 
@@ -28,7 +27,7 @@ def true_tracks(record: Record) -> list[Track]:
     """Return the trajectories of all targets, by number."""
     rows: dict[int, list[tuple[int, int, FloatArray]]] = {}
     for truth in record.truth:
-        position = truth.state[:, list(POSITION)] / 1e3
+        position = truth.position / 1e3
         for number, class_id, place in zip(
             truth.track_id.tolist(), truth.class_id.tolist(), position, strict=True
         ):

@@ -21,33 +21,28 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.gaussian.ekf import Gaussian, predict, transition_matrix, update
 from phd_jdtc_ros.core.gaussian.rts import Filtered, smooth
-from phd_jdtc_ros.core.models.motion import (
-    POSITION,
-    STATE_SIZE,
-    VELOCITY,
-    ConstantVelocity,
-    MotionModel,
-)
+from phd_jdtc_ros.core.models.motion import ConstantVelocity, MotionModel
 
 from .runs import SimulatedRun, Tracks
 
 
 def birth(
-    state: FloatArray, support: tuple[int, ...], position_std: float, velocity_std: float
+    position: FloatArray, motion: MotionModel, position_std: float, velocity_std: float
 ) -> Gaussian:
-    """Return the prior of a target that is born at a state's position, at rest on average.
+    """Return the prior of a target that is born at a position, at rest on average.
 
     Parameters
     ----------
-    state : array of shape (5,)
-    support : tuple of D int
+    position : array of shape (2,)
+        World frame, metres.
+    motion : MotionModel
     position_std, velocity_std : float
         An axis, in metres and metres per second.
     """
-    mean, std = np.zeros(STATE_SIZE), np.zeros(STATE_SIZE)
-    mean[list(POSITION)] = state[list(POSITION)]
-    std[list(POSITION)], std[list(VELOCITY)] = position_std, velocity_std
-    return Gaussian(mean[list(support)], np.diag(std[list(support)] ** 2))
+    support = list(motion.support)
+    mean = motion.space.state(position, 0.0, 0.0)
+    std = motion.space.state(position_std, velocity_std, 0.0)
+    return Gaussian(mean[support], np.diag(std[support] ** 2))
 
 
 def filter_target(
@@ -120,17 +115,17 @@ def known_association(
         the truth.
     """
     model = ConstantVelocity(noise_density)
-    place = [model.support.index(axis) for axis in POSITION]
+    place = [model.support.index(axis) for axis in model.space.position]
     first = {
-        int(number): state
+        int(number): position
         for truth in reversed(run.truth)
-        for number, state in zip(truth.track_id, truth.state, strict=True)
+        for number, position in zip(truth.track_id, truth.position, strict=True)
     }
     targets = {
         number: filter_target(
-            run, number, birth(state, model.support, position_std, velocity_std), model
+            run, number, birth(position, model, position_std, velocity_std), model
         )
-        for number, state in first.items()
+        for number, position in first.items()
     }
 
     def estimate(index: int, number: int, lag: int) -> FloatArray:

@@ -21,7 +21,7 @@ from msg_adapters.markers import (
     label_text,
 )
 from msg_adapters.palette import class_rgb
-from phd_jdtc_ros.core.models.motion import POSITION, VX, VY, X, Y
+from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 
 
 def pose_array(estimates, class_id, frame):
@@ -86,5 +86,5 @@ def _point(x, y):
 
 def _ellipse(state, covariance):
     """Return a closed outline of the position covariance at `ELLIPSE_SIGMA`."""
-    around = outline(covariance[np.ix_(POSITION, POSITION)], ELLIPSE_SIGMA, ELLIPSE_POINTS)
+    around = outline(covariance[np.ix_((X, Y), (X, Y))], ELLIPSE_SIGMA, ELLIPSE_POINTS)
     return [_point(state[X] + dx, state[Y] + dy) for dx, dy in around.T]

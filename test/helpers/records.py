@@ -5,8 +5,8 @@
 
 import numpy as np
 
-from phd_jdtc_ros.core.models.motion import POSITION, STATE_SIZE
 from phd_jdtc_ros.core.simulation.scenario import Truth
+from phd_jdtc_ros.core.state_space import PLANAR, X, Y
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.report.record import Plot, RadarSite, Record
 
@@ -21,9 +21,9 @@ def stamp_ns(scan):
 
 def states(scan, classes):
     """One target a class, side by side, moving east."""
-    state = np.zeros((classes, STATE_SIZE))
-    state[:, POSITION[0]] = 300.0 * scan
-    state[:, POSITION[1]] = 2000.0 * np.arange(classes)
+    state = np.zeros((classes, len(PLANAR)))
+    state[:, X] = 300.0 * scan
+    state[:, Y] = 2000.0 * np.arange(classes)
     return state
 
 
@@ -46,7 +46,7 @@ def estimates_of(scan, classes, lag, count=None):
 
 
 def plot_of(scan, classes):
-    position = np.concatenate([states(scan, classes)[:, list(POSITION)], [[-5e3, 4e3]]])
+    position = np.concatenate([states(scan, classes)[:, [X, Y]], [[-5e3, 4e3]]])
     return Plot(stamp_ns(scan), "radar_1", position, np.r_[np.full(classes, 200.0), 3.8])
 
 

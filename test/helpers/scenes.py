@@ -9,9 +9,9 @@ import numpy as np
 from scipy import sparse
 
 from phd_jdtc_ros.core.configuration import build
-from phd_jdtc_ros.core.models.motion import OMEGA
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
+from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.types import Detections
 
 SMALL_BUDGET = {

@@ -22,10 +22,10 @@ from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import flatten
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.evaluation.metrics import ospa
-from phd_jdtc_ros.core.models.motion import STATE_SIZE, VX, VY, X, Y
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.simulation.scenario import Truth
 from phd_jdtc_ros.core.simulation.simulate import detect
+from phd_jdtc_ros.core.state_space import PLANAR, VX, VY, X, Y
 
 START_NS = 1_700_000_000 * 10**9
 SCENE_S = 36.0
@@ -79,7 +79,7 @@ SNR = 10.0 ** (np.array([60.0, 20.0, 60.0]) / 10.0)
 
 
 def truth_at(second):
-    state = np.zeros((3, STATE_SIZE))
+    state = np.zeros((3, len(PLANAR)))
     for row, birth in enumerate(MODEL.births):
         state[row] = birth.mean
         state[row, [X, Y]] += second * state[row, [VX, VY]]

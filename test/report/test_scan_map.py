@@ -6,12 +6,12 @@ import pytest
 from records import SCANS, estimates_of, plot_of, record_of, stamp_ns, truth_of
 
 from msg_adapters.palette import class_colour
-from phd_jdtc_ros.core.models.motion import POSITION
+from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.report.page.scan_list import first_shown, scans_of
 from phd_jdtc_ros.report.page.scan_map import scan_map
 from phd_jdtc_ros.report.record import Plot
 
-PLACE = list(POSITION)
+PLACE = list(PLANAR.position)
 
 
 def layers(record, name):

@@ -9,7 +9,6 @@ import pytest
 
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Mean, Result
@@ -26,7 +25,7 @@ def run(study):
 
 
 def exact(run):
-    return [PointSet(truth.state[:, list(POSITION)], truth.class_id) for truth in run.truth]
+    return [PointSet(truth.position, truth.class_id) for truth in run.truth]
 
 
 def variant_of(kind, lags=(0,)):
@@ -142,7 +141,7 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
     evaluation = Evaluation(2, 1000.0, 2.0)
     tracks = []
     for truth in pair.truth:
-        position, class_id = truth.state[:, list(POSITION)], truth.class_id
+        position, class_id = truth.position, truth.class_id
         seen = rng.random(len(position)) < 0.6
         near = position[seen] + rng.normal(0.0, 400.0, (seen.sum(), 2))
         false = rng.uniform(-9e3, 9e3, (rng.integers(0, 2), 2))

@@ -8,7 +8,6 @@ import pytest
 
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.particles import Reading, track
 from phd_jdtc_ros.study.runs import simulated_run
@@ -48,7 +47,7 @@ def engine_positions(run, lag):
     steps = [engine.step(scan) for scan in run.scans]
     smoothed = [found for step in steps for found in step.smoothed] + list(engine.flush())
     return [
-        [(found.state[:, list(POSITION)], found.class_id) for found in estimates]
+        [(found.position, found.class_id) for found in estimates]
         for estimates in ([step.filtered for step in steps], smoothed)
     ]
 

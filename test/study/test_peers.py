@@ -11,7 +11,6 @@ import pytest
 
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.evaluation.metrics import assign
-from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import peers
 from phd_jdtc_ros.study.peers import soup
@@ -54,7 +53,7 @@ def missed(run, points):
     """Number of targets, over the settled scans, without an estimate near them."""
     total = 0
     for truth, found in list(zip(run.truth, points, strict=True))[SETTLED:]:
-        near, _ = assign(truth.state[:, list(POSITION)], found.position, NEAR_M)
+        near, _ = assign(truth.position, found.position, NEAR_M)
         total += len(truth.state) - len(near)
     return total
 
@@ -122,7 +121,7 @@ def test_gnn_smoothing_reduces_the_error(run):
     def error(points):
         distance = []
         for truth, found in list(zip(run.truth, points, strict=True))[SETTLED:]:
-            position = truth.state[:, list(POSITION)]
+            position = truth.position
             target, estimate = assign(position, found.position, NEAR_M)
             offset = position[target] - found.position[estimate]
             distance.extend(np.hypot(offset[:, 0], offset[:, 1]))

@@ -27,7 +27,7 @@ REFERENCE = paper_scenario(RADARS)
 
 def prior_at(x, y, position_std=200.0, velocity_std=40.0):
     state = np.array([x, 0.0, y, 0.0, 0.0])
-    return birth(state, MODEL.support, position_std, velocity_std)
+    return birth(state[[0, 2]], MODEL, position_std, velocity_std)
 
 
 def random_run(rng, targets, scans):
@@ -94,7 +94,7 @@ def test_transition_matrix_moves_positions_by_velocities():
 
 
 def test_birth_is_at_rest_about_the_position():
-    found = birth(np.array([3.0, 30.0, -4.0, 7.0, 0.1]), MODEL.support, 200.0, 40.0)
+    found = birth(np.array([3.0, -4.0]), MODEL, 200.0, 40.0)
     np.testing.assert_array_equal(found.mean, [3.0, 0.0, -4.0, 0.0])
     np.testing.assert_array_equal(found.covariance, np.diag([4e4, 1600.0, 4e4, 1600.0]))
 
@@ -253,7 +253,7 @@ def test_known_association_does_not_look_at_clutter(runs, tracks):
 def mean_ospa(run, estimates):
     return np.mean(
         [
-            ospa(truth.state[:, POSITION], points.position, 1000.0, 2.0).distance
+            ospa(truth.position, points.position, 1000.0, 2.0).distance
             for truth, points in zip(run.truth, estimates, strict=True)
         ]
     )

@@ -23,8 +23,6 @@ import numpy as np
 from ..arrays import FloatArray, read_only
 from ..state_space import OMEGA, PLANAR, VX, VY, StateSpace, X, Y
 
-POSITION, VELOCITY, STATE_SIZE = PLANAR.position, PLANAR.velocity, len(PLANAR)
-
 
 class MotionModel(Protocol):
     """One motion mode's transition."""

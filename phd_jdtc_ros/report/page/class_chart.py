@@ -14,7 +14,6 @@ from plotly.graph_objects import Scatter
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.metrics import assign
-from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.simulation.scenario import Truth
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 
@@ -127,8 +126,7 @@ def _by_target(
     """Yield the key of each estimate: that of the target it is paired with."""
     paired: dict[int, int] = {}
     if targets is not None:
-        position = list(POSITION)
-        index, estimate = assign(targets.state[:, position], found.state[:, position], cutoff)
+        index, estimate = assign(targets.position, found.position, cutoff)
         paired = dict(zip(estimate.tolist(), index.tolist(), strict=True))
     for row in range(len(found)):
         if targets is None or row not in paired:

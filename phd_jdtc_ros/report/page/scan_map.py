@@ -18,7 +18,6 @@ from plotly.graph_objects import Figure, Scatter
 
 from msg_adapters.ellipse import RADIUS_95, outline
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.models.motion import POSITION, VX, VY
 from phd_jdtc_ros.core.simulation.scenario import Truth
 from phd_jdtc_ros.core.types import SMOOTHED, Estimates
 
@@ -266,11 +265,11 @@ def _true_places(truth: Truth | None, class_id: int) -> tuple[FloatArray, IntArr
     if truth is None:
         return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
     mine = truth.class_id == class_id
-    return truth.state[mine][:, list(POSITION)], truth.track_id[mine]
+    return truth.position[mine], truth.track_id[mine]
 
 
 def _place(row: Estimates | None) -> FloatArray:
-    return np.zeros((0, 2)) if row is None else row.state[:, list(POSITION)]
+    return np.zeros((0, 2)) if row is None else row.position
 
 
 def _positions(rows: Sequence[Estimates | None]) -> dict[str, list[Any]]:
@@ -283,8 +282,8 @@ def _outlines(row: Estimates | None) -> tuple[list[Any], list[Any]]:
     x: list[Any] = []
     y: list[Any] = []
     if row is not None:
-        for centre, covariance in zip(_place(row), row.covariance, strict=True):
-            around = outline(covariance[np.ix_(POSITION, POSITION)], RADIUS_95, 25)
+        for centre, covariance in zip(_place(row), row.position_covariance, strict=True):
+            around = outline(covariance, RADIUS_95, 25)
             x += [*_km(centre[0] + around[0]), None]
             y += [*_km(centre[1] + around[1]), None]
     return x, y
@@ -297,7 +296,7 @@ def _details(row: Estimates | None, class_id: int) -> list[list[Any]]:
     """
     if row is None:
         return []
-    vx, vy = row.state[:, VX], row.state[:, VY]
+    vx, vy = row.velocity.T
     columns = (
         np.round(100.0 * row.class_probability[:, class_id], 1),
         np.round(np.hypot(vx, vy), 1),
@@ -324,7 +323,7 @@ def _significant(values: FloatArray) -> list[float]:
 
 def _view(record: Record) -> tuple[list[float], list[float]]:
     """Return the ranges in kilometres that hold the targets, else the detections."""
-    targets = [truth.state[:, list(POSITION)] for truth in record.truth]
+    targets = [truth.position for truth in record.truth]
     targets += [_place(row) for source in SOURCE_ORDER for row in record.of_source(source)]
     places = np.concatenate([np.zeros((0, 2)), *targets])
     if not len(places):

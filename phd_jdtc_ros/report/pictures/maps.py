@@ -20,7 +20,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFo
 
 from msg_adapters.ellipse import RADIUS_95
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.types import Estimates
 
 from ..clock import Clock
@@ -143,7 +142,7 @@ def trajectories(record: Record) -> Figure:
 
 def _positions(run: Sequence[Estimates]) -> FloatArray:
     """Return the positions of all estimates in kilometres, shape (T, 2)."""
-    states = [estimates.state[:, list(POSITION)] for estimates in run]
+    states = [estimates.position for estimates in run]
     return _joined(states, np.float64).reshape(-1, 2) / 1e3
 
 
@@ -243,15 +242,17 @@ def _start_label(axes: Axes, track: Track, number: str, life: str) -> None:
 
 def _ellipses(axes: Axes, estimates: Estimates) -> None:
     """Draw the 95 % ellipse of every estimate's position."""
-    index = np.ix_(POSITION, POSITION)
-    for state, covariance, class_id in zip(
-        estimates.state, estimates.covariance, estimates.class_id.tolist(), strict=True
+    for position, covariance, class_id in zip(
+        estimates.position,
+        estimates.position_covariance,
+        estimates.class_id.tolist(),
+        strict=True,
     ):
-        variance, axis = np.linalg.eigh(covariance[index] * 1e-6)
+        variance, axis = np.linalg.eigh(covariance * 1e-6)
         width, height = 2.0 * RADIUS_95 * np.sqrt(np.maximum(variance[::-1], 0.0))
         axes.add_patch(
             Ellipse(
-                state[list(POSITION)] / 1e3,
+                position / 1e3,
                 width,
                 height,
                 angle=float(np.degrees(np.arctan2(axis[1, 1], axis[0, 1]))),

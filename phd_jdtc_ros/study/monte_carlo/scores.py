@@ -15,7 +15,6 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.evaluation.metrics import assign, ospa
 from phd_jdtc_ros.core.evaluation.scan_scores import Pairs, PointSet, Score, set_scores
 from phd_jdtc_ros.core.evaluation.surveillance import Gap, GapFinder, Gaps, confusion_matrix
-from phd_jdtc_ros.core.models.motion import POSITION
 
 from ..runs import SimulatedRun, Tracks
 from .definition import Variant
@@ -99,7 +98,7 @@ def score(run: SimulatedRun, tracks: Tracks, variant: Variant, classes: int) -> 
     for row, lag in enumerate(lags):
         gaps = GapFinder()
         for scan, (truth, found) in enumerate(zip(run.truth, tracks[lag], strict=True)):
-            targets = PointSet(truth.state[:, list(POSITION)], truth.class_id, truth.track_id)
+            targets = PointSet(truth.position, truth.class_id, truth.track_id)
             pairs = assign(targets.position, found.position, CUTOFF)
             seen = np.zeros(len(targets), dtype=np.bool_)
             seen[pairs[0]] = True

@@ -9,7 +9,7 @@ from scenes import small
 from scipy.stats import norm
 
 from phd_jdtc_ros.core.models import birth
-from phd_jdtc_ros.core.models.motion import OMEGA
+from phd_jdtc_ros.core.state_space import OMEGA
 
 MODEL = small({"start_1.turn_rate_std": 2e-3, "start_1.velocity": [10.0, -5.0]}).model
 TERM = MODEL.births[0]

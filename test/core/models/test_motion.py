@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from phd_jdtc_ros.core.models import motion
-from phd_jdtc_ros.core.models.motion import OMEGA, ConstantVelocity, CoordinatedTurn
+from phd_jdtc_ros.core.models.motion import ConstantVelocity, CoordinatedTurn
+from phd_jdtc_ros.core.state_space import OMEGA
 
 CV = ConstantVelocity(1.3)
 CT = CoordinatedTurn(1.3, 1e-5)

@@ -8,9 +8,9 @@ import pytest
 from scenes import intensity, small
 
 from phd_jdtc_ros.core.engines import particle_filter
-from phd_jdtc_ros.core.models.motion import OMEGA
 from phd_jdtc_ros.core.smc.correction import POISSON
 from phd_jdtc_ros.core.smc.prediction import predict
+from phd_jdtc_ros.core.state_space import OMEGA
 
 CONFIG = small({"spawn.particles_per_target": 20_000})
 FILTER = particle_filter(CONFIG)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scenes import reference_scenario
 
-from phd_jdtc_ros.core.models.motion import STATE_SIZE
 from phd_jdtc_ros.core.simulation.scenario import Truth, truth_at
 from phd_jdtc_ros.core.simulation.simulate import detect, simulate, simulate_with_sources
+from phd_jdtc_ros.core.state_space import PLANAR
 
 SCENE = reference_scenario()
 RADAR = SCENE.radars[1]
@@ -17,7 +17,7 @@ RADAR = SCENE.radars[1]
 
 def standing(count, position=(6e3, 8e3)):
     """Return `count` equal targets at one place."""
-    state = np.zeros((count, STATE_SIZE))
+    state = np.zeros((count, len(PLANAR)))
     state[:, [0, 2]] = position
     return Truth(1, state, np.arange(1, count + 1), np.zeros(count, dtype=int))
 
@@ -49,7 +49,7 @@ def test_truth_carries_class_and_velocity():
 
 def test_truth_without_targets_is_empty():
     truth = truth_at(replace(SCENE, targets=SCENE.targets[:3]), 70)
-    assert truth.state.shape == (0, STATE_SIZE)
+    assert truth.state.shape == (0, len(PLANAR))
 
 
 def test_truth_is_read_only():
