@@ -1,19 +1,14 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The implementations of the neighbour search's inner loop that are installed.
-
-`phd_jdtc_ros.core.pair_search.sweep` chooses one when it is imported. A comparison in one process
-has to change that choice, and only this module does.
-"""
+"""The kinds of inner loops that are installed, by the names that tables show."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 
-from phd_jdtc_ros.core.pair_search import sweep
+from phd_jdtc_ros.core.pair_search import kernels
 
 NUMPY = "NumPy"
 NUMBA = "numba"
@@ -23,7 +18,7 @@ NUMBA = "numba"
 def available() -> tuple[str, ...]:
     """Return the names of the installed ones, the reference first."""
     try:
-        sweep.backend(NUMBA)
+        kernels.kernels(NUMBA)
     except ImportError:
         return (NUMPY,)
     return (NUMPY, NUMBA)
@@ -34,12 +29,6 @@ def reason_missing(backend: str) -> str:
     return f"{backend} is not installed: pip install '.[fast]'"
 
 
-@contextmanager
-def using(backend: str) -> Iterator[None]:
-    """Build transitions with one of them for as long as the block lasts."""
-    chosen = sweep.BACKEND
-    sweep.BACKEND = sweep.backend(backend.lower())
-    try:
-        yield
-    finally:
-        sweep.BACKEND = chosen
+def using(backend: str) -> AbstractContextManager[None]:
+    """Use one of them for as long as the block lasts."""
+    return kernels.using(backend.lower())

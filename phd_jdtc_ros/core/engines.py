@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from .configuration.build import TrackerConfig
+from .configuration.schema import ConfigError
 from .engine import Engine
+from .pair_search import kernels
 from .smc.budget import ParticleBudget
 from .smc.correction import CORRECTORS
 from .smc.engine import ParticleEngine
@@ -18,7 +20,17 @@ from .smc.smoother import DEATH_TERMS
 
 
 def new_engine(config: TrackerConfig) -> Engine:
-    """Return a new engine of the configured kind."""
+    """Return a new engine of the configured kind.
+
+    Raises
+    ------
+    ConfigError
+        If the environment asks for kernels that there are not, see `pair_search.kernels`.
+    """
+    try:
+        kernels.chosen()
+    except (ImportError, ValueError) as error:
+        raise ConfigError([str(error)]) from error
     return ENGINES[config.engine](config)
 
 

@@ -3,12 +3,13 @@
 
 import pytest
 
-from phd_jdtc_ros.core.pair_search import sweep
+from phd_jdtc_ros.core.pair_search import kernels
 
 
 @pytest.fixture(params=["numpy", "numba"])
-def backend(request, monkeypatch):
+def backend(request):
     """Run a test with the plain and with the compiled kernels."""
     if request.param == "numba":
         pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
-    monkeypatch.setattr(sweep, "BACKEND", sweep.backend(request.param))
+    with kernels.using(request.param):
+        yield

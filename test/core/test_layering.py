@@ -35,7 +35,7 @@ ROOMS = {
     "evaluation": BASE,
     "configuration": (*BASE, "engine", "models", "scans", "smc"),
     "simulation": (*BASE, "configuration", "models"),
-    "engines": ("configuration", "engine", "smc"),
+    "engines": ("configuration", "engine", "pair_search", "smc"),
     "pipeline": ("configuration", "engine", "engines", "scans", "types"),
 }
 # What each part of the project may import of the others.

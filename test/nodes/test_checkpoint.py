@@ -8,7 +8,7 @@ import stat
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.smc.snapshot import Snapshot
+from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.nodes.tracker import checkpoint
 from phd_jdtc_ros.nodes.tracker.checkpoint import MAGIC, CheckpointError
 
@@ -17,7 +17,7 @@ CONFIGURATION = {"lag": 5, "radars": ["north", "south"], "seed": 0}
 
 def snapshot():
     arrays = {"a.state": np.arange(10.0).reshape(2, 5), "a.mode": np.array([1, 2])}
-    return Snapshot(arrays, {"filter": {"stamp_ns": 42}, "big": 1 << 127})
+    return Snapshot(42, arrays, {"big": 1 << 127})
 
 
 @pytest.fixture

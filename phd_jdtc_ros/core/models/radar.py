@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..pair_search import sweep
+from ..pair_search import kernels
 from ..pair_search.gating import cell_lists
 from ..state_space import PLANAR, StateSpace
 from ..types import Detections
@@ -161,7 +161,7 @@ class RadarModel:
         measured[:, 1] = wrap_angle(measured[:, 1])
         lists = cell_lists(measured, GATE_SIGMA * self.range_std, gate)
         log_norm = -np.log(2.0 * np.pi * self.range_std * self.azimuth_std)
-        particle, detection, square = sweep.BACKEND.near_detections(
+        particle, detection, square = kernels.chosen().near_detections(
             lists, predicted, self.noise_std, GATE_SIGMA, gate
         )
         return particle, detection, log_norm - 0.5 * square

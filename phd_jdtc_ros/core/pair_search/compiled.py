@@ -84,7 +84,7 @@ def near_pairs(
     start: IntArray,
     count: IntArray,
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Do what `neighbours.near_pairs` does, to the bit; (K, N) arrays in Fortran order."""
+    """Return the same as `plain.near_pairs`, bit for bit; (K, N) arrays in Fortran order."""
     room = int(count.sum()) + 1
     row, place = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     square = np.empty(room)
@@ -136,9 +136,9 @@ def _draw(
     offset: float,
     most: int,
 ) -> int:
-    """Do for one query what `partners.drawn` does; return how many pairs are kept, at the front.
+    """Draw the pairs of one query as `kernel_thinning.drawn` does; return how many are kept.
 
-    `slot` is as long as `weight`, and zero before and after.
+    The kept ones are moved to the front. `slot` is as long as `weight`, and zero before and after.
     """
     found = value.copy()
     for pair in range(len(near)):
@@ -205,7 +205,7 @@ def kernel_within_groups(
     comb : array of shape (Q,)
         Where each query's comb begins, see `resampling.comb`.
     most : int
-        Pairs kept of a query at the most, drawn as by `partners.drawn`.
+        Pairs kept of a query at the most, drawn as by `kernel_thinning.drawn`.
 
     Returns
     -------
@@ -341,7 +341,7 @@ def _gate(
 def near_detections(
     lists: CellLists, predicted: FloatArray, std: FloatArray, sigmas: float, azimuth_gate: float
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Do what `gating.near_detections` does, to the bit."""
+    """Return the same as `gating.near_detections`, bit for bit."""
     cell = lists.cell_of(predicted)
     room = int(np.diff(lists.start).take(cell).sum()) + 1
     row, column = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)

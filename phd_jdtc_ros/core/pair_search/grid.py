@@ -16,9 +16,8 @@ import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, run_starts
-from . import sweep
-from .intervals import Pairs
-from .sweep import ROUNDING, Candidates, near_chunks
+from . import kernels
+from .candidates import ROUNDING, Candidates, Pairs, near_chunks
 
 # Cells are as high as the radius and so many times as slender: what a row of them holds beside the
 # circle is tested in vain.
@@ -82,8 +81,8 @@ def grid_candidates(
     start, count = _rows_of_cells(place, grid, begin, (radius / width[1]).take(query_group))
     kept = np.flatnonzero(count)
     return Candidates(
-        query=np.asarray(query.T, order=sweep.BACKEND.layout),
-        point=np.asarray(by_axis.take(rank, axis=1), order=sweep.BACKEND.layout),
+        query=np.asarray(query.T, order=kernels.chosen().layout),
+        point=np.asarray(by_axis.take(rank, axis=1), order=kernels.chosen().layout),
         limit=np.full(len(query), radius**2),
         rank=rank,
         owner=kept // start.shape[1],

@@ -1,40 +1,23 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Intervals of candidates, expanded a few at a time, and the pairs that are found among them.
+"""Intervals of candidates, expanded a few at a time.
 
-Searches leave for every query an interval of a sorted list. Expanding all at once would make
-temporaries of many megabytes, which leave the cache and keep paying for page faults.
+Searches leave for every query an interval of a sorted list. Expanding all of them at once would
+make temporaries of many megabytes, which leave the cache and keep paying for page faults.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray
+from ..arrays import IntArray
 
 # Candidates expanded at a time: temporaries of 256 kB stay inside the second-level cache.
 CHUNK_PAIRS = 1 << 15
-
-
-class Pairs(NamedTuple):
-    """Queries and points that are near each other.
-
-    Parameters
-    ----------
-    query, point : int arrays of shape (pairs,)
-        Queries ascend.
-    square : array of shape (pairs,)
-        Square distance.
-    """
-
-    query: IntArray
-    point: IntArray
-    square: FloatArray
 
 
 def chunks(count: IntArray, most: int) -> Iterator[slice]:

@@ -8,61 +8,22 @@ units wide in the others, so a search over two coordinates finds little but true
 two differs from block to block: mostly the positions, but a spawned turn rate is told apart best.
 The second coordinate is cut into strips as wide as the radius, points are sorted by (block, strip,
 first coordinate), and each query looks up one interval in each of the strips it reaches. What the
-intervals hold are its candidates, which are tested chunk by chunk.
+intervals hold are its candidates.
 
-The test is the inner loop and there are two of it, `near_pairs` here and in `neighbours_numba`,
-which add the same numbers in the same order and so return the same bits. So do the two that gate
-detections. Where pairs must be of one group, as of one target's origin, `grids` takes the place of
-the sweep; the compiled `kernel_within_groups` evaluates the kernel as well, and its values differ
-in their last digits. Compiled code is used where numba is installed; the environment variable
-``PHD_JDTC_KERNELS`` says otherwise: ``numpy`` or ``numba``, by default ``auto``.
+Where pairs must be of one group, as of one target's origin, `grid` is faster; where they need not,
+this one is (`python -m benchmarks --part searches`).
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
-
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from .gating import near_detections
-from .intervals import CHUNK_PAIRS, Pairs, chunks, expand
+from . import kernels
+from .candidates import ROUNDING, Candidates
 
 # Axes are chosen on so many queries and points, and on one more of so many.
 SAMPLE, SPARSE = 24, 128
-# In strips: what rounding may do to a place. Candidates may be too many, never too few.
-ROUNDING = 1e-6
-VARIABLE = "PHD_JDTC_KERNELS"
-
-
-@dataclass(frozen=True)
-class Candidates:
-    """What a search leaves to be tested: intervals of the sorted points.
-
-    Parameters
-    ----------
-    query, point : arrays of shape (K, Q) and (K, P)
-        Coordinates by axis, each block's most selective ones first; points in sorted order.
-    limit : array of shape (Q,)
-        Square radius of each query.
-    rank : int array of shape (P,)
-        Which point stands at each place of the sorted order.
-    owner : int array of shape (I,)
-        The query of each interval, ascending.
-    start, count : int arrays of shape (I,)
-        Interval i holds the places ``start[i]`` to ``start[i] + count[i]``.
-    """
-
-    query: FloatArray
-    point: FloatArray
-    limit: FloatArray
-    rank: IntArray
-    owner: IntArray
-    start: IntArray
-    count: IntArray
 
 
 def candidates(
@@ -192,7 +153,7 @@ def _columns(value: FloatArray, row: IntArray, block: IntArray, axes: IntArray) 
     """
     flat = np.ascontiguousarray(value).ravel()
     begin = row * value.shape[1]
-    columns = np.empty((axes.shape[1], len(row)), order=BACKEND.layout)
+    columns = np.empty((axes.shape[1], len(row)), order=kernels.chosen().layout)
     for index, axis in enumerate(axes.T):
         columns[index] = flat.take(begin + axis.take(block))
     return columns
@@ -232,97 +193,3 @@ def _selective_axes(
         best = divmod(int(left.argmin()), size)
         order[block] = [*best, *(axis for axis in range(size) if axis not in best)]
     return order
-
-
-def near_chunks(found: Candidates) -> Iterator[Pairs]:
-    """Test candidates chunk by chunk; yield, in order, the pairs that are truly near."""
-    for part in chunks(found.count, CHUNK_PAIRS):
-        owner, start, count = found.owner[part], found.start[part], found.count[part]
-        query, place, square = BACKEND.near_pairs(
-            found.query, found.point, found.limit, owner, start, count
-        )
-        yield Pairs(query, found.rank.take(place), square)
-
-
-def near_pairs(
-    query: FloatArray,
-    point: FloatArray,
-    limit: FloatArray,
-    owner: IntArray,
-    start: IntArray,
-    count: IntArray,
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the query, the point's place and the square distance of all near pairs.
-
-    Parameters are those of `Candidates`; the intervals may be some of them.
-    """
-    row, place = expand(owner, start, count)
-    square = np.zeros(len(row))
-    # The searched axes leave few false candidates, so the first look is at three axes at once.
-    for axes in (range(min(3, len(query))), range(3, len(query))):
-        for axis in axes:
-            apart = point[axis].take(place)
-            apart -= query[axis].take(row)
-            apart *= apart
-            square += apart
-        near = np.flatnonzero(square <= limit.take(row))
-        row, place, square = row.take(near), place.take(near), square.take(near)
-    return row, place, square
-
-
-class Backend(NamedTuple):
-    """Who tests candidates.
-
-    Parameters
-    ----------
-    name : str
-    near_pairs : callable
-        As the one here.
-    layout : "C" or "F"
-        Memory order of the coordinates, (K, N): numpy gathers one axis after the other, compiled
-        code reads all of a point.
-    near_detections : callable
-        As that of `gating`.
-    kernel_within_groups : callable or None
-        That of `neighbours_numba`; where there is none, `grids` finds the pairs.
-    """
-
-    name: str
-    near_pairs: Callable[
-        [FloatArray, FloatArray, FloatArray, IntArray, IntArray, IntArray],
-        tuple[IntArray, IntArray, FloatArray],
-    ]
-    layout: Literal["C", "F"]
-    near_detections: Callable[..., tuple[IntArray, IntArray, FloatArray]]
-    kernel_within_groups: Callable[..., tuple[FloatArray, Any, Any, FloatArray]] | None
-
-
-NUMPY = Backend("numpy", near_pairs, "C", near_detections, None)
-
-
-def backend(wanted: str) -> Backend:
-    """Return the backend of this name; ``auto`` is numba where that is installed, or else numpy.
-
-    Raises
-    ------
-    ValueError
-        If there is no such backend.
-    ImportError
-        If numba is asked for and not installed.
-    """
-    if wanted not in ("auto", "numpy", "numba"):
-        raise ValueError(f"{VARIABLE}: {wanted!r} given, must be auto, numpy or numba")
-    if wanted == "numpy":
-        return NUMPY
-    try:
-        from . import compiled
-    except ImportError:
-        if wanted == "numba":
-            raise
-        return NUMPY
-    return Backend(
-        "numba", compiled.near_pairs, "F", compiled.near_detections, compiled.kernel_within_groups
-    )
-
-
-BACKEND = backend(os.environ.get(VARIABLE, "auto"))

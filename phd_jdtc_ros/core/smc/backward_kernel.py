@@ -25,9 +25,10 @@ from ..models.detection_birth import Newborn
 from ..models.modes import ModeSpace
 from ..models.motion import MotionModel, whitener
 from ..models.tracker_model import TrackerModel
-from ..pair_search import sweep
+from ..pair_search import kernels
+from ..pair_search.candidates import near_chunks
 from ..pair_search.grid import within_groups
-from ..pair_search.sweep import candidates, near_chunks
+from ..pair_search.sweep import candidates
 from . import kernel_thinning
 from .correction import Corrector
 from .particle_set import ParticleSet
@@ -264,7 +265,7 @@ def _within_origins(
     group = factorize(np.concatenate(key))[1]
     later_group, earlier_group = group[: len(later)], group[len(later) :]
     every = np.arange(len(later))
-    compiled = sweep.BACKEND.kernel_within_groups
+    compiled = kernels.chosen().kernel_within_groups
     if compiled is None or len(group) == 0:
         groups = later_group, earlier_group
         pairs = _gated_density(kernel, modes, earlier, later, every, GATE_SIGMA, groups)

@@ -204,7 +204,7 @@ class LiveTracker:
 
     def _wait(self, anew: bool) -> None:
         """Time the wait for the rest of a scan, if there is one; `anew` if it is another scan."""
-        if not self._grouper.waiting:
+        if not self._pipeline.waiting:
             self._patience.cancel()
         elif anew:
             self._patience.reset()

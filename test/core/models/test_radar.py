@@ -11,7 +11,7 @@ from scenes import intensity, small
 
 from phd_jdtc_ros.core.models import amplitude_density
 from phd_jdtc_ros.core.models.radar import GATE_SIGMA, RadarModel, wrap_angle
-from phd_jdtc_ros.core.pair_search import sweep
+from phd_jdtc_ros.core.pair_search import kernels
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
 from phd_jdtc_ros.core.smc.update import update
 from phd_jdtc_ros.core.types import Detections
@@ -107,8 +107,8 @@ def test_gated_pairs_are_the_same_bits_with_either_backend(monkeypatch):
     detections = Detections(rng.uniform(0.0, 1.0, (200, 2)) * area - [0.0, np.pi], None)
     found = []
     for name in ("numpy", "numba"):
-        monkeypatch.setattr(sweep, "BACKEND", sweep.backend(name))
-        found.append(RADAR.gated_pairs(predicted, detections))
+        with kernels.using(name):
+            found.append(RADAR.gated_pairs(predicted, detections))
 
     assert len(found[0][0]) > 5000
     for plain, compiled in zip(*found, strict=True):

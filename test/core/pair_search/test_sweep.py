@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from phd_jdtc_ros.core.pair_search import sweep
+from phd_jdtc_ros.core.pair_search import candidates, kernels, sweep
 
 
 def pairs_within(query, query_block, point, point_block, radius):
     """Return the query, the point and the square distance of all near pairs."""
     search = sweep.candidates(query, query_block, point, point_block, radius)
-    found = list(sweep.near_chunks(search))
+    found = list(candidates.near_chunks(search))
     none = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
     return [np.concatenate(part) for part in zip(none, *found, strict=True)]
 
@@ -71,7 +71,7 @@ def test_pairs_within_equal_brute_force(seed, kind, sizes, dimension, blocks, ra
     both = draw_points(rng, kind, sum(sizes), dimension)
     query, point = both[: sizes[0]], both[sizes[0] :]
     query_block, point_block = (rng.integers(0, blocks, size) for size in sizes)
-    with mock.patch.object(sweep, "CHUNK_PAIRS", chunk):
+    with mock.patch.object(candidates, "CHUNK_PAIRS", chunk):
         check(query, query_block, point, point_block, radius)
 
 
@@ -82,7 +82,7 @@ def test_pairs_within_do_not_depend_on_the_chunk(chunk, monkeypatch):
     arguments = (query, rng.integers(0, 2, 60), point, rng.integers(0, 2, 80), 4.0)
     whole = check(*arguments)
     assert len(whole) > 100
-    monkeypatch.setattr(sweep, "CHUNK_PAIRS", chunk)
+    monkeypatch.setattr(candidates, "CHUNK_PAIRS", chunk)
     assert sorted(check(*arguments)) == sorted(whole)
 
 
@@ -167,8 +167,8 @@ def test_backends_return_the_same_bits(seed, kind, sizes, dimension, chunk):
     results = []
     for name in ("numpy", "numba"):
         with (
-            mock.patch.object(sweep, "BACKEND", sweep.backend(name)),
-            mock.patch.object(sweep, "CHUNK_PAIRS", chunk),
+            kernels.using(name),
+            mock.patch.object(candidates, "CHUNK_PAIRS", chunk),
         ):
             results.append(pairs_within(*parts, 7.0))
     for plain, compiled in zip(*results, strict=True):
@@ -181,7 +181,7 @@ def chosen_backend(environment, without_numba=False):
     hide = "sys.modules['numba'] = None; " if without_numba else ""
     script = (
         f"import sys; {hide}"
-        "from phd_jdtc_ros.core.pair_search.sweep import BACKEND; print(BACKEND.name)"
+        "from phd_jdtc_ros.core.pair_search import kernels; print(kernels.chosen().name)"
     )
     done = subprocess.run(
         [sys.executable, "-c", script],

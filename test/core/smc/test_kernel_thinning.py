@@ -8,7 +8,7 @@ import pytest
 from scenes import gaussian_cloud, intensity, small
 
 from phd_jdtc_ros.core.models.motion import sample
-from phd_jdtc_ros.core.pair_search import sweep
+from phd_jdtc_ros.core.pair_search import kernels
 from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
 
@@ -130,8 +130,8 @@ def test_draws_do_not_depend_on_the_backend(interval, monkeypatch):
     model, earlier, later = dense_scene(interval)
     ratios = []
     for name in ("numpy", "numba"):
-        monkeypatch.setattr(sweep, "BACKEND", sweep.backend(name))
-        ratios.append(
-            backward_kernel.build(earlier, later, model, BERNOULLI, interval).ratio.toarray()
-        )
+        with kernels.using(name):
+            ratios.append(
+                backward_kernel.build(earlier, later, model, BERNOULLI, interval).ratio.toarray()
+            )
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=1e-9, atol=0.0)

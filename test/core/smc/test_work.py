@@ -10,7 +10,7 @@ import pytest
 from scenes import gaussian_cloud, intensity, small
 
 from phd_jdtc_ros.core.models.motion import sample
-from phd_jdtc_ros.core.pair_search import grid, sweep
+from phd_jdtc_ros.core.pair_search import candidates, grid, kernels, sweep
 from phd_jdtc_ros.core.pair_search.gating import cell_lists
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
@@ -59,7 +59,7 @@ def candidates_of_a_build(monkeypatch, *scene):
     with monkeypatch.context() as patch:
         patch.setattr(backward_kernel, "candidates", counted(sweep.candidates))
         patch.setattr(grid, "grid_candidates", counted(grid.grid_candidates))
-        patch.setattr(sweep, "BACKEND", sweep.NUMPY)
+        patch.setenv(kernels.VARIABLE, "numpy")
         link = backward_kernel.build(*case)
     rows = len(case[1])
     return np.array(tested) / rows, link.ratio.nnz / rows
@@ -105,7 +105,7 @@ def test_build_peak_memory_is_some_columns_a_row(targets, corrector):
     peak = peak_bytes(lambda: backward_kernel.build(*case))
     # A dense kernel has 8 bytes for every pair of rows: 10 and 38 kB a row here.
     # Chunks of candidates are a constant part.
-    assert peak <= 1100 * len(case[1]) + 80 * sweep.CHUNK_PAIRS
+    assert peak <= 1100 * len(case[1]) + 80 * candidates.CHUNK_PAIRS
 
 
 def test_build_keeps_at_most_200_bytes_a_row():

@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The searches' inner loop in NumPy; `compiled` has the same by numba."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from .intervals import expand
+
+
+def near_pairs(
+    query: FloatArray,
+    point: FloatArray,
+    limit: FloatArray,
+    owner: IntArray,
+    start: IntArray,
+    count: IntArray,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the query, the point's place and the square distance of all near pairs.
+
+    Parameters are those of `candidates.Candidates`; the intervals may be some of them.
+    """
+    row, place = expand(owner, start, count)
+    square = np.zeros(len(row))
+    # The searched axes leave few false candidates, so the first look is at three axes at once.
+    for axes in (range(min(3, len(query))), range(3, len(query))):
+        for axis in axes:
+            apart = point[axis].take(place)
+            apart -= query[axis].take(row)
+            apart *= apart
+            square += apart
+        near = np.flatnonzero(square <= limit.take(row))
+        row, place, square = row.take(near), place.take(near), square.take(near)
+    return row, place, square
