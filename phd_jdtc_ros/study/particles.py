@@ -16,7 +16,6 @@ import numpy as np
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.filter import Filtered, ForwardFilter
 from phd_jdtc_ros.core.smc.particle_set import ParticlePHD
@@ -112,7 +111,7 @@ class _Reader:
         extract = EXTRACTIONS[self.reading.extraction]
         stamp_ns = self._run.scans[index].stamp_ns
         found = extract(phd, self._modes, stamp_ns, lag, self._threshold, self._rng[wanted])
-        return PointSet(found.state[:, list(POSITION)], found.class_id, found.track_id)
+        return PointSet.of(found)
 
     def tracks(self) -> Tracks:
         """Return the estimates by lag, in the order of the scans."""

@@ -27,7 +27,6 @@ from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet, ScanScore
-from phd_jdtc_ros.core.models.motion import POSITION
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.exit_status import FAILED, OK
 from phd_jdtc_ros.report.table import metrics, score_tables
@@ -134,9 +133,7 @@ class Evaluator(Node):
         except RejectedMessageError as error:
             self._warn(f"{self._values['truth_topic']}: {error}")
             return
-        position = targets.state[:, list(POSITION)]
-        points = PointSet(position, targets.class_id, targets.track_id)
-        self._publish(self._evaluation.add_truth(targets.stamp_ns, points))
+        self._publish(self._evaluation.add_truth(targets.stamp_ns, PointSet.of(targets)))
 
     def _on_estimates(self, source: str, cloud: PointCloud2) -> None:
         try:
@@ -144,7 +141,7 @@ class Evaluator(Node):
         except RejectedMessageError as error:
             self._warn(f"{source} estimates: {error}")
             return
-        points = PointSet(found.state[:, list(POSITION)], found.class_id, found.track_id)
+        points = PointSet.of(found)
         self._publish(self._evaluation.add_estimates(source, found.stamp_ns, points))
 
     def _on_figures(self, message: DiagnosticArray) -> None:
