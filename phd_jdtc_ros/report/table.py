@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
     GOSPA,
+    GROUPS,
     OSPA,
     OSPA2,
     SURVEILLANCE,
@@ -66,6 +67,8 @@ def score_tables(summary: dict[str, Any]) -> Group:
         _plain(GOSPA, summary, f"means over the scans (GOSPA: {distance})", None),
         _plain(SURVEILLANCE, summary, "surveillance figures", gaps),
     ]
+    others = {t: group for t, group in GROUPS.items() if group not in (OSPA, GOSPA, SURVEILLANCE)}
+    tables += [_plain(group, summary, title, None) for title, group in others.items()]
     if summary[SMOOTHED]["all"]["confusion"] is not None:
         tables.append(_confusion(summary[SMOOTHED]["all"]["confusion"]))
     return Group(*[part for table in tables for part in ("", table)][1:])

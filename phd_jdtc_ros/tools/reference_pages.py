@@ -13,13 +13,10 @@ from phd_jdtc_ros.core.configuration.parameters import BIRTH, CLASS, MOTION, RAD
 from phd_jdtc_ros.core.configuration.schema import Parameter
 from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
-    GOSPA,
-    OSPA,
-    OSPA2,
+    GROUPS,
+    OF_ALL,
     PUBLISHED,
-    SURVEILLANCE,
     TERMS,
-    Metric,
 )
 from phd_jdtc_ros.nodes.evaluator import node
 from phd_jdtc_ros.nodes.replay import replay_parameters
@@ -101,25 +98,21 @@ the estimate in their pair (columns); the last column has those missed, the last
 estimates.
 """
 
-_GROUPS: tuple[tuple[str, str, tuple[Metric, ...]], ...] = (
-    ("OSPA", "", OSPA),
-    ("GOSPA", "", GOSPA),
-    ("Surveillance", "What air surveillance asks of a tracker.", SURVEILLANCE),
-    ("Tracks", "Of all targets.", (OSPA2,)),
-    (
-        "Classes",
-        "Of all targets and of the smoothed estimates in `metrics.json`, of every lag and set in a "
-        "study.",
-        (CLASS_ACCURACY,),
-    ),
-    ("Of a study alone", "", (OSPA_AFTER_5,)),
+_CLASSES = (
+    "Of all targets and the smoothed estimates in `metrics.json`, of every lag and set in a study."
 )
 
 
 def metrics() -> str:
     """Return the page of the metrics as Markdown."""
     parts = [_METRICS.format(published=", ".join(f"`{name}`" for name in PUBLISHED))]
-    for title, text, group in _GROUPS:
+    sections = [
+        *((title[0].upper() + title[1:], "", group) for title, group in GROUPS.items()),
+        ("Tracks", "Of all targets.", OF_ALL),
+        ("Classes", _CLASSES, (CLASS_ACCURACY,)),
+        ("Of a study alone", "", (OSPA_AFTER_5,)),
+    ]
+    for title, text, group in sections:
         rows = [(m.heading, f"`{m.key}`", m.unit, m.definition) for m in group]
         parts.append(_section(title, text, ("metric", "key", "unit", "definition"), rows))
     parts.append(_section("Other words", "", ("word", "definition"), TERMS))

@@ -5,7 +5,7 @@
 
 `metrics.json`, the tables, the report's page, the evaluator's diagnostics, the Monte Carlo study
 and the page of definitions read these tables. A new metric is a function of a `Comparison` in
-`COUNTED` (in `PUBLISHED` if the diagnostics are to have it) and a row in one of the groups: the
+`COUNTED` (in `PUBLISHED` if the diagnostics are to have it) and a row in one of the `GROUPS`: the
 figure of a run follows from the `Totals` of the scans' values.
 """
 
@@ -283,8 +283,10 @@ CLASS_ACCURACY = Metric(
     "closer than c; the class accuracy is the share of these pairs with the right class. Missed "
     "and false targets do not enter it.",
 )
-# In `metrics.json`: those of every set, and those of all targets alone.
-OF_SETS = (*OSPA, *GOSPA, *SURVEILLANCE)
+# In `metrics.json` of every set, and a table each on the terminal.
+GROUPS = {"OSPA": OSPA, "GOSPA": GOSPA, "surveillance figures": SURVEILLANCE}
+OF_SETS = tuple(metric for group in GROUPS.values() for metric in group)
+# Of all targets alone.
 OF_ALL = (OSPA2,)
 METRICS = (*OF_SETS, *OF_ALL, CLASS_ACCURACY)
 

@@ -12,9 +12,9 @@ from typing import Any
 from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
     GOSPA,
+    OF_ALL,
+    OF_SETS,
     OSPA,
-    OSPA2,
-    SURVEILLANCE,
     TERMS,
     Metric,
 )
@@ -26,7 +26,7 @@ NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
 # The localisation part is shown once, OSPA's.
 DISTANCES = (*OSPA, *(metric for metric in GOSPA if metric.key != "gospa_localization"))
-WITH_OSPA2 = (*SURVEILLANCE, OSPA2)
+OTHERS = (*(metric for metric in OF_SETS if metric not in (*OSPA, *GOSPA)), *OF_ALL)
 
 
 def tables(summary: Mapping[str, Any]) -> str:
@@ -40,7 +40,7 @@ def tables(summary: Mapping[str, Any]) -> str:
             "<h2>Scores</h2>",
             _table(summary, DISTANCES, "Means over all scans."),
             "<details>\n<summary>Surveillance figures, classes taken for each other</summary>",
-            _table(summary, WITH_OSPA2, over),
+            _table(summary, OTHERS, over),
             _confusion(_score(summary, SMOOTHED, "all", "confusion")),
             "</details>",
         )
@@ -167,7 +167,7 @@ def definitions(summary: Mapping[str, Any]) -> str:
     """Return what the words mean, nothing if there are no scores to mean anything."""
     if not _scored(summary):
         return ""
-    metrics = (*DISTANCES, *WITH_OSPA2, CLASS_ACCURACY)
+    metrics = (*DISTANCES, *OTHERS, CLASS_ACCURACY)
     words = [*((m.heading[0].upper() + m.heading[1:], m.definition) for m in metrics), *TERMS]
     terms = "\n".join(f"<dt>{escape(word)}</dt>\n<dd>{escape(text)}</dd>" for word, text in words)
     return f'<h2>Definitions</h2>\n{_parameters(summary)}<dl class="terms">\n{terms}\n</dl>'
