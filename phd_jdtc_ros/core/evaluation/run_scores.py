@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -32,22 +32,23 @@ class RunScores:
 
     def __init__(self, classes: int, cutoff: float, order: float) -> None:
         self.scans = 0
-        self._classes = classes
+        self._sets = set_names(classes)
         self._comparer = ScanComparer(classes, cutoff, order)
         # The newest scan is kept apart: if the run ends with it, gaps end that are still under way.
-        nothing = Totals.of(NAMES, np.zeros((0, len(NAMES))))
-        self._before = dict.fromkeys(set_names(classes), nothing)
+        self._before = Totals.of(NAMES, np.zeros((len(self._sets), 0, len(NAMES))))
         self._newest: dict[str, Comparison] = {}
+        self._values: ScanValues = {}
         self._confusion = np.zeros((classes + 1, classes + 1), dtype=np.int64)
 
     def add(self, scan: PairedScan) -> ScanValues:
         """Take in the next scan; return its values by set and name."""
         self.scans += 1
-        self._before = self._totals_with(self._newest)
+        self._before = self._totals_with(self._values)
         self._newest = self._comparer.compare(scan)
+        self._values = _values(self._newest)
         truth, estimate = scan.truth.class_id, scan.estimate.class_id
-        self._confusion += confusion_matrix(scan.pairs, truth, estimate, self._classes)
-        return {key: values_of(comparison) for key, comparison in self._newest.items()}
+        self._confusion += confusion_matrix(scan.pairs, truth, estimate, len(self._sets) - 1)
+        return self._values
 
     def figures(self) -> dict[str, dict[str, Any]]:
         """Return the figures of every set, as `metrics.json` holds them.
@@ -59,35 +60,34 @@ class RunScores:
             `confusion_matrix`, over the run. None where a figure has no meaning.
         """
         totals = self._totals()
-        result = {key: _figures(OF_SETS, run) for key, run in totals.items()}
-        confusion = self._confusion.tolist() if self.scans else None
-        result[ALL] = {**result[ALL], **_figures(OF_ALL, totals[ALL]), "confusion": confusion}
+        of_sets = {metric.key: _by_set(metric, totals) for metric in OF_SETS}
+        result: dict[str, dict[str, Any]] = {
+            key: {name: figures[row] for name, figures in of_sets.items()}
+            for row, key in enumerate(self._sets)
+        }
+        result[ALL].update((metric.key, _by_set(metric, totals)[0]) for metric in OF_ALL)
+        result[ALL]["confusion"] = self._confusion.tolist() if self.scans else None
         return result
 
     def of_all(self, metric: Metric) -> float | None:
         """Return a figure of all targets."""
-        return _figure(metric, self._totals()[ALL])
+        return _by_set(metric, self._totals())[0]
 
-    def _totals(self) -> dict[str, Totals]:
-        return self._totals_with(self._comparer.ended(self._newest))
+    def _totals(self) -> Totals:
+        return self._totals_with(_values(self._comparer.ended(self._newest)))
 
-    def _totals_with(self, newest: Mapping[str, Comparison]) -> dict[str, Totals]:
-        """Return the totals of the scans before and of the newest, if there is one, by set."""
+    def _totals_with(self, newest: ScanValues) -> Totals:
+        """Return the totals, set by set, of the scans before and of the newest if there is one."""
         if not newest:
             return self._before
-        return {key: run.plus(_of_scan(newest[key])) for key, run in self._before.items()}
+        rows = [[list(newest[key].values())] for key in self._sets]
+        return self._before.plus(Totals.of(NAMES, np.array(rows, dtype=np.float64)))
 
 
-def _of_scan(comparison: Comparison) -> Totals:
-    values = list(values_of(comparison).values())
-    return Totals.of(NAMES, np.array([values], dtype=np.float64))
+def _values(scan: Mapping[str, Comparison]) -> ScanValues:
+    return {key: values_of(comparison) for key, comparison in scan.items()}
 
 
-def _figures(metrics: Sequence[Metric], run: Totals) -> dict[str, Any]:
-    return {metric.key: _figure(metric, run) for metric in metrics}
-
-
-def _figure(metric: Metric, run: Totals) -> float | None:
-    """Return a metric of one run, None where it has no meaning."""
-    value = float(metric.of_run(run))
-    return None if np.isnan(value) else value
+def _by_set(metric: Metric, totals: Totals) -> list[float | None]:
+    """Return a metric of every set, None where it has no meaning."""
+    return [None if np.isnan(value) else float(value) for value in metric.of_run(totals)]

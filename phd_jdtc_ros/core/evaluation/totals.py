@@ -14,7 +14,7 @@ from ..arrays import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Totals:
-    """What the values of scans add up to, of one run or of several at once.
+    """What the values of scans add up to, of several runs or sets at once.
 
     Parameters
     ----------
