@@ -31,7 +31,7 @@ def scan():
 
 
 def test_values_of_a_scan_are_those_of_the_table(scan):
-    assert values_of(scan) == {
+    expected = {
         "ospa": pytest.approx(np.sqrt((50.0**2 + 2e6) / 3.0)),
         "localization": pytest.approx(np.sqrt((50.0**2 + 1e6) / 3.0)),
         "cardinality": pytest.approx(np.sqrt(1e6 / 3.0)),
@@ -51,6 +51,9 @@ def test_values_of_a_scan_are_those_of_the_table(scan):
         "longest_gap_s": 18.0,
         "ospa2": None,
     }
+    values = values_of(scan)
+    assert {name: values[name] for name in expected} == expected
+    assert [*values] == [*NAMES]
 
 
 @pytest.mark.parametrize(("gaps", "expected"), [((), 0), (None, None)])
