@@ -32,7 +32,7 @@ help:
 	@echo "make check   linters and types"
 	@echo "make format  format the code"
 	@echo "make bags    write the shipped bags anew (they come out byte for byte the same)"
-	@echo "make parameters  write docs/parameters.md from the code"
+	@echo "make parameters  write docs/parameters.md and docs/metrics.md from the code"
 	@echo "make setup   only prepare .venv"
 	@echo "make clean   remove .venv and everything generated"
 
@@ -118,7 +118,7 @@ bags: $(VENV)/.ready
 	done
 
 parameters: $(VENV)/.ready
-	$(RUN) -m phd_jdtc_ros.tools.parameter_reference > docs/parameters.md
+	$(RUN) -m phd_jdtc_ros.tools.reference_pages docs
 
 clean:
 	rm -rf $(VENV) out build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from phd_jdtc_ros.core.evaluation.metric_table import PUBLISHED
+
 from . import stamps
 
 if TYPE_CHECKING:
@@ -48,26 +50,12 @@ def values_of(message: DiagnosticStatus) -> dict[str, str]:
 
 
 def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArray:
-    """Return a scan's OSPA and GOSPA: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
+    """Return a scan's scores: statuses ``filtered/all``, ``filtered/class_0`` and so on."""
+    parameters = {"cutoff": cutoff, "order": order}
     return array(
         score.stamp_ns,
         [
-            status(
-                f"{score.source}/{key}",
-                {
-                    "ospa": entry.ospa.distance,
-                    "localization": entry.ospa.localization,
-                    "cardinality": entry.ospa.cardinality,
-                    "gospa": entry.gospa.distance,
-                    "gospa_localization": entry.gospa.localization,
-                    "missed": entry.gospa.missed,
-                    "false": entry.gospa.false,
-                    "n_true": entry.n_true,
-                    "n_est": entry.n_est,
-                    "cutoff": cutoff,
-                    "order": order,
-                },
-            )
-            for key, entry in score.scores.items()
+            status(f"{score.source}/{key}", {**{n: found[n] for n in PUBLISHED}, **parameters})
+            for key, found in score.values.items()
         ],
     )

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.core.simulation.scenario import Truth
 from phd_jdtc_ros.core.state_space import PLANAR, VX, VY, X, Y
+from phd_jdtc_ros.core.types import Truth
 
 from . import point_cloud, stamps
 

@@ -11,9 +11,9 @@ from functools import cache
 
 from msg_adapters import detections, interfaces
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation.scenario import Truth, paper_scenario
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.types import Scan
+from phd_jdtc_ros.core.types import Scan, Truth
 
 SECOND_NS = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND_NS

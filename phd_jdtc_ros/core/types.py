@@ -138,3 +138,35 @@ class Estimates:
 
 
 FILTERED, SMOOTHED = SOURCES = ("filtered", "smoothed")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The targets that exist at one stamp.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    state : array of shape (T, D)
+    track_id : int array of shape (T,)
+        Counted from 1 in the order of the scenario.
+    class_id : int array of shape (T,)
+    space : StateSpace
+        What the axes of the states are.
+    """
+
+    stamp_ns: int
+    state: FloatArray
+    track_id: IntArray
+    class_id: IntArray
+    space: StateSpace = PLANAR
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions in the world frame, metres, shape (T, 2)."""
+        return self.state[:, list(self.space.position)]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "state", read_only(self.state))
+        for name in ("track_id", "class_id"):
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))

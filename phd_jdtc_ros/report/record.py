@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.simulation.scenario import Truth
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
 
 
 @dataclass(frozen=True)
@@ -75,11 +74,8 @@ class Record:
         """Return the scores of the run; `cutoff` in metres."""
         evaluation = Evaluation(self.classes, cutoff, order)
         for truth in self.truth:
-            points = PointSet(truth.position, truth.class_id, truth.track_id)
-            evaluation.add_truth(truth.stamp_ns, points)
+            evaluation.add_truth(truth.stamp_ns, PointSet.of(truth))
         for source in SOURCES:
             for estimates in self.of_source(source):
-                position = estimates.position
-                points = PointSet(position, estimates.class_id, estimates.track_id)
-                evaluation.add_estimates(source, estimates.stamp_ns, points)
+                evaluation.add_estimates(source, estimates.stamp_ns, PointSet.of(estimates))
         return evaluation

@@ -14,9 +14,19 @@ from rich.table import Table
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.metric_table import (
+    CLASS_ACCURACY,
+    GOSPA,
+    GROUPS,
+    OSPA,
+    OSPA2,
+    SURVEILLANCE,
+    Metric,
+    reduction,
+)
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
-from .score_columns import GOSPA, OSPA, SURVEILLANCE, Columns
+Columns = Sequence[Metric]
 
 
 def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:
@@ -57,6 +67,8 @@ def score_tables(summary: dict[str, Any]) -> Group:
         _plain(GOSPA, summary, f"means over the scans (GOSPA: {distance})", None),
         _plain(SURVEILLANCE, summary, "surveillance figures", gaps),
     ]
+    others = {t: group for t, group in GROUPS.items() if group not in (OSPA, GOSPA, SURVEILLANCE)}
+    tables += [_plain(group, summary, title, None) for title, group in others.items()]
     if summary[SMOOTHED]["all"]["confusion"] is not None:
         tables.append(_confusion(summary[SMOOTHED]["all"]["confusion"]))
     return Group(*[part for table in tables for part in ("", table)][1:])
@@ -69,7 +81,7 @@ def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:
         after = summary[SMOOTHED][key]
         table.add_row(_name(key), "filter", *_cells(columns, before))
         table.add_row("", "smoother", *_cells(columns, after))
-        change = [_reduction(before[column], after[column]) for _, column, _ in columns]
+        change = [_reduction(before[metric.key], after[metric.key]) for metric in columns]
         table.add_row("", "reduction", *change, style="bold", end_section=True)
     return table
 
@@ -85,12 +97,11 @@ def _plain(columns: Columns, summary: dict[str, Any], title: str, caption: str |
 
 
 def _ospa2(summary: dict[str, Any]) -> str:
-    before, after = (summary[source]["all"]["ospa2"] for source in (FILTERED, SMOOTHED))
-    if before is None and after is None:
+    before, after = (_cell(OSPA2, summary[source]["all"]) for source in (FILTERED, SMOOTHED))
+    if before == after == "-":
         return "no OSPA(2): the estimates carry no track ids"
-    filtered, smoothed = ("-" if v is None else f"{v:.1f} m" for v in (before, after))
     scans = summary["ospa2_window"]
-    return f"OSPA(2) over {scans} scans: filter {filtered}, smoother {smoothed}"
+    return f"{OSPA2.heading} over {scans} scans: filter {before}, smoother {after}"
 
 
 def _confusion(matrix: Sequence[Sequence[int]]) -> Table:
@@ -112,8 +123,8 @@ def _table(columns: Columns, title: str, caption: str | None) -> Table:
     table = Table(title=title, caption=caption)
     table.add_column("targets", no_wrap=True)
     table.add_column("source", no_wrap=True)
-    for heading, _, _ in columns:
-        table.add_column(heading.replace(" ", "\n", 1), justify="right", no_wrap=True)
+    for metric in columns:
+        table.add_column(metric.heading.replace(" ", "\n", 1), justify="right", no_wrap=True)
     return table
 
 
@@ -122,18 +133,23 @@ def _name(key: str) -> str:
 
 
 def _cells(columns: Columns, figures: dict[str, Any]) -> list[str]:
-    values = [(figures.get(key), text) for _, key, text in columns]
-    return ["-" if value is None else text.format(value) for value, text in values]
+    return [_cell(metric, figures) for metric in columns]
+
+
+def _cell(metric: Metric, figures: dict[str, Any]) -> str:
+    value = figures.get(metric.key)
+    return "-" if value is None else metric.text(value)
 
 
 def _reduction(before: float | None, after: float | None) -> str:
-    return "-" if not before or after is None else f"{1.0 - after / before:.0%}"
+    change = reduction(before, after)
+    return "-" if change is None else f"{change:.0%}"
 
 
 def _headline(summary: dict[str, Any]) -> str:
     parts = []
     if summary["class_accuracy"] is not None:
-        parts.append(f"right class: {summary['class_accuracy']:.1%}")
+        parts.append(f"right class: {CLASS_ACCURACY.text(summary['class_accuracy'])}")
     if "step_ms" in summary:
         step = summary["step_ms"]
         parts.append(f"CPU a scan: median {step['median']:.1f} ms, p99 {step['p99']:.1f} ms")

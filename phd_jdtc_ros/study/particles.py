@@ -113,7 +113,7 @@ class _Reader:
         extract = EXTRACTIONS[self.reading.extraction]
         stamp_ns = self._run.scans[index].stamp_ns
         found = extract(phd, self._modes, stamp_ns, lag, self._threshold, self._rng[wanted])
-        return PointSet(found.position, found.class_id, found.track_id)
+        return PointSet.of(found)
 
     def tracks(self) -> Tracks:
         """Return the estimates by lag, in the order of the scans."""

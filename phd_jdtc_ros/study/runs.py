@@ -11,9 +11,9 @@ from typing import TypeAlias
 
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.simulation.scenario import Scenario, Truth
+from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate_with_sources
-from phd_jdtc_ros.core.types import Scan
+from phd_jdtc_ros.core.types import Scan, Truth
 
 
 @dataclass(frozen=True)

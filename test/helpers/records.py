@@ -5,9 +5,8 @@
 
 import numpy as np
 
-from phd_jdtc_ros.core.simulation.scenario import Truth
 from phd_jdtc_ros.core.state_space import PLANAR, X, Y
-from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.types import Estimates, Truth
 from phd_jdtc_ros.report.record import Plot, RadarSite, Record
 
 START_NS = 1_700_000_000_000_000_000

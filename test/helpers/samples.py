@@ -14,8 +14,7 @@ from std_msgs.msg import Header
 
 from msg_adapters import stamps
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.simulation.scenario import Truth
-from phd_jdtc_ros.core.types import Detections, Estimates
+from phd_jdtc_ros.core.types import Detections, Estimates, Truth
 
 STAMP_NS = 1_700_000_000_123_456_789
 FRAME = "radar_1"

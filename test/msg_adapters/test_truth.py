@@ -10,7 +10,7 @@ from sensor_msgs.msg import PointField
 from msg_adapters import stamps
 from msg_adapters import truth as adapter
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.core.simulation.scenario import Truth
+from phd_jdtc_ros.core.types import Truth
 
 F4, U4 = PointField.FLOAT32, PointField.UINT32
 

@@ -12,9 +12,8 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import diagnostics, estimates, names, truth
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.simulation.scenario import Truth
 from phd_jdtc_ros.core.state_space import PLANAR
-from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.types import Estimates, Truth
 
 SECOND = 1_000_000_000
 

@@ -23,9 +23,9 @@ from phd_jdtc_ros.core.configuration.schema import flatten
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.evaluation.metrics import ospa
 from phd_jdtc_ros.core.scans import Rejection
-from phd_jdtc_ros.core.simulation.scenario import Truth
 from phd_jdtc_ros.core.simulation.simulate import detect
 from phd_jdtc_ros.core.state_space import PLANAR, VX, VY, X, Y
+from phd_jdtc_ros.core.types import Truth
 
 START_NS = 1_700_000_000 * 10**9
 SCENE_S = 36.0

@@ -229,4 +229,4 @@ def test_record_gives_detections_without_amplitude_a_neutral_one(bag, tmp_path):
 def test_record_can_be_evaluated(bag):
     scores = load.record(bag, CONFIG).evaluate(1000.0, 2.0).scores["smoothed"]
     assert list(scores) == [(1000 + 6 * scan) * SECOND for scan in range(4)]
-    assert [score.scores["all"].n_true for score in scores.values()] == [1] * 4
+    assert [score.values["all"]["n_true"] for score in scores.values()] == [1] * 4

@@ -4,8 +4,7 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.simulation.scenario import Truth
-from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.types import Estimates, Truth
 from phd_jdtc_ros.report.record import Record
 
 
@@ -50,23 +49,23 @@ def test_evaluate_scores_every_stamp_that_has_both(run):
 
 def test_evaluate_scores_positions_and_classes(run):
     evaluation = run.evaluate(1000.0, 2.0)
-    first = evaluation.scores["filtered"][1].scores
-    assert first["all"].ospa.distance == pytest.approx(np.sqrt((50.0**2 + 1000.0**2) / 2))
-    assert first["class_0"].ospa.distance == pytest.approx(50.0)
-    assert first["class_1"].ospa.distance == pytest.approx(1000.0)
-    second = evaluation.scores["filtered"][2].scores
-    assert second["all"].ospa.distance == pytest.approx(60.0)
-    assert (second["class_0"].n_true, second["class_0"].n_est) == (1, 0)
-    smoothed = evaluation.scores["smoothed"][1]
-    assert smoothed.scores["all"].ospa.distance == pytest.approx(np.sqrt((30.0**2 + 40.0**2) / 2))
-    assert (smoothed.pairs, smoothed.right_class) == (2, 1)
+    first = evaluation.scores["filtered"][1].values
+    assert first["all"]["ospa"] == pytest.approx(np.sqrt((50.0**2 + 1000.0**2) / 2))
+    assert first["class_0"]["ospa"] == pytest.approx(50.0)
+    assert first["class_1"]["ospa"] == pytest.approx(1000.0)
+    second = evaluation.scores["filtered"][2].values
+    assert second["all"]["ospa"] == pytest.approx(60.0)
+    assert (second["class_0"]["n_true"], second["class_0"]["n_est"]) == (1, 0)
+    smoothed = evaluation.scores["smoothed"][1].values["all"]
+    assert smoothed["ospa"] == pytest.approx(np.sqrt((30.0**2 + 40.0**2) / 2))
+    assert (smoothed["pairs"], smoothed["right_class"]) == (2, 1)
 
 
 def test_evaluate_passes_cutoff_and_order_on(run):
     evaluation = run.evaluate(35.0, 1.0)
     assert (evaluation.cutoff, evaluation.order) == (35.0, 1.0)
-    first = evaluation.scores["smoothed"][1].scores["all"].ospa
-    assert first.distance == pytest.approx((30.0 + 35.0) / 2)
+    first = evaluation.scores["smoothed"][1].values["all"]["ospa"]
+    assert first == pytest.approx((30.0 + 35.0) / 2)
 
 
 def test_evaluate_without_truth_scores_nothing(run):

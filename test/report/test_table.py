@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.metric_table import OF_ALL, OF_SETS
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.report.table import metrics, score_tables
 
@@ -67,16 +68,19 @@ def test_metrics_hold_what_the_file_promises(evaluation):
         "filtered", "smoothed", "reduction", "class_accuracy", "p", "c", "scans", "step_ms",
         "long_gap_s", "ospa2_window",
     }  # fmt: skip
-    figures = [
+    promised = {
         "ospa", "localization", "cardinality", "cardinality_abs_error",
         "gospa", "gospa_localization", "missed", "false", "position_rms", "position_detection",
         "longest_gap_s", "long_gap_share", "long_gap_misses",
-    ]  # fmt: skip
+    }  # fmt: skip
+    of_sets = [metric.key for metric in OF_SETS]
+    assert promised <= {*of_sets}
     for source in ("filtered", "smoothed"):
         assert list(found[source]) == ["all", "class_0", "class_1"]
         everything = found[source].pop("all")
-        assert list(everything) == [*figures, "ospa2", "confusion"]
-        assert [list(means) for means in found[source].values()] == [figures] * 2
+        assert list(everything) == [*of_sets, *(metric.key for metric in OF_ALL), "confusion"]
+        assert "ospa2" in everything
+        assert [list(means) for means in found[source].values()] == [of_sets] * 2
         found[source]["all"] = everything
     assert found["filtered"]["all"]["ospa"] == pytest.approx(100.0)
     assert found["smoothed"]["all"]["ospa"] == pytest.approx(25.0)
@@ -132,7 +136,7 @@ def test_score_tables_shows_the_surveillance_figures():
         label = np.array([1 + stamp])
         found.add_truth(stamp, PointSet(target.position, target.class_id, label))
         found.add_estimates("smoothed", stamp, points([[0, 80]], [0]))
-    _, _, (_, rows, caption), _ = tables(metrics(found, np.zeros(0)))
+    _, _, (_, rows, caption), *_ = tables(metrics(found, np.zeros(0)))
     assert rows == [
         ["all", "filter", *["-"] * 5],
         ["", "smoother", "80.0 m", "50.00%", "0.0 s", "0.0%", "0.00%"],
@@ -150,7 +154,7 @@ def test_score_tables_shows_the_surveillance_figures():
 def test_score_tables_shows_ospa2_where_there_is_one(evaluation):
     summary = metrics(evaluation, np.zeros(0))
     summary["smoothed"]["all"]["ospa2"] = 12.34
-    _, _, (_, _, caption), _ = tables(summary)
+    _, _, (_, _, caption), *_ = tables(summary)
     assert caption[1] == "OSPA(2) over 10 scans: filter -, smoother 12.3 m"
 
 
@@ -194,7 +198,7 @@ def test_score_tables_leaves_out_what_was_not_measured(evaluation):
 
 def test_score_tables_of_nothing_shows_dashes():
     empty = Evaluation(classes=1, cutoff=500.0, order=1.0)
-    (title, rows, _), (_, parts, _), (_, more, _) = tables(metrics(empty, np.zeros(0)))
+    (title, rows, _), (_, parts, _), (_, more, _), *_ = tables(metrics(empty, np.zeros(0)))
     assert title == "means over 0 scans (OSPA: p = 1, c = 500 m)"
     assert [row[2:] for row in rows] == [["-"] * 4] * 6
     assert [row[2:] for row in parts] == [["-"] * 4] * 4

@@ -39,7 +39,7 @@ def test_ospa_has_the_scores_of_all_and_of_each_class(source):
 
     for row, key in enumerate(("all", "class_0", "class_1"), 1):
         drawn = line(figure, source, row)
-        expected = [scores[stamp_ns(k)].scores[key].ospa.distance for k in range(SCANS)]
+        expected = [scores[stamp_ns(k)].values[key]["ospa"] for k in range(SCANS)]
         assert list(drawn.x) == TIMES
         np.testing.assert_allclose(drawn.y, expected, atol=0.01)
 

@@ -163,7 +163,8 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
     del live["all"]["ospa2"]
     for key, figures in live.items():
         found = {name: result.figure(name, 0, key)[0] for name in figures}
-        assert found == pytest.approx(figures, abs=0.02)
+        expected = {name: math.nan if v is None else v for name, v in figures.items()}
+        assert found == pytest.approx(expected, abs=0.001, nan_ok=True)
 
 
 # --- summaries ------------------------------------------------------------------------------------
@@ -201,8 +202,7 @@ def test_result_reduction_is_paired_over_runs():
 def test_result_figures():
     result = result_of(
         variant_of("particles"),
-        n_true=[[2, 2], [2, 2]],
-        n_est=[[1, 4], [2, 2]],
+        cardinality_abs_error=[[1, 2], [0, 0]],
         pairs=[[1, 2], [2, 0]],
         right_class=[[1, 1], [2, 0]],
     )
@@ -211,23 +211,31 @@ def test_result_figures():
     np.testing.assert_array_equal(result.figure("class_accuracy", 2), [0.5, np.nan])
 
 
-def test_result_gospa_follows_from_ospa_and_what_is_missed():
-    # Two targets and one estimate 30 m off, then 2 km off.
-    result = result_of(
-        variant_of("particles"),
-        n_true=[[2, 2]] * 2,
-        n_est=[[1, 1]] * 2,
-        missed=[[1, 2]] * 2,
-        localization=[[30.0 / math.sqrt(2.0), 1000.0 / math.sqrt(2.0)]] * 2,
-    )
-    found = {
-        n: [result.figure(n, lag)[0] for lag in (0, 2)] for n in ("gospa_localization", "false")
-    }
+def test_result_gospa_is_the_mean_of_what_is_stored(pair):
+    # The first target 30 m off, the other one missed next to a false estimate or alone.
+    scores = scored(pair, *[[(30.0, 0)]] * 2, *[[(30.0, 0), (-9e3, 1)], [(30.0, 0)]] * 5)
+    result = Result("", variant_of("particles"), (0,), scores._replace(values=scores.values[None]))
 
-    assert found["gospa_localization"] == pytest.approx([30.0, 0.0])
-    assert found["false"] == [0.0, 1.0]
-    assert result.figure("gospa", 0)[0] == pytest.approx(math.sqrt(900.0 + 1e6 / 2.0))
-    assert result.figure("gospa", 2)[0] == pytest.approx(math.sqrt(3e6 / 2.0))
+    alone = math.sqrt(900.0 + 1e6 / 2.0)
+    both = math.sqrt(900.0 + 1e6)
+    np.testing.assert_allclose(
+        result.over_time("gospa", 0), [[30.0] * 2 + [both, alone] * 5], atol=5e-4
+    )
+    assert result.figure("gospa", 0)[0] == pytest.approx((60.0 + 5.0 * (both + alone)) / 12.0)
+    assert result.figure("gospa_localization", 0)[0] == 30.0
+    assert result.figure("missed", 0)[0] == pytest.approx(10.0 / 12.0)
+    assert result.figure("false", 0)[0] == pytest.approx(5.0 / 12.0)
+
+
+def test_result_over_time_is_the_figure_of_each_scan(pair):
+    scores = scored(pair, *[[(0.0, 1)]] * 2, *[[(0.0, 0), (5e3, 0)]] * 9, [])
+    result = Result("", variant_of("particles"), (0,), scores._replace(values=scores.values[None]))
+
+    expected = [[0.0] * 2 + [0.5] * 9 + [np.nan]]
+    np.testing.assert_array_equal(result.over_time("class_accuracy", 0), expected)
+    np.testing.assert_array_equal(
+        result.over_time("cardinality_abs_error", 0), [[0.0] * 11 + [2.0]]
+    )
 
 
 def test_result_position_figures():
@@ -235,7 +243,7 @@ def test_result_position_figures():
         variant_of("particles"),
         n_true=[[2, 2], [0, 2]],
         pairs=[[1, 2], [0, 1]],
-        position_rms=[[30.0, 40.0], [np.nan, 50.0]],
+        square_error=[[900.0, 3200.0], [0.0, 2500.0]],
     )
 
     np.testing.assert_array_equal(result.figure("position_detection", 0), [0.5, np.nan])

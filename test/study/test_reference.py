@@ -13,8 +13,8 @@ from phd_jdtc_ros.core.gaussian.ekf import Gaussian, predict, transition_matrix,
 from phd_jdtc_ros.core.gaussian.rts import Filtered, smooth
 from phd_jdtc_ros.core.models.motion import ConstantVelocity
 from phd_jdtc_ros.core.models.radar import wrap_angle
-from phd_jdtc_ros.core.simulation.scenario import Scenario, Truth, paper_scenario
-from phd_jdtc_ros.core.types import Detections, Scan
+from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.core.types import Detections, Scan, Truth
 from phd_jdtc_ros.study.reference import birth, filter_target, known_association
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 

@@ -111,9 +111,9 @@ def test_over_time_draws_filter_and_lag_5_of_the_first_variant():
         np.testing.assert_allclose(line.get_ydata(), mean)
 
 
-def test_number_error_is_absolute():
+def test_number_error_draws_the_absolute_one():
     results = everything()
-    results[0].scores.values[..., VALUES.index("n_est")] = 1
+    results[0].scores.values[..., VALUES.index("cardinality_abs_error")] = 1
 
     lines = over_time.number_error_over_time(results).axes[0].lines
 

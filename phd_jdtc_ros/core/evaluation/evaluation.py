@@ -8,13 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-import numpy as np
-
 from ..types import FILTERED, SMOOTHED, SOURCES
-from .metrics import assign
-from .run_scores import OSPA2_WINDOW, RunScores
-from .scan_scores import ALL, PointSet, ScanScore, set_scores
-from .surveillance import LONG_GAP_S
+from .metric_table import CLASS_ACCURACY, LONG_GAP_S, OSPA2_WINDOW, reduction
+from .run_scores import RunScores
+from .scan_scores import ALL, PairedScan, PointSet, ScanScore
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
 
@@ -50,7 +47,7 @@ class Evaluation:
     order: float
     keep: int | None = None
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
-    _totals: dict[str, RunScores] = field(init=False)
+    _runs: dict[str, RunScores] = field(init=False)
     _truth: dict[int, PointSet] = field(init=False, default_factory=dict)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
     # The stamps that one source has a score for and the other none yet.
@@ -59,13 +56,13 @@ class Evaluation:
 
     def __post_init__(self) -> None:
         self.scores = {source: {} for source in SOURCES}
-        keys = (ALL, *(f"class_{k}" for k in range(self.classes)))
-        self._totals = {source: RunScores(keys, self.cutoff, self.order) for source in SOURCES}
+        given = self.classes, self.cutoff, self.order
+        self._runs = {source: RunScores(*given) for source in SOURCES}
 
     @property
     def scored(self) -> dict[str, int]:
         """Number of scores by source."""
-        return {source: totals.scans for source, totals in self._totals.items()}
+        return {source: run.scans for source, run in self._runs.items()}
 
     def add_truth(self, stamp_ns: int, truth: PointSet) -> list[ScanScore]:
         """Take in the targets of a stamp; return the scores that became possible."""
@@ -88,13 +85,9 @@ class Evaluation:
             del store[next(iter(store))]
 
     def _score(self, source: str, stamp_ns: int, estimate: PointSet) -> ScanScore:
-        truth = self._truth[stamp_ns]
-        pairs = assign(truth.position, estimate.position, self.cutoff)
-        right = np.count_nonzero(truth.class_id[pairs[0]] == estimate.class_id[pairs[1]])
-        scores = set_scores(truth, estimate, pairs, self.classes, self.cutoff, self.order)
-        score = ScanScore(source, stamp_ns, scores, int(right))
+        scan = PairedScan.of(stamp_ns, self._truth[stamp_ns], estimate, self.cutoff)
+        score = ScanScore(source, stamp_ns, self._runs[source].add(scan))
         self._put(self.scores[source], stamp_ns, score)
-        self._totals[source].add(score, truth, estimate, pairs)
         if self._half.get(stamp_ns, source) == source:
             self._put(self._half, stamp_ns, source)
         else:
@@ -108,15 +101,14 @@ class Evaluation:
         Returns
         -------
         dict
-            Per source and set what `RunTotals.figures` says; ``reduction`` of the mean OSPA by
-            smoothing; ``class_accuracy`` of the smoothed estimates; ``p``, ``c``; ``long_gap_s``
-            and ``ospa2_window`` in scans; ``scans`` that both sources have a score for. A figure
+            Per source what `RunScores.figures` says; ``reduction`` of the mean OSPA by smoothing;
+            ``class_accuracy`` of the smoothed estimates; ``p``, ``c``; ``long_gap_s`` and
+            ``ospa2_window`` in scans; ``scans`` that both sources have a score for. A figure
             without data is None.
         """
-        result: dict[str, Any] = {s: totals.figures() for s, totals in self._totals.items()}
-        before, after = (result[source][ALL]["ospa"] for source in SOURCES)
-        result["reduction"] = 1.0 - after / before if before and after is not None else None
-        result["class_accuracy"] = self._totals[SMOOTHED].class_accuracy()
+        result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
+        result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
+        result["class_accuracy"] = self._runs[SMOOTHED].of_all(CLASS_ACCURACY)
         result["p"], result["c"] = self.order, self.cutoff
         result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
         result["scans"] = self._scans

@@ -12,7 +12,7 @@ positions, and for each living target when it was last seen.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,13 +20,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
+from .metric_table import LONG_GAP_S
 from .metrics import Ospa, ospa_of_distances
 
 BoolArray = npt.NDArray[np.bool_]
-
-# A gap that lasts longer is long: ED-142 en route, as the evaluation tool COMPASS codes it. It is
-# two updates of 8 s and a little.
-LONG_GAP_S = 16.4
 
 
 @dataclass(frozen=True)
@@ -236,6 +233,11 @@ class Gap(NamedTuple):
     duration_s: float
     missed: int
 
+    @property
+    def is_long(self) -> bool:
+        """Whether it lasts longer than `LONG_GAP_S`."""
+        return self.duration_s > LONG_GAP_S
+
 
 @dataclass
 class _Life:
@@ -297,32 +299,3 @@ class GapFinder:
     def under_way(self) -> list[Gap]:
         """Return the gaps that have not ended, as if all targets' lives had."""
         return [life.gap(life.newest_ns) for life in self._lives.values() if life.missed]
-
-
-class Gaps(NamedTuple):
-    """What some gaps amount to.
-
-    Parameters
-    ----------
-    number, long : int
-        All of them, and those longer than `LONG_GAP_S`.
-    missed_in_long : int
-        Scans without an estimate in the long ones.
-    longest_s : float
-        0 without a gap.
-    """
-
-    number: int = 0
-    long: int = 0
-    missed_in_long: int = 0
-    longest_s: float = 0.0
-
-    def plus(self, gaps: Iterable[Gap]) -> Gaps:
-        """Return what these gaps and some more amount to."""
-        number, long, missed, longest = self
-        for gap in gaps:
-            is_long = gap.duration_s > LONG_GAP_S
-            number, long = number + 1, long + is_long
-            missed += gap.missed * is_long
-            longest = max(longest, gap.duration_s)
-        return Gaps(number, long, missed, longest)

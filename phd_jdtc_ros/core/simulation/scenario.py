@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, read_only
+from ..arrays import FloatArray
 from ..models.amplitude_density import snr_from_db
 from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
-from ..state_space import PLANAR, StateSpace
+from ..types import Truth
 
 # The truth moves as this model's mean does; turn rate 0 is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
@@ -122,38 +122,6 @@ class Scenario:
     def stamp_ns(self, scan: int) -> int:
         """Return the stamp of a scan in nanoseconds."""
         return self.start_ns + round(scan * self.interval_s * 1e9)
-
-
-@dataclass(frozen=True)
-class Truth:
-    """The targets that exist at one stamp.
-
-    Parameters
-    ----------
-    stamp_ns : int
-    state : array of shape (T, D)
-    track_id : int array of shape (T,)
-        Counted from 1 in the order of the scenario.
-    class_id : int array of shape (T,)
-    space : StateSpace
-        What the axes of the states are.
-    """
-
-    stamp_ns: int
-    state: FloatArray
-    track_id: IntArray
-    class_id: IntArray
-    space: StateSpace = PLANAR
-
-    @property
-    def position(self) -> FloatArray:
-        """Positions in the world frame, metres, shape (T, 2)."""
-        return self.state[:, list(self.space.position)]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "state", read_only(self.state))
-        for name in ("track_id", "class_id"):
-            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
 
 
 def truth_at(scenario: Scenario, scan: int) -> Truth:

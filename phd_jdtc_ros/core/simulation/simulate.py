@@ -9,8 +9,8 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..models.radar import RadarModel, wrap_angle
-from ..types import Detections, Scan
-from .scenario import Scenario, Truth, truth_at
+from ..types import Detections, Scan, Truth
+from .scenario import Scenario, truth_at
 
 
 def detect(

@@ -133,9 +133,7 @@ class Evaluator(Node):
         except RejectedMessageError as error:
             self._warn(f"{self._values['truth_topic']}: {error}")
             return
-        position = targets.position
-        points = PointSet(position, targets.class_id, targets.track_id)
-        self._publish(self._evaluation.add_truth(targets.stamp_ns, points))
+        self._publish(self._evaluation.add_truth(targets.stamp_ns, PointSet.of(targets)))
 
     def _on_estimates(self, source: str, cloud: PointCloud2) -> None:
         try:
@@ -143,7 +141,7 @@ class Evaluator(Node):
         except RejectedMessageError as error:
             self._warn(f"{source} estimates: {error}")
             return
-        points = PointSet(found.position, found.class_id, found.track_id)
+        points = PointSet.of(found)
         self._publish(self._evaluation.add_estimates(source, found.stamp_ns, points))
 
     def _on_figures(self, message: DiagnosticArray) -> None:

@@ -14,8 +14,7 @@ from plotly.graph_objects import Scatter
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.metrics import assign
-from phd_jdtc_ros.core.simulation.scenario import Truth
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Truth
 
 from ..clock import Clock
 from ..record import Record

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from phd_jdtc_ros.core.simulation.scenario import Truth
-from phd_jdtc_ros.core.types import SOURCES, Estimates
+from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
 
 from ..record import Plot, Record
 

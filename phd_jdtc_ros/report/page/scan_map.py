@@ -18,8 +18,7 @@ from plotly.graph_objects import Figure, Scatter
 
 from msg_adapters.ellipse import RADIUS_95, outline
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.simulation.scenario import Truth
-from phd_jdtc_ros.core.types import SMOOTHED, Estimates
+from phd_jdtc_ros.core.types import SMOOTHED, Estimates, Truth
 
 from ..record import Record
 from ..style import class_colour, class_name

@@ -9,16 +9,24 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from phd_jdtc_ros.core.evaluation.metric_table import (
+    CLASS_ACCURACY,
+    GOSPA,
+    OF_ALL,
+    OF_SETS,
+    OSPA,
+    TERMS,
+    Metric,
+)
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
-from ..score_columns import GOSPA, OSPA, OSPA2, SURVEILLANCE, Columns
 from ..style import class_name
 
 NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
 # The localisation part is shown once, OSPA's.
-DISTANCES = (*OSPA, *(column for column in GOSPA if column[0] not in {name for name, _, _ in OSPA}))
-WITH_OSPA2 = (*SURVEILLANCE, OSPA2)
+DISTANCES = (*OSPA, *(metric for metric in GOSPA if metric.key != "gospa_localization"))
+OTHERS = (*(metric for metric in OF_SETS if metric not in (*OSPA, *GOSPA)), *OF_ALL)
 
 
 def tables(summary: Mapping[str, Any]) -> str:
@@ -32,22 +40,22 @@ def tables(summary: Mapping[str, Any]) -> str:
             "<h2>Scores</h2>",
             _table(summary, DISTANCES, "Means over all scans."),
             "<details>\n<summary>Surveillance figures, classes taken for each other</summary>",
-            _table(summary, WITH_OSPA2, over),
+            _table(summary, OTHERS, over),
             _confusion(_score(summary, SMOOTHED, "all", "confusion")),
             "</details>",
         )
     )
 
 
-def _table(summary: Mapping[str, Any], columns: Columns, note: str) -> str:
+def _table(summary: Mapping[str, Any], columns: Sequence[Metric], note: str) -> str:
     """Return one table, without the columns that no set has a value for."""
     keys = _set_keys(summary)
     known = [
-        column
-        for column in columns
-        if any(_score(summary, s, key, column[1]) is not None for s in SOURCES for key in keys)
+        metric
+        for metric in columns
+        if any(_score(summary, s, key, metric.key) is not None for s in SOURCES for key in keys)
     ]
-    heads = "".join(f'<th scope="col">{escape(name)}</th>' for name, _, _ in known)
+    heads = "".join(f'<th scope="col">{escape(m.heading)}</th>' for m in known)
     rows = "\n".join(_rows(summary, known, key) for key in keys)
     return (
         '<div class="wide">\n<table>\n<thead><tr><th scope="col">set</th>'
@@ -141,13 +149,13 @@ def tiles(summary: Mapping[str, Any]) -> str:
     )
 
 
-def _rows(summary: Mapping[str, Any], columns: Columns, key: str) -> str:
+def _rows(summary: Mapping[str, Any], columns: Sequence[Metric], key: str) -> str:
     """Return one set's rows, the filter's above the smoother's."""
     name = "all classes" if key == "all" else key.replace("_", " ")
     rows = []
     for source in _scored(summary):
-        values = [(_score(summary, source, key, part), text) for _, part, text in columns]
-        cells = "".join(f"<td>{NO_VALUE if v is None else t.format(v)}</td>" for v, t in values)
+        values = [(_score(summary, source, key, metric.key), metric) for metric in columns]
+        cells = "".join(f"<td>{NO_VALUE if v is None else m.text(v)}</td>" for v, m in values)
         rows.append(
             f'<tr class="{source}"><th scope="row">{escape(name)}</th><th>{source}</th>{cells}</tr>'
         )
@@ -159,72 +167,15 @@ def definitions(summary: Mapping[str, Any]) -> str:
     """Return what the words mean, nothing if there are no scores to mean anything."""
     if not _scored(summary):
         return ""
-    terms = "\n".join(f"<dt>{term}</dt>\n<dd>{text}</dd>" for term, text in _terms(summary))
-    return f'<h2>Definitions</h2>\n<dl class="terms">\n{terms}\n</dl>'
+    metrics = (*DISTANCES, *OTHERS, CLASS_ACCURACY)
+    words = [*((m.heading[0].upper() + m.heading[1:], m.definition) for m in metrics), *TERMS]
+    terms = "\n".join(f"<dt>{escape(word)}</dt>\n<dd>{escape(text)}</dd>" for word, text in words)
+    return f'<h2>Definitions</h2>\n{_parameters(summary)}<dl class="terms">\n{terms}\n</dl>'
 
 
-def _terms(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the words and what they mean, as HTML."""
+def _parameters(summary: Mapping[str, Any]) -> str:
+    """Return what the definitions leave open, nothing if it is not known."""
     order, cutoff = summary.get("p"), summary.get("c")
-    p = NO_VALUE if order is None else f"{order:g}"
-    c = NO_VALUE if cutoff is None else f"{cutoff:g}"
-    return [
-        (
-            f"OSPA (p = {p}, c = {c} m)",
-            "Optimal sub-pattern assignment distance between the estimated and the true positions "
-            "of one scan. Estimates and targets are paired so that the sum of the p-th powers of "
-            "their distances, each cut off at c, is least; a missing or false target counts as a "
-            "distance of c; the mean of these powers over the larger set, to the power 1/p, is "
-            f"the OSPA distance. Here p = {p} and c = {c} m. It is 0 if both sets are empty and c "
-            "if only one is.",
-        ),
-        (
-            "Localisation, cardinality",
-            "The two parts of the OSPA distance: paired positions, and the wrong number of "
-            "targets. Their p-th powers add up to that of the distance in every scan; the parts "
-            "themselves add only for p = 1.",
-        ),
-        (
-            "Number error",
-            "Mean over the scans of the absolute difference between the number of estimates and "
-            "the number of targets.",
-        ),
-        (
-            "GOSPA, missed, false",
-            "Generalised OSPA distance (alpha = 2) with the same p and c: it is not divided by the "
-            "number of targets, and every missed and every false target costs c/2<sup>1/p</sup>. "
-            "Missed and false are the mean numbers of these a scan.",
-        ),
-        (
-            "Position RMS, position detected, gaps",
-            "Targets are paired with estimates by position alone, closer than c: the root mean "
-            "square of the paired distances, and the share of targets with a pair. A gap is a time "
-            "that a living target goes without one.",
-        ),
-        (
-            "Set",
-            "<em>All classes</em> compares positions whatever their class. <em>Class k</em> "
-            "compares the estimates of class k with the targets of class k, so a wrong class "
-            "counts twice: missing in one, false in the other.",
-        ),
-        (
-            "OSPA reduction",
-            "1 &minus; mean smoothed OSPA / mean filtered OSPA, of all classes.",
-        ),
-        (
-            "Class accuracy",
-            "Smoothed estimates are paired with targets by position alone, closer than c; the "
-            "class accuracy is the fraction of these pairs with the right class. Missed and false "
-            "targets do not enter it.",
-        ),
-        (
-            "Filtered, smoothed",
-            "A filtered estimate uses the scans up to its own time, a smoothed one also the scans "
-            "that followed within the lag. The last scans of a run are smoothed with those that "
-            "were left.",
-        ),
-        (
-            "Step time",
-            "CPU time from the receipt of a scan to the publication of its estimates.",
-        ),
-    ]
+    if order is None or cutoff is None:
+        return ""
+    return f"<p>Here p = {order:g}, c = {cutoff:g} m.</p>\n"

@@ -96,7 +96,7 @@ def _distances(
     """Return the times and the OSPA distances of a source's scans."""
     scans = [scan for _, scan in sorted(evaluation.scores[source].items())]
     time = times(Clock.of(record), [scan.stamp_ns for scan in scans])
-    return time, np.array([scan.scores[key].ospa.distance for scan in scans])
+    return time, np.array([scan.values[key]["ospa"] for scan in scans])
 
 
 def _count(class_id: Any, key: str) -> int:

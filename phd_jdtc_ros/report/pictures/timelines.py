@@ -42,7 +42,7 @@ class Panel(NamedTuple):
 
     @staticmethod
     def of(
-        record: Record, evaluation: Evaluation, key: str, value: Callable[[Any], float]
+        record: Record, evaluation: Evaluation, key: str, value: Callable[[dict[str, Any]], float]
     ) -> Panel:
         """Return the scores of the set `key` as `value` reads them."""
         clock = Clock.of(record)
@@ -51,7 +51,7 @@ class Panel(NamedTuple):
             scans: list[ScanScore] = [scan for _, scan in sorted(evaluation.scores[source].items())]
             if scans:
                 time = clock.seconds([scan.stamp_ns for scan in scans]) / clock.unit_s
-                series[source] = time, np.array([float(value(s.scores[key])) for s in scans])
+                series[source] = time, np.array([float(value(s.values[key])) for s in scans])
         if key == "all":
             return Panel("all classes", INK, series)
         number = int(key.removeprefix("class_"))
@@ -61,7 +61,7 @@ class Panel(NamedTuple):
 def number_error(record: Record, evaluation: Evaluation) -> Figure:
     """Draw n_est - n_true over time, a row for each class."""
     panels = [
-        Panel.of(record, evaluation, key, lambda score: score.n_est - score.n_true)
+        Panel.of(record, evaluation, key, lambda values: values["n_est"] - values["n_true"])
         for key in _class_keys(evaluation)
     ]
     figure, rows = _rows(record, len(panels), "estimated - true")
@@ -84,7 +84,7 @@ def number_error(record: Record, evaluation: Evaluation) -> Figure:
 def ospa(record: Record, evaluation: Evaluation) -> Figure:
     """Draw the OSPA distance over time, a row for each class and one for all."""
     panels = [
-        Panel.of(record, evaluation, key, lambda score: score.ospa.distance)
+        Panel.of(record, evaluation, key, lambda values: values["ospa"])
         for key in (*_class_keys(evaluation), "all")
     ]
     return _distances(record, panels, "OSPA (m)")
@@ -92,8 +92,8 @@ def ospa(record: Record, evaluation: Evaluation) -> Figure:
 
 def ospa_parts(record: Record, evaluation: Evaluation) -> Figure:
     """Draw the localisation and the cardinality part of the OSPA of all targets over time."""
-    location = Panel.of(record, evaluation, "all", lambda score: score.ospa.localization)
-    number = Panel.of(record, evaluation, "all", lambda score: score.ospa.cardinality)
+    location = Panel.of(record, evaluation, "all", lambda values: values["localization"])
+    number = Panel.of(record, evaluation, "all", lambda values: values["cardinality"])
     panels = [
         location._replace(title="all classes: localisation part"),
         number._replace(title="all classes: cardinality part"),

@@ -11,10 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
-from phd_jdtc_ros.core.arrays import FloatArray
-
 from ..monte_carlo import ALL, PARTICLES, Result
-from .rows import OverTime, draw_lags, rows_over_time, scale_from_zero, sets_of
+from .rows import draw_lags, rows_over_time, scale_from_zero, sets_of
 
 
 def ospa_over_time(results: Sequence[Result]) -> Figure:
@@ -23,7 +21,7 @@ def ospa_over_time(results: Sequence[Result]) -> Figure:
     keys = sets_of(main)
     figure, rows = rows_over_time(main, keys, "OSPA (m)")
     for axes, key in zip(rows, keys, strict=True):
-        draw_lags(axes, main, key, "ospa", main.value, "{:.0f} m")
+        draw_lags(axes, main, key, "ospa", "{:.0f} m")
         axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
     scale_from_zero(rows)
     return figure
@@ -38,7 +36,7 @@ def parts_over_time(results: Sequence[Result]) -> Figure:
     }
     figure, rows = rows_over_time(main, list(titles), "part of OSPA (m)")
     for axes, (name, title) in zip(rows, titles.items(), strict=True):
-        draw_lags(axes, main, ALL, name, main.value, "{:.0f} m", title)
+        draw_lags(axes, main, ALL, name, "{:.0f} m", title)
         axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
     scale_from_zero(rows)
     return figure
@@ -50,7 +48,7 @@ def number_error_over_time(results: Sequence[Result]) -> Figure:
     keys = sets_of(main)
     figure, rows = rows_over_time(main, keys, "|number error|")
     for axes, key in zip(rows, keys, strict=True):
-        draw_lags(axes, main, key, "cardinality_abs_error", _number_error(main), "{:.3f}")
+        draw_lags(axes, main, key, "cardinality_abs_error", "{:.3f}")
         axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
     scale_from_zero(rows)
     return figure
@@ -62,27 +60,12 @@ def class_accuracy_over_time(results: Sequence[Result]) -> Figure:
     keys = sets_of(main)
     figure, rows = rows_over_time(main, keys, "right class")
     for axes, key in zip(rows, keys, strict=True):
-        draw_lags(axes, main, key, "class_accuracy", _class_accuracy(main), "{:.2%}")
+        draw_lags(axes, main, key, "class_accuracy", "{:.2%}")
         axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
     lowest = np.nanmin([np.nan_to_num(line.get_ydata(), nan=1.0) for a in rows for line in a.lines])
     span = max(1.3 * (1.0 - lowest), 0.02)
     rows[0].set_ylim(1.0 - span, 1.0 + 0.05 * span)
     return figure
-
-
-def _number_error(result: Result) -> OverTime:
-    def error(_: str, lag: int, key: str) -> FloatArray:
-        return np.abs(result.value("n_est", lag, key) - result.value("n_true", lag, key))
-
-    return error
-
-
-def _class_accuracy(result: Result) -> OverTime:
-    def accuracy(_: str, lag: int, key: str) -> FloatArray:
-        pairs, right = (result.value(name, lag, key) for name in ("pairs", "right_class"))
-        return np.divide(right, pairs, out=np.full(pairs.shape, np.nan), where=pairs > 0)
-
-    return accuracy
 
 
 def has_main(results: Sequence[Result]) -> bool:

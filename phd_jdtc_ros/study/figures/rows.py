@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,9 +20,6 @@ from ..monte_carlo import ALL, Mean, Result
 # The lag over time is this one, or the largest below it that the study has.
 SHOWN_LAG = 5
 CONFIDENCE = 0.95
-
-# A figure by name, lag and set, over runs and time: shape (runs, scans).
-OverTime: TypeAlias = Callable[[str, int, str], FloatArray]
 
 
 def rows_over_time(result: Result, keys: Sequence[str], label: str) -> tuple[Figure, list[Axes]]:
@@ -53,11 +49,10 @@ def draw_lags(
     result: Result,
     key: str,
     name: str,
-    value: OverTime,
     number: str,
     title: str | None = None,
 ) -> None:
-    """Draw a figure of filter and smoother over time, with its band and its overall mean.
+    """Draw a metric of filter and smoother over time, with its band and its overall mean.
 
     Parameters
     ----------
@@ -66,9 +61,7 @@ def draw_lags(
     key : str
         The set, which has its colour.
     name : str
-        Of the figure.
-    value : callable
-        Returns the figure over time.
+        Of the metric.
     number : str
         How the mean is written.
     title : str or None
@@ -77,7 +70,7 @@ def draw_lags(
     colour = INK if key == ALL else class_colour(int(key.removeprefix("class_")))
     time_s = result.scores.time_s
     for lag, label in _shown_lags(result):
-        mean, half_width = band(value(name, lag, key))
+        mean, half_width = band(result.over_time(name, lag, key))
         low, high = mean - half_width, mean + half_width
         if name == "class_accuracy":
             low, high = np.maximum(low, 0.0), np.minimum(high, 1.0)

@@ -26,12 +26,14 @@ paired. What a stored score depends on is part of its file's name, the code of i
 too (`kinds`).
 """
 
+from phd_jdtc_ros.core.evaluation.scan_scores import ALL
+
 from .definition import Study
 from .document import Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
 from .kinds import PARTICLES, REFERENCE
 from .results import Mean, Result, collect, summarise, write_csv
-from .scores import ALL, CUTOFF, ORDER
+from .scores import CUTOFF, ORDER
 from .store import Store, remaining, slug, write_atomically
 from .tasks import Outcome, Plan, Task, plan
 

@@ -17,10 +17,12 @@ import numpy as np
 from scipy import stats
 
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.evaluation.scan_scores import ALL
+from phd_jdtc_ros.core.evaluation.totals import ratio
 
-from .definition import FIGURES, Goal, Study, Variant
-from .result import Result, ratio
-from .scores import ALL, CUTOFF, ORDER
+from .definition import Goal, Study, Variant
+from .result import Result
+from .scores import CUTOFF, ORDER
 from .store import HEADER, Store
 from .tasks import Outcome, Task
 
@@ -119,7 +121,10 @@ def summarise(
             "lags": {
                 str(lag): {
                     key: {
-                        **{f: Mean.of(result.figure(f, lag, key)).as_json() for f in FIGURES},
+                        **{
+                            name: Mean.of(runs).as_json()
+                            for name, runs in result.figures(lag, key).items()
+                        },
                         "confusion": _confusion(result, lag, key),
                     }
                     for key in result.scores.sets

@@ -6,15 +6,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.evaluation.metrics import assign, ospa
-from phd_jdtc_ros.core.evaluation.scan_scores import Pairs, PointSet, Score, set_scores
-from phd_jdtc_ros.core.evaluation.surveillance import Gap, GapFinder, Gaps, confusion_matrix
+from phd_jdtc_ros.core.evaluation.metric_table import COUNTED, PUBLISHED, values_of
+from phd_jdtc_ros.core.evaluation.metrics import ospa
+from phd_jdtc_ros.core.evaluation.scan_scores import (
+    ALL,
+    Comparison,
+    PairedScan,
+    PointSet,
+    ScanComparer,
+    set_names,
+)
+from phd_jdtc_ros.core.evaluation.surveillance import confusion_matrix
 
 from ..runs import SimulatedRun, Tracks
 from .definition import Variant
@@ -25,26 +34,8 @@ CUTOFF, ORDER = 1000.0, 2.0
 OTHER_ORDER, OTHER_CUTOFF = 1.0, 300.0
 # In its first scans a target is young: a tracker that is not told where targets appear needs them.
 YOUNG_SCANS = 5
-
-ALL = "all"
-VALUES = (
-    "ospa",
-    "localization",
-    "cardinality",
-    "n_true",
-    "n_est",
-    "pairs",
-    "right_class",
-    "ospa_p1",
-    "ospa_c300",
-    "ospa_after_5",
-    "missed",
-    "position_rms",
-    "gaps",
-    "long_gaps",
-    "missed_in_long_gaps",
-    "longest_gap_s",
-)
+# Those of the table that need no labels of the estimates, and the study's own.
+VALUES = (*PUBLISHED, *COUNTED, "ospa_p1", "ospa_c300", "ospa_after_5")
 
 
 class Scores(NamedTuple):
@@ -76,38 +67,31 @@ def score(run: SimulatedRun, tracks: Tracks, variant: Variant, classes: int) -> 
 
     Notes
     -----
-    Rounded to a millimetre, so that a file of them is short and reads back as it was.
+    Rounded to a thousandth, so that a file of them is short and reads back as it was.
 
-    - ``pairs`` are targets of the set with an estimate assigned by position alone, closer than the
-      cutoff; ``right_class`` those among them whose estimate has their class; ``position_rms`` is
-      the root mean square of their distances in metres, NaN without one.
-    - ``missed`` is of GOSPA; with OSPA's parts and the numbers all the rest of it follows.
+    - The values of gaps are of those that ended with a scan; the last scan ends all.
+    - ``ospa_p1`` and ``ospa_c300`` are OSPA of all targets with `OTHER_ORDER` and `OTHER_CUTOFF`.
     - ``ospa_after_5`` is OSPA without the targets in the first `YOUNG_SCANS` scans of their life
-      and without the estimates assigned to them as above; NaN where all living targets are young.
-    - ``gaps``, ``long_gaps``, ``missed_in_long_gaps`` and ``longest_gap_s`` are of the gaps in the
-      set's targets' lives that ended with a scan, see `Gaps`; the last scan ends all.
+      and without the estimates paired with them; NaN where all living targets are young.
     """
     lags = tuple(lag for lag in variant.lags if lag in tracks)
     if not lags:
         raise ValueError(f"lags: {variant.lags} wanted, the tracker has {sorted(tracks)}")
     told = 0 if variant.kind in PEERS else classes
-    sets = (ALL, *(f"class_{k}" for k in range(told)))
+    sets = set_names(told)
     values = np.full((len(lags), len(run.scans), len(sets), len(VALUES)), np.nan)
     taken_for = np.zeros((len(lags), len(run.scans), told, told), dtype=np.int64)
     young = _young(run)
     for row, lag in enumerate(lags):
-        gaps = GapFinder()
-        for scan, (truth, found) in enumerate(zip(run.truth, tracks[lag], strict=True)):
-            targets = PointSet(truth.position, truth.class_id, truth.track_id)
-            pairs = assign(targets.position, found.position, CUTOFF)
-            seen = np.zeros(len(targets), dtype=np.bool_)
-            seen[pairs[0]] = True
-            ended = gaps.add(truth.stamp_ns, truth.track_id, truth.class_id, seen)
-            if scan == len(run.scans) - 1:
-                ended += gaps.under_way()
-            values[row, scan] = _scan_values(targets, found, pairs, young[scan], ended, sets)
-            matrix = confusion_matrix(pairs, truth.class_id, found.class_id, told)
-            taken_for[row, scan] = matrix[:told, :told]
+        comparer = ScanComparer(told, CUTOFF, ORDER)
+        for index, (truth, found) in enumerate(zip(run.truth, tracks[lag], strict=True)):
+            scan = PairedScan.of(truth.stamp_ns, PointSet.of(truth), found, CUTOFF)
+            compared = comparer.compare(scan)
+            if index == len(run.scans) - 1:
+                compared = comparer.ended(compared)
+            values[row, index] = _scan_values(scan, compared, young[index])
+            matrix = confusion_matrix(scan.pairs, truth.class_id, found.class_id, told)
+            taken_for[row, index] = matrix[:told, :told]
     stamps = np.array([truth.stamp_ns - run.truth[0].stamp_ns for truth in run.truth])
     return Scores(lags, sets, stamps * 1e-9, np.round(values, 3), taken_for if told else None)
 
@@ -123,75 +107,32 @@ def _young(run: SimulatedRun) -> list[npt.NDArray[np.bool_]]:
 
 
 def _scan_values(
-    truth: PointSet,
-    found: PointSet,
-    pairs: Pairs,
-    young: npt.NDArray[np.bool_],
-    gaps: list[Gap],
-    sets: tuple[str, ...],
+    scan: PairedScan, compared: Mapping[str, Comparison], young: npt.NDArray[np.bool_]
 ) -> FloatArray:
     """Return the values of one scan, shape (sets, VALUES)."""
-    target, estimate = pairs
-    classes = len(sets) - 1
-    right = truth.class_id[target] == found.class_id[estimate]
-    rows = {}
-    for key, entry in set_scores(truth, found, pairs, classes, CUTOFF, ORDER).items():
-        own = [gap for gap in gaps if key in (ALL, f"class_{gap.class_id}")]
-        rows[key] = {**_distances(entry), **_gap_values(Gaps().plus(own)), "right_class": math.nan}
-        if classes:
-            chosen = (
-                right
-                if key == ALL
-                else right[truth.class_id[target] == int(key.removeprefix("class_"))]
-            )
-            rows[key]["right_class"] = int(chosen.sum())
-    rows[ALL]["ospa_p1"] = ospa(truth.position, found.position, CUTOFF, OTHER_ORDER).distance
-    rows[ALL]["ospa_c300"] = ospa(truth.position, found.position, OTHER_CUTOFF, ORDER).distance
-    for key, distance in _ospa_without(truth, found, pairs, young, classes).items():
+    positions = scan.truth.position, scan.estimate.position
+    rows = {key: values_of(comparison) for key, comparison in compared.items()}
+    if len(rows) == 1:
+        # The tracker tells no classes.
+        rows[ALL]["right_class"] = None
+    rows[ALL]["ospa_p1"] = ospa(*positions, CUTOFF, OTHER_ORDER).distance
+    rows[ALL]["ospa_c300"] = ospa(*positions, OTHER_CUTOFF, ORDER).distance
+    for key, distance in _ospa_without(scan, young, len(rows) - 1).items():
         rows[key]["ospa_after_5"] = distance
-    return np.array([[rows[key].get(name, math.nan) for name in VALUES] for key in sets])
+    return np.array([[row.get(name) for name in VALUES] for row in rows.values()], dtype=float)
 
 
-def _distances(entry: Score) -> dict[str, float]:
-    return {
-        "ospa": entry.ospa.distance,
-        "localization": entry.ospa.localization,
-        "cardinality": entry.ospa.cardinality,
-        "n_true": entry.n_true,
-        "n_est": entry.n_est,
-        "pairs": entry.pairs,
-        "missed": entry.gospa.missed,
-        "position_rms": math.sqrt(entry.square_error / entry.pairs) if entry.pairs else math.nan,
-    }
-
-
-def _gap_values(gaps: Gaps) -> dict[str, float]:
-    return {
-        "gaps": gaps.number,
-        "long_gaps": gaps.long,
-        "missed_in_long_gaps": gaps.missed_in_long,
-        "longest_gap_s": gaps.longest_s,
-    }
-
-
-def _ospa_without(
-    truth: PointSet,
-    found: PointSet,
-    pairs: Pairs,
-    young: npt.NDArray[np.bool_],
-    classes: int,
-) -> dict[str, float]:
-    """Return the OSPA of each set without young targets and the estimates assigned to them."""
-    target, estimate = pairs
-    theirs = estimate[young[target]]
+def _ospa_without(scan: PairedScan, young: npt.NDArray[np.bool_], classes: int) -> dict[str, float]:
+    """Return the OSPA of each set without young targets and the estimates paired with them."""
+    target, estimate = scan.pairs
+    truth = scan.truth
     old = truth.only(np.flatnonzero(~young))
-    left = found.only(np.delete(np.arange(len(found)), theirs))
-    sets = {ALL: (truth, old, left)}
-    for k in range(classes):
-        sets[f"class_{k}"] = (truth.of_class(k), old.of_class(k), left.of_class(k))
+    left = scan.estimate.only(np.delete(np.arange(len(scan.estimate)), estimate[young[target]]))
+    sets = [(truth, old, left)]
+    sets += [(truth.of_class(k), old.of_class(k), left.of_class(k)) for k in range(classes)]
     return {
         key: math.nan
         if len(living) and not len(t)
         else ospa(t.position, e.position, CUTOFF, ORDER).distance
-        for key, (living, t, e) in sets.items()
+        for key, (living, t, e) in zip(set_names(classes), sets, strict=True)
     }

@@ -25,16 +25,6 @@ from .tasks import Task
 
 # The last column holds a class's row of `Scores.taken_for`, numbers with blanks between.
 HEADER = ("case", "variant", "lag", "seed", "scan", "time_s", "set", *VALUES, "taken_for")
-COUNTS = (
-    "n_true",
-    "n_est",
-    "pairs",
-    "right_class",
-    "missed",
-    "gaps",
-    "long_gaps",
-    "missed_in_long_gaps",
-)
 
 
 @dataclass(frozen=True)
@@ -88,13 +78,12 @@ def _rows(task: Task, variant: Variant, scores: Scores) -> Iterator[list[Any]]:
                 scores.sets, scores.values[row, scan], texts, strict=True
             ):
                 fixed = [task.case, variant.name, lag, task.seed, scan, round(time, 9), name]
-                yield [*fixed, *map(_cell, VALUES, values.tolist()), text]
+                yield [*fixed, *map(_cell, values.tolist()), text]
 
 
-def _cell(name: str, value: float) -> str:
-    if math.isnan(value):
-        return ""
-    return f"{value:.0f}" if name in COUNTS else repr(value)
+def _cell(value: float) -> str:
+    """Return a value of three decimals so that it reads back as it was."""
+    return "" if math.isnan(value) else f"{value:.15g}"
 
 
 def _scores(rows: Sequence[Sequence[str]]) -> Scores:

@@ -25,7 +25,7 @@ from .kinds import NEAREST_NEIGHBOUR, PARTICLES, REFERENCE, code_of, missing, mo
 from .scores import CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # A change of what a stored row means changes this.
-FORMAT = 2
+FORMAT = 3
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.run_scores import OSPA2_WINDOW
+from phd_jdtc_ros.core.evaluation.metric_table import OSPA2_WINDOW
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
@@ -111,8 +111,7 @@ def test_evaluation_scores_an_empty_report():
     evaluation = Evaluation(classes=1, cutoff=C, order=2.0)
     evaluation.add_truth(1, points())
     (score,) = evaluation.add_estimates(SMOOTHED, 1, points())
-    assert score.scores["all"].ospa.distance == 0.0
-    assert (score.pairs, score.right_class) == (0, 0)
+    assert [score.values["all"][name] for name in ("ospa", "pairs", "right_class")] == [0, 0, 0]
 
 
 def test_evaluation_without_truth_of_a_stamp_keeps_waiting():

@@ -12,7 +12,6 @@ from phd_jdtc_ros.core.evaluation.metrics import assign, gospa, ospa
 from phd_jdtc_ros.core.evaluation.surveillance import (
     Gap,
     GapFinder,
-    Gaps,
     LabelledPoints,
     TrackWindow,
     confusion_matrix,
@@ -336,12 +335,3 @@ def test_gap_finder_keeps_nothing_of_targets_that_have_gone():
     for scan in range(100):
         gaps_of(finder, 6.0 * scan, (scan + 1, 0, scan % 2))
     assert len(finder._lives) == 1
-
-
-def test_gaps_add_up():
-    found = Gaps().plus([Gap(0, 12.0, 1), Gap(0, 18.0, 2)]).plus([Gap(1, 16.4, 3)])
-    assert found == Gaps(number=3, long=1, missed_in_long=2, longest_s=18.0)
-
-
-def test_gaps_of_none_are_zero():
-    assert Gaps().plus([]) == (0, 0, 0, 0.0)

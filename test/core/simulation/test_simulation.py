@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scenes import reference_scenario
 
-from phd_jdtc_ros.core.simulation.scenario import Truth, truth_at
+from phd_jdtc_ros.core.simulation.scenario import truth_at
 from phd_jdtc_ros.core.simulation.simulate import detect, simulate, simulate_with_sources
 from phd_jdtc_ros.core.state_space import PLANAR
+from phd_jdtc_ros.core.types import Truth
 
 SCENE = reference_scenario()
 RADAR = SCENE.radars[1]

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 import rclpy
 
+from phd_jdtc_ros.core.evaluation.metric_table import METRICS
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.tracker.node import Tracker
-from phd_jdtc_ros.tools.parameter_reference import page
+from phd_jdtc_ros.tools.reference_pages import PAGES, main, metrics, parameters
 
 ROOT = Path(__file__).parents[2]
 BAG = str(ROOT / "bags" / "paper_scenario")
@@ -42,7 +43,7 @@ def declared(request):
 def rows(node, values):
     """Return a node's rows of the page: by full name, the mark and the meaning."""
     found = {}
-    for section in page().split("\n## ")[1:]:
+    for section in parameters().split("\n## ")[1:]:
         title = section.splitlines()[0]
         if title.split(",")[0] != node:
             continue
@@ -55,8 +56,18 @@ def rows(node, values):
     return found
 
 
-def test_reference_page_is_up_to_date():
-    assert (ROOT / "docs" / "parameters.md").read_text() == page(), "run make parameters"
+@pytest.mark.parametrize("name", PAGES)
+def test_reference_page_is_up_to_date(name, tmp_path):
+    main([str(tmp_path)])
+    assert (ROOT / "docs" / name).read_text() == (tmp_path / name).read_text(), (
+        "run make parameters"
+    )
+
+
+@pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.key)
+def test_page_of_metrics_defines_every_one(metric):
+    row = f"| {metric.heading} | `{metric.key}` | {metric.unit} | {metric.definition} |"
+    assert row in metrics().splitlines()
 
 
 @pytest.mark.parametrize(("node", "declared"), [(n, n) for n in NODES], indirect=["declared"])

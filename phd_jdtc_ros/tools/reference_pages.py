@@ -1,0 +1,141 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The pages of the documentation that are written from tables in the code."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from phd_jdtc_ros.core.configuration.parameters import BIRTH, CLASS, MOTION, RADAR, TOP
+from phd_jdtc_ros.core.configuration.schema import Parameter
+from phd_jdtc_ros.core.evaluation.metric_table import (
+    CLASS_ACCURACY,
+    GROUPS,
+    OF_ALL,
+    PUBLISHED,
+    TERMS,
+)
+from phd_jdtc_ros.nodes.evaluator import node
+from phd_jdtc_ros.nodes.replay import replay_parameters
+from phd_jdtc_ros.nodes.tracker import settings
+from phd_jdtc_ros.study.monte_carlo.definition import OSPA_AFTER_5
+
+# --- parameters -----------------------------------------------------------------------------------
+
+_PARAMETERS = """\
+# Parameters
+
+Written by `make parameters` from the tables in the code. Those marked * can change while the
+tracker runs, from the next scan on: a change is checked as a whole, with all else that is set, and
+refused as a whole with every reason. All others are fixed at the start, but for `seek_s` of
+`sensor_replay`. Whole numbers are accepted where numbers are meant. All faults of a configuration
+are listed at once, and the node ends with status 2.
+"""
+
+_SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
+    (
+        "tracker",
+        "The defaults are the reference scenario; `config/paper_scenario.yaml` has them written "
+        "out. QoS can be overridden: `qos_overrides.TOPIC.publisher.{reliability,history,depth}`, "
+        "and `qos_overrides.TOPIC.subscription.{reliability,history,depth,deadline}` (ns).",
+        TOP,
+    ),
+    ("tracker, for every name in `radars`", "Names are prefixed: `radar_1.position`.", RADAR),
+    ("tracker, for every name in `classes`", "", CLASS),
+    ("tracker, for every name in `motions`", "", MOTION),
+    ("tracker, for every name in `births`", "", BIRTH),
+    ("tracker, as a node", "Not for the offline executables.", settings.TABLE),
+    (
+        "sensor_replay",
+        "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the bag as "
+        "an argument set the parameters of the same meaning.",
+        replay_parameters.TABLE,
+    ),
+    ("evaluator", "", node.TABLE),
+)
+
+
+def parameters() -> str:
+    """Return the page of the nodes' parameters as Markdown."""
+    parts = [_PARAMETERS]
+    for title, text, table in _SECTIONS:
+        rows = [
+            (f"`{p.name}`{_mark(p)}", f"`{_shown(p.default)}`", p.allowed, p.description)
+            for p in table
+        ]
+        head = ("name", "default", "allowed", "meaning")
+        parts.append(_section(title, text, head, rows))
+    return "\n".join(parts)
+
+
+def _mark(parameter: Parameter) -> str:
+    return " *" if parameter.mutable else ""
+
+
+def _shown(default: object) -> str:
+    return str(default).replace("'", "") if default != "" else "(empty)"
+
+
+# --- metrics --------------------------------------------------------------------------------------
+
+_METRICS = """\
+# Metrics
+
+Written by `make parameters` from the table in the code. `metrics.json` has them by source
+(`filtered`, `smoothed`), set (`all`, `class_0` ...) and key; the `summary.json` of a study by case,
+variant, lag, set and key, as means over runs. Shares are shown in per cent; in both files they are
+from 0 to 1. A figure that has no meaning, such as the RMS of no pairs, is null.
+
+The evaluator publishes on `~/ospa`, for every scan and set: {published}.
+
+c, the cutoff, and p, the order, are the evaluator's parameters `cutoff` and `order`. A target and
+an estimate are a pair where the best assignment by position alone pairs them closer than c.
+`confusion` of all targets counts, over the scans, targets by true class (rows) and by the class of
+the estimate in their pair (columns); the last column has those missed, the last row false
+estimates.
+"""
+
+_CLASSES = (
+    "Of all targets and the smoothed estimates in `metrics.json`, of every lag and set in a study."
+)
+
+
+def metrics() -> str:
+    """Return the page of the metrics as Markdown."""
+    parts = [_METRICS.format(published=", ".join(f"`{name}`" for name in PUBLISHED))]
+    sections = [
+        *((title[0].upper() + title[1:], "", group) for title, group in GROUPS.items()),
+        ("Tracks", "Of all targets.", OF_ALL),
+        ("Classes", _CLASSES, (CLASS_ACCURACY,)),
+        ("Of a study alone", "", (OSPA_AFTER_5,)),
+    ]
+    for title, text, group in sections:
+        rows = [(m.heading, f"`{m.key}`", m.unit, m.definition) for m in group]
+        parts.append(_section(title, text, ("metric", "key", "unit", "definition"), rows))
+    parts.append(_section("Other words", "", ("word", "definition"), TERMS))
+    return "\n".join(parts)
+
+
+def _section(title: str, text: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table under its heading and, if there is one, its text."""
+    lines = [f"| {' | '.join(cells)} |" for cells in (head, *rows)]
+    lines.insert(1, "|---" * len(head) + "|")
+    return "\n".join([f"## {title}", "", *([text, ""] if text else []), *lines, ""])
+
+
+PAGES = {"parameters.md": parameters, "metrics.md": metrics}
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write all pages into the directory that is given."""
+    (directory,) = map(Path, argv)
+    for name, page in PAGES.items():
+        (directory / name).write_text(page(), encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
