@@ -91,7 +91,7 @@ fuzz: $(VENV)/.ready-test
 # The theme's notice of its successor is no fault of a page.
 docs: $(VENV)/.ready-study
 	@NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --quiet --strict
-	@echo "out/docs/index.html"
+	@echo "out/docs/index.html; with its search: python3 -m http.server -d out/docs"
 
 pictures: demo
 	@$(RUN) docs/tools/pictures.py

@@ -42,7 +42,7 @@ def site(tmp_path_factory):
 
 
 def test_equations_of_the_site_are_mathml(site):
-    page = (site / "method" / "index.html").read_text()
+    page = (site / "method.html").read_text()
 
     assert page.count("<math ") > 100
     assert page.count('display="block"') > 10
@@ -56,7 +56,7 @@ def test_equations_of_the_site_are_mathml(site):
 
 
 def test_site_describes_a_packages_modules(site):
-    page = (site / "code" / "core" / "smc" / "index.html").read_text()
+    page = (site / "code" / "core" / "smc.html").read_text()
 
     assert "<code>backward_kernel.py</code>" in page
     assert "stored set t+1" in page
