@@ -17,8 +17,8 @@ from phd_jdtc_ros.tools import params_file
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
-README = ROOT / "README.md"
-TEXTS = [README, *PAGES]
+README, CONTRIBUTING = ROOT / "README.md", ROOT / "CONTRIBUTING.md"
+TEXTS = [README, CONTRIBUTING, *PAGES]
 EXAMPLES = [
     (f"{page.relative_to(ROOT)}:{page.read_text()[: match.start()].count(chr(10)) + 1}", match[1])
     for page in [ROOT / "README.md", *PAGES]
