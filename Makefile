@@ -17,7 +17,7 @@ EXTRAS     := [ros]
 TEST_EXTRAS := [ros,fast,test,study,peers,docs,dev]
 endif
 
-.PHONY: help setup demo study bench faults soak fuzz docs test coverage check format bags parameters clean
+.PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo"
@@ -27,6 +27,7 @@ help:
 	@echo "make soak    a day of scans at full speed, SCANS=1000 for a short run, into out/soak"
 	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz"
 	@echo "make docs    the documentation as a site, into out/docs"
+	@echo "make pictures  the documentation's pictures anew, of the demo and of what else is in out/"
 	@echo "make test    run the tests"
 	@echo "make coverage  the same, with the lines that they run: 90 % of all, 95 % of core and adapters"
 	@echo "make check   linters and types"
@@ -87,9 +88,13 @@ soak: $(VENV)/.ready
 fuzz: $(VENV)/.ready-test
 	@$(RUN) -m robustness fuzz
 
+# The theme's notice of its successor is no fault of a page.
 docs: $(VENV)/.ready-study
-	@$(RUN) -m mkdocs build --quiet --strict
-	@echo "out/docs/index.html"
+	@NO_MKDOCS_2_WARNING=1 $(RUN) -m mkdocs build --quiet --strict
+	@echo "out/docs/index.html; with its search: python3 -m http.server -d out/docs"
+
+pictures: demo
+	@$(RUN) docs/tools/pictures.py
 
 test: $(VENV)/.ready-test
 	$(RUN) -m pytest

@@ -64,7 +64,7 @@ setup(
         "fast": ["numba>=0.59"],
         "study": ["dask", "distributed"],
         "peers": ["stonesoup>=1.9,<2"],
-        "docs": ["mkdocs"],
+        "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5", "latex2mathml>=3.77"],
         "dev": ["ruff", "mypy", "types-PyYAML", "pre-commit"],
     },
     zip_safe=True,

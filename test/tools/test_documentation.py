@@ -1,19 +1,24 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The documentation's examples work, and its pages are all in the site."""
+"""The documentation's examples work, its pages are all in the site, and what it names exists."""
 
+import ast
 import re
 from pathlib import Path
 
 import pytest
 import yaml
 
+import phd_jdtc_ros
+from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.tools import params_file
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
+README, CONTRIBUTING = ROOT / "README.md", ROOT / "CONTRIBUTING.md"
+TEXTS = [README, CONTRIBUTING, *PAGES]
 EXAMPLES = [
     (f"{page.relative_to(ROOT)}:{page.read_text()[: match.start()].count(chr(10)) + 1}", match[1])
     for page in [ROOT / "README.md", *PAGES]
@@ -65,9 +70,9 @@ def launch_arguments(name):
     }
 
 
-def test_readme_lists_the_arguments_of_the_launch_files():
-    readme = (ROOT / "README.md").read_text()
-    table = readme.split("| launch file | argument |")[1].split("\n\n")[0]
+def test_launch_page_lists_the_arguments_of_the_launch_files():
+    page = (ROOT / "docs" / "launch.md").read_text()
+    table = page.split("| launch file | argument |")[1].split("\n\n")[0]
     listed = {
         word for row in table.splitlines()[2:] for word in re.findall(r"`(\w+)`", row.split("|")[2])
     }
@@ -78,7 +83,7 @@ def test_readme_lists_the_arguments_of_the_launch_files():
 def test_launch_commands_in_the_text_use_arguments_that_there_are():
     used = [
         (name, argument)
-        for page in [ROOT / "README.md", *PAGES, *(ROOT / "launch").glob("*.py")]
+        for page in [*TEXTS, *(ROOT / "launch").glob("*.py")]
         for name, rest in re.findall(
             r"(\w+\.launch\.py)((?:[ \[]+\w+:=[^\s`]+)+)", page.read_text()
         )
@@ -93,3 +98,156 @@ def test_launch_commands_in_the_text_use_arguments_that_there_are():
 
 def test_navigation_is_yaml():
     assert yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]
+
+
+def test_readmes_python_example_prints_four_tracks(capsys):
+    (example,) = re.findall(r"^```python\n(.*?)^```", README.read_text(), re.DOTALL | re.MULTILINE)
+
+    exec(compile(example, "README.md", "exec"), {})
+
+    printed = capsys.readouterr().out
+    assert {*re.findall(r"track (\d+), class [01],", printed)} == {"1", "2", "3", "4"}
+
+
+def test_readmes_accuracies_are_the_studys():
+    readme, study = README.read_text(), (ROOT / "docs" / "study.md").read_text()
+    table = readme.split("## How accurate it is")[1].split("\n\n")[2]
+    figures = re.findall(r"[\d.]+ ± [\d.]+", table)
+
+    assert len(figures) == 10
+    assert [figure for figure in figures if f"| {figure} |" not in study] == []
+
+
+COMMANDS = [
+    (str(page.relative_to(ROOT)), line)
+    for page in TEXTS
+    for line in page.read_text().replace("\\\n", " ").splitlines()
+]
+
+
+def test_executables_in_the_text_exist():
+    used = {
+        (page, name)
+        for page, line in COMMANDS
+        for name in re.findall(r"(?:ros2 run phd_jdtc_ros|-m phd_jdtc_ros) (\w+)", line)
+        if name != "NAME"
+    }
+
+    assert len(used) > 10
+    assert {(page, name) for page, name in used if name not in EXECUTABLES} == set()
+
+
+def test_make_targets_in_the_text_exist():
+    targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    used = {
+        (page, name)
+        for page, line in COMMANDS
+        for name in re.findall(r"(?:^|`)make ([a-z]+)", line.strip())
+    }
+
+    assert len(used) > 10
+    assert {(page, name) for page, name in used if name not in targets} == set()
+
+
+def study_commands():
+    """Return the cases and variants that commands in the text pick."""
+    return [
+        (option, quoted or plain)
+        for _, line in COMMANDS
+        if "-m phd_jdtc_ros monte_carlo" in line
+        for option, quoted, plain in re.findall(r'--(case|variant) (?:"([^"]+)"|(\w\S*))', line)
+    ]
+
+
+def test_cases_and_variants_of_study_commands_exist():
+    study = yaml.safe_load((ROOT / "config" / "studies" / "published.yaml").read_text())
+    used = study_commands()
+
+    assert {option for option, _ in used} == {"case", "variant"}
+    assert [(option, name) for option, name in used if name not in study[f"{option}s"]] == []
+
+
+def test_files_in_the_text_exist():
+    named = [
+        (str(page.relative_to(ROOT)), path)
+        for page in TEXTS
+        for path in re.findall(r"`((?:[\w.]+/)+(?:[\w-]+\.\w+)?)`", page.read_text())
+        if "NAME" not in path and not path.startswith(("out/", "keys/"))
+    ]
+    # The method's paths begin in the package.
+    roots = (ROOT, ROOT / "phd_jdtc_ros")
+
+    assert len(named) > 40
+    assert [
+        (page, path) for page, path in named if not any((root / path).exists() for root in roots)
+    ] == []
+
+
+def defined_in(path):
+    """Return the names that a module defines, those of its classes' members as CLASS.MEMBER."""
+    names = set()
+    for node in ast.parse(path.read_text()).body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", node)]
+        own = {getattr(target, "id", getattr(target, "name", "")) for target in targets}
+        members = node.body if isinstance(node, ast.ClassDef) else []
+        inner = [getattr(member, "target", member) for member in members]
+        names |= own | {
+            f"{node.name}.{getattr(member, 'id', getattr(member, 'name', ''))}" for member in inner
+        }
+    return names
+
+
+def test_code_that_the_method_names_exists():
+    modules = {path.stem: path for path in (ROOT / "phd_jdtc_ros" / "core").rglob("*.py")}
+    named = [
+        (module, name)
+        for module, name in re.findall(
+            r"`(\w+)\.([\w.]+)`", (ROOT / "docs" / "method.md").read_text()
+        )
+        if module in modules
+    ]
+
+    assert len(named) > 12
+    assert [(m, name) for m, name in named if name not in defined_in(modules[m])] == []
+
+
+def test_every_folder_of_the_source_is_on_a_page():
+    text = "\n".join(page.read_text() for page in (ROOT / "docs" / "code").rglob("*.md"))
+    described = re.findall(r"^::: ([\w.]+)$", text, re.MULTILINE)
+    tops = ("phd_jdtc_ros", "msg_adapters", "benchmarks", "robustness")
+    packages = [
+        ".".join(path.parent.relative_to(ROOT).parts)
+        for top in tops
+        for path in (ROOT / top).rglob("__init__.py")
+    ]
+
+    assert sorted(described) == sorted({*packages} - {"phd_jdtc_ros"})
+
+
+def test_hooks_of_ruff_are_of_the_version_that_make_check_runs():
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+    (ruff,) = [repo for repo in hooks if repo["repo"].endswith("/ruff-pre-commit")]
+    pinned = re.search(r"^ruff==(\S+)$", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
+
+    assert ruff["rev"] == f"v{pinned[1]}"
+    assert [hook["id"] for hook in ruff["hooks"]] == ["ruff-check", "ruff-format"]
+
+
+def test_citation_agrees_with_the_package():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    manifest = (ROOT / "package.xml").read_text()
+
+    assert citation["version"] == phd_jdtc_ros.__version__
+    assert all(f">{author['name']}</maintainer>" in manifest for author in citation["authors"])
+    assert f">{citation['license']}</license>" in manifest
+    assert (
+        f"{citation['version']} ({citation['date-released']})"
+        in (ROOT / "CHANGELOG.rst").read_text()
+    )
+
+
+def test_workflow_runs_what_a_change_must_pass():
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())["jobs"]
+    commands = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
+
+    assert commands == [".ci/run", "make test", "make docs"]
