@@ -3,8 +3,8 @@
 
 """A ``radar_msgs/RadarScan`` to `Detections`.
 
-radar_msgs is not part of every ROS installation: nothing here imports it, and the tracker asks for
-the message class only where a radar is configured to send it.
+radar_msgs is not part of every ROS installation. It is not imported here; the tracker asks for the
+message class only if a radar is configured to send it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ TYPE_NAME = "radar_msgs/msg/RadarScan"
 
 
 def installed() -> Any:
-    """Return the message class, or None where radar_msgs is not installed."""
+    """Return the message class, or None if radar_msgs is not installed."""
     try:
         return interfaces.message_class(TYPE_NAME)
     except ImportError:
@@ -36,20 +36,20 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
     """Return the detections of a scan.
 
     The message fixes what a point cloud leaves to its driver: azimuths are counter-clockwise from
-    the sensor's x axis, amplitudes are in dB, elevations are there (0 of a planar radar).
+    the sensor's x axis, amplitudes are in dB, and there is an elevation (0 for a planar radar).
 
     Parameters
     ----------
     scan : radar_msgs.msg.RadarScan
     radar : RadarInput
-        Of which the frame, the range limit and `amplitude_offset_db` matter, which makes an SNR of
-        the amplitudes; without an `amplitude_field` they are left aside.
+        Its frame, its range limit and `amplitude_offset_db`, which turns the amplitudes into SNRs,
+        are used. Without an `amplitude_field` the amplitudes are ignored.
 
     Raises
     ------
     RejectedMessageError
         ``frame`` if the scan is in another frame than the radar's; ``oversize`` above
-        `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp makes no sense, see
+        `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp is not valid, see
         `detections.stamp_of`.
     """
     require_frame(scan.header.frame_id, radar)
