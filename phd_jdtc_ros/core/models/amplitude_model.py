@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a detection's amplitude says of a particle: three ways to use it.
+"""Three ways to use a detection's amplitude.
 
-A band knows a class's signal-to-noise ratio only as an interval and forgets every amplitude at
-once. With a memory every particle carries a ratio of its own, drawn from its class's band at birth,
-so that a target's amplitudes tell its ratio from scan to scan. Ignoring amplitudes leaves
-positions only.
+`Band` uses the likelihood of a class's SNR band, in every scan independently. With `Memory` every
+particle carries its own signal-to-noise ratio (SNR), drawn from its class's band at birth, so that
+a target's SNR is estimated over the scans. `Ignored` uses the measured positions only.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ class AmplitudeModel(Protocol):
     """How amplitudes enter the recursion."""
 
     def used(self, detections: Detections) -> Detections:
-        """Return the detections as the update may see them."""
+        """Return the detections that the update uses, with or without amplitudes."""
         ...
 
     def born(
@@ -40,7 +39,7 @@ class AmplitudeModel(Protocol):
     ) -> FloatArray:
         """Return the memory of new particles of flat modes `mode`, shape (N,).
 
-        `amplitude` is that of the detection which founded each, where one did and has one.
+        `amplitude` is that of the detection at which each particle is born, if there is one.
         """
         ...
 
@@ -75,7 +74,7 @@ class AmplitudeModel(Protocol):
 
 @dataclass(frozen=True)
 class Band:
-    """The likelihood of a class's whole band; nothing is remembered."""
+    """The likelihood of a class's whole SNR band; there is no memory."""
 
     def used(self, detections: Detections) -> Detections:
         """Return the detections unchanged."""
@@ -88,7 +87,7 @@ class Band:
         rng: np.random.Generator,
         amplitude: FloatArray | None = None,
     ) -> FloatArray:
-        """Return no memory; nothing is drawn."""
+        """Return zeros, because there is no memory; nothing is drawn."""
         return np.zeros(len(mode))
 
     def moved(
@@ -99,7 +98,7 @@ class Band:
         dt: float,
         rng: np.random.Generator,
     ) -> FloatArray:
-        """Return no memory; nothing is drawn."""
+        """Return the memory unchanged; nothing is drawn."""
         return memory
 
     def detection_probability(
@@ -128,7 +127,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Ignored(Band):
-    """Amplitudes are not looked at: all classes look alike but for their p_D."""
+    """Amplitudes are ignored: classes differ only in p_D."""
 
     def used(self, detections: Detections) -> Detections:
         """Return the detections without their amplitudes."""
@@ -142,12 +141,12 @@ class Memory:
     Parameters
     ----------
     jitter : float
-        Standard deviation of the step of ln(1 + d) a nominal interval, against depletion.
+        Standard deviation of the step of ln(1 + d) per nominal interval, against depletion.
 
     Notes
     -----
-    Beyond the paper. The backward kernel does not look at the memory: it smooths the intensity
-    over state and mode, of which the memory is integrated out.
+    Beyond the paper. The backward kernel ignores the memory: it smooths the intensity over state
+    and mode, with the memory integrated out.
     """
 
     jitter: float
@@ -163,12 +162,12 @@ class Memory:
         rng: np.random.Generator,
         amplitude: FloatArray | None = None,
     ) -> FloatArray:
-        """Return ln(1 + d): uniform over each particle's class band, or what an amplitude tells.
+        """Return ln(1 + d), drawn uniformly from the class's band, or given an amplitude.
 
         Notes
         -----
-        With the amplitude a and the flat prior, a^2 / 2(1 + d) is exponential between the values
-        that it has at the edges of the band.
+        Given an amplitude a and the flat prior, a^2 / 2(1 + d) has an exponential distribution,
+        truncated to its values at the edges of the band.
         """
         low, high = _band_edges(mode, modes)
         uniform = rng.random(len(mode))
@@ -188,7 +187,7 @@ class Memory:
         dt: float,
         rng: np.random.Generator,
     ) -> FloatArray:
-        """Return the memory a small random step on, reflected into the band."""
+        """Return the memory after a small random step, reflected into the band."""
         low, high = _band_edges(mode, modes)
         step = self.jitter * np.sqrt(dt / modes.interval_s)
         stepped = memory + step * rng.standard_normal(len(memory))

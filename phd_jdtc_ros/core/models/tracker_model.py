@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the recursion assumes about targets and radars, and how many particles it spends."""
+"""All models that the recursion uses, in one value."""
 
 from __future__ import annotations
 
@@ -16,29 +16,30 @@ from .modes import ModeSpace
 from .radar import RadarModel
 from .spawn import SpawnModel
 
-# Origins are numbered scan by scan; the second half of a scan's numbers is for those that its
-# detections found.
+# Origins are numbered scan by scan; the second half of a scan's numbers is for births at its
+# detections.
 ORIGINS_PER_SCAN = 1 << 24
 
 
 @dataclass(frozen=True)
 class TrackerModel:
-    """Everything the recursion assumes about targets and radars.
+    """All models of targets and radars that the recursion uses.
 
-    Rates and probabilities hold for the mode space's nominal interval and follow the true one.
+    Rates and probabilities are given for the mode space's nominal interval and converted to the
+    true one.
 
     Parameters
     ----------
     modes : ModeSpace
-        Classes, their motions, and how they change.
+        Classes, their motion modes, and the transitions between these.
     births : tuple of BirthTerm
-        Where targets are known to appear.
+        Births at known positions.
     detection_births : DetectionBirthModel
-        How often they appear anywhere else.
+        Births at detections.
     spawn : SpawnModel
     amplitudes : AmplitudeModel
     radars : tuple of RadarModel
-        In the order in which their detections are taken in.
+        In the order of updates.
     corrector : Corrector
     state_size : int
     """
@@ -54,5 +55,5 @@ class TrackerModel:
 
     @property
     def labelled(self) -> bool:
-        """Whether an origin is one target at the most, and so its name."""
+        """Whether an origin is at most one target, and so can serve as its label."""
         return self.corrector is bernoulli
