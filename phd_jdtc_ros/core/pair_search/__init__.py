@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which pairs of points are close to each other? Searches that never form all pairs.
+"""Neighbour search: finds the pairs of points that are close, without forming all pairs.
 
 ::
 
@@ -9,5 +9,5 @@
     particles of two scans, any origin   -> sweep: sort and sweep over two coordinates
     particles of two scans, one origin   -> grid: a grid of cells for each group
                                             intervals: chunks of candidates, expanded and tested
-    compiled                                the inner loops by numba, where it is installed
+    compiled                                the inner loops compiled by numba, if it is installed
 """

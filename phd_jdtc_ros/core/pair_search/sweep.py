@@ -1,21 +1,22 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All pairs of points closer than a radius, by sorting and sweeping.
+"""Finds all pairs of points closer than a radius, by sort and sweep.
 
-A tracking filter's clouds, whitened by a kernel's noise, are wide in two coordinates and a few
-units wide in the others, so a search over two coordinates finds little but true neighbours. Which
-two differs from block to block: mostly the positions, but a spawned turn rate is told apart best.
-The second coordinate is cut into strips as wide as the radius, points are sorted by (block, strip,
-first coordinate), and each query looks up one interval in each of the strips it reaches. What the
-intervals hold are its candidates, which are tested chunk by chunk.
+Particles whitened by a kernel's noise are spread widely in two coordinates and over a few units in
+the others. So a search over two coordinates finds few false candidates. Which two are best depends
+on the block: mostly the positions, for spawned targets also the turn rate. The second coordinate is
+cut into strips as wide as the radius, and points are sorted by (block, strip, first coordinate).
+Each query looks up one interval in each strip that it reaches. The points in these intervals are
+its candidates, which are tested chunk by chunk.
 
-The test is the inner loop and there are two of it, `near_pairs` here and in `neighbours_numba`,
-which add the same numbers in the same order and so return the same bits. So do the two that gate
-detections. Where pairs must be of one group, as of one target's origin, `grids` takes the place of
-the sweep; the compiled `kernel_within_groups` evaluates the kernel as well, and its values differ
-in their last digits. Compiled code is used where numba is installed; the environment variable
-``PHD_JDTC_KERNELS`` says otherwise: ``numpy`` or ``numba``, by default ``auto``.
+The test is the inner loop. There are two versions of it, `near_pairs` here and in `compiled`, which
+add the same numbers in the same order and so return the same bits; the same holds for the gating of
+detections. Where both points of a pair must belong to one group, such as the origin of one target,
+`grid` is used instead of the sweep. The compiled `kernel_within_groups` also evaluates the kernel,
+and its values differ in their last digits. Compiled code is used if numba is installed; the
+environment variable ``PHD_JDTC_KERNELS`` overrides this with ``numpy`` or ``numba`` (default
+``auto``).
 """
 
 from __future__ import annotations
@@ -31,16 +32,17 @@ from ..arrays import FloatArray, IntArray
 from .gating import near_detections
 from .intervals import CHUNK_PAIRS, Pairs, chunks, expand
 
-# Axes are chosen on so many queries and points, and on one more of so many.
+# Sample of queries and points on which axes are chosen: this many, and one more per so many.
 SAMPLE, SPARSE = 24, 128
-# In strips: what rounding may do to a place. Candidates may be too many, never too few.
+# Bound of the rounding error of a place, in strips. There may be too many candidates, never too
+# few.
 ROUNDING = 1e-6
 VARIABLE = "PHD_JDTC_KERNELS"
 
 
 @dataclass(frozen=True)
 class Candidates:
-    """What a search leaves to be tested: intervals of the sorted points.
+    """The candidates of a search: intervals of the sorted points, still to be tested.
 
     Parameters
     ----------
@@ -49,11 +51,11 @@ class Candidates:
     limit : array of shape (Q,)
         Square radius of each query.
     rank : int array of shape (P,)
-        Which point stands at each place of the sorted order.
+        The point at each place of the sorted order.
     owner : int array of shape (I,)
         The query of each interval, ascending.
     start, count : int arrays of shape (I,)
-        Interval i holds the places ``start[i]`` to ``start[i] + count[i]``.
+        Interval i has the places from ``start[i]`` to ``start[i] + count[i]``, the last excluded.
     """
 
     query: FloatArray
@@ -72,9 +74,9 @@ def candidates(
     point_block: IntArray,
     radius: float | FloatArray,
 ) -> Candidates:
-    """Return what is to be tested to find every (query, point) pair of one block within a radius.
+    """Return the candidates for all (query, point) pairs of one block within a radius.
 
-    Their number, ``count.sum()``, is what a search costs.
+    Their number, ``count.sum()``, determines the cost of a search.
 
     Parameters
     ----------
@@ -89,18 +91,18 @@ def candidates(
     """
     reach = np.full(len(query), radius)
     if len(query) == 0 or len(point) == 0:
-        none = np.zeros(0, dtype=np.int64)
-        return Candidates(query.T, point.T, reach, none, none, none, none)
+        empty = np.zeros(0, dtype=np.int64)
+        return Candidates(query.T, point.T, reach, empty, empty, empty, empty)
     blocks = int(max(query_block.max(), point_block.max())) + 1
     widest = float(reach.max())
     order = _selective_axes(query, query_block, point, point_block, widest, blocks)
     first, second = _columns(point, np.arange(len(point)), point_block, order[:, :2])
     low = float(first.min()) - 2.0 * widest, float(second.min())
-    # Strips fit the usual radius; the few larger ones reach beyond the neighbouring strips.
+    # Strips are as wide as the mean radius; larger radii reach beyond the neighbouring strips.
     width = max(float(reach.mean()), widest / 3.0) * (1.0 + ROUNDING)
     beyond = int(np.ceil(widest / width))
-    # All strips of all blocks stand one behind the other on a line, with a gap in between that no
-    # interval bridges.
+    # All strips of all blocks are placed one after the other on a line, with gaps between them that
+    # are longer than any interval.
     span = float(first.max()) - low[0] + 3.0 * widest
     strips = int((float(second.max()) - low[1]) / width) + 2 * beyond + 3
     strip = np.floor((second - low[1]) / width) + beyond + 1.0
@@ -114,7 +116,7 @@ def candidates(
     strip = np.floor(height[owner])
     above = height[owner] - strip
     centre = (query_block[owner] * strips + strip) * span + along[owner]
-    # Looked up in sorted order, so that neighbouring places are read one after the other.
+    # Looked up in sorted order, so that memory is read in order.
     sweep = np.argsort(centre)
     owner = owner[sweep]
     looked_up = _look_up(
@@ -144,19 +146,19 @@ def _look_up(
     span: float,
     beyond: int,
 ) -> IntArray:
-    """Return the interval of candidates of every query in every strip that it may reach.
+    """Return each query's interval of candidates in each strip that it may reach.
 
     Parameters
     ----------
     key : array of shape (P,)
         The points' places on the line of all strips, ascending.
     centre, above, radius : arrays of shape (M,)
-        The queries' places on that line, how far into its strip each stands and how far it
-        reaches, the latter two in widths of a strip.
+        The queries' places on that line, their offsets within their strips and their radii, the
+        latter two in units of a strip's width.
     width, span : float
-        Of a strip.
+        Width of a strip, and its length on the line.
     beyond : int
-        How many strips to either side are reached.
+        Number of strips reached to either side.
 
     Returns
     -------
@@ -166,7 +168,7 @@ def _look_up(
     found = np.empty((2, 2 * beyond + 1, len(centre)), dtype=np.int64)
     rounding = 4.0 * np.spacing(key[-1] + span)
     for shift in range(-beyond, beyond + 1):
-        # Of a circle, a strip so far from its centre holds no more than a chord.
+        # At this distance from the centre, the circle is only as wide as its chord.
         apart = np.maximum(np.maximum(shift - above, above - shift - 1.0) - ROUNDING, 0.0)
         square = radius * radius - apart * apart
         half = width * np.sqrt(np.maximum(square, 0.0)) + rounding
@@ -206,10 +208,10 @@ def _selective_axes(
     radius: float,
     blocks: int,
 ) -> IntArray:
-    """Return for each block its axes, the two that best tell pairs apart first; (blocks, K).
+    """Return the axes of each block, the two most selective ones first; shape (blocks, K).
 
-    On a small even sample: the two axes that together leave the fewest pairs. The result is exact
-    whatever the order; only the work depends on it.
+    They are the two axes that together leave the fewest pairs of a small, regular sample. The
+    search is exact for any order of axes; only its cost depends on the order.
     """
     size = query.shape[1]
     order = np.tile(np.arange(size), (blocks, 1))
@@ -217,7 +219,7 @@ def _selective_axes(
         own, others = np.flatnonzero(query_block == block), np.flatnonzero(point_block == block)
         if len(own) == 0 or len(others) == 0:
             continue
-        # Of many targets, pairs that are near on two axes are rare: the sample grows with them.
+        # With many targets, pairs that are near in two axes are rare, so the sample grows.
         some, rest = (
             coordinates[rows[:: max(1, len(rows) // (SAMPLE + len(rows) // SPARSE))]].T
             for coordinates, rows in ((query, own), (point, others))
@@ -226,7 +228,8 @@ def _selective_axes(
         indicator = near.astype(np.float32)  # counts are exact, and products fast
         together = (indicator @ indicator.T).astype(np.float64)
         alone = together.diagonal()
-        # Counted and, since few are left to count, also as if the two were independent.
+        # The count of pairs near in both axes is small and noisy, so the count expected of
+        # independent axes is added.
         left = together + np.outer(alone, alone) / near.shape[1]
         np.fill_diagonal(left, np.inf)
         best = divmod(int(left.argmin()), size)
@@ -235,7 +238,7 @@ def _selective_axes(
 
 
 def near_chunks(found: Candidates) -> Iterator[Pairs]:
-    """Test candidates chunk by chunk; yield, in order, the pairs that are truly near."""
+    """Test candidates chunk by chunk; yield the near pairs in order."""
     for part in chunks(found.count, CHUNK_PAIRS):
         owner, start, count = found.owner[part], found.start[part], found.count[part]
         query, place, square = BACKEND.near_pairs(
@@ -254,11 +257,11 @@ def near_pairs(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the query, the point's place and the square distance of all near pairs.
 
-    Parameters are those of `Candidates`; the intervals may be some of them.
+    Parameters are those of `Candidates`; the intervals may be a part of them.
     """
     row, place = expand(owner, start, count)
     square = np.zeros(len(row))
-    # The searched axes leave few false candidates, so the first look is at three axes at once.
+    # Candidates are near in two axes already, so the first test adds a third at once.
     for axes in (range(min(3, len(query))), range(3, len(query))):
         for axis in axes:
             apart = point[axis].take(place)
@@ -271,20 +274,20 @@ def near_pairs(
 
 
 class Backend(NamedTuple):
-    """Who tests candidates.
+    """The implementation of the inner loops.
 
     Parameters
     ----------
     name : str
     near_pairs : callable
-        As the one here.
+        Same contract as `near_pairs`.
     layout : "C" or "F"
-        Memory order of the coordinates, (K, N): numpy gathers one axis after the other, compiled
-        code reads all of a point.
+        Memory order of the coordinates, shape (K, N): numpy gathers axis by axis, compiled code
+        reads all coordinates of a point.
     near_detections : callable
-        As that of `gating`.
+        Same contract as `gating.near_detections`.
     kernel_within_groups : callable or None
-        That of `neighbours_numba`; where there is none, `grids` finds the pairs.
+        `compiled.kernel_within_groups`; if None, `grid` finds the pairs.
     """
 
     name: str
@@ -301,7 +304,7 @@ NUMPY = Backend("numpy", near_pairs, "C", near_detections, None)
 
 
 def backend(wanted: str) -> Backend:
-    """Return the backend of this name; ``auto`` is numba where that is installed, or else numpy.
+    """Return the backend of this name; ``auto`` is numba if it is installed, and numpy if not.
 
     Raises
     ------
