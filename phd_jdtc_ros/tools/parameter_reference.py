@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parameter reference page, from the tables that the nodes declare."""
+"""Makes the parameter reference page from the tables that the nodes declare."""
 
 from __future__ import annotations
 
