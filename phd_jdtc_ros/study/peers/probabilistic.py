@@ -37,8 +37,8 @@ def jpda(run: SimulatedRun, settings: TrackSettings = AT_BIRTH_PLACES) -> Tracks
 
     Notes
     -----
-    The association probabilities are exact (`JPDAwithEHM`). Tentative tracks are held by nearest
-    neighbour, as Stone Soup's examples do.
+    The association probabilities are exact (`JPDAwithEHM`). Tentative tracks are associated by
+    nearest neighbour, as in Stone Soup's examples.
     """
     problem = Problem.of(run)
     soup = problem.soup
