@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The implementations of the neighbour search's inner loop that are installed.
+"""The installed backends of the neighbour search's inner loops.
 
-`phd_jdtc_ros.core.pair_search.sweep` chooses one when it is imported. A comparison in one process
-has to change that choice, and only this module does.
+`phd_jdtc_ros.core.pair_search.sweep` chooses a backend when it is imported. A comparison in one
+process has to change that choice, which only this module does.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NUMBA = "numba"
 
 @functools.cache
 def available() -> tuple[str, ...]:
-    """Return the names of the installed ones, the reference first."""
+    """Return the names of the installed backends, the reference first."""
     try:
         sweep.backend(NUMBA)
     except ImportError:
@@ -30,13 +30,13 @@ def available() -> tuple[str, ...]:
 
 
 def reason_missing(backend: str) -> str:
-    """Return why a backend is not among the available ones."""
+    """Return why a backend is not available."""
     return f"{backend} is not installed: pip install '.[fast]'"
 
 
 @contextmanager
 def using(backend: str) -> Iterator[None]:
-    """Build transitions with one of them for as long as the block lasts."""
+    """Use a backend within the context."""
     chosen = sweep.BACKEND
     sweep.BACKEND = sweep.backend(backend.lower())
     try:

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The engine's step laid open, so that its parts can be timed and its sets looked at.
+"""The engine's step divided into its parts, so that these can be timed and the sets inspected.
 
-`phd_jdtc_ros.core.smc.engine` runs the same functions in the same order with the same draws; a test
-holds the two to equal estimates.
+`phd_jdtc_ros.core.smc.engine` calls the same functions in the same order with the same draws; a
+test checks that both give equal estimates.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from phd_jdtc_ros.core.types import Estimates, Scan
 from . import scenes
 
 PARTS = ("predict", "update", "resample", "transition", "backward", "extraction")
-# Scans after which clouds started at the truth look like those of a run.
+# Number of scans after which particles started at the truth are distributed as in a run.
 SETTLING = 6
 
 
@@ -48,7 +48,7 @@ class Recursion:
     config : TrackerConfig
         Its lag is in scans.
     latest : ParticlePHD
-        The stored set an interval before the first scan; empty for a new start.
+        The stored set one interval before the first scan; empty for a new start.
     """
 
     config: TrackerConfig
@@ -66,7 +66,7 @@ class Recursion:
         self._death_term = DEATH_TERMS[str(self.config.values["death_term"])]
 
     def step(self, scan: Scan) -> tuple[Estimates, Estimates | None]:
-        """Take in a scan; return the filtered estimates and, past the lag, the smoothed ones."""
+        """Process a scan; return the filtered estimates and, after the lag, the smoothed ones."""
         model, rng, lag = self.config.model, self._rng, self.config.lag.scans
         dt = model.modes.interval_s
         if self._stamp_ns is not None:
@@ -90,7 +90,7 @@ class Recursion:
         with self._timed("backward"):
             *_, smoothed = backward_pass(self.stored, self.links, self._death_term)
         del self.stored[0], self.links[0]
-        # The smoothed stamp is the time of the state; scans are evenly spaced here.
+        # The smoothed stamp is the time of the state; the scans here are at equal intervals.
         stamp_ns = scan.stamp_ns - round(lag * dt * 1e9)
         with self._timed("extraction"):
             late = self._targets(smoothed, stamp_ns, lag)
@@ -117,7 +117,7 @@ class Window:
         The oldest first.
     model : TrackerModel
     dt : float
-        Between each two, seconds.
+        Between consecutive sets, seconds.
     """
 
     stored: tuple[ParticlePHD, ...]
@@ -149,7 +149,7 @@ def window(
     config = scenes.configuration(targets, per_target, corrector)
     scene = scenes.crowd(targets, SETTLING + lag + 1, config, seed)
     start = scenes.clouds(scene, config, np.random.default_rng(seed))
-    # The filter alone: the sets do not depend on the smoother.
+    # Only the filter, because the sets do not depend on the smoother.
     rng = np.random.default_rng([seed, FILTER_STREAM])
     stored = [start]
     for index, (_, scan) in enumerate(simulate(scene, seed)):
