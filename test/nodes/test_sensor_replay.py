@@ -390,7 +390,7 @@ def test_replay_fails_where_the_flush_is_refused(processes, peer, listener):
     assert peer.spin_until(lambda: process.poll() is not None)
 
     assert process.returncode == 1
-    assert "service /busy/flush refuses: not now" in process.log.read_text()
+    assert "service /busy/flush refused: not now" in process.log.read_text()
 
 
 def test_replay_stops_at_once_while_it_waits_for_one_who_does_not_hear(processes, peer, listener):
