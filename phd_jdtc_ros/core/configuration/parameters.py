@@ -83,7 +83,8 @@ TOP = (
     Parameter(
         "extraction",
         "components",
-        "How targets are extracted: by component, or by clustering as in the paper.",
+        "How targets are extracted. components: one per component; clusters: by clustering, as in "
+        "the paper.",
         choices=tuple(EXTRACTIONS),
     ),
     Parameter(
@@ -276,14 +277,14 @@ MOTION = (
     Parameter(
         "model",
         "constant_velocity",
-        "How a target moves: straight on, or turning with its own turn rate.",
+        "constant_velocity: nearly straight on; coordinated_turn: with its own turn rate.",
         choices=("constant_velocity", "coordinated_turn"),
     ),
     Parameter("noise_density", 1.0, "Spectral density of the white acceleration, m^2/s^3.", SMALL),
     Parameter(
         "turn_noise_density",
         1e-5,
-        "Spectral density of the white turn acceleration, rad^2/s^3.",
+        "Spectral density of the white turn acceleration, rad^2/s^3; coordinated_turn only.",
         1e-15,
     ),
 )
