@@ -15,7 +15,7 @@ from .radars import Radars
 from .rig import Rig
 
 NAME = "loss accounting"
-GOAL = "10x overload: exact; memory +10 MB at most"
+GOAL = "10x overload: exact; memory at most +10 MB"
 SCANS = 1624
 WARM_UP = 40
 FIRST_BURST = 1200

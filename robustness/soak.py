@@ -28,7 +28,7 @@ PATIENCE_S = 20.0
 def goal(count: int) -> str:
     """Return the goal in words."""
     return (
-        f"{count:,} scans, both radars: memory +{MOST_KIB / 1024:g} MiB at most over the 2nd half, "
+        f"{count:,} scans, both radars: memory at most +{MOST_KIB / 1024:g} MiB over the 2nd half, "
         f"fds and threads +0, in {LIMIT_S:g} s"
     )
 

@@ -20,9 +20,9 @@ from .radars import Radars
 from .rig import LIGHT, Rig
 
 TIME_FAULTS = "time faults: bag looped 3 times; +-1 scan shuffled"
-TIME_FAULTS_GOAL = "1 reset a loop, 0 on the shuffle; with reorder_scans 1 none of it late"
+TIME_FAULTS_GOAL = "1 reset per loop, 0 on the shuffle; with reorder_scans 1 no report late"
 GAP = "forward gap"
-GAP_GOAL = "1 reset above the limit, none below; memory +10 MB at most"
+GAP_GOAL = "1 reset above the limit, none below; memory at most +10 MB"
 GAP_SCANS, SHORT_GAP_SCANS = 600, 10
 SILENCE = "silent radar alarm"
 SILENCE_GOAL = "2 scans + 0.5 s"
@@ -170,7 +170,7 @@ def _silence(repeats: int) -> tuple[str, bool, Mapping[str, Any]]:
         return "not noticed", False, {"noticed_after_s": found}
     worst = max(found)
     text = (
-        f"{worst:.2f} s at most of {repeats}, {ALLOWED_S:g} s allowed (scans every {PERIOD_S:g} s);"
+        f"at most {worst:.2f} s in {repeats}, {ALLOWED_S:g} s allowed (scans every {PERIOD_S:g} s);"
         f" tracking {'goes on' if going_on else 'stops'}"
     )
     return text, worst <= ALLOWED_S and going_on, {"noticed_after_s": found}

@@ -69,8 +69,8 @@ def _write_page(
         if (error.name or "").split(".")[0] != "plotly":
             raise
         return False
-    drawn, notes = charts.of_record(run, evaluation), charts.missing(run, evaluation)
-    html.write_report(page, title, summary, run, drawn, notes)
+    shown, notes = charts.of_record(run, evaluation), charts.missing(run, evaluation)
+    html.write_report(page, title, summary, run, shown, notes)
     return True
 
 

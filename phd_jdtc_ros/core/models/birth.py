@@ -98,7 +98,7 @@ def intensity(
     for index, motion in enumerate(modes.motions):
         supported[index, list(motion.support)] = True
     total = np.zeros(len(state))
-    # Sorted by position, so that a term is evaluated only at rows near it.
+    # Sorted along one axis, so that a term is evaluated only at rows near it.
     axis = POSITION[0]
     east = np.argsort(state[:, axis])
     sorted_east = state[east, axis]

@@ -65,7 +65,7 @@ class BirthPlaces:
 
 
 @dataclass(frozen=True)
-class Nobody:
+class NoInitiator:
     """An initiator for Stone Soup that starts no tracks."""
 
     def initiate(self, detections: set[Part], timestamp: datetime) -> set[Part]:

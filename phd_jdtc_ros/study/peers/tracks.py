@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.models.radar import RadarModel
 
 from .conversion import point_set
-from .management import LooksMissed, Nobody, initiator
+from .management import LooksMissed, NoInitiator, initiator
 from .problem import Problem
 from .settings import TrackSettings
 from .soup import Part, Soup
@@ -52,7 +52,7 @@ def follow(
     settings : TrackSettings
     """
     tracker = tracker_type(
-        initiator=Nobody(),
+        initiator=NoInitiator(),
         deleter=LooksMissed(problem.soup, settings.looks),
         detector=None,
         data_associator=None,
