@@ -50,13 +50,13 @@ def configuration(targets: int, per_target: int, corrector: str = "bernoulli") -
 
 
 def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenario:
-    """Return targets of both classes, evenly over the radars' field, that fly straight.
+    """Return targets of both classes, spread evenly over the radars' field, that fly straight.
 
     Parameters
     ----------
     targets : int
     scans : int
-        All live through all of them; half-way they are where the pattern puts them.
+        Every target exists in all of them; half-way through, the targets form the pattern.
     config : TrackerConfig
         For the radars.
     seed : int

@@ -87,12 +87,12 @@ class Index:
     loose_channels: set[int] = field(default_factory=set)
 
     def define(self, record: Any) -> None:
-        """Take in a channel or a schema; other records are passed over.
+        """Add a channel or a schema; other records are ignored.
 
         Raises
         ------
         DamageError
-            If there is another one of its id already, which stays.
+            If there is already a different one with its id, which is kept.
         """
         known: dict[int, Any]
         if isinstance(record, Channel):
@@ -105,7 +105,7 @@ class Index:
             raise DamageError("two of its records define a channel or a type differently")
 
     def add_chunk(self, offset: int, length: int, messages: Sequence[Message]) -> None:
-        """Take in a chunk with its messages."""
+        """Add a chunk with its messages."""
         for message in messages:
             self._count(message.channel_id, message.log_time)
         if messages:
@@ -133,7 +133,7 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> None:
     ----------
     stream : BinaryIO
     begin, end : int
-        Of the data section, or of a part of it.
+        Bounds of the data section, or of a part of it.
     found : Index
         Changed in place; also takes the first damage.
     """

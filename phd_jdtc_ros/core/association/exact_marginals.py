@@ -28,7 +28,7 @@ def exact_marginals(
     odds : array of shape (E,)
         Odds of the association against both its target and its detection being unassociated.
     targets, size : int
-        T and M; the work grows with E 2^M.
+        T and M; the cost grows with E 2^M.
 
     Returns
     -------

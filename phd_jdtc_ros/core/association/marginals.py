@@ -22,7 +22,7 @@ from .exact_marginals import exact_marginals
 # Sums without one term are formed by subtraction, which loses digits if odds against clutter are
 # huge. With this bound they stay accurate, and larger odds are practically certain anyway.
 LEAST_CLUTTER = 1e-9
-# Clusters with more detections are left to belief propagation.
+# For clusters with more detections belief propagation is used.
 EXACT_DETECTIONS = 7
 
 
@@ -31,7 +31,7 @@ def marginals(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the marginal probabilities of single-source, single-detection associations.
 
-    Exact but for clusters with loops and more than `EXACT_DETECTIONS` detections.
+    Exact except for clusters with loops and more than `EXACT_DETECTIONS` detections.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ class State(Enum):
 
 
 class SensorReplay(Node):
-    """Publishes a bag's messages as the bytes they were recorded as."""
+    """Publishes a bag's messages with the bytes that were recorded."""
 
     def __init__(self, flags: dict[str, Any]) -> None:
         super().__init__("sensor_replay")

@@ -49,7 +49,7 @@ class Playable:
 
 
 def choose(bag: BagReader, wanted: list[str]) -> Playable:
-    """Return what is played of a bag.
+    """Return the part of a bag that is played.
 
     Parameters
     ----------

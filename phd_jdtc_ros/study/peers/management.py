@@ -87,7 +87,7 @@ class LooksMissed:
     looks: int
 
     def delete_tracks(self, tracks: set[Part]) -> set[Part]:
-        """Return those of `tracks` that end."""
+        """Return the tracks that end."""
         return {
             track
             for track in tracks

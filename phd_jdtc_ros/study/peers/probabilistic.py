@@ -28,7 +28,7 @@ def jpda(run: SimulatedRun, settings: TrackSettings = AT_BIRTH_PLACES) -> Tracks
     Returns
     -------
     Tracks
-        See `at_lag` for which tracks are reported when; all of class 0.
+        See `at_lag` for which tracks are reported; all of class 0.
 
     Raises
     ------
