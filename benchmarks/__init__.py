@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How fast the tracker is, measured beside the forms it replaces: ``make bench``.
+"""The tracker's cost, measured against baselines: ``make bench``.
 
-Not part of the installed package. The way of a figure::
+Not part of the installed package. The data's path::
 
-    scenes      targets of any number, and the tracker's configuration for them
-    recursion   the engine's step laid open, part by part      -> parts, stored sets
+    scenes      scenes with any number of targets, and the tracker's configuration for them
+    recursion   the engine's step, divided into its parts      -> parts, stored sets
     forms       the paper's dense smoother and a k-d tree's    -> baselines
     timing      interleaved rounds, medians, memory
       |
@@ -14,6 +14,6 @@ Not part of the installed package. The way of a figure::
       |
     goals -> report (tables), plots, out/bench/summary.json
 
-Everything runs in one process, on one thread; only the live measurement starts a second process,
-the tracker node. Times are of the CPU but for those that go over DDS.
+Everything runs in one process on one thread, except that the live measurement starts the tracker
+node as a second process. Times are CPU times, except those over DDS.
 """

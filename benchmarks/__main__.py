@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``python -m benchmarks``: one thread, which has to be said before numpy is loaded."""
+"""``python -m benchmarks``: on one thread, which must be set before numpy is imported."""
 
 import os
 import sys

@@ -16,7 +16,7 @@ NUMBA = "numba"
 
 @functools.cache
 def available() -> tuple[str, ...]:
-    """Return the names of the installed ones, the reference first."""
+    """Return the names of the installed backends, the reference first."""
     try:
         kernels.kernels(NUMBA)
     except ImportError:
@@ -25,7 +25,7 @@ def available() -> tuple[str, ...]:
 
 
 def reason_missing(backend: str) -> str:
-    """Return why a backend is not among the available ones."""
+    """Return why a backend is not available."""
     return f"{backend} is not installed: pip install '.[fast]'"
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The benchmark as a command: measure, judge, print, write."""
+"""The benchmark as a command: measures, compares with the goals, prints and writes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rich.console import Console
 
 from . import goals, growth, live, machine, messages, peers, plots, report, smoothing, steps
 
-# The live part comes first: the machine is coolest, and this process smallest, then.
+# The live part comes first, when the machine is coolest and this process smallest.
 PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "live": live.measure,
     "messages": messages.measure,
@@ -30,7 +30,7 @@ PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
 
 
 def run(quick: bool, parts: Sequence[str], console: Console) -> dict[str, Any]:
-    """Return the summary of the parts asked for, each of which is said to begin."""
+    """Return the summary of the selected parts; print a line when each begins."""
     begin = time.monotonic()
     summary: dict[str, Any] = {"quick": quick, "machine": machine.description()}
     for name, measure in PARTS.items():
@@ -43,7 +43,7 @@ def run(quick: bool, parts: Sequence[str], console: Console) -> dict[str, Any]:
 
 
 def write(summary: Mapping[str, Any], directory: Path) -> list[Path]:
-    """Write the summary, the tables and, where growth was measured, the pictures; return where."""
+    """Write the summary, the tables and, if growth was measured, the pictures; return the paths."""
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / "summary.json"
     path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
@@ -60,7 +60,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--quick", action="store_true", help="small sizes, under a minute")
     parser.add_argument("--out", type=Path, default=Path("out/bench"), help="%(default)s")
     parser.add_argument(
-        "--part", action="append", choices=list(PARTS), help="only this; may be repeated"
+        "--part", action="append", choices=list(PARTS), help="only this one; may be repeated"
     )
     arguments = parser.parse_args(argv)
     console = Console()

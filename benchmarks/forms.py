@@ -1,21 +1,21 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The smoother as it was before: the paper's dense form, and a k-d tree's. Baselines and reference.
+"""Other forms of the smoother, as baselines and as a reference: the paper's dense form, a k-d tree.
 
-Both take the particles as a resampler hands them out, every copy a row of its own (`copies`).
+Both take the particles as a resampler returns them, with every copy in a row of its own (`copies`).
 
-- The dense form evaluates K and mu between all particles in float64, whole arrays at a time, one
-  block for each destination mode. As the paper writes it, Step 4 is carried out at every lag, so
-  the kernels are evaluated anew every time. Nothing is gated: it is also the reference that the
-  product's gate is judged by.
-- The k-d tree form keeps the pairs within the product's gate, found by
+- The dense form evaluates K and mu between all particles in float64, as whole arrays, with one
+  block per destination mode. As in the paper, Step 4 is carried out at every lag, so all kernels
+  are evaluated again each time. There is no gate, so the error of the smoother's gate is measured
+  against this form.
+- The k-d tree form keeps the pairs within the smoother's gate, found by
   `scipy.spatial.cKDTree.sparse_distance_matrix` over all whitened coordinates.
 
-Where origins are targets (the default corrector), both meet the same pairs and then drop those of
-different origins; births and spawned targets have no part in mu.
+Where origins are targets (the default corrector), both forms find the same pairs and then drop
+those of different origins; births and spawned targets do not enter mu.
 
-Neither shares code with `phd_jdtc_ros.core.smc.backward_kernel`.
+Neither of them shares code with `phd_jdtc_ros.core.smc.backward_kernel`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Link = Callable[[ParticleSet, ParticleSet, TrackerModel, Corrector, float], Tran
 
 
 def copies(phd: ParticleSet) -> ParticleSet:
-    """Return the set with every copy of a particle as a row of its own."""
+    """Return the set with every copy of a particle in a row of its own."""
     row = np.repeat(np.arange(len(phd)), phd.multiplicity)
     share = 1.0 / phd.multiplicity[row]
     return replace(
@@ -63,7 +63,7 @@ def smooth(
     death_term: DeathTerm,
     link: Link,
 ) -> ParticleSet:
-    """Return the oldest set smoothed over all later ones, every kernel evaluated on the way.
+    """Return the oldest set smoothed over all later ones; every kernel is evaluated on the way.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def smooth(
     model : TrackerModel
     corrector : Corrector
     dt : float
-        Between each two, seconds.
+        Between consecutive sets, seconds.
     death_term : DeathTerm
     link : callable
         `dense` or `k_d_tree`.
@@ -92,7 +92,7 @@ def dense(
 
     Notes
     -----
-    Sec. IV-C, Step 4. The matrix is dense, of 8 bytes for every pair of particles of a class.
+    Sec. IV-C, Step 4. The matrix is dense, with 8 bytes per pair of particles of a class.
     """
     survival = model.modes.survival(dt)[earlier.mode]
     born = _born(later, model, corrector, dt)
@@ -152,7 +152,7 @@ def k_d_tree(
 
 @dataclass(frozen=True)
 class _Blocks:
-    """A matrix of dense blocks: (rows, columns, transposed values) of each."""
+    """A matrix of dense blocks, each with (rows, columns, transposed values)."""
 
     size: int
     blocks: list[tuple[IntArray, IntArray, FloatArray]]
@@ -165,7 +165,7 @@ class _Blocks:
 
 
 def _destinations(later: ParticleSet, model: TrackerModel) -> Iterator[tuple[int, IntArray]]:
-    """Yield every flat mode and the rows of the later set that are in it."""
+    """Yield every flat mode and the rows of the later set in this mode."""
     for mode in range(len(model.modes)):
         yield mode, np.flatnonzero(later.mode == mode)
 
@@ -173,7 +173,7 @@ def _destinations(later: ParticleSet, model: TrackerModel) -> Iterator[tuple[int
 def _survivors(
     earlier: ParticleSet, model: TrackerModel, mode: int, dt: float
 ) -> tuple[IntArray, FloatArray]:
-    """Return the rows that can survive into a flat mode, and P_s h of each."""
+    """Return the rows that can survive into a flat mode, with P_s h of each."""
     share = (model.modes.transition(dt) * model.modes.survival(dt)[:, None])[earlier.mode, mode]
     sources = np.flatnonzero(share > 0.0)
     return sources, share[sources]
@@ -182,7 +182,7 @@ def _survivors(
 def _parents(
     earlier: ParticleSet, model: TrackerModel, corrector: Corrector, mode: int, dt: float
 ) -> tuple[IntArray, FloatArray]:
-    """Return the rows that can spawn into a flat mode within an origin, and the rate of each."""
+    """Return the rows that can spawn into a flat mode within an origin, with their rates."""
     if corrector.labelled:
         return np.zeros(0, dtype=np.int64), np.zeros(0)
     rate = model.spawn.rate * dt / model.modes.interval_s
@@ -194,7 +194,7 @@ def _parents(
 def _born(later: ParticleSet, model: TrackerModel, corrector: Corrector, dt: float) -> FloatArray:
     """Return the birth intensity at every row, without a gate, shape (N,)."""
     total = np.zeros(len(later))
-    if corrector.labelled:  # births begin origins of their own
+    if corrector.labelled:  # births have new origins
         return total
     for mode, rows in _destinations(later, model):
         support = list(model.modes.motions[mode].support)
@@ -222,7 +222,7 @@ def _pair(
     sources: IntArray,
     dt: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return later states and earlier ones' noise-free successors on a flat mode's support."""
+    """Return later states and predicted means of earlier ones, on a flat mode's support."""
     motion = model.modes.motions[mode]
     support = list(motion.support)
     successor = motion.mean(earlier.state[sources], dt)
@@ -232,7 +232,7 @@ def _pair(
 def _whitened(
     state: FloatArray, mean: FloatArray, covariance: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Return both in coordinates of unit covariance, and the density's factor."""
+    """Return both in coordinates of unit covariance, and the density's normalisation."""
     factor = np.linalg.cholesky(covariance)
     scale = 1.0 / np.prod(np.sqrt(2.0 * np.pi) * np.diag(factor))
     return (
@@ -258,8 +258,8 @@ def _near_gaussian(
     """Return the pairs within the gate, and their N(state; mean, covariance)."""
     state, mean, scale = _whitened(state, mean, covariance)
     if state.shape[1] == 0 or mean.shape[1] == 0:
-        none = np.zeros(0, dtype=np.int64)
-        return none, none, np.zeros(0)
+        empty = np.zeros(0, dtype=np.int64)
+        return empty, empty, np.zeros(0)
     pairs = cKDTree(state.T).sparse_distance_matrix(
         cKDTree(mean.T), GATE_SIGMA, output_type="ndarray"
     )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The figures that the tracker is to reach, each with what was measured."""
+"""The goals of the benchmark, each with the measured value."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class Goal(NamedTuple):
     name : str
     bound : float
     at_most : bool
-        Or at least.
+        Whether the bound is an upper one.
     value : callable
-        Takes it from the summary; raises `LookupError`, `TypeError` or `ValueError` where it was
-        not measured.
+        Takes the value from the summary; raises `LookupError`, `TypeError` or `ValueError` if it
+        was not measured.
     source : str
-        The part of the summary, which says why if it was not.
+        The part of the summary that gives the reason if it was not measured.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Goal(NamedTuple):
 def judged(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return every figure as ``{name, value, goal, at_most, reached}``.
 
-    Where there is no value it is None, `reached` is None, and ``reason`` says why.
+    Without a measured value, `value` and `reached` are None, and ``reason`` says why.
     """
     return [_judge(goal, summary) for goal in _goals()]
 
@@ -66,9 +66,9 @@ def _reason(goal: Goal, summary: Mapping[str, Any]) -> str:
     if goal.source not in summary:
         return "left out of this run"
     part = summary[goal.source]
-    holders = [one for one in (part, *part.values()) if isinstance(one, Mapping)]
-    said = [str(one["reason"]) for one in holders if "reason" in one]
-    return said[0] if said else "left out of the quick run"
+    entries = [entry for entry in (part, *part.values()) if isinstance(entry, Mapping)]
+    reasons = [str(entry["reason"]) for entry in entries if "reason" in entry]
+    return reasons[0] if reasons else "left out of the quick run"
 
 
 def _goals() -> list[Goal]:
@@ -113,7 +113,7 @@ def _median(summary: Mapping[str, Any], size: str, name: str) -> float:
 
 
 def _against_paper(form: str, size: str, backend: str) -> Callable[[Mapping[str, Any]], float]:
-    """Return the cost of the paper's kernel in this form over that of the tracker's smoother."""
+    """Return the ratio of the cost of the paper's kernel in this form to the smoother's cost."""
 
     def ratio(summary: Mapping[str, Any]) -> float:
         papers = summary["paper_smoother"][size]["times"][form]["median_ms"]
@@ -134,7 +134,7 @@ def _error(kind: str) -> Callable[[Mapping[str, Any]], float]:
     def worst(summary: Mapping[str, Any]) -> float:
         sizes = [*summary["smoother"].values(), *summary["paper_smoother"].values()]
         measured = [size["error"] for size in sizes if "error" in size]
-        return max(one[kind] for error in measured for one in error.values())
+        return max(errors[kind] for by_backend in measured for errors in by_backend.values())
 
     return worst
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the smoother's cost grows: with the particles of a target, and with the targets."""
+"""Growth of the smoother's cost with the particles per target, and with the targets."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .timing import Case, exponent, interleaved, spread
 TARGETS = 20
 PER_TARGET_LADDER = (125, 250, 500, 1000, 2000)
 TARGETS_LADDER = (5, 10, 20, 50, 100, 200)
-# The dense form takes three seconds here, and four times that at twice the size.
+# The dense form takes three seconds at this size, and four times as long at twice the size.
 DENSE_PARTICLES = 6000
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the cost of every form over both ladders, with the exponents of its growth."""
+    """Return the cost of every form over both series of sizes, with the exponents of growth."""
     last = 3 if quick else None
     particles = {
         count: recursion.window(TARGETS, count, LAG, seed=1) for count in PER_TARGET_LADDER[:last]
@@ -41,11 +41,11 @@ def _ladder(windows: dict[int, Window], quick: bool) -> dict[str, Any]:
         for size, window in windows.items()
         for form, case in _cases(window, quick).items()
     }
-    times = interleaved(cases)
+    measured = interleaved(cases)
     forms_: dict[str, Any] = {}
     for form in dict.fromkeys(form for form, _ in cases):
-        cost = {size: spread(times[form, size]) for size in windows if (form, size) in cases}
-        medians = [one["median_ms"] for one in cost.values()]
+        cost = {size: spread(measured[form, size]) for size in windows if (form, size) in cases}
+        medians = [times["median_ms"] for times in cost.values()]
         forms_[form] = {
             "size": list(cost),
             "times": list(cost.values()),

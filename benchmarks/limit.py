@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The work that no search is without: to whiten both sets, sort one and gather it."""
+"""The least work of any search: whiten both sets, sort one and gather it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 def whiten_sort_gather(
     earlier: ParticleSet, later: ParticleSet, model: TrackerModel, dt: float
 ) -> list[FloatArray]:
-    """Whiten for every destination mode, sort by one coordinate, gather; nothing is searched."""
+    """Whiten for every destination mode, sort by one coordinate and gather, without a search."""
     gathered = []
     transition = model.modes.transition(dt)
     for mode, motion in enumerate(model.modes.motions):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""End to end over DDS: the reference scenario, with the tracker node in a process of its own."""
+"""End to end over DDS: the reference scenario, with the tracker node in a separate process."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from phd_jdtc_ros.core.types import Scan
 from . import messages
 
 START_S, STOP_S = 30.0, 10.0
-# A scan that has brought no estimate by then is lost.
+# A scan without an estimate after this time is lost.
 REPLY_S = 5.0
-# Between a reply and the next scan: the two processes are then at rest.
+# Pause between a reply and the next scan, in which both processes come to rest.
 PAUSE_S = 0.01
 RATE_STEP = 1.15
-# Longest that the search for the rate goes on.
+# Longest duration of the search for the rate.
 SEARCH_S = 80.0
 
 
 def measure(quick: bool) -> dict[str, Any]:
     """Return latencies and the highest rate, in milliseconds and hertz.
 
-    ``estimate`` is from the publication of a scan's last detections to the receipt of its filtered
-    estimates. ``beyond_step`` is to the receipt of the scan's last message less the CPU time that
-    the tracker says the step took: decoding to publishing. What remains is transport, waiting,
-    and what the operating system takes.
+    ``estimate`` is the time from the publication of a scan's last detections to the receipt of its
+    filtered estimates. ``beyond_step`` is the time to the receipt of the scan's last message, minus
+    the step's CPU time as reported by the tracker, from decoding to publishing. The rest is spent
+    on transport, waiting and the operating system.
     """
     messages.environment()
     if importlib.util.find_spec("rclpy") is None:
@@ -60,7 +60,7 @@ def measure(quick: bool) -> dict[str, Any]:
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
         latency = _latency(radars, scans, repeats=1 if quick else 6)
         if latency is None:
-            return {"value": None, "reason": "a scan brought no estimate"}
+            return {"value": None, "reason": "a scan was not answered"}
         step_s = 1e-3 * latency["step_ms"]["p50"]
         rate = {"value": None, "reason": "left out of the quick run"}
         if not quick:
@@ -75,7 +75,7 @@ def _scans(count: int) -> list[Scan]:
 
 @contextlib.contextmanager
 def _tracker(log: Path) -> Iterator[None]:
-    """Run the tracker node for as long as the block lasts."""
+    """Run the tracker node within the context."""
     with log.open("wb") as stream:
         process = subprocess.Popen(
             [sys.executable, "-m", "phd_jdtc_ros", "tracker"],
@@ -94,7 +94,7 @@ def _tracker(log: Path) -> Iterator[None]:
 
 
 def _latency(radars: Any, scans: list[Scan], repeats: int) -> dict[str, Any] | None:
-    """Send scan after scan, each when the one before has been answered."""
+    """Send scans one after the other, each when the previous one has been answered."""
     estimate, beyond, steps = [], [], []
     for _ in range(repeats):
         radars.reset()
@@ -121,9 +121,9 @@ def _percentiles(values: list[float]) -> dict[str, float]:
 
 
 def _highest_rate(radars: Any, scans: list[Scan], rate_hz: float) -> dict[str, Any]:
-    """Raise the rate by steps while it is sustained, or lower it until it is.
+    """Raise the rate in steps while it is sustained, or lower it until it is.
 
-    A rate that is not sustained gets a second try, for the machine may have been busy.
+    A rate that is not sustained is tried again, because the machine may have been busy.
     """
     tried: list[dict[str, Any]] = []
     deadline = time.monotonic() + SEARCH_S
@@ -133,7 +133,7 @@ def _highest_rate(radars: Any, scans: list[Scan], rate_hz: float) -> dict[str, A
             highest, rate_hz = rate_hz, RATE_STEP * rate_hz
         else:
             too_high, rate_hz = rate_hz, rate_hz / RATE_STEP
-        # Rates are powers of the step, give or take rounding.
+        # Rates are powers of the step, up to rounding.
         if highest and too_high < 1.01 * RATE_STEP * highest:
             return {"value": highest, "tried": tried}
     reason = f"time was up; {highest:.1f} Hz were sustained" if highest else "none was sustained"
@@ -141,9 +141,10 @@ def _highest_rate(radars: Any, scans: list[Scan], rate_hz: float) -> dict[str, A
 
 
 def _sustained(radars: Any, scans: list[Scan], rate_hz: float, tried: list[dict[str, Any]]) -> bool:
-    """Return whether no scan was lost and the tracker did not fall behind; add to `tried`.
+    """Return whether no scan was lost and the tracker did not fall behind; add the try to `tried`.
 
-    Falling behind: the last scan's estimate is later than an early one's by more than two periods.
+    The tracker falls behind if the last scan's estimate is delayed by more than two periods more
+    than an early one's.
     """
     lost, behind = _at_rate(radars, scans, rate_hz)
     tried.append({"rate_hz": rate_hz, "lost": lost, "behind_periods": behind})
@@ -151,7 +152,7 @@ def _sustained(radars: Any, scans: list[Scan], rate_hz: float, tried: list[dict[
 
 
 def _at_rate(radars: Any, scans: list[Scan], rate_hz: float) -> tuple[int, float]:
-    """Send scans at a rate; return how many were lost and by how many periods the last was late."""
+    """Send scans at a rate; return the number lost, and the last one's delay in periods."""
     radars.reset()
     begin, sent = time.monotonic(), []
     for index, scan in enumerate(scans):
@@ -161,5 +162,5 @@ def _at_rate(radars: Any, scans: list[Scan], rate_hz: float) -> tuple[int, float
     replies = [radars.replies.get(scan.stamp_ns) for scan in scans]
     late = [r.estimate_s - s for r, s in zip(replies, sent, strict=True) if r and r.whole]
     lost = len(scans) - len(late)
-    # The first scans after a reset have fewer particles: the tenth's delay is the usual one.
+    # The first scans after a reset have fewer particles, so the tenth's delay is taken as usual.
     return lost, (late[-1] - late[min(10, len(late) - 1)]) * rate_hz if late else 0.0

@@ -3,8 +3,8 @@
 
 """The node's own cost: decoding, encoding and publishing a large scan.
 
-The tracker node itself, in this process, with an engine that always finds the same 200 targets at
-no cost. The parts are measured beside it with the functions the node calls.
+The tracker node itself runs in this process, with an engine that always finds the same 200 targets
+at no cost. The parts are measured separately, with the functions that the node calls.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ WHOLE = "the node"
 
 
 def environment() -> None:
-    """Keep what is sent on this machine, apart from other ROS processes, and leave nothing."""
+    """Keep messages on this machine, apart from other ROS processes, without shared memory."""
     os.environ["ROS_DOMAIN_ID"] = os.environ.get("ROS_DOMAIN_ID") or str(1 + os.getpid() % 100)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ["FASTDDS_BUILTIN_TRANSPORTS"] = "UDPv4"
@@ -38,8 +38,8 @@ def environment() -> None:
 def measure(quick: bool) -> dict[str, Any]:
     """Return the CPU time of the node's work on a scan, and of the parts of it.
 
-    A scan is two clouds of 500 detections; what comes of it are the filtered and the smoothed
-    estimates, 200 each: a cloud and a pose array a class for both, markers for the filtered.
+    A scan is two clouds of 500 detections. Its outputs are 200 filtered and 200 smoothed estimates:
+    a cloud and one pose array per class for both, and markers for the filtered ones.
     """
     environment()
     try:
@@ -54,7 +54,7 @@ def measure(quick: bool) -> dict[str, Any]:
     rclpy.init()
     node = Tracker()
     try:
-        _listen(node)
+        _subscribe_all(node)
         calls = {WHOLE: _whole(node), **_parts(node)}
         times = interleaved({n: Case(call, 20 if quick else 100) for n, call in calls.items()})
     finally:
@@ -64,8 +64,8 @@ def measure(quick: bool) -> dict[str, Any]:
     return {"total_ms": each.pop(WHOLE)["median_ms"], "parts": each}
 
 
-class _SameAgain:
-    """An engine that finds the same targets in every scan."""
+class _ConstantEngine:
+    """An engine that returns the same targets for every scan."""
 
     def __init__(self, found: Estimates, classes: int) -> None:
         self._step = Step(
@@ -81,8 +81,8 @@ class _SameAgain:
         return self._step
 
 
-def _listen(node: Any) -> None:
-    """Subscribe to all that the node publishes, so that it is not only made but sent."""
+def _subscribe_all(node: Any) -> None:
+    """Subscribe to all of the node's topics, so that its messages are also sent."""
     for publisher in list(node.publishers):
         node.create_subscription(
             publisher.msg_type, publisher.topic_name, lambda _: None, publisher.qos_profile
@@ -90,12 +90,12 @@ def _listen(node: Any) -> None:
 
 
 def _whole(node: Any) -> Callable[[], None]:
-    """Return a call that hands the node one scan after the other."""
+    """Return a function that passes the node one scan after the other."""
     from msg_adapters import detections
 
     config = resolve({})
-    # Everything but the engine's own work is to be measured.
-    node._live._engine = _SameAgain(_estimates(2), 2)
+    # Without the engine's own work, which is measured elsewhere.
+    node._live._engine = _ConstantEngine(_estimates(2), 2)
     subscriptions = {subscription.topic_name: subscription for subscription in node.subscriptions}
     inputs = [
         (subscriptions[radar.topic].callback, detections.to_msg(report, 0, radar.frame))
@@ -103,18 +103,18 @@ def _whole(node: Any) -> Callable[[], None]:
     ]
     stamp_s = STAMP_S
 
-    def hand_over() -> None:
+    def send_scan() -> None:
         nonlocal stamp_s
         stamp_s += 1
         for callback, cloud in inputs:
             cloud.header.stamp.sec = stamp_s
             callback(cloud, {"publication_sequence_number": stamp_s})
 
-    return hand_over
+    return send_scan
 
 
 def _parts(node: Any) -> dict[str, Callable[[], None]]:
-    """Return what the node does around a step, by name."""
+    """Return the parts of the node's work outside the engine, by name."""
     from geometry_msgs.msg import PoseArray
     from sensor_msgs.msg import PointCloud2
     from visualization_msgs.msg import MarkerArray

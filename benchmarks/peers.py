@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stone Soup's PHD filters on the scans of the reference scenario, and the whole step beside them.
+"""Stone Soup's PHD filters on the reference scenario's scans, compared with the tracker's step.
 
-The GM-PHD filter is the study's: tuned, told the birth places, gated. Both of Stone Soup's filter
-only; the step beside them filters, tells classes, and smooths.
+The GM-PHD filter is the study's: tuned, gated, and with known birth places. Both of Stone Soup's
+trackers only filter, while the tracker's step also classifies and smooths.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 
 from . import backends
 
-# Scans of the SMC-PHD filter, which takes its time.
+# Few scans for the SMC-PHD filter, which is slow.
 SMC_SCANS, SMC_TARGETS = 5, 3
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the mean CPU milliseconds a scan, run by run, of each tracker."""
+    """Return the mean CPU milliseconds per scan of each tracker, by run."""
     config = resolve({})
     scene = paper_scenario(config.model.radars)
     if quick:

@@ -24,7 +24,7 @@ HEIGHT_IN = 5.2
 
 
 class Look(NamedTuple):
-    """How a form is drawn and what it is called."""
+    """The style and the label of a form."""
 
     label: str
     colour: str
@@ -45,48 +45,48 @@ AXES = {
 
 
 def write_all(growth: Mapping[str, Any], directory: Path) -> list[Path]:
-    """Write both pictures as PNGs and return where."""
+    """Write both pictures as PNGs and return their paths."""
     paths = []
-    for ladder, (label, held) in AXES.items():
-        figure = cost(growth[ladder], label, held.format(**growth[ladder]))
+    for ladder, (label, fixed) in AXES.items():
+        figure = cost(growth[ladder], label, fixed.format(**growth[ladder]))
         path = directory / f"cost_against_{ladder}.png"
         FigureCanvasAgg(figure).print_png(path)
         paths.append(path)
     return paths
 
 
-def cost(ladder: Mapping[str, Any], label: str, held: str) -> Figure:
-    """Draw the median cost of every form over one ladder, both axes logarithmic.
+def cost(ladder: Mapping[str, Any], label: str, fixed: str) -> Figure:
+    """Draw the median cost of every form over one series of sizes, both axes logarithmic.
 
-    A form's slope is the exponent of its growth; the dotted line is what linear growth would be.
+    A form's slope is the exponent of its growth; the dotted line is linear growth.
     """
     figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     plain_axes(axes)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    drawn = [
+    handles = [
         _draw(axes, ladder["forms"][form], look)
         for form, look in LOOKS.items()
         if form in ladder["forms"]
     ]
-    drawn.append(_draw_linear(axes, ladder["forms"][f"smoother [{NUMPY}]"]))
+    handles.append(_draw_linear(axes, ladder["forms"][f"smoother [{NUMPY}]"]))
     sizes = ladder["forms"]["limit"]["size"]
     axes.xaxis.set_major_locator(FixedLocator(sizes))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.set_xlabel(f"{label} ({held})")
-    axes.set_ylabel("CPU time of the smoother a scan (ms)")
+    axes.set_xlabel(f"{label} ({fixed})")
+    axes.set_ylabel("CPU time of the smoother per scan (ms)")
     axes.yaxis.set_major_formatter("{x:g}")
-    figure.legend(handles=drawn, loc="outside upper left", ncols=2, frameon=False)
+    figure.legend(handles=handles, loc="outside upper left", ncols=2, frameon=False)
     return figure
 
 
 def _draw(axes: Axes, form: Mapping[str, Any], look: Look) -> Artist:
     """Draw one form's medians with their quartiles."""
-    median = np.array([one["median_ms"] for one in form["times"]])
-    low = median - [one["lower_quartile_ms"] for one in form["times"]]
-    high = np.array([one["upper_quartile_ms"] for one in form["times"]]) - median
+    median = np.array([times["median_ms"] for times in form["times"]])
+    low = median - [times["lower_quartile_ms"] for times in form["times"]]
+    high = np.array([times["upper_quartile_ms"] for times in form["times"]]) - median
     slope = form["exponent"]
     return axes.errorbar(
         form["size"],

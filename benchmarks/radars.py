@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The radars' side of the live measurement: sends scans and hears what comes back."""
+"""The radars' side of the live measurement: sends scans and receives the tracker's output."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from msg_adapters import detections, diagnostics, names, stamps
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.types import Scan
 
-# Discovery of the one side does not tell of the other's.
+# That one side has discovered the other does not mean that the other has too.
 SETTLE_S = 0.5
 
 
 @dataclass
 class Reply:
-    """What a scan has brought so far; times are monotonic seconds.
+    """The tracker's reply to a scan so far; times are monotonic seconds.
 
     Parameters
     ----------
     estimate_s : float
-        Receipt of the filtered estimates; nan before.
+        Time at which the filtered estimates were received; nan before.
     last_s : float
-        Receipt of the latest message of the scan.
+        Time at which the scan's latest message was received.
     step_ms : float
-        CPU time of the step, as the tracker says; nan before.
+        CPU time of the step as reported by the tracker; nan before.
     """
 
     estimate_s: float = float("nan")
@@ -43,12 +43,12 @@ class Reply:
 
     @property
     def whole(self) -> bool:
-        """Whether both messages have come."""
+        """Whether both messages have been received."""
         return not (math.isnan(self.estimate_s) or math.isnan(self.step_ms))
 
 
 class Radars:
-    """Publishes clouds to the tracker and notes when its answers come."""
+    """Publishes clouds to the tracker and records when its replies come."""
 
     def __init__(self) -> None:
         self._context = rclpy.Context()
@@ -74,26 +74,26 @@ class Radars:
         rclpy.shutdown(context=self._context)
 
     def connected(self, timeout_s: float) -> bool:
-        """Wait until the tracker hears and is heard; return whether it does."""
+        """Wait until both directions to the tracker are connected; return whether they are."""
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
-            heard = all(output.get_subscription_count() for output in self._outputs)
+            sending = all(output.get_subscription_count() for output in self._outputs)
             topics = (names.estimates("filtered"), names.cardinality())
-            hears = all(self._node.count_publishers(topic) for topic in topics)
-            if heard and hears and self._client.service_is_ready():
+            receiving = all(self._node.count_publishers(topic) for topic in topics)
+            if sending and receiving and self._client.service_is_ready():
                 self.spin(SETTLE_S)
                 return True
             self.spin(0.05)
         return False
 
     def reset(self) -> None:
-        """Let the tracker forget everything, and forget its answers."""
+        """Reset the tracker, and forget its replies."""
         future = self._client.call_async(Trigger.Request())
         self._executor.spin_until_future_complete(future, timeout_sec=SETTLE_S * 10)
         self.replies.clear()
 
     def send(self, scan: Scan) -> float:
-        """Publish a scan, radar by radar; return when the last was handed over."""
+        """Publish a scan's clouds; return the time just before the last was published."""
         clouds = [
             detections.to_msg(report, scan.stamp_ns, radar.frame)
             for report, radar in zip(scan.detections, self._inputs, strict=True)
@@ -105,7 +105,7 @@ class Radars:
         return sent
 
     def wait_for(self, stamp_ns: int, timeout_s: float) -> Reply | None:
-        """Return a scan's reply once it is whole, or None when the time is up."""
+        """Return a scan's reply once it is complete, or None after the timeout."""
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
             reply = self.replies.get(stamp_ns)
@@ -115,7 +115,7 @@ class Radars:
         return None
 
     def spin(self, seconds: float) -> None:
-        """Hear what comes for so long."""
+        """Receive messages for a time."""
         deadline = time.monotonic() + seconds
         while (left := deadline - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)

@@ -24,7 +24,7 @@ from phd_jdtc_ros.core.types import Scan
 from . import scenes
 
 PARTS = ("predict", "update", "resample", "transition", "backward", "extraction")
-# Scans after which clouds started at the truth look like those of a run.
+# Number of scans after which particles started at the truth are distributed as in a run.
 SETTLING = 6
 
 
@@ -77,7 +77,7 @@ class Window:
     model : TrackerModel
     corrector : Corrector
     dt : float
-        Between each two, seconds.
+        Between consecutive sets, seconds.
     """
 
     stored: tuple[ParticleSet, ...]

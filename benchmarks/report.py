@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What was measured, as tables for the terminal and for a page."""
+"""The measurements as tables, for the terminal and in Markdown."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .recursion import PARTS
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
     """Yield a table for every part that was measured, the goals last."""
     if "smoother" in summary:
-        yield _smoother("the smoother, a scan: one kernel and five lags", summary["smoother"])
+        yield _smoother("the smoother per scan: one kernel and five lags", summary["smoother"])
     if "paper_smoother" in summary:
         yield _smoother("the same with the paper's kernel", summary["paper_smoother"])
     if "growth" in summary:
@@ -35,7 +35,7 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
 
 
 def markdown(given: Iterable[Table]) -> str:
-    """Return the tables for a page of text."""
+    """Return the tables in Markdown."""
     lines: list[str] = []
     for table in given:
         columns = [
@@ -67,7 +67,7 @@ def _number(value: float) -> str:
 
 
 def _smoother(title: str, sizes: Mapping[str, Any]) -> Table:
-    """Return each form's time, and how many times the fastest it is."""
+    """Return each form's time, also as a multiple of the fastest."""
     table = _table(
         title,
         "form",
@@ -95,7 +95,7 @@ def _smoother(title: str, sizes: Mapping[str, Any]) -> Table:
 
 
 def _growth(growth: Mapping[str, Any]) -> Table:
-    table = _table("growth: exponents", "form", "in particles a target", "in targets")
+    table = _table("growth: exponents", "form", "in particles per target", "in targets")
     ladders = [growth["particles_per_target"]["forms"], growth["targets"]["forms"]]
     for name in ladders[0]:
         slopes = [ladder.get(name, {}).get("exponent") for ladder in ladders]
@@ -113,7 +113,7 @@ def _steps(scenes: Mapping[str, Any]) -> Table:
         "the whole step, CPU medians in ms",
         "part",
         *columns,
-        caption="4 targets: the reference scenario, 1000 particles a target; the others, about 500",
+        caption="4 targets: the reference scenario, 1000 particles per target; others: about 500",
     )
     for part in ("step", *PARTS):
         cells = [f"{parts[part]['median_ms']:.1f}" for _, parts in columns.values()]
@@ -139,7 +139,7 @@ def _messages(messages: Mapping[str, Any]) -> Table:
     table = _table("a scan of 1000 detections and 200 estimates", "message", "CPU")
     for name, found in messages["parts"].items():
         table.add_row(name, _ms(found["median_ms"]))
-    table.add_row("the node, all in all", _ms(messages["total_ms"]), style="bold")
+    table.add_row("the node in total", _ms(messages["total_ms"]), style="bold")
     return table
 
 

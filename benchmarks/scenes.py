@@ -22,25 +22,25 @@ from phd_jdtc_ros.core.simulation.scenario import (
 )
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 
-# Targets are within this of the origin, metres; both radars see all of it.
+# Targets are within this distance of (0, 0), metres; both radars cover all of it.
 FIELD_RADIUS = 13e3
 SPEED = 57.0
 SNR_DB = (45.0, 25.0)
-# Of a tracking filter's cloud about its target: m, m/s, rad/s.
+# Standard deviations of a tracking filter's particles about a target: m, m/s, rad/s.
 POSITION_STD, VELOCITY_STD, TURN_RATE_STD = 100.0, 8.0, 1e-3
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
 def configuration(targets: int, per_target: int, corrector: str = "bernoulli") -> TrackerConfig:
-    """Return the reference configuration with so many particles and clutter to match.
+    """Return the reference configuration with `per_target` particles and matching clutter.
 
-    Half as many false detections as targets: 200 targets give 300 detections a radar.
+    There are half as many false detections as targets: 200 targets give 300 detections per radar.
     """
     return resolve(
         {
             "corrector": corrector,
             "particles_per_target": per_target,
-            # In the default's proportion to the particles of a target.
+            # In the default's proportion to the particles per target.
             "least_particles": max(per_target // 5, 1),
             "radar_1.clutter_rate": targets / 2,
             "radar_2.clutter_rate": targets / 2,
@@ -49,13 +49,13 @@ def configuration(targets: int, per_target: int, corrector: str = "bernoulli") -
 
 
 def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenario:
-    """Return targets of both classes, evenly over the radars' field, that fly straight.
+    """Return targets of both classes, spread evenly over the radars' field, that fly straight.
 
     Parameters
     ----------
     targets : int
     scans : int
-        All live through all of them; half-way they are where the pattern puts them.
+        Every target exists in all of them; half-way through, the targets form the pattern.
     config : TrackerConfig
         For the radars.
     seed : int
@@ -64,7 +64,7 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
     rng = np.random.default_rng(seed)
     scene = paper_scenario(config.model.radars)
     heading = rng.uniform(-np.pi, np.pi, targets)
-    # A sunflower's seeds: even, and no two on a line from the origin.
+    # As a sunflower's seeds: evenly spread, and no two at the same bearing.
     radius = FIELD_RADIUS * np.sqrt((np.arange(targets) + 0.5) / targets)
     bearing = GOLDEN_ANGLE * np.arange(targets)
     velocity = SPEED * np.stack([np.cos(heading), np.sin(heading)], axis=1)
@@ -85,10 +85,10 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
 
 
 def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> ParticleSet:
-    """Return what a filter that tracks all of a scene's targets holds an interval before it.
+    """Return the set of a filter that tracks all targets, one interval before the scene begins.
 
-    Every target has its own origin and ``particles_per_target`` rows of mass one together, half of
-    them in each motion of its class.
+    Every target has its own origin, and ``particles_per_target`` rows with a total mass of one,
+    about half of them in each motion of its class.
     """
     before: Truth = truth_at(scene, 0)
     count = config.values["particles_per_target"]
@@ -120,7 +120,7 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
 def _modes_of(
     truth: Truth, config: TrackerConfig, target: IntArray, rng: np.random.Generator
 ) -> IntArray:
-    """Return a flat mode of each row's class, drawn evenly."""
+    """Return a flat mode of each row's class, drawn uniformly."""
     class_of = config.model.modes.class_of
     first = np.searchsorted(class_of, truth.class_id[target])
     motions = np.bincount(class_of)[truth.class_id[target]]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The smoother against the forms it replaces, and its error at the gate."""
+"""The smoother's cost against the other forms, and the error caused by its gate."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from .timing import Case, interleaved, peak_bytes, spread
 
 LAG = 5
 PER_TARGET = 500
-# Number of particles by that name: (targets, whether the dense form can run).
+# By number of particles: (targets, whether the dense form can run).
 SIZES = {"2e3": (4, True), "1e4": (20, True), "1e5": (200, False)}
 DEATH_TERM: DeathTerm = bernoulli_death_term
-# Smaller weights are not looked at one by one.
+# Weights below this share of the total are not compared one by one.
 LEAST_SHARE = 1e-9
 
 
 def measure(quick: bool, corrector: str = "bernoulli") -> dict[str, Any]:
     """Return the times, memory and errors by number of particles.
 
-    The corrector decides what the kernel joins: rows of one origin, or as in the paper all rows,
-    with births and spawned targets in mu.
+    The corrector determines which rows the kernel joins: those of one origin, or as in the paper
+    all rows, with births and spawned targets in mu.
     """
     sizes = list(SIZES.items())[: 1 if quick else None]
-    return {size: _measure_size(*of_size, quick, corrector) for size, of_size in sizes}
+    return {name: _measure_size(*size, quick, corrector) for name, size in sizes}
 
 
 def _measure_size(targets: int, dense_runs: bool, quick: bool, corrector: str) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def _measure_size(targets: int, dense_runs: bool, quick: bool, corrector: str) -
             backend: gate_error(window, found[0], backend) for backend in backends.available()
         }
     else:
-        # Two classes: K holds half of all pairs.
+        # With two classes K has half of all pairs.
         gigabytes = 8 * 0.5 * window.particles**2 / 1e9
         reason = f"one kernel of the dense form has {gigabytes:.0f} GB"
         result["dense"] = {"value": None, "reason": reason}
@@ -82,7 +82,7 @@ def _measure_size(targets: int, dense_runs: bool, quick: bool, corrector: str) -
 
 
 def _product_cases(window: Window, rounds: int) -> dict[str, Case]:
-    """Return the product's smoother, whole and in two parts, with every backend."""
+    """Return the cases of the smoother, whole and in two parts, with every backend."""
     cases = {}
     for backend in backends.available():
         cases[f"smoother [{backend}]"] = Case(product_smoother(window, backend), rounds)
@@ -93,7 +93,7 @@ def _product_cases(window: Window, rounds: int) -> dict[str, Case]:
 
 
 def product_smoother(window: Window, backend: str) -> Callable[[], None]:
-    """Return a call that smooths a scan as the tracker does: one kernel, then the whole lag."""
+    """Return a function that smooths one scan as the tracker does: one kernel, then all lags."""
     links, build = window.links(), _build(window, backend)
 
     def smooth() -> None:
@@ -104,7 +104,7 @@ def product_smoother(window: Window, backend: str) -> Callable[[], None]:
 
 
 def k_d_tree_smoother(window: Window, stored: Sequence[ParticleSet]) -> Callable[[], None]:
-    """Return a call that does the same with the kernels of a k-d tree, cached too."""
+    """Return a function that does the same with the cached kernels of a k-d tree."""
     pairs = list(itertools.pairwise(stored))
     links = [forms.k_d_tree(*pair, *window.assumed) for pair in pairs]
 
@@ -124,7 +124,7 @@ def _build(window: Window, backend: str) -> Callable[[], Transition]:
 
 
 def _backward(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> None:
-    """Carry the weights back over the whole window."""
+    """Smooth the weights backward over the whole window."""
     deque(backward_pass(stored, links, DEATH_TERM), maxlen=0)
 
 
@@ -141,8 +141,9 @@ def gate_error(window: Window, dense: ParticleSet, backend: str) -> dict[str, fl
     Returns
     -------
     dict
-        ``largest_relative`` over weights above `LEAST_SHARE` of the total, ``l1`` of all as a
-        share of the total, and the relative error of the ``mass``, which says little.
+        ``largest_relative``: largest relative error of weights above `LEAST_SHARE` of the total;
+        ``l1``: error of all weights as a share of the total; ``mass``: relative error of the
+        total, which is a weak measure.
     """
     with backends.using(backend):
         links = window.links()
@@ -161,7 +162,7 @@ def gate_error(window: Window, dense: ParticleSet, backend: str) -> dict[str, fl
 def _memory(
     window: Window, copies: Sequence[ParticleSet], dense_runs: bool
 ) -> dict[str, float | None]:
-    """Return the peak memory of a kernel in each form, and what a cached one keeps."""
+    """Return the peak memory of a kernel in each form, and the memory of a cached kernel."""
     link = window.links()[-1]
     kept = link.survival.nbytes + sum(
         array.nbytes for array in (link.ratio.data, link.ratio.indices, link.ratio.indptr)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The whole step and its parts: the reference scenario, and 20 and 200 targets."""
+"""The cost of a step and its parts, with the reference scenario and with 20 and 200 targets."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from .timing import peak_bytes, spread
 
 PAPER = "4 targets"
 CROWDS = {"20 targets": 20, "200 targets": 200}
-# Measured ones.
+# Number of measured steps.
 STEPS = 12
 
 
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the step's cost and its parts by scene and backend."""
+    """Return the cost of the step and its parts, by scene and backend."""
     config = resolve({})
     scene = paper_scenario(config.model.radars)
     if quick:
@@ -51,13 +51,13 @@ def measure(quick: bool) -> dict[str, Any]:
 def _measure(
     config: TrackerConfig, scene: Scenario, start: ParticleSet, settling: int
 ) -> dict[str, Any]:
-    """Return the figures of a scene, the first `settling` steps left out."""
+    """Return the figures of a scene, without its first `settling` steps."""
     scans = [scan for _, scan in simulate(scene, seed=0)]
     names = backends.available()
     runs = {name: TimedEngine(config, start) for name in names}
     costs: dict[str, list[dict[str, float]]] = {name: [] for name in names}
     for scan in scans[:-1]:
-        # The backends take turns, scan by scan.
+        # The backends alternate scan by scan.
         for name in names:
             costs[name].append(_timed_step(runs[name], scan, name))
     return {

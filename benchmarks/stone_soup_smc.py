@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stone Soup's SMC-PHD filter over the reference scenario's scans, for its cost alone.
+"""Stone Soup's SMC-PHD filter on the reference scenario's scans, to measure its cost only.
 
-Put together from Stone Soup's own predictor, updater and resampler, with the reference
-configuration's particles a target, births and survival. It has no gate, so every particle meets
-every detection. Nothing is read off it.
+It consists of Stone Soup's own predictor, updater and resampler, with the reference configuration's
+particles per target, births and survival. It has no gate, so every particle is paired with every
+detection. No targets are extracted.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ EPOCH = datetime(2000, 1, 1)
 
 
 def step_times_ms(scans: Sequence[Scan], config: TrackerConfig, targets: int) -> list[float]:
-    """Return the CPU milliseconds of every scan's prediction and updates.
+    """Return the CPU milliseconds of prediction and updates, per scan.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def step_times_ms(scans: Sequence[Scan], config: TrackerConfig, targets: int) ->
     config : TrackerConfig
         For the budget, births, survival and radars.
     targets : int
-        Particles are resampled to so many targets' budget after every radar.
+        Number of targets whose particle budget is kept by resampling after every radar.
     """
     np.random.seed(0)  # noqa: NPY002 - Stone Soup's resampler draws from the global generator
     size = targets * config.values["particles_per_target"]
@@ -67,7 +67,7 @@ def step_times_ms(scans: Sequence[Scan], config: TrackerConfig, targets: int) ->
         for updater, report in zip(updaters, scan.detections, strict=True):
             measurement = np.zeros((0, 2)) if report is None else report.measurement
             seen = _detections(measurement, stamp, updater.measurement_model)
-            hypotheses = [SingleHypothesis(state, one) for one in [None, *seen]]
+            hypotheses = [SingleHypothesis(state, detection) for detection in [None, *seen]]
             state = updater.update(MultipleHypothesis(hypotheses))
         times.append(1e3 * (time.process_time() - begin))
     return times
@@ -85,12 +85,12 @@ def _predictor(config: TrackerConfig, size: int) -> SMCPHDPredictor:
         mean, std = (
             np.stack([getattr(b, n)[STATE] for b in model.births]) for n in ("mean", "std")
         )
-        drawn: FloatArray = mean[term] + std[term] * rng.standard_normal((num_samples, len(STATE)))
-        return drawn.T
+        sample: FloatArray = mean[term] + std[term] * rng.standard_normal((num_samples, len(STATE)))
+        return sample.T
 
     return SMCPHDPredictor(
         transition_model=CombinedLinearGaussianTransitionModel([axis, axis]),
-        # A rate a second.
+        # Stone Soup takes a rate per second.
         death_probability=-math.log(survival) / model.modes.interval_s,
         birth_probability=births / size,
         birth_rate=float(sum(term.rate.sum() for term in model.births)),

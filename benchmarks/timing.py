@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Timing that a busy machine disturbs least: CPU time, interleaved rounds, medians."""
+"""Timing that is robust on a busy machine: CPU time, interleaved rounds, medians."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Case(NamedTuple):
     ----------
     call : callable of no arguments
     rounds : int
-        How often; slow baselines need fewer than the rest.
+        Number of calls; slow baselines need fewer.
     """
 
     call: Callable[[], Any]
@@ -31,9 +31,9 @@ class Case(NamedTuple):
 def interleaved(cases: Mapping[str, Case]) -> dict[str, list[float]]:
     """Return the CPU milliseconds of every call, by case.
 
-    Round by round each case is called once, so that whatever slows the machine for a while slows
-    them all. A first call of each, untimed, fills caches and compiles what is compiled; cases of
-    one or two rounds are slow enough to do without.
+    In each round every case is called once, so that a temporary slowdown of the machine affects
+    all cases. A first, untimed call of each fills caches and compiles; cases of one or two rounds
+    are so slow that they do not need it.
     """
     times: dict[str, list[float]] = {name: [] for name in cases}
     for case in cases.values():
@@ -42,9 +42,9 @@ def interleaved(cases: Mapping[str, Case]) -> dict[str, list[float]]:
     collecting = gc.isenabled()
     gc.disable()
     try:
-        for turn in range(max(case.rounds for case in cases.values())):
+        for index in range(max(case.rounds for case in cases.values())):
             for name, case in cases.items():
-                if turn < case.rounds:
+                if index < case.rounds:
                     begin = time.process_time()
                     case.call()
                     times[name].append(1e3 * (time.process_time() - begin))
@@ -55,7 +55,7 @@ def interleaved(cases: Mapping[str, Case]) -> dict[str, list[float]]:
 
 
 def spread(times_ms: list[float]) -> dict[str, float]:
-    """Return the median and the quartiles of times, and how many there are."""
+    """Return the median and the quartiles of times, and their number."""
     low, median, high = np.percentile(times_ms, [25, 50, 75])
     return {
         "median_ms": float(median),
@@ -66,7 +66,7 @@ def spread(times_ms: list[float]) -> dict[str, float]:
 
 
 def peak_bytes(call: Callable[[], Any]) -> int:
-    """Return the most memory, in bytes, that a call held beyond what was held before."""
+    """Return the peak memory of a call in bytes, beyond that in use before."""
     tracemalloc.start()
     try:
         before, _ = tracemalloc.get_traced_memory()

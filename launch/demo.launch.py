@@ -31,20 +31,20 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.tools import tracker_params
 
 PACKAGE = "phd_jdtc_ros"
-# The tracker's arguments, and what they are here.
+# The arguments of the tracker's launch file, with the demo's defaults.
 TRACKER_ARGUMENTS = {
     "params_file": ("{share}/config/paper_scenario.yaml", "ROS parameter file of the tracker"),
-    "namespace": ("", "of the tracker and the evaluator; none if empty"),
+    "namespace": ("", "namespace of the tracker and the evaluator; none if empty"),
     "use_sim_time": ("false", "take the time from the replay's /clock"),
     "rviz": ("false", "start RViz too"),
     "frames": ("true", "publish the radars' frames"),
     "respawn": ("false", "start the tracker again if it ends"),
-    "localhost_only": ("true", "keep DDS on this machine, by a profile for Fast DDS"),
+    "localhost_only": ("true", "keep DDS on this machine, with a profile for Fast DDS"),
 }
-# After the replay the last scores take a second or two. Without truth the evaluator has none to
-# end with.
+# After the replay the last scores take a second or two. Without truth the evaluator does not end by
+# itself.
 FINISH_S = 10.0
-# What those who listen to the replay say once they do.
+# Log text of each of the replay's subscribers once it is ready.
 READY = {"tracker": "tracking ", "evaluator": "waiting for "}
 
 
@@ -54,13 +54,13 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                "bag", default_value=f"{share}/bags/paper_scenario", description="what is replayed"
+                "bag", default_value=f"{share}/bags/paper_scenario", description="bag to replay"
             ),
             DeclareLaunchArgument(
-                "rate", default_value="0.0", description="of the replay; 0 goes with the tracker"
+                "rate", default_value="0.0", description="rate of the replay; 0 is lock-step"
             ),
             DeclareLaunchArgument(
-                "out", default_value="out/launch", description="where metrics.json goes"
+                "out", default_value="out/launch", description="directory of metrics.json"
             ),
             *(
                 DeclareLaunchArgument(
@@ -123,15 +123,15 @@ def _nodes(context, share):
     finished = OnProcessExit(target_action=evaluator, on_exit=[EmitEvent(event=Shutdown())])
     ended = OnProcessExit(on_exit=_end_after)
     handlers = [RegisterEventHandler(h) for h in (finished, ended, _once_heard(replay))]
-    # The tracker's file sets the environment for all that follow it.
+    # The tracker's launch file sets the environment for all nodes that follow it.
     return [*handlers, tracker, evaluator]
 
 
 def _once_heard(replay):
-    """Return what starts the replay when tracker and evaluator are up.
+    """Return a handler that starts the replay when tracker and evaluator are ready.
 
-    It knows when it is heard itself, but not when the evaluator hears the tracker: the two get the
-    time that the replay takes to start.
+    The replay waits for its own subscribers, but cannot see whether the evaluator has found the
+    tracker. That has to happen while the replay starts.
     """
     awaited = dict(READY)
 
@@ -146,9 +146,9 @@ def _once_heard(replay):
 
 
 def _end_after(event, context):
-    """End all soon after the replay, and at once if it or the tracker failed.
+    """Shut down soon after the replay ends, and at once if it or the tracker failed.
 
-    A tracker that is started again may fail.
+    With `respawn`, a failed tracker is started again instead.
     """
     name = event.process_name.rsplit("-", 1)[0]
     if name == "sensor_replay" and not event.returncode:

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Start the tracker beside radars of your own, with the radars' frames and RViz if wanted.
+Start the tracker for your own radars, with the radars' frames and, if wanted, RViz.
 
 ros2 launch phd_jdtc_ros tracker.launch.py params_file:=PATH [namespace:=NAME] [rviz:=true] ...
 """
@@ -29,9 +29,9 @@ from phd_jdtc_ros.tools import tracker_params
 
 PACKAGE = "phd_jdtc_ros"
 RESPAWN_DELAY_S = 2.0
-# What Fast DDS 2 and Fast DDS 3 call the file of profiles.
+# The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-# What rviz/demo.rviz shows of the tracker, and of the radars.
+# Topics of the tracker and of the radars in rviz/demo.rviz.
 SHOWN = ("filtered/estimates", "smoothed/estimates", "markers")
 SHOWN_DETECTIONS = ("/radar_1/detections", "/radar_2/detections")
 
@@ -50,7 +50,7 @@ def generate_launch_description():
                 description="ROS parameter file of the tracker",
             ),
             DeclareLaunchArgument(
-                "namespace", default_value="", description="of the tracker; none if empty"
+                "namespace", default_value="", description="namespace of the tracker; none if empty"
             ),
             DeclareLaunchArgument(
                 "use_sim_time", default_value="false", description="take the time from /clock"
@@ -60,7 +60,7 @@ def generate_launch_description():
                 "frames",
                 default_value="true",
                 choices=["true", "false"],
-                description="publish the radars' frames; false where somebody else does",
+                description="publish the radars' frames; false if another node does",
             ),
             DeclareLaunchArgument(
                 "respawn", default_value="true", description="start the tracker again if it ends"
@@ -68,16 +68,16 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 "reliable_topics",
                 default_value="",
-                description="detections to ask for reliably, separated by commas",
+                description="topics of detections to subscribe to reliably, separated by commas",
             ),
             DeclareLaunchArgument(
                 "localhost_only",
                 default_value="false",
                 choices=["true", "false"],
-                description="keep DDS on this machine, by a profile for Fast DDS, for all that is "
-                "started from here on",
+                description="keep DDS on this machine, with a profile for Fast DDS, for all nodes "
+                "started after this",
             ),
-            # First, for it counts for what is started after it.
+            # First, because it affects only what is started after it.
             OpaqueFunction(function=_isolation, args=[f"{share}/config/dds/localhost_only.xml"]),
             OpaqueFunction(function=_tracker, args=[simulated]),
             OpaqueFunction(function=_frames),
@@ -87,7 +87,7 @@ def generate_launch_description():
 
 
 def _isolation(context, profile):
-    """Return the environment that keeps DDS on this machine; a profile of the user's own stays."""
+    """Return the environment that keeps DDS on this machine, unless the user has a profile."""
     if LaunchConfiguration("localhost_only").perform(context) != "true":
         return []
     if any(name in context.environment for name in PROFILE_VARIABLES):
@@ -123,13 +123,13 @@ def _config(context):
 
 
 def _frames(context):
-    """Return a publisher of the transform from the world to every radar, where tf2_ros is."""
+    """Return publishers of the transforms from the world to the radars, if tf2_ros is installed."""
     if LaunchConfiguration("frames").perform(context) != "true":
         return []
     try:
         get_package_prefix("tf2_ros")
     except PackageNotFoundError:
-        return [LogInfo(msg="tf2_ros is not installed: nobody publishes the radars' frames")]
+        return [LogInfo(msg="tf2_ros is not installed: the radars' frames are not published")]
     config = _config(context)
     return [
         Node(
@@ -152,7 +152,7 @@ def _rviz(context, simulated, view):
         return []
     namespace = LaunchConfiguration("namespace").perform(context).strip("/")
     tracker = "/".join(["", *filter(None, [namespace]), "tracker"])
-    # As many of the radars as the view has displays for; a cloud is all that they can show.
+    # As many radars as the view has displays; these can show point clouds only.
     clouds = [source.topic for source in _config(context).inputs if source.message == "point_cloud"]
     shown = [
         *((f"/tracker/{topic}", f"{tracker}/{topic}") for topic in SHOWN),

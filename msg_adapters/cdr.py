@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""CDR by hand, for messages of thousands of parts.
+"""CDR serialisation without rclpy, for messages of thousands of parts.
 
-A message object costs rclpy about five microseconds to make and one to send, and the markers of
-200 estimates are made of 8000. A publisher takes a serialised message as well, and that one numpy
-can fill in as a whole: a `Writer` lays out a record once; it is then repeated and filled in.
+rclpy needs about five microseconds to make a message object and one to send it, and the markers of
+200 estimates consist of 8000 objects. A publisher also accepts a serialised message, which numpy
+fills in as a whole: a `Writer` lays out one record, which is then repeated and filled in.
 """
 
 from __future__ import annotations
@@ -19,40 +19,40 @@ import numpy.typing as npt
 
 from .stamps import NS_PER_S
 
-# Plain CDR, little-endian; alignment is counted from behind these bytes.
+# Plain CDR, little-endian; alignment is counted from the first byte after these.
 ENCAPSULATION = b"\x00\x01\x00\x00"
 LARGEST_ALIGNMENT = 8
 
 
 @dataclass
 class Writer:
-    """Members one after the other, each aligned to its own size, padded with zeros.
+    """Writes members one after the other, each aligned to its own size, padded with zeros.
 
     Parameters
     ----------
     start : int
-        Where the first byte will stand in the message.
+        Offset of the first byte in the message.
     """
 
     start: int = 0
     data: bytearray = field(default_factory=bytearray)
 
     def put(self, code: str, *values: float) -> int:
-        """Append numbers of one `struct` code; return where the first stands in `data`."""
+        """Append numbers of one `struct` code; return the first one's offset in `data`."""
         self.data += bytes(-(self.start + len(self.data)) % struct.calcsize(code))
         offset = len(self.data)
         self.data += struct.pack(f"<{len(values)}{code}", *values)
         return offset
 
     def string(self, text: str) -> int:
-        """Append a string; return where its first character stands in `data`."""
+        """Append a string; return its first character's offset in `data`."""
         encoded = text.encode()
         self.put("I", len(encoded) + 1)
         self.data += encoded + b"\0"
         return len(self.data) - len(encoded) - 1
 
     def header(self, stamp_ns: int, frame: str) -> int:
-        """Append a ``std_msgs/Header``; return where its stamp stands in `data`."""
+        """Append a ``std_msgs/Header``; return its stamp's offset in `data`."""
         sec, nanosec = divmod(stamp_ns, NS_PER_S)
         offset = self.put("i", sec)
         self.put("I", nanosec)
@@ -62,7 +62,7 @@ class Writer:
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A laid out record, and the members of it that are yet to be filled in.
+    """A laid out record, and those of its members that are still to be filled in.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Record:
     members: np.dtype[np.void]
 
     def repeated(self, count: int) -> npt.NDArray[np.void]:
-        """Return `count` copies, writable by member."""
+        """Return `count` copies whose members can be written."""
         return np.frombuffer(bytearray(self.data * count), dtype=self.members)
 
 

@@ -22,9 +22,9 @@ from phd_jdtc_ros.core.types import Detections
 from . import point_cloud, stamps
 from .errors import RejectedMessageError
 
-# 120 dB above the noise; no receiver reports more.
+# 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
-# Drivers send levels as whole decibels too.
+# Some drivers send levels as whole decibels.
 NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 BoolArray = npt.NDArray[np.bool_]
 
@@ -74,7 +74,7 @@ def to_msg(detections: Detections, stamp_ns: int, frame: str) -> PointCloud2:
 
 
 def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
-    """Return the detections of a cloud, whatever its driver calls the fields.
+    """Return the detections of a cloud; `radar` names its fields.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     )
     if has_amplitude:
         wanted[radar.amplitude_field] = NUMBERS
-    # A signalling NaN is one more number that is none; it will be dropped.
+    # Converting a signalling NaN warns; the point is dropped below like any other NaN.
     with np.errstate(invalid="ignore"):
         columns = {
             name: column.astype(np.float64)
@@ -148,13 +148,13 @@ def select(
     elevation: FloatArray | None,
     level: FloatArray | None,
 ) -> Report:
-    """Return the detections among points, in the core's units, and count the others.
+    """Return the valid detections among points, in the core's units, and count the others.
 
     Parameters
     ----------
     stamp_ns : int
     radar : RadarInput
-        Units and conventions, and how far it sees.
+        Units, conventions and the maximum range.
     distance : ndarray of shape (M,)
         Metres; slant ranges where there are elevations.
     azimuth : ndarray of shape (M,)
@@ -170,22 +170,22 @@ def select(
     raw = np.zeros(len(distance)) if level is None else level
     amplitude = raw if level is None else _linear_amplitude(raw, radar)
 
-    # An infinite level is no number either, though -inf dB would be an envelope of zero.
+    # A level of -inf dB would give a valid envelope of zero; it is dropped as not finite.
     finite = np.isfinite(distance) & np.isfinite(azimuth) & np.isfinite(angle)
     finite &= ~np.isnan(raw) & (raw != -np.inf)
-    over_ground = np.where(finite, distance, 0.0) * np.cos(np.where(finite, angle, 0.0))
-    # The radar sees nothing from behind: an elevation beyond the zenith is none.
-    in_range = (distance >= 0.0) & (over_ground >= 0.0) & (over_ground <= radar.max_range)
+    ground_range = np.where(finite, distance, 0.0) * np.cos(np.where(finite, angle, 0.0))
+    # An elevation beyond the zenith is not valid, and makes the ground range negative.
+    in_range = (distance >= 0.0) & (ground_range >= 0.0) & (ground_range <= radar.max_range)
     possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
 
     kept, dropped = _sorted_out({"not_finite": finite, "range": in_range, "amplitude": possible})
-    measurement = np.stack([over_ground[kept], wrap_angle(azimuth[kept])], axis=1)
+    measurement = np.stack([ground_range[kept], wrap_angle(azimuth[kept])], axis=1)
     found = Detections(measurement, None if level is None else amplitude[kept])
     return Report(stamp_ns, found, dropped)
 
 
 def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
-    """Return which points pass every test, and how many fail first at each."""
+    """Return which points pass every test, and per test how many points fail it first."""
     dropped: Counter[str] = Counter()
     kept = np.ones(len(next(iter(passed.values()))), dtype=bool)
     for reason, passes in passed.items():
@@ -195,11 +195,11 @@ def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str
 
 
 def _linear_amplitude(raw: FloatArray, radar: RadarInput) -> FloatArray:
-    """Return the envelope in units of the noise's standard deviation a quadrature.
+    """Return the envelope in units of the noise's standard deviation per quadrature.
 
     An envelope a has the SNR a^2 / 2.
     """
-    with np.errstate(over="ignore"):  # an absurd level becomes infinite and is dropped as such
+    with np.errstate(over="ignore"):  # an absurd level becomes infinite and is then dropped
         if radar.amplitude_in_db:
             from_db: FloatArray = np.sqrt(2.0 * 10.0 ** ((raw + radar.amplitude_offset_db) / 10.0))
             return from_db

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The outline of a covariance."""
+"""The outline of a covariance ellipse."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 
-# Radius, in standard deviations, that holds 95 % of a two-dimensional Gaussian.
+# Radius, in standard deviations, that contains 95 % of a two-dimensional Gaussian.
 RADIUS_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 
 
 def outline(covariance: FloatArray, radius: float, points: int) -> FloatArray:
-    """Return closed outlines about the origin, shape (..., 2, points).
+    """Return closed outlines about (0, 0), shape (..., 2, points).
 
     Parameters
     ----------
     covariance : array of shape (..., 2, 2)
-        A negative variance, which rounding can leave, counts as zero.
+        A negative variance, which rounding can cause, counts as zero.
     radius : float
         In standard deviations.
     points : int
-        The last equals the first.
+        Number of points; the last equals the first.
     """
     variance, axes = np.linalg.eigh(covariance)
-    turn = np.linspace(0.0, 2.0 * np.pi, points)
-    circle = np.stack([np.cos(turn), np.sin(turn)])
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
     spread = axes * (radius * np.sqrt(np.maximum(variance, 0.0)))[..., None, :]
     line: FloatArray = spread @ circle
     line[..., -1] = line[..., 0]

@@ -1,20 +1,20 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Why a message or a bag was refused."""
+"""The error that says why a message was refused."""
 
 from __future__ import annotations
 
 
 class RejectedMessageError(ValueError):
-    """A message that does not fit the contract; the whole of it is refused.
+    """A message that does not fit the contract; it is refused as a whole.
 
     Parameters
     ----------
     reason : str
-        Short and countable: ``schema``, ``frame`` or ``oversize``.
+        Key that diagnostics count by: ``schema``, ``frame`` or ``oversize``.
     detail : str
-        What was wrong, where, and what is allowed.
+        What is wrong, where, and what is allowed.
     """
 
     def __init__(self, reason: str, detail: str) -> None:

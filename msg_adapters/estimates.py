@@ -91,6 +91,6 @@ def from_msg(cloud: PointCloud2) -> Estimates:
 
 
 def heading(vx: float, vy: float) -> Quaternion:
-    """Return the orientation of something that moves along (vx, vy)."""
+    """Return the orientation of a target that moves along (vx, vy)."""
     half = 0.5 * float(np.arctan2(vy, vx))
     return Quaternion(x=0.0, y=0.0, z=float(np.sin(half)), w=float(np.cos(half)))

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What bags must know of message types: class, definition text, type hash, stable bytes.
+"""What a bag stores about message types: class, definition, type hash, reproducible bytes.
 
 Definitions and hashes are read from the installed interface packages, as rosbag2 does, so they
-are those of the ROS that runs.
+match the running ROS.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ def type_name(message_type: Any) -> str:
 def _share_file(type_name: str, suffix: str) -> Path:
     """Return a file of a type in its package's share directory.
 
-    Wheels and ROS installations both keep ``share`` beside the ``lib`` that holds the package;
-    the ament index is not needed, and is not set up by the wheels.
+    Wheels and ROS installations both keep ``share`` beside the ``lib`` that contains the package.
+    The ament index is not used, because the wheels do not set it up.
     """
     package, _, name = type_name.split("/")
     home = Path(importlib.import_module(package).__path__[0])
@@ -60,11 +60,11 @@ def type_hash(type_name: str) -> str:
 
 @cache
 def definition(type_name: str) -> str:
-    """Return a type's definition followed by those of all types it holds, as ``ros2msg``."""
+    """Return the definitions of a type and of all types it contains, as ``ros2msg``."""
     description = json.loads(_share_file(type_name, ".json").read_text())["type_description_msg"]
-    held = [entry["type_name"] for entry in description["referenced_type_descriptions"]]
+    nested = [entry["type_name"] for entry in description["referenced_type_descriptions"]]
     parts = [_share_file(type_name, ".msg").read_text()]
-    for name in held:
+    for name in nested:
         package, _, short = name.split("/")
         parts.append(f"MSG: {package}/{short}\n{_share_file(name, '.msg').read_text()}")
     return f"\n{_SEPARATOR}\n".join(part.rstrip("\n") for part in parts) + "\n"
@@ -72,7 +72,7 @@ def definition(type_name: str) -> str:
 
 @cache
 def _encoder(type_name: str) -> Any:
-    # Loaded when something is recorded: a tracker starts sooner without.
+    # Imported at the first use: a tracker that records nothing starts sooner without it.
     from mcap_ros2._dynamic import serialize_dynamic
 
     return serialize_dynamic(type_name, definition(type_name))[type_name]
@@ -81,15 +81,15 @@ def _encoder(type_name: str) -> Any:
 def encode(message: Any) -> bytes:
     """Return a message as CDR, the same bytes every time.
 
-    The middleware's own serialisation leaves its padding uninitialised, so two equal messages
-    differ in their bytes; files that must be reproducible are written with this one.
+    The middleware's own serialisation leaves padding uninitialised, so equal messages may differ
+    in their bytes. Files that must be reproducible are written with this function.
     """
     encoded: bytes = _encoder(type_name(type(message)))(_numbers(message))
     return encoded
 
 
 def _numbers(message: Any) -> Any:
-    """Return a message as the encoder takes it: fields of type ``byte`` as numbers."""
+    """Return a message as the encoder expects it: fields of type ``byte`` as numbers."""
     types = message.get_fields_and_field_types()
     if not any(kind == "octet" or "/" in kind for kind in types.values()):
         return message
@@ -105,12 +105,12 @@ def _number(value: Any) -> Any:
 
 
 def decode(data: bytes, type_name: str) -> Any:
-    """Return the message of a type that CDR bytes hold.
+    """Return the message of the given type that CDR bytes contain.
 
     Raises
     ------
     RejectedMessageError
-        ``schema`` if they hold none.
+        ``schema`` if the bytes are not such a message.
     """
     try:
         return deserialize_message(data, message_class(type_name))

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Estimates as markers that read well over a map, written as bytes: there are three a target."""
+"""Estimates as markers, sized to be legible on a map.
+
+There are three markers per target, so the message is written as bytes (see `cdr`).
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,8 @@ from .ellipse import outline
 from .palette import class_rgb
 
 ELLIPSE_SIGMA = 3.0
-# For a map that shows 30 km on a thousand pixels: lines are between one and two pixels wide,
-# letters 13 pixels high, and an arrow of 60 m/s reaches 60 pixels, out of its ellipse.
+# Chosen for a map that shows 30 km on a thousand pixels: lines are between one and two pixels wide,
+# letters are 13 pixels high, and the arrow of 60 m/s is 60 pixels long, longer than its ellipse.
 VELOCITY_SECONDS = 30.0
 LABEL_HEIGHT = 400.0
 LINE_WIDTH = 40.0
@@ -30,11 +33,11 @@ ELLIPSE_POINTS = 33
 def to_cdr(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> bytes:
     """Return a serialised ``visualization_msgs/MarkerArray``.
 
-    A clearing marker, then an ellipse, a velocity and a label for every estimate, in the namespaces
-    ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name.
+    It contains a DELETEALL marker, then an ellipse, a velocity and a label per estimate, in the
+    namespaces ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name.
 
-    Estimates of one class whose labels are equally long, and that begin at the same alignment,
-    have the same layout; each layout is made once and filled in for all of them together.
+    Estimates have the same layout if they have the same class, labels of equal length and the same
+    alignment. Each layout is made once and filled in for all its estimates together.
     """
     clear = cdr.Writer()
     clear.put("I", 1 + 3 * len(estimates))
@@ -43,7 +46,7 @@ def to_cdr(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> by
     rows: dict[cdr.Record, list[int]] = {}
     end = len(clear.data)
     for row, class_id in enumerate(estimates.class_id.tolist()):
-        # Equal for equal layouts, and kept from scan to scan.
+        # Cached: equal layouts give the same record, also in later scans.
         start, name = end % cdr.LARGEST_ALIGNMENT, class_names[class_id]
         record = _record(start, frame, class_id, name, len(labels[row]))
         rows.setdefault(record, []).append(row)
@@ -58,7 +61,7 @@ def to_cdr(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> by
 
 
 def label_text(track_id: int, class_name: str, share: float) -> str:
-    """Return what stands beside a target: its track, its class, and how sure that is."""
+    """Return a target's label: its track, its class and the class's probability."""
     return f"{track_id} {class_name} {share:.0%}" if track_id else f"{class_name} {share:.0%}"
 
 
@@ -88,7 +91,7 @@ def _filled(
     lines: tuple[FloatArray, FloatArray, FloatArray],
     labels: Sequence[bytes],
 ) -> bytes:
-    """Return the markers of the chosen estimates, which have one layout."""
+    """Return the markers of the chosen estimates, which share one layout."""
     position, ahead, ellipse = (line[chosen] for line in lines)
     filled = record.repeated(len(chosen))
     for kind in ("ellipse", "velocity", "label"):
@@ -103,7 +106,7 @@ def _filled(
 
 @lru_cache(maxsize=256)
 def _record(start: int, frame: str, class_id: int, name: str, label_size: int) -> cdr.Record:
-    """Lay out the three markers of an estimate, from the byte `start` of the message on."""
+    """Lay out the three markers of an estimate, from byte `start` of the message."""
     writer = cdr.Writer(start)
     colour = class_rgb(class_id)
     kinds = (
@@ -145,7 +148,7 @@ def _put(
     points: int,
     text: str = "",
 ) -> dict[str, int]:
-    """Append a ``visualization_msgs/Marker`` member by member; return where some of them stand."""
+    """Append a ``visualization_msgs/Marker`` member by member; return the offsets of some."""
     at = {"stamp": writer.header(stamp_ns, frame)}
     writer.string(namespace)
     at["id"] = writer.put("i", 0)

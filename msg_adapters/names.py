@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Names and types of the topics that the package speaks."""
+"""Names and types of the package's topics."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def poses(source: str, class_id: int, tracker: str = TRACKER) -> str:
 
 
 def cardinality(tracker: str = TRACKER) -> str:
-    """Return the topic of the tracker's figures, one message a scan."""
+    """Return the topic of the tracker's figures, one message per scan."""
     return f"{tracker}/cardinality"
 
 

@@ -3,7 +3,7 @@
 
 """The colours of the classes, the same in markers, pages and pictures.
 
-Okabe and Ito's palette without black: told apart by the colour-blind too.
+Okabe and Ito's palette without black, which colour-blind readers can tell apart.
 """
 
 from __future__ import annotations

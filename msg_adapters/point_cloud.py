@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""PointCloud2 to and from columns, checked against what the message says of itself."""
+"""PointCloud2 to and from columns, with the message's layout checked."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from . import stamps
 from .errors import RejectedMessageError
 
-# A cloud beyond this is refused before its data is looked at.
+# A larger cloud is refused before its data is read.
 MAX_POINTS = 100_000
 MAX_OFFSET = 2**16
 
@@ -61,17 +61,17 @@ def encode(stamp_ns: int, frame: str, columns: Mapping[str, npt.NDArray[Any]]) -
         is_bigendian=False,
         point_step=step,
         row_step=step * width,
-        # bytes, not a list: a list is copied element by element, 500 times slower.
+        # bytes, because a list is copied element by element, 500 times slower.
         data=points.tobytes(),
         is_dense=True,
     )
 
 
 def require_finite(columns: Mapping[str, npt.NDArray[Any]]) -> None:
-    """Raise `RejectedMessageError` if a column holds what is no finite number."""
+    """Raise `RejectedMessageError` if a column contains a number that is not finite."""
     for name, column in columns.items():
         if not np.isfinite(column).all():
-            raise RejectedMessageError("schema", f"field {name!r} holds what is not finite")
+            raise RejectedMessageError("schema", f"field {name!r} has a value that is not finite")
 
 
 def field_names(cloud: PointCloud2) -> list[str]:
@@ -85,7 +85,7 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
     Parameters
     ----------
     cloud : PointCloud2
-        Of either byte order, with any other fields beside the wanted ones.
+        Of either byte order; other fields than the wanted ones are ignored.
     wanted : mapping of field name to allowed type codes
         Such as `FLOATS`.
 
@@ -115,7 +115,7 @@ def decode(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> dict[str,
 
 
 def _checked_layout(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> np.dtype[np.void]:
-    """Return where the wanted fields stand in a point, if all of it fits the cloud's data."""
+    """Return the layout of the wanted fields in a point, once it is known to fit the data."""
     count = cloud.width * cloud.height
     if count > MAX_POINTS:
         raise RejectedMessageError("oversize", f"{count} points, at most {MAX_POINTS} are allowed")
@@ -138,12 +138,12 @@ def _checked_layout(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> 
             f"{len(cloud.data)} bytes of data, row_step {cloud.row_step} and point_step "
             f"{cloud.point_step} do not fit {cloud.height} x {cloud.width} points",
         )
-    # The strides alone say the step; numpy has no items of 2 GiB and more.
+    # The step is given by the strides and not here: numpy has no items of 2 GiB and more.
     return np.dtype({"names": list(wanted), "formats": formats, "offsets": offsets})
 
 
 def _checked_code(field: PointField, allowed: Sequence[str], point_step: int) -> str:
-    """Return the type code of a field that is of an allowed type and within its point."""
+    """Return a field's type code, once the type is known to be allowed and to fit the point."""
     code = _CODES.get(field.datatype, "unknown")
     if code not in allowed or field.count != 1:
         raise RejectedMessageError(

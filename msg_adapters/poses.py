@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The poses of the estimates of one class, written as bytes: publishers send many of them."""
+"""The poses of one class's estimates, written as bytes because there may be many (see `cdr`)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from . import cdr
 
 
 def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
-    """Return a serialised ``geometry_msgs/PoseArray``; the poses face where the targets move."""
+    """Return a serialised ``geometry_msgs/PoseArray``; each pose faces along the velocity."""
     rows = estimates.state[estimates.class_id == class_id]
     half = 0.5 * np.arctan2(rows[:, VY], rows[:, VX])
     # x y z of the position, x y z w of the orientation.

@@ -33,20 +33,20 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
     """Return the detections of a scan.
 
     The message fixes what a point cloud leaves to its driver: azimuths are counter-clockwise from
-    the sensor's x axis, amplitudes are in dB, and there are elevations (0 for a planar radar).
+    the sensor's x axis, amplitudes are in dB, and there is an elevation (0 for a planar radar).
 
     Parameters
     ----------
     scan : radar_msgs.msg.RadarScan
     radar : RadarInput
-        Its frame, its range limit and its `amplitude_offset_db`, which turns the amplitudes into
-        an SNR, matter; without an `amplitude_field` the amplitudes are left out.
+        Its frame, its range limit and `amplitude_offset_db`, which turns the amplitudes into SNRs,
+        are used. Without an `amplitude_field` the amplitudes are ignored.
 
     Raises
     ------
     RejectedMessageError
         ``frame`` if the scan is in another frame than the radar's; ``oversize`` above
-        `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp makes no sense, see
+        `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp is not valid, see
         `detections.stamp_of`.
     """
     _require_size(len(scan.returns))

@@ -3,7 +3,7 @@
 
 """Estimates to ``radar_msgs/RadarTracks``.
 
-radar_msgs is not part of every ROS installation: its classes are handed in.
+radar_msgs is not part of every ROS installation, so its classes are passed in.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.types import Estimates
 
 from . import interfaces, stamps
 
-# Classifications of one's own begin here, by the message's definition.
+# The message's definition reserves the numbers from here on for a user's own classifications.
 FIRST_OWN_CLASSIFICATION = 32000
 
 
@@ -40,7 +40,7 @@ class Types(NamedTuple):
 
 
 def installed() -> Types | None:
-    """Return the message classes, or None where radar_msgs is not installed."""
+    """Return the message classes, or None if radar_msgs is not installed."""
     try:
         return Types(
             interfaces.message_class("radar_msgs/msg/RadarTracks"),
@@ -53,16 +53,16 @@ def installed() -> Types | None:
 def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> Any:
     """Return the tracks of one set of estimates, empty or not.
 
-    Classes are classifications from 32000 on. What is not estimated is zero: height, acceleration,
-    size, and their covariances.
+    Class k has the classification 32000 + k. Quantities that are not estimated are zero: height,
+    acceleration, size, and their covariances.
 
     Parameters
     ----------
     estimates : Estimates
     frame : str
     run : uuid.UUID
-        Of the tracker's run: a target keeps its identifier within it, and no two runs share one.
-        An unlabelled target has one of its own in every message.
+        Identifies the tracker's run. A target keeps its identifier within a run, and no two runs
+        share one. An unlabelled target gets a new identifier in every message.
     types : Types
     """
     message = types.tracks(header=stamps.header(estimates.stamp_ns, frame))
@@ -85,7 +85,7 @@ def _track(estimates: Estimates, row: int, run: uuid.UUID, types: Types) -> Any:
 
 
 def _upper_triangle(covariance: FloatArray, plane: tuple[int, int]) -> Any:
-    """Return the terms xx, xy, xz, yy, yz, zz of a covariance in the plane, as float32."""
+    """Return the terms xx, xy, xz, yy, yz, zz of a planar covariance, as float32."""
     x, y = plane
     terms = [covariance[x, x], covariance[x, y], 0.0, covariance[y, y], 0.0, 0.0]
     return np.array(terms, dtype=np.float32)

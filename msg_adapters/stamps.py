@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stamps as integers: nanoseconds, exact."""
+"""Stamps as integers, in nanoseconds."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ def header(stamp_ns: int, frame: str) -> Header:
 
 
 def of_cdr(data: bytes) -> int:
-    """Return the stamp, in nanoseconds, of a serialised message that begins with a header."""
-    # Byte 1 of the encapsulation says the byte order; the header's stamp follows at once.
+    """Return the stamp in nanoseconds of a serialised message that begins with a header."""
+    # Byte 1 of the encapsulation gives the byte order; the header's stamp follows in byte 4.
     order = "<" if data[1] & 1 else ">"
     sec, nanosec = struct.unpack_from(order + "iI", data, 4)
     return int(sec) * NS_PER_S + int(nanosec)

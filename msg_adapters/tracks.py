@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tracks as odometry and as paths: for consumers that follow one target at a time."""
+"""Tracks as odometry and as paths, for consumers that follow one target at a time."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from phd_jdtc_ros.core.types import Estimates
 from . import stamps
 from .estimates import heading
 
-# What a planar track says nothing of: height, roll, pitch and their rates.
+# Variance of what a planar track does not estimate: height, roll, pitch and their rates.
 UNKNOWN_VARIANCE = 1e6
-# Of an angle that can be anything.
+# Variance of an angle that is uniform over the circle.
 LARGEST_YAW_VARIANCE = math.pi**2 / 3.0
 
 
 @dataclass(frozen=True)
 class Waypoint:
-    """Where a track was.
+    """A track's state at one time.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Waypoint:
 
 
 def labelled(estimates: Estimates) -> list[tuple[int, int]]:
-    """Return the (track, row) pairs of the estimates that have a track, by ascending track."""
+    """Return the (track, row) pairs of the labelled estimates, by ascending track."""
     return sorted((int(track), row) for row, track in enumerate(estimates.track_id) if track)
 
 
@@ -51,11 +51,11 @@ def child_frame(track: int) -> str:
 
 
 def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
-    """Return an odometry message for every estimate that has a track, by ascending track.
+    """Return an odometry message per labelled estimate, by ascending track.
 
-    The pose is in `frame` and faces along the velocity; the twist is in the frame
-    ``track_NUMBER``, whose x axis points there too. Covariances follow the state's to first order;
-    what a planar track says nothing of has `UNKNOWN_VARIANCE`.
+    The pose is in `frame` and faces along the velocity. The twist is in the frame
+    ``track_NUMBER``, whose x axis points along the velocity. Covariances are propagated from the
+    state's to first order; terms that a planar track does not estimate have `UNKNOWN_VARIANCE`.
     """
     return [
         _odometry(estimates.stamp_ns, frame, track, estimates.state[row], estimates.covariance[row])
@@ -64,7 +64,7 @@ def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
 
 
 def to_path(track: Sequence[Waypoint], frame: str) -> Path:
-    """Return the way of one track; the header has the stamp of its last, and newest, place."""
+    """Return the path of one track; the header has the stamp of its last, newest waypoint."""
     return Path(
         header=stamps.header(track[-1].stamp_ns, frame),
         poses=[

@@ -3,7 +3,7 @@
 
 """Estimates to ``vision_msgs/Detection3DArray``.
 
-vision_msgs is not part of every ROS installation: its classes are handed in.
+vision_msgs is not part of every ROS installation, so its classes are passed in.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Types(NamedTuple):
 
 
 def installed() -> Types | None:
-    """Return the message classes, or None where vision_msgs is not installed."""
+    """Return the message classes, or None if vision_msgs is not installed."""
     try:
         return Types(
             interfaces.message_class("vision_msgs/msg/Detection3DArray"),
@@ -54,9 +54,9 @@ def installed() -> Types | None:
 def to_msg(estimates: Estimates, frame: str, class_names: Sequence[str], types: Types) -> Any:
     """Return the detections of one set of estimates, empty or not.
 
-    Every target has one hypothesis a class, with the class's probability as its score, the likelier
-    first, and its track id as `id`, empty where it has none. The pose faces along the velocity; of
-    its covariance only the position's terms are set. Boxes have no size: targets are points.
+    Every target has one hypothesis per class, the most probable first, with the class's probability
+    as its score. Its `id` is the track id, empty if it has none. The pose faces along the velocity;
+    only the position's terms of its covariance are set. Boxes have no size: targets are points.
 
     Parameters
     ----------
@@ -77,15 +77,15 @@ def _detection(
     estimates: Estimates, row: int, frame: str, class_names: Sequence[str], types: Types
 ) -> Any:
     pose = _pose(estimates, row)
-    share = estimates.class_probability[row]
+    probability = estimates.class_probability[row]
     label = int(estimates.track_id[row])
     detection = types.detection(header=stamps.header(estimates.stamp_ns, frame))
     detection.id = str(label) if label else ""
     detection.bbox.center = pose.pose
-    for class_id in np.argsort(-share, kind="stable"):
+    for class_id in np.argsort(-probability, kind="stable"):
         hypothesis = types.hypothesis()
         hypothesis.hypothesis.class_id = class_names[class_id]
-        hypothesis.hypothesis.score = float(share[class_id])
+        hypothesis.hypothesis.score = float(probability[class_id])
         hypothesis.pose = pose
         detection.results.append(hypothesis)
     return detection

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the package does under faults, measured on live nodes: ``make faults``, ``soak``, ``fuzz``.
+"""The package's behaviour under faults, on live nodes: ``make faults``, ``soak``, ``fuzz``.
 
-Not part of the installed package. The way of a figure::
+Not part of the installed package. The data's path::
 
-    rig         a ROS domain of its own: the nodes under test as processes, and
-    radars      a peer beside them that publishes scans and hears what comes back
+    rig         a ROS domain with the nodes under test as processes
+    radars      a peer in this domain that publishes scans and receives the tracker's output
       |
     scans, bad_scans, stamps_and_time, overload, restarts    faults, on live nodes
     warm_restart, publishers
@@ -15,6 +15,6 @@ Not part of the installed package. The way of a figure::
       |
     figures -> report (table), out/<command>/summary.json
 
-All traffic stays on this machine: loopback, or network namespaces that are made and removed here.
-Every loop is bounded in count and time.
+All traffic stays on this machine: on loopback, or in network namespaces that are created and
+removed here. Every loop is bounded in count and time.
 """

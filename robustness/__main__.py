@@ -8,9 +8,9 @@ import sys
 
 from .isolation import ISOLATED
 
-# Before anything imports rclpy: the shipped profile keeps this process and its children on this
-# machine, and they leave no shared memory behind where they are killed. With LOCALHOST for a range
-# as well, a restarted node would be heard seconds later.
+# Before rclpy is imported: the shipped profile keeps the traffic of this process and its children
+# on this machine, and they leave no shared memory behind when killed. With the discovery range
+# LOCALHOST in addition, a restarted node would be discovered seconds later.
 os.environ.update(ISOLATED)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SUBNET"
 os.environ["OMP_NUM_THREADS"] = "1"

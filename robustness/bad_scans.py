@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scans that a tracker must reject or clean, and what it does with them."""
+"""Faulty scans that a tracker must reject, or of which it must drop points."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ Change = Callable[[PointCloud2], None]
 
 @dataclass(frozen=True)
 class BadScan:
-    """A fault and the reason under which it must be counted.
+    """A faulty scan and the reason under which it must be counted.
 
     Parameters
     ----------
     name : str
     reason : str
-        `any` if it only has to be counted.
+        ``any`` if it may be counted under any reason.
     data : function of a stamp
-        Serialised cloud of the first radar.
+        Returns the serialised cloud of the first radar.
     count : int
-        How many are counted: 1, or as many as there are points where those are dropped one by one.
+        Expected count: 1, or the number of points if points are dropped.
     kept : bool
-        The scan itself is used.
+        Whether the scan itself is used, without the dropped points.
     """
 
     name: str
@@ -114,12 +114,12 @@ def _stamp(seconds: int, nanoseconds: int) -> Callable[[int], bytes]:
 
 
 def _points(distance: float, azimuth: float, amplitude: float) -> Callable[[int], bytes]:
-    """Return a cloud of `POINTS` such points."""
+    """Return a function that makes a cloud of `POINTS` points like this one."""
 
     def make(stamp_ns: int) -> bytes:
         measurement = np.tile([distance, azimuth], (POINTS, 1))
         found = Detections(measurement, np.full(POINTS, amplitude))
-        with np.errstate(invalid="ignore"):  # x and y of what is not finite
+        with np.errstate(invalid="ignore"):  # x and y of values that are not finite
             cloud = detections.to_msg(found, stamp_ns, "radar_1")
         return bytes(interfaces.encode(cloud))
 
@@ -139,7 +139,7 @@ def _dropped(name: str, reason: str, *point: float) -> BadScan:
 
 
 def cases() -> list[BadScan]:
-    """Return every case."""
+    """Return all cases."""
     schema = {
         "no fields": _set(fields=[]),
         "no range": _without("range"),
@@ -207,7 +207,7 @@ def cases() -> list[BadScan]:
 
 
 def measure(chosen: list[BadScan] | None = None) -> Figure:
-    """Send every case between good scans; count exits, lost good scans and rejects."""
+    """Send every case between valid scans; count exits, lost valid scans and rejects."""
     return measured_or_why(NAME, GOAL, lambda: _measure(cases() if chosen is None else chosen))
 
 
@@ -216,23 +216,23 @@ def _measure(chosen: list[BadScan]) -> tuple[str, bool, Mapping[str, Any]]:
         tracker = rig.tracker(*LIGHT)
         radars = rig.radars
         if not radars.connected():
-            raise RuntimeError(f"the radars do not find the tracker:\n{tracker.text[-2000:]}")
+            raise RuntimeError(f"the radars did not find the tracker:\n{tracker.text[-2000:]}")
         exits, lost, wanted = [], [], Counter()
         found: Counter[str] = Counter()
         index = 0
         for case in chosen:
             index += 1
-            came = _send(radars, case, index)
+            answered = _send(radars, case, index)
             if not tracker.alive:
                 exits.append(case.name)
-                found += _said(tracker.text)
-                tracker = _again(rig)
+                found += _summary_counts(tracker.text)
+                tracker = _new_tracker(rig)
                 continue
             wanted[case.reason] += case.count
-            lost += [] if came else [case.name]
+            lost += [] if answered else [case.name]
         found += _counts(radars)
         not_finite = radars.not_finite
-    # What only has to be counted may be so under any reason.
+    # The reason ``any`` is met by a count under any other reason.
     uncounted = wanted - found - Counter({"any": wanted["any"]})
     surplus = (found - wanted).total() - wanted["any"]
     whole = not exits and not uncounted and surplus >= 0
@@ -256,30 +256,30 @@ def _measure(chosen: list[BadScan]) -> tuple[str, bool, Mapping[str, Any]]:
 
 
 def _send(radars: Radars, case: BadScan, index: int) -> bool:
-    """Send a case and then the good scan of the same stamp; return whether that was tracked."""
+    """Send a case and then the valid scan of the same stamp; return whether that was answered."""
     stamp_ns = scans.stamp_of_scan(index)
     radars.outputs[0].publish(case.data(stamp_ns))
-    if case.kept:  # it is the first radar's report
+    if case.kept:  # the faulty cloud is then the first radar's report of this scan
         radars.outputs[1].publish(scans.cloud(index, 1))
         return radars.spin_until(lambda: stamp_ns in radars.answered, 3.0)
     return radars.track(index, timeout_s=3.0)
 
 
-def _again(rig: Rig) -> Node:
-    """Start another tracker after an exit; its counts begin anew."""
+def _new_tracker(rig: Rig) -> Node:
+    """Start another tracker after an exit; its counts start from zero."""
     tracker = rig.tracker(*LIGHT)
     rig.radars.connected()
     return tracker
 
 
-def _said(text: str) -> Counter[str]:
-    """Return what a tracker's last words say was dropped of the first radar's."""
+def _summary_counts(text: str) -> Counter[str]:
+    """Return the first radar's drops by reason, from the summary that a tracker logs at its end."""
     words = re.findall(r"radar_1 (\w+) (\d+)", text.rpartition("stopped;")[2])
     return Counter({reason: int(count) for reason, count in words})
 
 
 def _counts(radars: Radars) -> Counter[str]:
-    """Return what the first radar's line says was dropped, by reason."""
+    """Return the first radar's drops by reason, from its diagnostics."""
     return Counter(
         {
             key.removeprefix("dropped_"): int(value)

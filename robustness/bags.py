@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Damaged and hostile bags: what is read of them, what is said, what memory it takes."""
+"""Damaged and malicious bags: what is salvaged, with which errors and how much memory."""
 
 from __future__ import annotations
 
@@ -41,24 +41,24 @@ BOMB_SIZE = 2**29
 # Opcode and length, before a record's content.
 RECORD_HEAD = 9
 
-# In a process of its own, so that the peak is its own: opens a bag, reads it all, says how it went.
+# Run in a separate process, to measure its peak memory: reads a bag and prints the outcome.
 READ = r"""
 import re, sys
 from pathlib import Path
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 try:
-    said = str(len(list(BagReader(Path(sys.argv[1])).messages())))
+    outcome = str(len(list(BagReader(Path(sys.argv[1])).messages())))
 except BagError as error:
-    said = "corrupt" if error.corrupt else "refused"
+    outcome = "corrupt" if error.corrupt else "refused"
 status = Path("/proc/self/status").read_text()
-print(said, re.search(r"VmHWM:\s+(\d+)", status)[1])
+print(outcome, re.search(r"VmHWM:\s+(\d+)", status)[1])
 """
 
 
 @dataclass(frozen=True)
 class Part:
-    """A chunk of the undamaged bag: where it is and the messages it holds."""
+    """A chunk of the undamaged bag: its place in the file and its messages."""
 
     begin: int
     end: int
@@ -67,7 +67,7 @@ class Part:
 
 @dataclass
 class Tally:
-    """What became of the damaged copies."""
+    """The outcomes of reading the damaged copies."""
 
     intact: int = 0
     recovered: int = 0
@@ -79,7 +79,7 @@ class Tally:
     def add(
         self, what: str, whole: Sequence[Part], every: frozenset[BagMessage], path: Path
     ) -> None:
-        """Read a damaged copy whose chunks `whole` are intact."""
+        """Read a damaged copy in which the chunks `whole` are intact."""
         found, error = outcome(path)
         read = set(found)
         recovered = sum(part.messages <= read for part in whole)
@@ -96,7 +96,7 @@ class Tally:
 
 
 def outcome(path: Path) -> tuple[list[BagMessage], BagError | None]:
-    """Return the messages of a bag until its end or its error, and the error."""
+    """Return the messages of a bag up to its end or its error, and the error."""
     found = []
     try:
         for message in BagReader(path).messages():
@@ -107,7 +107,7 @@ def outcome(path: Path) -> tuple[list[BagMessage], BagError | None]:
 
 
 def measure_recovery(offsets: int = OFFSETS) -> Figure:
-    """Cut a bag short at many offsets and flip a byte at as many."""
+    """Truncate a bag at many offsets, and change a byte at as many."""
     return measured_or_why(RECOVERY, RECOVERY_GOAL, lambda: _recovery(offsets))
 
 
@@ -127,13 +127,13 @@ def _recovery(offsets: int) -> tuple[str, bool, Mapping[str, Any]]:
 
 
 def _damage(original: Path, offsets: int, tally: Tally) -> None:
-    """Cut a file short at `offsets` places and flip a byte at as many; read every copy."""
+    """Truncate a file at `offsets` places and change a byte at as many; read every copy."""
     rng = random.Random(6)
     whole = original.read_bytes()
     parts = chunks_of(original)
     every = frozenset(message for part in parts for message in part.messages)
     damaged = original.with_name("damaged.mcap")
-    # Where a file begins and ends it says the most in the fewest bytes.
+    # The first and last bytes carry the most information about the file.
     edges = [*range(EDGE), *range(len(whole) - EDGE, len(whole))]
     places = [*edges, *(rng.randrange(len(whole)) for _ in range(offsets))][:offsets]
     for length in places:
@@ -159,13 +159,13 @@ def chunks_of(file: Path) -> list[Part]:
         for index in summary.chunk_indexes:
             stream.seek(index.chunk_start_offset + RECORD_HEAD)
             chunk = Chunk.read(ReadDataStream(stream))
-            held = [
+            messages = [
                 BagMessage(topics[record.channel_id], record.log_time, record.data)
                 for record in breakup_chunk(chunk)
                 if isinstance(record, Message)
             ]
             begin = index.chunk_start_offset
-            parts.append(Part(begin, begin + index.chunk_length, frozenset(held)))
+            parts.append(Part(begin, begin + index.chunk_length, frozenset(messages)))
     if sum(len(part.messages) for part in parts) != BagReader(file).counts.total():
         raise ValueError(f"{file}: its messages are not all different")
     return parts
@@ -190,16 +190,16 @@ def _bomb() -> tuple[str, bool, Mapping[str, Any]]:
                 check=False,
                 timeout=60.0,
             )
-            said = re.fullmatch(r"(\w+) (\d+)\n", done.stdout)
-            found[name] = (said[1], int(said[2])) if said else (f"rc {done.returncode}", 0)
+            printed = re.fullmatch(r"(\w+) (\d+)\n", done.stdout)
+            found[name] = (printed[1], int(printed[2])) if printed else (f"rc {done.returncode}", 0)
     most = max(kib for _, kib in found.values())
-    words = {said for said, _ in found.values()}
-    text = f"{most * 1024 / 1e6:.0f} MB for {size / 1e3:.0f} kB ({', '.join(sorted(words))})"
-    return text, words == {"corrupt"} and 0 < most <= MOST_KIB, {"peak_kib": found}
+    outcomes = {outcome for outcome, _ in found.values()}
+    text = f"{most * 1024 / 1e6:.0f} MB for {size / 1e3:.0f} kB ({', '.join(sorted(outcomes))})"
+    return text, outcomes == {"corrupt"} and 0 < most <= MOST_KIB, {"peak_kib": found}
 
 
 def write_bomb(file: Path, declared: int) -> None:
-    """Write a bag whose one chunk unpacks to `BOMB_SIZE` bytes and says that it has `declared`."""
+    """Write a bag with one chunk of `BOMB_SIZE` bytes when unpacked, which declares `declared`."""
     head = b"\x80" + (BOMB_SIZE - 9).to_bytes(8, "little")
     packer = zstandard.ZstdCompressor(level=19).compressobj(size=BOMB_SIZE)
     parts = [packer.compress(head + bytes(2**20 - 9))]
@@ -216,7 +216,7 @@ def write_bomb(file: Path, declared: int) -> None:
         Chunk("zstd", data, 2, 1, 0, declared).write(record)
         chunk = record.end()
         stream.write(chunk)
-        writer._Writer__chunk_indices.append(  # the library has no other way to write one's own
+        writer._Writer__chunk_indices.append(  # the library has no public way to add an index
             ChunkIndex(len(chunk), offset, "zstd", len(data), 2, 0, {}, 1, declared)
         )
         writer.finish()

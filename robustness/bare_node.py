@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A node of rclpy's own that answers every cloud with an empty one: what any restart costs."""
+"""A minimal rclpy node that answers every cloud with an empty one: the restart of any node."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sensor_msgs.msg import PointCloud2
 
 
 def main() -> None:
-    """Answer under the tracker's name until killed."""
+    """Answer clouds under the tracker's name until killed."""
     rclpy.init(args=sys.argv)
     node = rclpy.create_node("tracker")
     answers = node.create_publisher(PointCloud2, "~/filtered/estimates", 10)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A burst of false detections where targets are born anywhere: what it costs, and what stays."""
+"""A burst of false detections with births at detections: its cost and its effect on accuracy."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from .rig import Rig
 
 NAME = "burst of false detections"
 GOAL = "every scan answered within its interval; OSPA within 10 % of a quiet run's after 3 scans"
-FALSE_DETECTIONS = 1000  # a radar and scan, where 20 are expected
+FALSE_DETECTIONS = 1000  # per radar and scan, where 20 are expected
 MOST_RATIO = 1.1
-# In the midst of the targets' lives.
+# In the middle of the targets' lives.
 FIRST, SCANS = 24, 8
 SETTLING, COUNTED = 3, 10
 BORN_ANYWHERE = ("-p", "detection_births.rates:=[0.01, 0.01]")
@@ -37,16 +37,16 @@ def _measure(false_detections: int, count: int) -> tuple[str, bool, Mapping[str,
     after, slowest, growth = _run(false_detections, count)
     ratio, interval_s = after / quiet, scans.interval_ns() * 1e-9
     text = (
-        f"{false_detections} a radar in {count} scans: at most {slowest:.2f} s of {interval_s:g} s "
-        f"a scan, memory +{growth / 1024:.0f} MiB; afterwards {ratio:.3f} times the quiet run's "
-        f"{quiet:.1f} m"
+        f"{false_detections} per radar in {count} scans: at most {slowest:.2f} s of "
+        f"{interval_s:g} s per scan, memory +{growth / 1024:.0f} MiB; afterwards {ratio:.3f} times "
+        f"the quiet run's {quiet:.1f} m"
     )
     details = {"slowest_s": slowest, "memory_kib": growth, "quiet_m": quiet, "after_m": after}
     return text, ratio <= MOST_RATIO and slowest <= interval_s, details
 
 
 def _run(false_detections: int, count: int) -> tuple[float, float, int]:
-    """Return the mean OSPA afterwards (m), the slowest answer (s) and how memory grew (KiB)."""
+    """Return the mean OSPA afterwards (m), the longest delay (s) and the memory growth (KiB)."""
     burst = range(FIRST, FIRST + count if false_detections else FIRST)
     counted = range(FIRST + count + SETTLING, FIRST + count + SETTLING + COUNTED)
     with Rig() as rig:

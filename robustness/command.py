@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The harness as a command: measure, print, write."""
+"""The robustness tests as a command: measures, prints and writes figures."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ ELSEWHERE = (
 
 
 def faults(_: argparse.Namespace) -> Iterator[Measure]:
-    """Yield the fault matrix, the quick and telling ones first."""
+    """Yield the faults' measurements, the quick and informative ones first."""
     yield bad_scans.measure
     yield bags.measure_recovery
     yield bags.measure_bomb
@@ -71,12 +71,12 @@ def faults(_: argparse.Namespace) -> Iterator[Measure]:
 
 
 def soaking(arguments: argparse.Namespace) -> Iterator[Measure]:
-    """Yield the soak."""
+    """Yield the soak's measurement."""
     yield lambda: soak.measure(arguments.scans)
 
 
 def fuzzing(arguments: argparse.Namespace) -> Iterator[Measure]:
-    """Yield random input, offline and live."""
+    """Yield the measurements with random input, offline and live."""
     yield lambda: decoders.measure(arguments.examples)
     yield lambda: decoders.measure_bags(max(1, arguments.examples // 10))
     yield lambda: raw_bytes.measure(arguments.seconds)
@@ -86,7 +86,7 @@ COMMANDS = {"faults": faults, "soak": soaking, "fuzz": fuzzing}
 
 
 def run(measures: Iterator[Measure], console: Console) -> list[Figure]:
-    """Measure one after the other, and say how far it is."""
+    """Measure one after the other, and print each result."""
     found = []
     begin = time.monotonic()
     for measure in measures:
@@ -101,7 +101,7 @@ def run(measures: Iterator[Measure], console: Console) -> list[Figure]:
 
 
 def write(figures: Sequence[Figure], directory: Path, elapsed_s: float) -> Path:
-    """Write the summary; return where."""
+    """Write the summary; return its path."""
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / "summary.json"
     summary = {

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random input for the decoders and the bag reader: refused in their own words, or understood."""
+"""Random input for the decoders and the bag reader: either decoded or refused with their errors."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _FIELD = st.builds(
 
 @st.composite
 def clouds(draw: st.DrawFn) -> PointCloud2:
-    """Return clouds of which about half are consistent in themselves."""
+    """Draw clouds, of which about half are consistent."""
     consistent = draw(st.booleans())
     width, height = draw(st.integers(0, 12)), draw(st.integers(1, 2))
     step = draw(st.integers(8, 32))
@@ -116,7 +116,7 @@ def _measure(examples: int) -> tuple[str, bool, Mapping[str, Any]]:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep away what Fast CDR prints of every message that it cannot read."""
+    """Suppress what Fast CDR prints about every message that it cannot read."""
     kept = os.dup(2)
     try:
         with open(os.devnull, "wb") as nowhere:
@@ -142,7 +142,7 @@ def _outcome(cloud: PointCloud2) -> str:
         found = detections.from_msg(cloud, RADAR).detections
     except RejectedMessageError as error:
         return f"rejected: {error.reason}"
-    except Exception as error:  # whatever else comes out would end a node
+    except Exception as error:  # any other exception would end a node
         return f"error: {type(error).__name__}: {error}"[:120]
     values = [found.measurement, *([] if found.amplitude is None else [found.amplitude])]
     return "decoded" if all(np.isfinite(value).all() for value in values) else "NaN"

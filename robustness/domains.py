@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS domains that nobody else on this machine uses."""
+"""Reserves ROS domains that no other process on this machine uses."""
 
 from __future__ import annotations
 
@@ -12,18 +12,17 @@ import socket
 import tempfile
 from pathlib import Path
 
-# Above these the ports of a domain may be given to any program.
+# The ports of higher domains are in the range that the system gives to any program.
 DOMAINS = range(1, 101)
 
-_turns = itertools.count()
+_requests = itertools.count()
 
 
 class Domain:
-    """A domain of this process's own, until it is released or the process ends.
+    """A domain reserved for this process, until it is released or the process ends.
 
-    Two of these never share one: each holds the lock on a file in the temporary folder, which ends
-    with the process, however it ends. ROS processes that know nothing of this are seen by their
-    ports.
+    Each holds the lock of a file in the temporary folder, which is released when the process ends
+    in any way. ROS processes that do not use these locks are detected by their ports.
 
     Attributes
     ----------
@@ -36,8 +35,8 @@ class Domain:
     """
 
     def __init__(self) -> None:
-        # Not the same again and again: a process that was killed may still be known in the last.
-        first = os.getpid() + 7 * next(_turns)
+        # Each starts at another domain, because the last may still list a process that was killed.
+        first = os.getpid() + 7 * next(_requests)
         for offset in range(len(DOMAINS)):
             self.number = DOMAINS[(first + offset) % len(DOMAINS)]
             lock = _locked(self.number)
@@ -50,16 +49,16 @@ class Domain:
         raise RuntimeError(f"the domains {DOMAINS[0]} to {DOMAINS[-1]} are all taken")
 
     def release(self) -> None:
-        """Leave it to others."""
+        """Release the domain."""
         os.close(self._lock)
 
 
 def _locked(domain: int) -> int | None:
-    """Return an open file with the lock of a domain, or None if another has it."""
+    """Return an open file that holds the lock of a domain, or None if another process has it."""
     path = Path(tempfile.gettempdir()) / f"phd_jdtc_ros_domain_{domain}.lock"
     try:
         lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-    except PermissionError:  # another user's
+    except PermissionError:  # the file is another user's
         return None
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -70,7 +69,7 @@ def _locked(domain: int) -> int | None:
 
 
 def _ports_free(domain: int) -> bool:
-    """Return whether nobody listens where the first participant of a domain does."""
+    """Return whether the ports of a domain's first participant are free."""
     # RTPS 2.3, Sec. 9.6.1.1: discovery by multicast, and by unicast.
     for port in (7400 + 250 * domain, 7410 + 250 * domain):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A figure: what must happen, what did, and whether that is enough."""
+"""A figure: the goal, the measured value, and whether the goal is reached."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Figure:
     ----------
     name, goal : str
     measured : str or None
-        In words, with numbers; None if it could not be measured.
+        As text with numbers; None if it could not be measured.
     reached : bool or None
     reason : str
         Why it was not measured.
@@ -34,7 +34,7 @@ class Figure:
     details: Mapping[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the figure as the summary has it."""
+        """Return the figure as it is written to the summary."""
         found: dict[str, Any] = {
             "figure": self.name,
             "goal": self.goal,
@@ -47,7 +47,7 @@ class Figure:
 
 
 class NotMeasurableError(Exception):
-    """Why a figure cannot be measured here."""
+    """A figure cannot be measured here; the message says why."""
 
 
 def unmeasured(name: str, goal: str, reason: str) -> Figure:
@@ -58,15 +58,15 @@ def unmeasured(name: str, goal: str, reason: str) -> Figure:
 def measured_or_why(
     name: str, goal: str, measure: Callable[[], tuple[str, bool, Mapping[str, Any]]]
 ) -> Figure:
-    """Return what `measure` says in words, whether that is enough, and its numbers.
+    """Return the figure that `measure` gives as text, whether the goal is reached, and details.
 
-    What goes wrong on the way is a goal that is missed, and the other figures are measured still.
+    If the measurement fails, the goal is missed, and the other figures are still measured.
     """
     try:
         text, reached, details = measure()
     except NotMeasurableError as error:
         return unmeasured(name, goal, str(error))
-    except Exception as error:  # of any kind: a fault of the measurement itself, too
+    except Exception as error:  # of any kind, also a fault of the measurement itself
         return Figure(name, goal, f"failed: {type(error).__name__}: {error}", False)
     return Figure(name, goal, text, reached, details=details)
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rogue peer on the network: two network namespaces joined by a cable, made and removed here."""
+"""A rogue peer on the network, in two network namespaces joined by a virtual cable."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ ROGUE_S = 8.0
 BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
 
 
-# What the tracker and the replay are started with. The demo limits discovery too; without the
-# profile that limit is all there is.
+# Environments of the tracker and the replay. The demo has both the profile and the limited
+# discovery range.
 TRIALS: Mapping[str, Mapping[str, str]] = {
     "the demo's": {**ISOLATED, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"},
     "profile alone": {**ISOLATED, "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"},
@@ -40,40 +40,40 @@ WITHOUT = "discovery range alone"
 
 
 def measure(trials: Sequence[str] = tuple(TRIALS), seconds: float = ROGUE_S) -> Figure:
-    """Let a rogue try for so long, with the shipped profile and without it."""
+    """Let a rogue peer try for `seconds`, with the shipped profile and without it."""
     return measured_or_why(NAME, GOAL, lambda: _measure(trials, seconds))
 
 
 def _measure(trials: Sequence[str], seconds: float) -> tuple[str, bool, Mapping[str, Any]]:
-    # Each trial has a domain of its own, so they can go on side by side.
+    # Each trial has its own domain, so they can run in parallel.
     with cable() as (ours, theirs), ThreadPoolExecutor() as pool:
         running = {
             name: pool.submit(attempt, ours, theirs, TRIALS[name], seconds) for name in trials
         }
         found = {name: trial.result() for name, trial in running.items()}
     text = "; ".join(
-        f"{name}: {said['data']} data, {said['parameter_writes']} writes, "
-        f"local scans {said['good']} of {said['sent']}"
-        for name, said in found.items()
+        f"{name}: {counts['data']} data, {counts['parameter_writes']} writes, "
+        f"local scans {counts['good']} of {counts['sent']}"
+        for name, counts in found.items()
     )
     kept_out = all(
-        said["data"] == said["parameter_writes"] == 0 and said["good"] == said["sent"]
-        for name, said in found.items()
+        counts["data"] == counts["parameter_writes"] == 0 and counts["good"] == counts["sent"]
+        for name, counts in found.items()
         if name != WITHOUT
     )
-    # Without the profile the rogue must get in, or nothing has been shown.
+    # Without the profile the rogue must succeed, or the trial proves nothing.
     shown = found[WITHOUT]["data"] > 0 and found[WITHOUT]["parameter_writes"] > 0
     return text, kept_out and shown, found
 
 
 @contextlib.contextmanager
 def cable() -> Iterator[tuple[str, str]]:
-    """Make two network namespaces joined by a cable; yield their names.
+    """Make two network namespaces joined by a virtual cable; yield their names.
 
     Raises
     ------
     NotMeasurableError
-        If that is not possible here: it takes root, and iproute2.
+        If that is not possible here: it requires root and iproute2.
     """
     if os.geteuid() != 0 or shutil.which("ip") is None:
         raise NotMeasurableError("network namespaces need root and iproute2")
@@ -89,7 +89,7 @@ def cable() -> Iterator[tuple[str, str]]:
             _ip("-n", space, "link", "set", "cable", "up")
         yield spaces
     finally:
-        for space in spaces:  # their ends of the cable go with them
+        for space in spaces:  # this also deletes the cable
             subprocess.run(["ip", "netns", "delete", space], capture_output=True, check=False)
 
 
@@ -102,7 +102,7 @@ def _ip(*arguments: str) -> None:
 def attempt(
     ours: str, theirs: str, environment: Mapping[str, str], seconds: float
 ) -> dict[str, int]:
-    """Run a tracker and a replay in one namespace and a rogue in the other; say what got in."""
+    """Run a tracker and a replay in one namespace and a rogue in the other; return the counts."""
     inside = ("ip", "netns", "exec", ours)
     with Rig() as rig:
         tracker = rig.start(
@@ -117,14 +117,14 @@ def attempt(
             prefix=inside,
             **environment,
         )
-        said = json.loads(rogue.communicate(timeout=60.0)[0].splitlines()[-1])
+        outcome = json.loads(rogue.communicate(timeout=60.0)[0].splitlines()[-1])
         replay.process.wait(60.0)
         tracker.stop(signal.SIGINT)
-        return {**said, **_counts(tracker)}
+        return {**outcome, **_counts(tracker)}
 
 
 def _rogue(space: str, domain: int, seconds: float) -> subprocess.Popen[str]:
-    # As an outsider has it: no profile, and the address from a look at the network.
+    # An outsider has no profile, and knows the address from observing the network.
     environment = {
         **{k: v for k, v in os.environ.items() if not k.startswith(("FASTDDS_", "FASTRTPS_"))},
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
@@ -151,5 +151,5 @@ def _counts(tracker: Node) -> dict[str, int]:
     return {"data": data, "good": total - data, "sent": SENT}
 
 
-# The clouds of both radars in the reference scenario's bag.
+# Number of clouds of both radars in the reference scenario's bag.
 SENT = 160

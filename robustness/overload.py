@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""More scans than can be processed: what is lost is counted, and memory stays bounded."""
+"""More scans than can be processed: losses must be counted, and memory must stay bounded."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .radars import Radars
 from .rig import Rig
 
 NAME = "loss accounting"
-GOAL = "10x overload: exact; memory +10 MB at most"
+GOAL = "10x overload: exact; memory at most +10 MB"
 SCANS = 1624
 WARM_UP = 40
 FIRST_BURST = 1200
@@ -24,7 +24,7 @@ MOST_KIB = 10_000_000 / 1024
 
 
 def measure(count: int = SCANS) -> Figure:
-    """Send scans at ten times the rate that can be kept up with."""
+    """Send scans at ten times the sustainable rate."""
     return measured_or_why(NAME, GOAL, lambda: _measure(count))
 
 
@@ -32,13 +32,13 @@ def _measure(count: int) -> tuple[str, bool, Mapping[str, Any]]:
     usual = FACTOR * WARM_UP
     clouds = scans.often(usual + FIRST_BURST + count, FACTOR)
     with Rig() as rig:
-        # As a user has it, best effort and ten deep, but with steps slow enough for one sender.
+        # With a user's QoS, best effort and ten deep, but with steps slow enough for one sender.
         tracker = rig.start("tracker", "--ros-args", "-p", "particles_per_target:=3000")
         tracker.said("tracking")
         radars = rig.radars
         radars.connected()
         period = _keeping_up(radars, clouds[:usual:FACTOR]) / FACTOR
-        # Scans that come with gaps take more memory to process; how much, the first burst shows.
+        # Scans with gaps need more memory; the first burst brings it to its usual level.
         _burst(radars, clouds[usual : usual + FIRST_BURST], period)
         first = _received_and_lost(radars)
         before = tracker.status("VmHWM")
@@ -64,7 +64,7 @@ def _measure(count: int) -> tuple[str, bool, Mapping[str, Any]]:
 
 
 def _keeping_up(radars: Radars, clouds: Sequence[tuple[bytes, bytes]]) -> float:
-    """Send scans one by one, each when the one before is answered; return seconds a scan."""
+    """Send scans, each when the previous one is answered; return the seconds per scan."""
     half = len(clouds) // 2
     for index, pair in enumerate(clouds):
         if index == half:
@@ -76,14 +76,14 @@ def _keeping_up(radars: Radars, clouds: Sequence[tuple[bytes, bytes]]) -> float:
 
 
 def _burst(radars: Radars, clouds: Sequence[tuple[bytes, bytes]], period: float) -> float:
-    """Send scans without waiting, the last when all has come to rest; return seconds for them."""
+    """Send scans without waiting, and the last one after a pause; return the seconds taken."""
     begin = time.monotonic()
     for index, pair in enumerate(clouds[:-1], 1):
         _publish(radars, pair)
-        # Nothing is heard meanwhile: a busy listener would slow the sender down.
+        # Nothing is received meanwhile, because that would slow the sender down.
         time.sleep(max(0.0, begin + index * period - time.monotonic()))
     seconds = time.monotonic() - begin
-    # What was lost at the end shows when one more is received.
+    # Losses at the end are detected when one more scan is received.
     radars.spin(2.0)
     _publish(radars, clouds[-1])
     radars.spin(1.0)
@@ -96,6 +96,6 @@ def _publish(radars: Radars, pair: tuple[bytes, bytes]) -> None:
 
 
 def _received_and_lost(radars: Radars) -> tuple[int, int]:
-    """Return the clouds of both radars that diagnostics say were received, and lost."""
+    """Return the numbers of both radars' received and lost clouds, from diagnostics."""
     lines = [radars.values(radar) for radar in ("radar_1", "radar_2")]
     return sum(int(line["received"]) for line in lines), sum(int(line["gaps"]) for line in lines)

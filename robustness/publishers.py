@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Who publishes on a radar's topic: two side by side, or a driver that is killed and restarted."""
+"""Publishers on a radar's topic: two at once, or a driver that is killed and restarted."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ GOAL = "ERROR within 6 scans; never one for a driver restarted after kill -9; no
 MOST_SCANS = 6
 PERIOD_S = 0.5
 RESTARTS = 4
-# Between restarts; a killed publisher is in the graph for 20 s.
+# Time between restarts; a killed publisher stays in the graph for 20 s.
 RUN_S = 8.0
 
 
 def measure(restarts: int = RESTARTS, run_s: float = RUN_S) -> Figure:
-    """Publish on one topic from two sides, then kill and restart a driver time and again."""
+    """Publish on one topic from two publishers, then kill and restart a driver repeatedly."""
     return measured_or_why(NAME, GOAL, lambda: _measure(restarts, run_s))
 
 
@@ -49,13 +49,13 @@ def _measure(restarts: int, run_s: float) -> tuple[str, bool, Mapping[str, Any]]
         "publishers_listed": listed,
         "gaps": gaps + gaps_of_restarted,
     }
-    # Unless both were listed, the restarts have shown nothing.
+    # Unless both publishers were listed, the restarts prove nothing.
     found = needed is not None and errors == 0 and listed > 1 and gaps + gaps_of_restarted == 0
     return text, found, details
 
 
 def _side_by_side() -> tuple[int | None, int]:
-    """Return after how many scans of two publishers they are an error, and the gaps counted."""
+    """Return the number of scans until two publishers are an ERROR, and the gaps counted."""
     with Rig() as rig:
         rig.tracker(*LIGHT)
         radars = rig.radars
@@ -76,7 +76,7 @@ def _side_by_side() -> tuple[int | None, int]:
 
 
 def _restarted(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
-    """Return both radars' levels, the most publishers that the graph had, and the gaps counted."""
+    """Return both radars' levels, the largest number of publishers listed, and the gaps counted."""
     with Rig() as rig:
         rig.tracker(*LIGHT)
         radars = rig.radars
@@ -85,10 +85,10 @@ def _restarted(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
             driver = rig.start("sensor_replay", BAG, "--rate", RATE, "--loop")
             before = len(radars.filtered)
             if not radars.spin_until(lambda n=before: len(radars.filtered) > n, 30.0):
-                raise RuntimeError(f"the driver is not tracked:\n{driver.text[-2000:]}")
+                raise RuntimeError(f"no estimate of the driver's scans:\n{driver.text[-2000:]}")
             radars.spin(run_s)
             driver.kill()
-        # What the last one leaves behind is looked at too.
+        # The state after the last kill counts too.
         radars.spin(1.0)
         lines = [
             _line(found, radar) for _, found in radars.health for radar in ("radar_1", "radar_2")

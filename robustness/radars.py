@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The radars' side: sends scans to a live tracker and hears what comes back."""
+"""The radars' side: sends scans to a live tracker and receives its output."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.types import Estimates
 from . import scans
 
 REPLY_S = 5.0
-# Discovery of the one side does not tell of the other's.
+# That one side has discovered the other does not mean that the other has too.
 SETTLE_S = 0.5
 CUTOFF_M, ORDER = 1000.0, 2.0
 TOPICS = tuple(names.detections(radar) for radar in ("radar_1", "radar_2"))
@@ -35,13 +35,13 @@ class Radars:
     Attributes
     ----------
     filtered : list of (int, float)
-        Stamp and time of arrival (monotonic seconds) of every filtered estimate.
+        Stamp and time of arrival (monotonic seconds) of all filtered estimates.
     answered : set of int
         Their stamps.
     found : dict of stamp to Estimates
-        None for those that cannot be read.
+        None for a cloud that cannot be decoded.
     not_finite : int
-        Estimates and figures that held what is not finite.
+        Number of estimates and figures with values that are not finite.
     health : list of (float, dict)
         Time of arrival and statuses by name of every health report of the tracker.
     """
@@ -70,7 +70,7 @@ class Radars:
         rclpy.shutdown(context=self._context)
 
     def spin_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Hear what comes until `condition` holds; return whether it does."""
+        """Receive messages until `condition` holds; return whether it does."""
         deadline = time.monotonic() + timeout_s
         while not condition():
             left = deadline - time.monotonic()
@@ -80,22 +80,22 @@ class Radars:
         return True
 
     def spin(self, seconds: float) -> None:
-        """Hear what comes for so long."""
+        """Receive messages for a time."""
         self.spin_until(lambda: False, seconds)
 
     def connected(self, timeout_s: float = 20.0) -> bool:
-        """Wait until a tracker hears and is heard; return whether one does."""
+        """Wait until both directions to a tracker are connected; return whether they are."""
 
         def linked() -> bool:
-            heard = all(output.get_subscription_count() for output in self.outputs)
-            return heard and self.node.count_publishers(names.cardinality()) > 0
+            sending = all(output.get_subscription_count() for output in self.outputs)
+            return sending and self.node.count_publishers(names.cardinality()) > 0
 
         found = self.spin_until(linked, timeout_s)
         self.spin(SETTLE_S)
         return found
 
     def leave_the_topics(self) -> None:
-        """Take the publishers back, for a driver of another process; nothing can be sent then."""
+        """Destroy the publishers, so that a driver in another process can replace them."""
         while self.outputs:
             self.node.destroy_publisher(self.outputs.pop())
 
@@ -115,12 +115,12 @@ class Radars:
         """Return the OSPA distance of a scan's filtered estimates from the truth, metres."""
         found = self.found[scans.stamp_of_scan(index)]
         if found is None:
-            raise RuntimeError(f"the estimates of scan {index} cannot be read")
-        there, here = (one.position for one in (scans.truth()[index], found))
-        return ospa(there, here, CUTOFF_M, ORDER).distance
+            raise RuntimeError(f"the estimates of scan {index} cannot be decoded")
+        true, estimated = (each.position for each in (scans.truth()[index], found))
+        return ospa(true, estimated, CUTOFF_M, ORDER).distance
 
     def flush(self) -> bool:
-        """Ask the tracker for what it holds back; return whether it answered."""
+        """Let the tracker publish the scans it holds back; return whether it answered."""
         client = self.node.create_client(Trigger, f"{names.TRACKER}/flush")
         future = client.call_async(Trigger.Request())
         done = self.spin_until(future.done, REPLY_S)
@@ -130,13 +130,13 @@ class Radars:
     def latest_health(self) -> dict[str, DiagnosticStatus]:
         """Wait for a health report made after this call; return its statuses by name."""
         before = len(self.health)
-        # The next one may be on its way already.
+        # The next report may have been made before this call.
         if not self.spin_until(lambda: len(self.health) > before + 1, REPLY_S):
-            raise RuntimeError("no health report of the tracker comes")
+            raise RuntimeError("the tracker sends no health report")
         return self.health[-1][1]
 
     def values(self, line: str) -> dict[str, str]:
-        """Return the values of a line of a fresh health report, such as ``radar_1``."""
+        """Return the values of one status of a new health report, such as ``radar_1``."""
         return diagnostics.values_of(self.latest_health()[f"tracker: {line}"])
 
     def _on_filtered(self, cloud: PointCloud2) -> None:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Mutated bytes on a radar's topic, beside a publisher that is all right."""
+"""Mutated bytes on a radar's topic, beside a correct publisher."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def goal(seconds: float) -> str:
 
 
 def measure(seconds: float = SECONDS, seed: int = 5) -> Figure:
-    """Publish mutated copies of scans that were already answered between the good scans."""
+    """Publish mutated copies of answered scans between the good scans."""
     return measured_or_why(NAME, goal(seconds), lambda: _measure(seconds, seed))
 
 
@@ -46,17 +46,17 @@ def _measure(seconds: float, seed: int) -> tuple[str, bool, Mapping[str, Any]]:
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             for _ in range(BURST):
-                # What is mutated into a valid scan is one that has been there already.
+                # A mutation that is still a valid scan is then a duplicate.
                 fuzzer.publish(mutated(scans.cloud(index, 0), rng))
                 bad += 1
             index += 1
             good += 1
-            came = radars.track(index, timeout_s=REPLY_S)
+            answered = radars.track(index, timeout_s=REPLY_S)
             if not tracker.alive:
                 exits += 1
                 tracker = rig.tracker(*LIGHT)
                 radars.connected()
-            elif not came:
+            elif not answered:
                 lost.append(index)
         not_finite = radars.not_finite
         tracebacks = tracker.text.count("Traceback")
@@ -77,9 +77,9 @@ def _like(radars: Radars) -> tuple[Any, str, int]:
 
 
 def mutated(data: bytes, rng: random.Random) -> bytes:
-    """Return a message with some of its bytes changed, cut off, added or moved; not its stamp.
+    """Return a message with some bytes changed, cut off, added or moved, but with its stamp kept.
 
-    A changed stamp would make it a valid scan of another time.
+    A changed stamp could make it a valid scan of another time.
     """
     change: Callable[[bytes, random.Random], bytes] = rng.choice((_flipped, _cut, _spliced, _sized))
     found = change(data, rng)
@@ -88,7 +88,7 @@ def mutated(data: bytes, rng: random.Random) -> bytes:
 
 def _flipped(data: bytes, rng: random.Random) -> bytes:
     found = bytearray(data)
-    # The head says what the rest is: it deserves more than its share.
+    # The header determines how the rest is read, so it is changed more often.
     reach = 300 if rng.random() < 0.7 else len(found)
     for _ in range(rng.randrange(1, 9)):
         found[rng.randrange(reach)] = rng.randrange(256)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A full disk and a read-only directory: the recording ends, tracking goes on."""
+"""A full disk and a read-only directory: recording must end, and tracking must go on."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ def measure_read_only() -> Figure:
 
 
 def _mounted(directory: Path, options: str) -> Sequence[str]:
-    """Return the beginning of a command that sees a small disk of its own at `directory`.
+    """Return the prefix of a command that has a small disk of its own at `directory`.
 
     Raises
     ------
     NotMeasurableError
-        If that is not possible here: it takes the right to mount.
+        If that is not possible here: it requires the right to mount.
     """
     if os.geteuid() != 0 or shutil.which("unshare") is None:
         raise NotMeasurableError("a disk of its own needs root and unshare")
@@ -56,12 +56,12 @@ def _full() -> tuple[str, bool, Mapping[str, Any]]:
         disk = rig.directory / "disk"
         recorder = _evaluator(rig, _mounted(disk, f"size={DISK}"), disk)
         answered = _track(rig)
-        on = recorder.alive
+        alive = recorder.alive
         status = recorder.stop()
         errors = [line for line in recorder.text.splitlines() if "recording" in line]
-        text = _text(answered, errors) + f"; the evaluator {'goes on' if on else 'ended'}"
+        text = _text(answered, errors) + f"; the evaluator {'goes on' if alive else 'ended'}"
         clear = len(errors) == 1 and "No space left" in errors[0] and _no_traceback(recorder)
-        return text, clear and on and status == 0 and answered == SCANS, {"said": errors}
+        return text, clear and alive and status == 0 and answered == SCANS, {"said": errors}
 
 
 def _read_only() -> tuple[str, bool, Mapping[str, Any]]:
@@ -69,12 +69,12 @@ def _read_only() -> tuple[str, bool, Mapping[str, Any]]:
         disk = rig.directory / "disk"
         recorder = _evaluator(rig, _mounted(disk, "ro"), disk)
         answered = _track(rig)
-        on = recorder.alive
+        alive = recorder.alive
         status = recorder.stop()
         errors = [line for line in recorder.text.splitlines() if "cannot be written" in line]
-        text = _text(answered, errors) + f"; the evaluator {'goes on' if on else f'rc {status}'}"
+        text = _text(answered, errors) + f"; the evaluator {'goes on' if alive else f'rc {status}'}"
         clear = len(errors) == 1 and "Read-only" in errors[0] and _no_traceback(recorder)
-        return text, clear and (on or status == 2) and answered == SCANS, {"said": errors}
+        return text, clear and (alive or status == 2) and answered == SCANS, {"said": errors}
 
 
 def _evaluator(rig: Rig, prefix: Sequence[str], disk: Path) -> Node:
@@ -82,7 +82,7 @@ def _evaluator(rig: Rig, prefix: Sequence[str], disk: Path) -> Node:
 
 
 def _track(rig: Rig) -> int:
-    """Let a tracker track; return how many scans were answered."""
+    """Run a tracker; return how many scans were answered."""
     rig.tracker(*LIGHT)
     radars = rig.radars
     radars.connected()
@@ -90,7 +90,7 @@ def _track(rig: Rig) -> int:
 
 
 def _text(answered: int, errors: Sequence[str]) -> str:
-    return f"{len(errors)} errors said; {answered} of {SCANS} scans tracked"
+    return f"{len(errors)} errors logged; {answered} of {SCANS} scans tracked"
 
 
 def _no_traceback(node: Node) -> bool:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""kill -9 and restart, stopping by signals, a second tracker of the same name."""
+"""kill -9 and restart, stops by signals, and a second tracker of the same name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SCAN_PERIOD_S = 0.05
 
 STOP = "clean stop"
 SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM}
-# Seconds after the first line of the log.
+# Delays of the signal after the first line of the log, seconds.
 PHASES = (0.0, 0.01, 0.03, 0.06, 0.1, 0.2, 0.3, 0.5, 0.8, 1.2)
 STOP_S = 1.0
 NODES: Mapping[str, tuple[object, ...]] = {
@@ -41,13 +41,13 @@ SECOND_GOAL = "says so, rc 2; a restart after kill -9 is not held up"
 
 
 def measure_kills(kills: int = KILLS) -> Figure:
-    """Kill a tracker and start it again, time and again, while radars go on."""
+    """Kill and restart a tracker repeatedly, while radars go on sending."""
     return measured_or_why(KILL, KILL_GOAL, lambda: _kills(kills))
 
 
 def _kills(kills: int) -> tuple[str, bool, Mapping[str, Any]]:
     took = _restarts(kills, _tracker)
-    # Half of the kills are enough to tell what the tracker adds to it.
+    # Half as many kills suffice to show how much of the time is the tracker's.
     bare = _restarts(max(1, kills // 2), _bare_node)
     text = (
         f"median {median(took):.2f} s, max {max(took):.2f} s of {kills} kills; a bare node of "
@@ -73,7 +73,7 @@ def _restarts(kills: int, start: Callable[[Rig], Node]) -> list[float]:
         radars.connected()
         index = _send_until_answered(radars, 0)
         for _ in range(kills):
-            # What was answered until now does not count.
+            # Answers from before the kill do not count.
             radars.spin(0.1)
             radars.answered.clear()
             killed = time.monotonic()
@@ -104,7 +104,7 @@ def stop_goal(phases: int) -> str:
 
 
 def measure_stops(phases: tuple[float, ...] = PHASES) -> Figure:
-    """Stop every node by either signal at several moments after its first words."""
+    """Stop every node by either signal, at several times after its first output."""
     return measured_or_why(STOP, stop_goal(len(phases)), lambda: _stops(phases))
 
 
@@ -127,7 +127,7 @@ def _stops(phases: tuple[float, ...]) -> tuple[str, bool, Mapping[str, Any]]:
 
 
 def _stopped(node: Node, number: int, phase: float) -> tuple[float, str]:
-    """Stop a node; return how long it took and what was wrong."""
+    """Stop a node; return the seconds taken and the fault, if any."""
     deadline = time.monotonic() + 30.0
     while not node.text and node.alive and time.monotonic() < deadline:
         time.sleep(0.002)
@@ -152,7 +152,7 @@ def _ended(node: Node) -> int | None:
 
 
 def measure_second() -> Figure:
-    """Start a second tracker beside a living one, and another once that has been killed."""
+    """Start a second tracker beside a running one, and a third after that one has been killed."""
     return measured_or_why(SECOND, SECOND_GOAL, _second)
 
 
@@ -163,22 +163,22 @@ def _second() -> tuple[str, bool, Mapping[str, Any]]:
         begin = time.monotonic()
         status = _ended(second)
         seconds = time.monotonic() - begin
-        said = second.text.strip().splitlines()[-1:] or [""]
+        message = second.text.strip().splitlines()[-1:] or [""]
         alive = first.alive
         first.kill()
         third = rig.tracker(*LIGHT)
         radars = rig.radars
         radars.connected()
         _send_until_answered(radars, 0)
-        # As long as a newcomer gives way, and the killed one is in the graph.
+        # For as long as a newcomer gives way, while the graph still lists the killed one.
         radars.spin(NEWCOMER_S)
         restarted = third.alive and bool(radars.answered)
-    told = "goes on beside the first" if status is None else f"rc {status}: {said[0]}"
-    found = f"{told}; restarted after kill -9: {'tracks' if restarted else 'held up'}"
+    outcome = "goes on beside the first" if status is None else f"rc {status}: {message[0]}"
+    text = f"{outcome}; restarted after kill -9: {'tracks' if restarted else 'held up'}"
     details = {
         "status": status,
         "seconds": seconds,
         "first_goes_on": alive,
         "restarted": restarted,
     }
-    return found, status == 2 and alive and restarted, details
+    return text, status == 2 and alive and restarted, details

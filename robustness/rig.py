@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Nodes under test as processes, in a ROS domain of their own on this machine alone."""
+"""The nodes under test as processes, in their own ROS domain, on this machine only."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ RELIABLE = tuple(
     for radar in ("radar_1", "radar_2")
     for word in ("-p", f"qos_overrides./{radar}/detections.subscription.reliability:=reliable")
 )
-# A tracker whose steps take next to no time, for where the steps are not what is measured.
+# A tracker with very short steps, for measurements that do not concern them.
 LIGHT = ("-p", "particles_per_target:=200", "-p", "particles_per_birth:=256", "-p", "lag:=2")
 
 
 class Node:
-    """A running executable of the package and what it has printed.
+    """A running executable of the package, with its output.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Node:
     log : Path
     domain : int
     environment : mapping
-        Beside that of this process.
+        Added to that of this process.
     """
 
     def __init__(
@@ -57,16 +57,16 @@ class Node:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """Whether the process is still running."""
         return self.process.poll() is None
 
     @property
     def text(self) -> str:
-        """What it has printed so far."""
+        """The output so far."""
         return self._log.read_text(errors="replace")
 
     def said(self, text: str, timeout_s: float = START_S) -> bool:
-        """Wait until it has printed `text`; return whether it has."""
+        """Wait until the output contains `text`; return whether it does."""
         deadline = time.monotonic() + timeout_s
         while text not in self.text:
             if not self.alive or time.monotonic() > deadline:
@@ -75,7 +75,7 @@ class Node:
         return True
 
     def stop(self, number: int = signal.SIGTERM) -> int | None:
-        """Ask it to end and return its exit status; None if it had to be killed."""
+        """Stop the process by a signal; return its exit status, or None if it had to be killed."""
         if self.alive:
             self.process.send_signal(number)
         try:
@@ -85,7 +85,7 @@ class Node:
             return None
 
     def kill(self) -> None:
-        """End it without asking."""
+        """Kill the process."""
         self.process.kill()
         self.process.wait()
 
@@ -99,12 +99,12 @@ class Node:
 
     @property
     def descriptors(self) -> int:
-        """Open file descriptors."""
+        """Number of open file descriptors."""
         return len(os.listdir(f"/proc/{self.process.pid}/fd"))
 
 
 class Rig:
-    """A domain, its nodes, and radars beside them; all ended when the block ends."""
+    """A domain with its nodes and radars; all are stopped when the context ends."""
 
     def __init__(self) -> None:
         self._domain = Domain()
@@ -128,7 +128,7 @@ class Rig:
     def start(
         self, name: str, *arguments: object, prefix: Sequence[str] = (), **environment: str
     ) -> Node:
-        """Start an executable, behind a command such as ``ip netns exec NAME`` if one is given."""
+        """Start an executable, with a prefix such as ``ip netns exec NAME`` if one is given."""
         module = ("phd_jdtc_ros", name, *map(str, arguments))
         return self.run(name, *module, prefix=prefix, **environment)
 
@@ -140,7 +140,7 @@ class Rig:
         prefix: Sequence[str] = (),
         **environment: str,
     ) -> Node:
-        """Start a module of Python's, under a name for its log."""
+        """Start a Python module; `name` is used for its log."""
         command = [*prefix, sys.executable, "-m", module, *arguments]
         log = self.directory / f"{len(self._nodes)}_{name}.log"
         node = Node(command, log, self.domain, environment)
@@ -148,7 +148,7 @@ class Rig:
         return node
 
     def tracker(self, *arguments: object) -> Node:
-        """Start a tracker that takes its detections reliably, and wait until it tracks."""
+        """Start a tracker that subscribes reliably, and wait until it tracks."""
         node = self.start("tracker", "--ros-args", *RELIABLE, *arguments)
         if not node.said("tracking"):
             raise RuntimeError(f"the tracker did not start:\n{node.text[-2000:]}")
@@ -156,7 +156,7 @@ class Rig:
 
     @property
     def radars(self) -> Radars:
-        """The peer beside the nodes."""
+        """The radars in this domain, made at the first use."""
         if self._radars is None:
             from .radars import Radars
 

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rogue peer: ``python -m robustness.rogue SECONDS``, in a namespace of its own.
+"""A rogue peer: ``python -m robustness.rogue SECONDS``, in another network namespace.
 
-Publishes clouds to a tracker's first radar and tries to change a parameter, for so long; prints
-what became of it as JSON. `ROS_STATIC_PEERS` tells it the address.
+It publishes clouds on the topic of a tracker's first radar and tries to change a parameter. At the
+end it prints the outcome as JSON. `ROS_STATIC_PEERS` gives it the address.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PERIOD_S = 0.05
 
 
 def main(seconds: float) -> None:
-    """Do it."""
+    """Attack for `seconds` and print the outcome."""
     rclpy.init()
     node = rclpy.create_node("rogue")
     executor = SingleThreadedExecutor()
@@ -37,10 +37,10 @@ def main(seconds: float) -> None:
     client = node.create_client(SetParameters, f"{names.TRACKER}/set_parameters")
     cloud = PointCloud2(header=Header(frame_id=FRAME))
     change = Parameter(PARAMETER, value=0.61).to_parameter_msg()
-    heard, written, calls = 0, 0, []
+    subscriptions, written, calls = 0, 0, []
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
-        heard = max(heard, output.get_subscription_count())
+        subscriptions = max(subscriptions, output.get_subscription_count())
         output.publish(cloud)
         if client.service_is_ready() and len(calls) < 5:
             calls.append(client.call_async(SetParameters.Request(parameters=[change])))
@@ -49,7 +49,8 @@ def main(seconds: float) -> None:
         if call.done():
             written += sum(result.successful for result in call.result().results)
     seen = len([name for name, _ in node.get_node_names_and_namespaces() if name != "rogue"])
-    print(json.dumps({"subscriptions": heard, "parameter_writes": written, "nodes_seen": seen}))
+    outcome = {"subscriptions": subscriptions, "parameter_writes": written, "nodes_seen": seen}
+    print(json.dumps(outcome))
     node.destroy_node()
     rclpy.shutdown()
 

@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.types import Scan, Truth
 
 SECOND_NS = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND_NS
-# After the four bytes that say how the message is encoded come the stamp's seconds and nanoseconds.
+# The stamp's seconds and nanoseconds follow the four bytes of the encapsulation.
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4
 
@@ -33,14 +33,14 @@ def reference() -> tuple[Scan, ...]:
 
 
 def truth() -> tuple[Truth, ...]:
-    """Return what there was at each of them."""
+    """Return the truth at each scan of the reference scenario."""
     return tuple(truth for truth, _ in _simulated())
 
 
 def often(count: int, factor: int) -> tuple[tuple[bytes, bytes], ...]:
-    """Return both radars' clouds where scans come `factor` times as often as in the reference.
+    """Return both radars' clouds, with `factor` times the reference scenario's scan rate.
 
-    The targets are slower, so that they are there all the time. Stamps are those of the scans.
+    The targets are slower, so that they exist all the time. Stamps are those of the scans.
     """
     usual = paper_scenario(resolve({}).model.radars)
     targets = tuple(
@@ -67,7 +67,7 @@ def _clouds(scan: Scan, stamp_ns: int) -> tuple[bytes, bytes]:
 
 @cache
 def drowned(clutter_rate: float) -> tuple[tuple[bytes, bytes], ...]:
-    """Return both radars' clouds of every scan among so many false detections in each."""
+    """Return both radars' clouds of every scan, with this many false detections in each."""
     radars = [replace(radar, clutter_rate=clutter_rate) for radar in resolve({}).model.radars]
     run = simulate(paper_scenario(radars), 0)
     return tuple(_clouds(scan, stamp_of_scan(index)) for index, (_, scan) in enumerate(run))
@@ -85,7 +85,7 @@ def interval_ns() -> int:
 
 
 def stamp_of_scan(index: int) -> int:
-    """Return the stamp of the scan with this index, however often the scenario has come round."""
+    """Return the stamp of the scan with this index; the scenario repeats itself."""
     return START_NS + index * interval_ns()
 
 

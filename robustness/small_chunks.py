@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag as other recorders write it: in many small chunks, of which damage takes a few."""
+"""Rewrites a bag with many small chunks, of which damage destroys only a few."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def rewritten(
     compression: CompressionType = CompressionType.NONE,
     chunk_size: int = SMALL_CHUNK,
 ) -> Path:
-    """Write a bag's messages anew in small chunks, as other recorders do; return the file."""
+    """Write a bag's messages again in small chunks, as other recorders do; return the file."""
     reader = BagReader(source)
     with file.open("wb") as stream:
         writer = Writer(stream, chunk_size=chunk_size, compression=compression)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A day of scans through a live tracker, as fast as it takes them."""
+"""A day of scans through a live tracker, as fast as it processes them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NAME = "24 h soak"
 SCANS = 14_400
 MOST_KIB = 2048
 LIMIT_S = 600.0
-# Scans that may be on their way; the tracker's queue is ten deep.
+# Largest number of unanswered scans; the tracker's queue is ten deep.
 OUTSTANDING = 4
 SAMPLES = 400
 PATIENCE_S = 20.0
@@ -28,13 +28,13 @@ PATIENCE_S = 20.0
 def goal(count: int) -> str:
     """Return the goal in words."""
     return (
-        f"{count:,} scans, both radars: memory +{MOST_KIB / 1024:g} MiB at most over the 2nd half, "
+        f"{count:,} scans, both radars: memory at most +{MOST_KIB / 1024:g} MiB over the 2nd half, "
         f"fds and threads +0, in {LIMIT_S:g} s"
     )
 
 
 def measure(count: int = SCANS) -> Figure:
-    """Send `count` scans, each when the fourth before has been answered."""
+    """Send `count` scans, each when the fourth one before it has been answered."""
     return measured_or_why(NAME, goal(count), lambda: _measure(count))
 
 
@@ -48,10 +48,10 @@ def _measure(count: int) -> tuple[str, bool, Mapping[str, Any]]:
         every = max(1, count // SAMPLES)
         for index in range(count):
             radars.send(index)
-            came = radars.spin_until(
+            kept_up = radars.spin_until(
                 lambda sent=index + 1: len(radars.answered) > sent - OUTSTANDING, PATIENCE_S
             )
-            if not came or not tracker.alive or time.monotonic() - begin > 2.0 * LIMIT_S:
+            if not kept_up or not tracker.alive or time.monotonic() - begin > 2.0 * LIMIT_S:
                 break
             if index % every == 0:
                 resident, threads = tracker.status("VmRSS"), tracker.status("Threads")

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of time, live: a looped bag, shuffled scans, a radar that falls silent."""
+"""Faults in time: a looped bag, shuffled scans, a radar that becomes silent."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ from .radars import Radars
 from .rig import LIGHT, Rig
 
 TIME_FAULTS = "time faults: bag looped 3 times; +-1 scan shuffled"
-TIME_FAULTS_GOAL = "1 reset a loop, 0 on the shuffle; with reorder_scans 1 none of it late"
+TIME_FAULTS_GOAL = "1 reset per loop, 0 on the shuffle; with reorder_scans 1 no report late"
 GAP = "forward gap"
-GAP_GOAL = "1 reset above the limit, none below; memory +10 MB at most"
+GAP_GOAL = "1 reset above the limit, none below; memory at most +10 MB"
 GAP_SCANS, SHORT_GAP_SCANS = 600, 10
 SILENCE = "silent radar alarm"
 SILENCE_GOAL = "2 scans + 0.5 s"
 BAG = Path(__file__).parents[1] / "bags" / "paper_scenario"
 LOOPS = 3
-# Of the bag's own: some 17 scans a second.
+# Relative to the bag: about 17 scans per second.
 RATE = 100
 SHUFFLED = 40
 PERIOD_S = 0.25
 ALLOWED_S = 2.0 * PERIOD_S + 0.5
-# More than half of the intervals that the tracker goes by.
+# More than half of the intervals whose median the tracker uses.
 REGULAR = 12
 
 
 def measure_time_faults(loops: int = LOOPS, duration_s: float = 0.0) -> Figure:
-    """Loop a bag, then shuffle scans; count the resets. `duration_s` plays a part of the bag."""
+    """Loop a bag or its first `duration_s`, then shuffle scans; count the resets."""
     return measured_or_why(TIME_FAULTS, TIME_FAULTS_GOAL, lambda: _time_faults(loops, duration_s))
 
 
@@ -59,7 +59,7 @@ def _time_faults(loops: int, duration_s: float) -> tuple[str, bool, Mapping[str,
         "late_of_ordered": late,
         "answered_of_ordered": answered,
     }
-    # The last scan is held back still.
+    # The last scan is still held back.
     in_order = ordered == late == 0 and answered == SHUFFLED
     return text, looped == back_jumps == loops and shuffled == 0 and in_order, details
 
@@ -74,7 +74,7 @@ def _looped(loops: int, duration_s: float) -> tuple[int, int]:
             *(BAG, "--rate", RATE, "--loop", "--duration", duration_s),
             *("--ros-args", "-p", "progress:=false"),
         )
-        # The first estimates of one pass more: then so many have been whole.
+        # Until the first estimates of one more pass, so that `loops` passes are complete.
         radars.spin_until(lambda: _jumps_back(radars) >= loops, 90.0)
         replay.stop()
         radars.spin(0.5)
@@ -89,8 +89,8 @@ def _jumps_back(radars: Radars) -> int:
 def _shuffled(*options: str) -> tuple[int, int, int]:
     """Swap scans with their neighbours.
 
-    Return the resets, what was dropped, and how many estimates came in order before the first that
-    did not.
+    Return the number of resets, of dropped reports, and of estimates in order before the first that
+    is not.
     """
     with Rig() as rig:
         rig.tracker(*LIGHT, *options)
@@ -103,13 +103,13 @@ def _shuffled(*options: str) -> tuple[int, int, int]:
             radars.spin(0.05)
         dropped = int(radars.values("radar_1").get("dropped_late", 0))
         epoch = int(radars.values("step time")["epoch"])
-    came = [stamp for stamp, _ in radars.filtered]
-    due = [scans.stamp_of_scan(index) for index in range(len(came))]
-    return epoch, dropped, sum(takewhile(bool, map(eq, came, due)))
+    received = [stamp for stamp, _ in radars.filtered]
+    expected = [scans.stamp_of_scan(index) for index in range(len(received))]
+    return epoch, dropped, sum(takewhile(bool, map(eq, received, expected)))
 
 
 def measure_gap() -> Figure:
-    """Let both radars pause by their stamps, briefly and for an hour; count the resets."""
+    """Insert short and long gaps into both radars' stamps; count the resets."""
     return measured_or_why(GAP, GAP_GOAL, _gap)
 
 
@@ -146,7 +146,7 @@ def _gap() -> tuple[str, bool, Mapping[str, Any]]:
 
 
 def measure_silence(repeats: int = 3) -> Figure:
-    """Stop one radar of two; time how long diagnostics take to say so."""
+    """Stop one radar of two; measure the time until diagnostics report it."""
     return measured_or_why(SILENCE, SILENCE_GOAL, lambda: _silence(repeats))
 
 
@@ -164,13 +164,13 @@ def _silence(repeats: int) -> tuple[str, bool, Mapping[str, Any]]:
             _at_rate(radars, index, REGULAR, (0,))
             index += REGULAR
             found.append(_noticed(radars, stopped))
-            # Two scans wait for the silent radar; every other one is answered.
+            # Two scans wait for the silent radar; all others are answered.
             going_on &= len(radars.filtered) - before >= REGULAR - 3
     if None in found:
         return "not noticed", False, {"noticed_after_s": found}
     worst = max(found)
     text = (
-        f"{worst:.2f} s at most of {repeats}, {ALLOWED_S:g} s allowed (scans every {PERIOD_S:g} s);"
+        f"at most {worst:.2f} s in {repeats}, {ALLOWED_S:g} s allowed (scans every {PERIOD_S:g} s);"
         f" tracking {'goes on' if going_on else 'stops'}"
     )
     return text, worst <= ALLOWED_S and going_on, {"noticed_after_s": found}
@@ -185,10 +185,10 @@ def _at_rate(radars: Radars, index: int, count: int, sending: tuple[int, ...]) -
 
 
 def _noticed(radars: Radars, stopped: float) -> float | None:
-    """Return how long after its last scan the second radar's line was no longer well."""
+    """Return the time from the second radar's last scan to its first status of silence."""
     for arrived, lines in radars.health:
         line = lines["tracker: radar_2"]
-        # Late and dropped scans are warned of too.
+        # Other warnings, of late and dropped scans, do not count.
         if arrived > stopped and line.level != DiagnosticStatus.OK and "silent" in line.message:
             return arrived - stopped
     return None

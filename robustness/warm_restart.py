@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A tracker that is killed and goes on from its checkpoint, against one that never stopped."""
+"""A tracker that is killed and restarted from its checkpoint, against an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from .rig import RELIABLE, Rig
 NAME = "warm restart"
 GOAL = "OSPA within 10 % of an uninterrupted run's after 2 scans"
 MOST_RATIO = 1.1
-# The last scans before the kills, in the midst of the targets' lives.
+# The last scans before the kills, in the middle of the targets' lives.
 LAST_BEFORE = (21, 38, 53)
-# A restart takes less than the six seconds to the next scan; one is lost all the same.
+# A restart takes less than the six seconds to the next scan, but one scan is taken as lost.
 LOST = 1
-# Not counted, and then counted.
+# Numbers of scans after a restart: first those not counted, then those counted.
 SETTLING, COUNTED = 2, 8
 EVERY = 5
 
 
 def measure(last_before: tuple[int, ...] = LAST_BEFORE) -> Figure:
-    """Kill a tracker several times in a run, and restart it with and without a checkpoint."""
+    """Kill a tracker several times in a run; restart it with and without a checkpoint."""
     return measured_or_why(NAME, GOAL, lambda: _measure(last_before))
 
 
@@ -46,7 +46,7 @@ def _measure(last_before: tuple[int, ...]) -> tuple[str, bool, Mapping[str, Any]
 
 
 def _run(kills: Sequence[int], counted: Sequence[int], checkpoints: bool) -> float:
-    """Track with kills after some scans; return the mean OSPA of the filter over others, metres."""
+    """Track, with kills after some scans; return the filter's mean OSPA over `counted`, metres."""
     with Rig() as rig:
         options = [*RELIABLE]
         if checkpoints:
@@ -67,5 +67,5 @@ def _run(kills: Sequence[int], counted: Sequence[int], checkpoints: bool) -> flo
 
 
 def _tracked(radars: Radars, index: int) -> bool:
-    """Send a scan until it is answered: a restarted tracker is not heard at once."""
+    """Send a scan until it is answered, because a restarted tracker is not connected at once."""
     return any(radars.track(index, timeout_s=2.0) for _ in range(3))

@@ -1,13 +1,13 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""rosbag2 bags in MCAP: written reproducibly, read whatever has happened to them.
+"""rosbag2 bags in MCAP: reproducible writing, and reading that salvages damaged files.
 
 ::
 
-    writer                 a bag as rosbag2 writes it, the same bytes for the same content
-    reader                 messages in order of time, every intact chunk of a damaged file
-    mcap_index, salvage    what a file holds, by its summary or record by record
-    chunks                 one chunk, unpacked within bounds
-    errors                 why a bag was refused
+    writer                 writes a bag as rosbag2 does, the same bytes for the same content
+    reader                 messages in order of log time, every intact chunk of a damaged file
+    mcap_index, salvage    the content of a file, from its summary or record by record
+    chunks                 unpacks one chunk within bounds
+    errors                 the error that says why a bag was refused
 """

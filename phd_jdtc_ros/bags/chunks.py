@@ -1,10 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The messages of an MCAP file piece by piece, unpacked with care for what malice can do.
+"""The messages of an MCAP file piece by piece, unpacked within bounds.
 
 A piece is a chunk, or a run of messages that a recorder wrote without chunks. The mcap library
-unpacks whatever a chunk claims; here a size is looked at before it is used.
+allocates whatever size a chunk declares, so a damaged or malicious file could exhaust the memory;
+here every size is checked before it is used.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ from mcap.records import Chunk
 from mcap.stream_reader import breakup_chunk
 
 RECORD_HEAD = 9  # opcode and length
-# A piece larger than this, packed or unpacked, is refused; rosbag2's largest chunks have 4 MiB.
+# A larger piece, packed or unpacked, is refused; rosbag2's largest chunks have 4 MiB.
 MAX_CHUNK = 64 * 2**20
 _PIECES = (bytes([Opcode.CHUNK]), bytes([Opcode.MESSAGE]))
 
 
 class DamageError(Exception):
-    """What the bytes say cannot be true."""
+    """The bytes contradict themselves or exceed a bound."""
 
 
 def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
@@ -37,12 +38,12 @@ def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
     ----------
     stream : BinaryIO
     offset, length : int
-        Of the whole of it, heads included.
+        Of the whole piece, record headers included.
 
     Raises
     ------
     DamageError
-        If a chunk does not match its checksum, or anything is larger than is allowed.
+        If a chunk does not match its checksum, or a size exceeds `MAX_CHUNK`.
     """
     if length > MAX_CHUNK:
         raise DamageError(f"a chunk of {length} bytes, at most {MAX_CHUNK} are allowed")
@@ -55,12 +56,12 @@ def unpack(stream: BinaryIO, offset: int, length: int) -> list[Any]:
         return list(breakup_chunk(Chunk("", plain, 0, 0, 0, len(plain))))
     except DamageError:
         raise
-    except Exception as error:  # a dozen kinds come out of damaged records
+    except Exception as error:  # damaged records raise a dozen kinds of exception
         raise DamageError(f"a chunk cannot be read: {error}") from error
 
 
 def _plain(data: bytes) -> bytes:
-    """Return the records of a chunk as they are without compression."""
+    """Return the uncompressed records of a chunk."""
     chunk = Chunk.read(ReadDataStream(io.BytesIO(data[RECORD_HEAD:])))
     plain = _decompress(chunk)
     if chunk.uncompressed_crc and zlib.crc32(plain) != chunk.uncompressed_crc:
@@ -69,7 +70,7 @@ def _plain(data: bytes) -> bytes:
 
 
 def _decompress(chunk: Chunk) -> bytes:
-    """Return a chunk's records; never more bytes than it declares, which are bounded."""
+    """Return a chunk's records; at most as many bytes as it declares, which are bounded."""
     size = chunk.uncompressed_size
     if size > MAX_CHUNK:
         raise DamageError(f"a chunk of {size} bytes, at most {MAX_CHUNK} are allowed")
@@ -81,7 +82,7 @@ def _decompress(chunk: Chunk) -> bytes:
     elif chunk.compression == "lz4":
         plain = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, size + 1)
     else:
-        raise DamageError(f"compression {chunk.compression!r} is not known")
+        raise DamageError(f"unknown compression {chunk.compression!r}")
     if len(plain) != size:
-        raise DamageError("a chunk has another size than it says")
+        raise DamageError("a chunk does not have the size that it declares")
     return bytes(plain)

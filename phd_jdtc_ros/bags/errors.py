@@ -1,18 +1,18 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Why a bag was refused."""
+"""The error that says why a bag was refused."""
 
 from __future__ import annotations
 
 
 class BagError(Exception):
-    """A bag that cannot be used; one line that says which and why.
+    """A bag that cannot be used; the message is one line that says which and why.
 
     Attributes
     ----------
     corrupt : bool
-        The file is damaged, rather than missing or of another kind.
+        Whether the file is damaged, rather than missing or of another kind.
     """
 
     def __init__(self, message: str, corrupt: bool = False) -> None:

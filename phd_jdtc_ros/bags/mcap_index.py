@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an MCAP file holds and where.
+"""What an MCAP file contains and where.
 
-The reader of the mcap library trusts a file's summary without looking at its checksum, gives
-nothing of a file that has none, and looks for nothing outside of chunks. Here a summary counts only
-if its checksum, where it has one, matches, and what it does not list is gone through record by
-record; without a summary the whole file is.
+The mcap library's reader trusts a file's summary without verifying its checksum, reads nothing from
+a file without a summary, and ignores messages outside of chunks. Here a summary is used only if
+its checksum, where it has one, matches. What the summary does not list is read record by record;
+without a usable summary the whole file is.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FOOTER = RECORD_HEAD + 20
 
 
 def index(stream: BinaryIO) -> Index:
-    """Return the index of a file: its summary's if that is whole, else by going through it."""
+    """Return a file's index, from its summary if that is intact, else record by record."""
     size = stream.seek(0, io.SEEK_END)
     try:
         found = _from_summary(stream, size)
@@ -62,14 +62,14 @@ def _from_summary(stream: BinaryIO, size: int) -> Index:
         found, parts = _read_summary(summary)
     except DamageError:
         raise
-    except Exception as error:  # a dozen kinds come out of damaged records
+    except Exception as error:  # damaged records raise a dozen kinds of exception
         raise DamageError("its summary cannot be read") from error
     _add_unlisted(stream, start, parts, found)
     return found
 
 
 def _read_summary(summary: bytes) -> tuple[Index, list[ChunkIndex]]:
-    """Return what a summary says, and where the chunks are that it lists."""
+    """Return the index that a summary gives, and the chunk indexes that it lists."""
     found, parts, statistics = Index(), [], None
     for opcode, content in _records(summary):
         source = ReadDataStream(io.BytesIO(content))
@@ -101,9 +101,9 @@ def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _add_unlisted(stream: BinaryIO, end: int, listed: list[ChunkIndex], found: Index) -> None:
-    """Add what is before the summary and not in the chunks it lists: other messages, definitions.
+    """Add messages and definitions that stand before the summary and in none of its chunks.
 
-    What it says of itself stays; what is found must not contradict it.
+    The summary's statistics are kept; messages that contradict them are reported as damage.
     """
     extra = Index(channels=dict(found.channels), schemas=dict(found.schemas))
     begin = len(MAGIC)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""rosbag2 bags in MCAP: every intact chunk is read, and what is lost is reported."""
+"""rosbag2 bags in MCAP, read in order of log time; damaged ones are salvaged."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from . import chunks, mcap_index
 from .errors import BagError
 from .writer import Topic
 
-# What may wait at a time for earlier messages further on in the file; recorders write messages as
-# they come, so that few wait.
+# Bytes of messages that may wait at once for earlier messages further on in the file. Recorders
+# write messages as they arrive, so few wait.
 MAX_WAITING = 2**27
-_MESSAGE_COST = 2**8  # bytes that a waiting message takes beside its data
+_MESSAGE_COST = 2**8  # bytes that a waiting message takes in addition to its data
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class BagMessage:
 
     @property
     def stamp_ns(self) -> int:
-        """Stamp of the message's header; the log time where that cannot be read."""
+        """Stamp of the message's header; the log time if the stamp cannot be read."""
         try:
             stamp_ns = stamps.of_cdr(self.data)
         except (IndexError, struct.error):
@@ -63,7 +63,7 @@ class BagReader:
     Raises
     ------
     BagError
-        If there is no such bag, or its summary cannot be read.
+        If there is no such bag, or no topic can be read from it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -95,12 +95,12 @@ class BagReader:
         )
 
     def require(self, needed: Mapping[str, str]) -> None:
-        """Check that topics are there and of the type they should have.
+        """Check that topics exist and have the required types.
 
         Raises
         ------
         BagError
-            Naming every topic that is not, with its type.
+            Naming every topic that does not, with its type.
         """
         wrong = [
             f"{topic} is {self.types.get(topic, 'missing')}, must be {wanted}"
@@ -115,36 +115,36 @@ class BagReader:
     ) -> Iterator[BagMessage]:
         """Yield the messages of `topics` (all if None) in order of log time.
 
-        No chunk is read that begins after `until_ns`, where that is given.
+        If `until_ns` is given, chunks that begin after it are not read.
 
         Raises
         ------
         BagError
-            At the end, if a part of the file was damaged; every whole chunk, and every whole
-            message outside of chunks, has been read then. At once, if messages of more than
+            At the end, if a part of the file is damaged; every intact chunk, and every intact
+            message outside of chunks, has been yielded by then. At once, if messages of more than
             `MAX_WAITING` bytes would have to wait for earlier ones further on in the file.
         """
         lost: list[str] = []
         read: Counter[int] = Counter()
         waiting = 0
         with self._guard(), self._file.open("rb") as stream:
-            # Pieces wait by their earliest message, and their messages by their own time.
+            # The queue holds pieces, by their earliest message, and messages, by their own time.
             queue: list[tuple[int, int, int, Any]] = [
                 (start, offset, -1, length)
                 for start, offset, length in (*self._index.chunks, *self._index.runs)
             ]
             heapq.heapify(queue)
             while queue:
-                time_ns, offset, place, held = heapq.heappop(queue)
+                time_ns, offset, place, entry = heapq.heappop(queue)
                 if until_ns is not None and time_ns > until_ns:
                     break
                 if place >= 0:
-                    waiting -= len(held.data) + _MESSAGE_COST
-                    topic = self._index.channels[held.channel_id].topic
-                    yield BagMessage(topic, held.log_time, held.data)
+                    waiting -= len(entry.data) + _MESSAGE_COST
+                    topic = self._index.channels[entry.channel_id].topic
+                    yield BagMessage(topic, entry.log_time, entry.data)
                     continue
                 try:
-                    records = chunks.unpack(stream, offset, held)
+                    records = chunks.unpack(stream, offset, entry)
                 except chunks.DamageError as error:
                     lost.append(str(error))
                     continue
@@ -156,14 +156,24 @@ class BagReader:
                             heapq.heappush(queue, (record.log_time, offset, position, record))
                 if waiting > MAX_WAITING:
                     raise BagError(
-                        f"{self._file}: is too far out of the order of time: more than "
-                        f"{MAX_WAITING // 2**20} MiB of its messages would have to wait at once"
+                        f"{self._file}: its messages are too far out of order: more than "
+                        f"{MAX_WAITING // 2**20} MiB of them would have to wait at once"
                     )
-        # What has not been read cannot be counted.
+        # With chunks left unread, the statistics cannot be checked.
         self._require_all(read, lost, partly=until_ns is not None and until_ns < self.end_ns)
 
     def _require_all(self, read: Counter[int], lost: Sequence[str], partly: bool) -> None:
-        """Raise `BagError` if not all was read: messages by channel, why a chunk was lost each."""
+        """Raise `BagError` if something was lost.
+
+        Parameters
+        ----------
+        read : Counter
+            Messages read, by channel id.
+        lost : sequence of str
+            Why each lost chunk could not be read.
+        partly : bool
+            Chunks were left unread on purpose, so `read` is not checked against the statistics.
+        """
         damage = lost[-1] if lost else self._index.damage
         # A file may leave out how many messages each channel has.
         counts = read if partly else self._index.counts or read
@@ -176,7 +186,7 @@ class BagReader:
         if lost:
             damage += f"; {len(lost)} of {len(self._index.chunks)} chunks are lost"
         if expected != read.total():
-            damage += f"; it says that it has {expected} messages, {read.total()} can be read"
+            damage += f"; it declares {expected} messages, {read.total()} can be read"
         raise BagError(f"{self._file}: is damaged: {damage}", corrupt=True)
 
     def _wanted(self, message: Message, topics: list[str] | None) -> bool:
@@ -188,9 +198,9 @@ class BagReader:
 
 
 class _CorruptionGuard:
-    """Turns whatever the MCAP reader raises on damaged bytes into one `BagError`.
+    """Turns every exception that the MCAP reader raises on damaged bytes into one `BagError`.
 
-    A dozen kinds of exception come out of it, among them struct, zlib, Unicode and key errors.
+    There are a dozen kinds, among them struct, zlib, Unicode and key errors.
     """
 
     def __init__(self, path: Path) -> None:
@@ -217,5 +227,5 @@ def _mcap_file(path: Path) -> Path:
         raise BagError(f"{path}: no such bag")
     files = sorted(path.glob("*.mcap"))
     if len(files) != 1:
-        raise BagError(f"{path}: holds {len(files)} MCAP files, must hold one")
+        raise BagError(f"{path}: contains {len(files)} MCAP files, must contain one")
     return files[0]

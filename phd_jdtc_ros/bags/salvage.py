@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The records of an MCAP file one after the other, as far as they are whole.
+"""Reads an MCAP file record by record and salvages what is intact.
 
-Where a record's length makes no sense, the next chunk or message is looked for. A chunk's checksum
-vouches for it; a message outside of chunks has none, and counts as whole if its length leads to
-what may be a record.
+After a record whose length cannot be right, the next chunk or message is searched for. A chunk is
+intact if it matches its checksum. A message outside of chunks has no checksum; it counts as intact
+if another record can begin where it ends.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from .chunks import MAX_CHUNK, RECORD_HEAD, DamageError
 
 # Opcode, length, channel, sequence, log time, publish time.
 _MESSAGE_HEAD = struct.Struct("<BQHIQQ")
-# Messages outside of chunks are read in runs of this many bytes; a larger one is a run of its own.
+# Messages outside of chunks are read in runs of at most this many bytes, or of one message.
 RUN_SIZE = 2**20
 _DATA_END = RECORD_HEAD + 4
-# What may stand between the header and the end of the data.
+# Records that may occur between the header and the end of the data.
 _IN_DATA = {
     Opcode.SCHEMA,
     Opcode.CHANNEL,
@@ -41,7 +41,7 @@ _IN_DATA = {
     Opcode.METADATA,
     Opcode.DATA_END,
 }
-# What a chunk begins with: opcode, length (below 2^40), first and last time, size, checksum,
+# The beginning of a chunk: opcode, length (below 2^40), first and last time, size, checksum,
 # compression, length of its data.
 _CHUNK_HEAD = (
     rb"\x06(?P<length>.{5}\0{3}).{16}.{5}\0{3}.{4}"
@@ -49,28 +49,28 @@ _CHUNK_HEAD = (
 )
 _LONGEST_HEAD = 64
 _BLOCK = 2**20
-# A file may be made so that every search ends at something that is no record.
+# Bounds the work on a file that is made so that every search finds a false record.
 _MOST_SEARCHES = 1000
 _DAY_NS = 86_400 * 10**9
 
 
 @dataclass
 class Index:
-    """What a file holds.
+    """What a file contains.
 
     Parameters
     ----------
     channels, schemas : dict by id
     chunks, runs : list of (earliest log time, offset, length)
-        For `chunks.unpack`. A run is of messages outside of chunks, one behind the other.
+        For `chunks.unpack`. A run consists of consecutive messages outside of chunks.
     counts : Counter
         Messages by channel id.
     expected : int or None
-        Messages that there should be, where the file says so.
+        Number of messages that the file declares.
     start_ns, end_ns : int
         Log times of the first and the last message.
     damage : str
-        Why not everything can be read; empty if all is well.
+        Why not everything can be read; empty if everything can.
     loose_channels : set of int
         Ids of the channels that are defined outside of chunks.
     """
@@ -87,12 +87,12 @@ class Index:
     loose_channels: set[int] = field(default_factory=set)
 
     def define(self, record: Any) -> None:
-        """Take in a channel or a schema; other records are passed over.
+        """Add a channel or a schema; other records are ignored.
 
         Raises
         ------
         DamageError
-            If there is another one of its id already, which stays.
+            If there is already a different one with its id, which is kept.
         """
         known: dict[int, Any]
         if isinstance(record, Channel):
@@ -105,14 +105,14 @@ class Index:
             raise DamageError("two of its records define a channel or a type differently")
 
     def add_chunk(self, offset: int, length: int, messages: Sequence[Message]) -> None:
-        """Take in a chunk with its messages."""
+        """Add a chunk with its messages."""
         for message in messages:
             self._count(message.channel_id, message.log_time)
         if messages:
             self.chunks.append((min(message.log_time for message in messages), offset, length))
 
     def add_message(self, offset: int, length: int, channel_id: int, log_time: int) -> None:
-        """Take in a message outside of chunks; it joins the run that ends where it begins."""
+        """Add a message outside of chunks; it joins the run that ends where it begins."""
         self._count(channel_id, log_time)
         earliest, begin, size = self.runs[-1] if self.runs else (log_time, offset, 0)
         if begin + size == offset and size + length <= RUN_SIZE:
@@ -127,15 +127,15 @@ class Index:
 
 
 def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> None:
-    """Go through the records from `begin` to `end` and take in those that are whole.
+    """Read the records from `begin` to `end` and add the intact ones to `found`.
 
     Parameters
     ----------
     stream : BinaryIO
     begin, end : int
-        Of the data section, or of a part of it.
+        Bounds of the data section, or of a part of it.
     found : Index
-        Takes them in, and the first damage that is met.
+        Changed in place; also takes the first damage.
     """
     position, searches = begin, 0
     while position + RECORD_HEAD <= end:
@@ -147,7 +147,7 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> None:
             _take(stream, position, end, found)
         except DamageError as error:
             found.damage = found.damage or str(error)
-            # Its length may be what is damaged.
+            # The damage may be in the length itself.
             if not _can_follow(stream, after, end):
                 searches += 1
                 position = _next_record(stream, position + 1, end, found)
@@ -158,14 +158,14 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> None:
 
 
 def head(stream: BinaryIO, position: int) -> tuple[int, int]:
-    """Return a record's opcode and its length, the head included."""
+    """Return a record's opcode and its length including the header."""
     stream.seek(position)
     data = stream.read(RECORD_HEAD)
     return data[0], RECORD_HEAD + int.from_bytes(data[1:], "little")
 
 
 def _take(stream: BinaryIO, position: int, end: int, found: Index) -> None:
-    """Take in the record at `position`, or raise `DamageError`."""
+    """Add the record at `position` to `found`, or raise `DamageError`."""
     opcode, length = head(stream, position)
     if position + length > end:
         raise DamageError("a record does not end within the data")
@@ -180,14 +180,14 @@ def _take(stream: BinaryIO, position: int, end: int, found: Index) -> None:
     elif opcode in (Opcode.CHANNEL, Opcode.SCHEMA):
         _take_definition(stream, position, length, found)
     elif not _can_follow(stream, position + length, end):
-        raise DamageError("a record does not end where another one begins")
+        raise DamageError("a record does not end where another begins")
 
 
 def _take_message(stream: BinaryIO, position: int, length: int, end: int, found: Index) -> None:
     if length > MAX_CHUNK:
         raise DamageError(f"a message of {length} bytes, at most {MAX_CHUNK} are allowed")
     if length < _MESSAGE_HEAD.size:
-        raise DamageError(f"a message of {length} bytes, its head alone has {_MESSAGE_HEAD.size}")
+        raise DamageError(f"a message of {length} bytes, its header alone has {_MESSAGE_HEAD.size}")
     _, _, channel_id, _, log_time, _ = _message_head(stream, position)
     after = position + length
     if not (
@@ -195,7 +195,7 @@ def _take_message(stream: BinaryIO, position: int, length: int, end: int, found:
     ):
         raise DamageError("a message does not end where another record begins")
     if channel_id not in found.channels:
-        raise DamageError("a message is of a channel that is not defined")
+        raise DamageError("a message belongs to an undefined channel")
     found.add_message(position, length, channel_id, log_time)
 
 
@@ -207,9 +207,9 @@ def _message_head(stream: BinaryIO, position: int) -> tuple[int, ...]:
 def _is_damaged_message(
     stream: BinaryIO, position: int, end: int, log_time: int, found: Index
 ) -> bool:
-    """Return whether a message with a damaged head seems to be at `position`.
+    """Return whether a message with a damaged header seems to begin at `position`.
 
-    The message before it, of this log time, is whole then.
+    If so, the message before it, which has this log time, is intact.
     """
     if position + _MESSAGE_HEAD.size > end:
         return False
@@ -231,18 +231,18 @@ def _take_definition(stream: BinaryIO, position: int, length: int, found: Index)
     kind = Channel if data[0] == Opcode.CHANNEL else Schema
     try:
         record: Channel | Schema = kind.read(source)
-    except Exception as error:  # a dozen kinds come out of damaged records
+    except Exception as error:  # damaged records raise a dozen kinds of exception
         raise DamageError(f"a definition cannot be read: {error}") from error
     found.define(record)
     if isinstance(record, Channel):
         found.loose_channels.add(record.id)
-    # All of it could be read, but where it ends is not to be trusted.
+    # Its content could be read, but its length, and so the next record's place, is wrong.
     if source.count != length - RECORD_HEAD:
-        raise DamageError("a definition has another size than it says")
+        raise DamageError("a definition does not have the size that it declares")
 
 
 def _can_follow(stream: BinaryIO, position: int, end: int) -> bool:
-    """Return whether a record, or the end of a file that was cut short, may be at `position`."""
+    """Return whether a record, or the end of a truncated file, may be at `position`."""
     if position + RECORD_HEAD > end:
         return position <= end
     opcode, length = head(stream, position)
@@ -252,8 +252,9 @@ def _can_follow(stream: BinaryIO, position: int, end: int) -> bool:
 def _next_record(stream: BinaryIO, start: int, end: int, found: Index) -> int:
     """Return where the next chunk or message seems to begin, or `end`.
 
-    Both lengths of a chunk must agree and fit. Messages are looked for in channels defined outside
-    of chunks only: the messages inside of a chunk its checksum must vouch for.
+    A chunk's two lengths must agree and fit into the data. Only messages of channels that are
+    defined outside of chunks are searched for: a message inside a damaged chunk must not be taken
+    without the chunk's checksum.
     """
     ids = [re.escape(struct.pack("<H", key)) for key in sorted(found.loose_channels)]
     message = rb"|\x05.{4}\0{4}(?:" + b"|".join(ids) + rb")" if ids else b""
@@ -271,7 +272,7 @@ def _next_record(stream: BinaryIO, start: int, end: int, found: Index) -> int:
 
 
 def _seems_whole(stream: BinaryIO, begin: int, end: int, match: re.Match[bytes]) -> bool:
-    """Return whether the lengths in what looks like a record's head make sense."""
+    """Return whether the lengths in what looks like a record's header can be right."""
     if match["length"] is None:
         _, length = head(stream, begin)
         return begin + length <= end and _can_follow(stream, begin + length, end)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""rosbag2 bags in MCAP, written so that rosbag2 accepts them as its own."""
+"""Writes rosbag2 bags in MCAP, which rosbag2 accepts as its own."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from msg_adapters import interfaces
 from .errors import BagError
 
 _METADATA = "metadata.yaml"
-# A damaged byte costs one chunk.
+# Small chunks, because a damaged byte costs one chunk.
 CHUNK_SIZE = 2**14
 _ENDLESS = {"sec": 9223372036, "nsec": 854775807}
 ROS_DISTRO = "jazzy"
@@ -36,7 +36,7 @@ class Topic:
     type_name : str
         Such as ``sensor_msgs/msg/PointCloud2``.
     depth : int
-        History depth it was offered with.
+        Offered history depth.
     transient_local : bool
     definition, type_hash : str
         Of the type, as MCAP and rosbag2 store them; of the installed package where empty.
@@ -51,7 +51,7 @@ class Topic:
 
     @property
     def offered_qos(self) -> list[dict[str, Any]]:
-        """The offered profile, as rosbag2 writes it."""
+        """The offered QoS profile as rosbag2 writes it."""
         return [
             {
                 "history": "keep_last",
@@ -75,7 +75,7 @@ class BagWriter:
     Parameters
     ----------
     directory : Path
-        Made here; must not exist.
+        Must not exist; it is created.
 
     Raises
     ------
@@ -94,7 +94,7 @@ class BagWriter:
         except OSError as error:
             raise BagError(f"{directory}: cannot be written: {error.strerror}") from None
         self._writer = Writer(self._stream, chunk_size=CHUNK_SIZE, compression=CompressionType.NONE)
-        # The library's version is left out: bytes must depend on the content only.
+        # Without the library's version: the bytes must depend on the content only.
         self._writer.start(profile="ros2", library="phd_jdtc_ros")
         self._channels: dict[str, int] = {}
         self._topics: dict[str, Topic] = {}
@@ -135,7 +135,7 @@ class BagWriter:
         Raises
         ------
         BagError
-            If that is not possible, or has failed before.
+            If writing fails, or failed before.
         """
         if self._stream.closed:
             raise BagError(f"{self._directory}: cannot be written: {self._why_closed}")
@@ -162,7 +162,7 @@ class BagWriter:
                 text = yaml.safe_dump(self._metadata(), sort_keys=False)
                 (self._directory / _METADATA).write_text(text)
         finally:
-            with contextlib.suppress(OSError):  # what was said of the first failure is enough
+            with contextlib.suppress(OSError):  # the first failure has been reported
                 self._stream.close()
 
     @contextlib.contextmanager

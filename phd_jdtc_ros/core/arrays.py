@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Array types and the few operations on arrays that every room of the core uses."""
+"""Array types, and operations on arrays that several rooms of the core use."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
-# scipy ships no type information; the alias says what is meant.
+# scipy ships no type information.
 SparseArray = Any
-# Runs of fewer equal values than this are as soon summed one by one.
+# Mean length of a run of equal values from which on summing by runs pays off.
 SHORT_RUN = 4
 
 
 def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
-    """Return `array` as a contiguous array of `dtype` that refuses assignment.
+    """Return `array` as a contiguous, read-only array of `dtype`.
 
-    An array of the right kind is not copied; the flag is set on a view of it.
+    A contiguous array of this type is not copied: the result is a read-only view of it.
     """
     view: Any = np.ascontiguousarray(array, dtype=dtype)
     if not view.flags.writeable:
@@ -34,8 +34,8 @@ def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
 def sum_by(index: IntArray, weight: FloatArray, size: int) -> FloatArray:
     """Return the sums of `weight` over equal `index`, shape (size,).
 
-    Where equal ones stand in long runs, as the particles of a target do, run by run: ten times as
-    fast.
+    Long runs of equal indices, as the particles of one target have, are summed run by run, which
+    is ten times as fast.
     """
     first = run_starts(index)
     if len(first) < len(index) // SHORT_RUN:
@@ -52,9 +52,9 @@ def run_starts(value: IntArray) -> IntArray:
 
 
 def factorize(value: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the distinct values, ascending, and which of them each entry is.
+    """Return the distinct values, ascending, and for each entry the index of its value in them.
 
-    As `numpy.unique`, but fast where equal values stand in long runs, as origins do.
+    Same as `numpy.unique` with the inverse, but fast for long runs of equal values, as origins are.
     """
     first = run_starts(value)
     distinct, run = np.unique(value[first], return_inverse=True)

@@ -1,17 +1,17 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Grouping reports by stamp: which reports make one scan, and when it is complete.
+"""Groups reports into scans by stamp, and decides when a scan is complete.
 
-Time is stamps, never arrival. Reports of several radars with one stamp are one scan; a radar with
-a stamp of its own makes a scan of its own. A scan is closed when every live radar has reported
-its stamp, or as soon as a later stamp has come. A radar is live by its stamps: it stops being
-waited for once it has missed two scans, and is waited for again from its next report on. Whoever
-must not wait for a later stamp closes what waits with `close_all`, when it likes.
+Time is given by stamps, never by arrival. Reports of several radars with one stamp are one scan; a
+report with another stamp is another scan. A scan is closed when every live radar has reported its
+stamp, or as soon as a later stamp has come. Whether a radar is live is decided by stamps: one that
+has missed two scans is no longer waited for, until its next report. A caller that cannot wait for a
+later stamp closes the pending scans with `close_all`.
 
-Where stamps arrive out of order, scans can be held back: the newest K of them stay open, so that
-what belongs between or before them still finds its place. With K = 1 nothing is lost as long as
-every report comes before any of the scan after the next, and the order within that changes nothing.
+Where stamps arrive out of order, the newest K scans can be held back, so that a late report still
+joins its scan. With K = 1 no report is lost, and the order of arrival makes no difference, as long
+as every report of a scan comes before all reports of the scan after the next.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ class Rejection(Enum):
 
 @dataclass(frozen=True)
 class Reset:
-    """The stamps jumped: what follows belongs to a new run.
+    """The stamps jumped: the scans that follow belong to a new run.
 
     Parameters
     ----------
     jump_s : float
-        How far from the scan or report before, seconds; negative for back.
+        Length of the jump from the previous scan or report, seconds; negative for a jump back.
     """
 
     jump_s: float
 
     @property
     def ahead(self) -> bool:
-        """Whether time went on, without scans."""
+        """Whether the jump is a gap, and not a jump back."""
         return self.jump_s > 0.0
 
     def __str__(self) -> str:
@@ -63,11 +63,11 @@ class ScanGrouper:
     radars : int
         How many radars are configured.
     reset_threshold_s : float
-        A stamp further back than this behind the newest is a new run and not a late report.
+        A stamp that is further behind the newest than this begins a new run and is no late report.
     max_gap_s : float
-        A scan later than this after the one before is of a new run.
+        A scan that comes later than this after the previous one begins a new run.
     reorder_scans : int
-        How many of the newest scans are held back for what arrives out of order.
+        Number K of the newest scans that are held back.
     """
 
     radars: int
@@ -109,8 +109,8 @@ class ScanGrouper:
         Returns
         -------
         list of Scan or Reset
-            The scans that this report closes, oldest first. A `Reset` among them parts the scans
-            of one run from those of the next.
+            The scans that this report closes, oldest first. A `Reset` stands between the scans of
+            one run and those of the next.
         Rejection
             If the report is not part of any scan.
         """
@@ -130,11 +130,14 @@ class ScanGrouper:
         return events + self._close_complete()
 
     def close_all(self) -> list[Scan | Reset]:
-        """Close every pending scan, complete or not, held back or not, oldest first."""
+        """Close all pending scans, also those incomplete or held back; oldest first."""
         return [event for stamp_ns in sorted(self._pending) for event in self._close(stamp_ns)]
 
     def _close_complete(self) -> list[Scan | Reset]:
-        """Close the oldest as long as enough later ones are there: one less if it is complete."""
+        """Close the oldest scans that are followed by enough later ones.
+
+        A complete scan needs `reorder_scans` later ones, an incomplete one needs one more.
+        """
         events: list[Scan | Reset] = []
         stamps = sorted(self._pending)
         while stamps:
@@ -150,10 +153,10 @@ class ScanGrouper:
         return live <= self._pending[stamp_ns].keys()
 
     def _close(self, stamp_ns: int) -> list[Scan | Reset]:
-        """Return the scan, behind a reset if it comes after too long a gap."""
+        """Return the scan, preceded by a reset if it comes after too long a gap."""
         reports = self._pending.pop(stamp_ns)
         for radar, last in enumerate(self._last_stamp):
-            # A radar whose newer report is already here is late for nothing.
+            # A radar that has already sent a newer report is not silent.
             if radar not in reports and (last is None or last < stamp_ns):
                 self._misses[radar] += 1
         gap_ns = 0 if self._closed_ns is None else stamp_ns - self._closed_ns

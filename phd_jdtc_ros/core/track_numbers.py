@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Numbers for tracks, small and in the order of their first report."""
+"""Track numbers: small, in the order in which tracks are first reported."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .types import Estimates
 
 
 class TrackNumbers:
-    """Numbers tracks in the order of their first report; keeps the numbers in use.
+    """Maps labels to track numbers, in the order in which tracks are first reported.
 
     Parameters
     ----------
     number : dict of label to number, or None
-        Those in use.
+        The numbers in use.
     count : int
-        How many have been given, from 1 on.
+        The last number given; the first is 1.
     """
 
     def __init__(self, number: dict[int, int] | None = None, count: int = 0) -> None:
@@ -30,11 +30,11 @@ class TrackNumbers:
         self.count = count
 
     def numbered(self, estimates: Estimates) -> Estimates:
-        """Return the estimates with numbers for labels; 0 stays 0."""
-        numbers = [self._of(label) if label else 0 for label in estimates.track_id.tolist()]
+        """Return the estimates with track numbers for labels; 0 stays 0."""
+        numbers = [self._track(label) if label else 0 for label in estimates.track_id.tolist()]
         return replace(estimates, track_id=np.array(numbers, dtype=np.int64))
 
-    def _of(self, label: int) -> int:
+    def _track(self, label: int) -> int:
         if label not in self._number:
             self.count += 1
             self._number[label] = self.count
@@ -42,7 +42,7 @@ class TrackNumbers:
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What is known, for a snapshot: the arguments of a new one."""
+        """The state for a snapshot: the arguments that make an equal one."""
         return {"number": [list(pair) for pair in self._number.items()], "count": self.count}
 
     def forget_all_but(self, labels: list[IntArray]) -> None:

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Values that travel through the tracker: scans in, particle intensities, estimates out.
+"""Values that pass through the tracker: scans in, estimates out.
 
-Every type is frozen and its arrays are read-only, so a value that one stage has handed on can be
-kept by another (the fixed-lag window keeps many) without a copy. Nobody writes to the entries of
-sparse arrays either, which scipy needs writable.
+Every type is frozen and its arrays are read-only, so a later stage can keep a value without a copy,
+as the fixed-lag window does. The entries of sparse arrays, which scipy requires to be writable, are
+never written to either.
 
 Dimension letters, the same everywhere: N particles, M detections, J components,
 T targets, O modes, C classes, D state, Z measurement.
@@ -63,9 +63,9 @@ class Scan:
     ----------
     stamp_ns : int
         Time of the scan in nanoseconds.
-    detections : tuple of (Detections or None), one entry a radar, in the configured order
-        None where that radar did not report this stamp: it is not updated with, which is not
-        the same as a report of zero detections.
+    detections : tuple of (Detections or None), one entry per radar, in the configured order
+        None if that radar did not report this stamp. There is then no update with it, which is
+        not the same as an update with zero detections.
     """
 
     stamp_ns: int
@@ -79,13 +79,13 @@ class Estimates:
     Parameters
     ----------
     stamp_ns : int
-        The time of the states.
+        Time of the states in nanoseconds.
     lag : int
-        How many later scans the estimates have seen; 0 for filtered ones.
+        Number of later scans that the estimates take into account; 0 for filtered ones.
     state : array of shape (T, D)
         In the world frame; metres, metres per second, radians per second.
     covariance : array of shape (T, D, D)
-        Of the particles about it, in the same units.
+        Of the target's particles about the state, in the same units.
     weight : array of shape (T,)
         Mass of the component: the probability that the target exists, up to the PHD's bias.
     class_probability : array of shape (T, C)
@@ -133,7 +133,7 @@ class Estimates:
 
     @property
     def unresolved(self) -> int:
-        """Number of estimates whose mass says that they stand for two targets."""
+        """Number of estimates with the mass of two targets that were not resolved."""
         return int(np.count_nonzero(self.weight > 1.5))
 
 

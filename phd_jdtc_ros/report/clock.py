@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The time axis of a run: from its first stamp, in a unit that suits its length."""
+"""The time axis of a run: time since its first stamp, in a unit that suits its length."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .record import Record
 
 @dataclass(frozen=True)
 class Clock:
-    """Time from a run's first stamp, in a unit that suits its length.
+    """Converts stamps to the time since a run's first stamp.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ class Clock:
 
     @property
     def unit(self) -> str:
-        """Seconds, or minutes for runs of more than half an hour."""
+        """The unit: ``s``, or ``min`` for runs of more than half an hour."""
         return "s" if self.span_s <= 1800.0 else "min"
 
     @property
     def unit_s(self) -> float:
-        """Length of the unit."""
+        """Length of the unit, seconds."""
         return 1.0 if self.unit == "s" else 60.0
 
     def seconds(self, stamp_ns: Sequence[int]) -> FloatArray:

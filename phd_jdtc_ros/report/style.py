@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How every picture looks: sizes, the line and marker of a class, and bare axes.
+"""The style of all pictures: sizes, lines and markers of classes, and axes.
 
-The palette survives colour-blind eyes and the lines and markers survive a grey printer.
+Colour-blind readers can tell the palette's colours apart; lines and markers differ in grey too.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ INK, GREY, FAINT = "#222222", "#9A9A9A", "#E4E4E4"
 
 
 def class_name(class_id: int) -> str:
-    """Return what a class is called."""
+    """Return the displayed name of a class."""
     return f"class {class_id}"
 
 
@@ -37,7 +37,7 @@ def class_marker(class_id: int) -> str:
 
 
 def plain_axes(axes: Axes) -> None:
-    """Leave of the axes what the reading needs: two spines and a faint grid."""
+    """Reduce the axes to two spines and a faint grid."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.grid(color=FAINT, linewidth=0.6)
     axes.set_axisbelow(True)

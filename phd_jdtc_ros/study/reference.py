@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The model-matched reference: what smoothing can gain when the association is known.
+"""The model-matched reference: filter and smoother with known association.
 
-One iterated extended Kalman filter per true target, with the motion model, the radars and the
-prior of a birth that the tracker has, and a Rauch-Tung-Striebel smoother over a fixed lag. It is
-told which detection is whose, when a target lives and of which class it is, so its error is
-localisation alone: a tracker of the same model can come close to it and hardly below.
+It runs one iterated extended Kalman filter per true target, with the tracker's motion model, radars
+and birth prior, and a Rauch-Tung-Striebel smoother over a fixed lag. It is given the association,
+the lifetime and the class of every target, so its only error is localisation. A tracker of the
+same model can approach this error but hardly fall below it.
 
 The state is ``[x, vx, y, vy]``, the support of the constant-velocity model: D = 4.
 """
@@ -29,7 +29,7 @@ from .runs import SimulatedRun, Tracks
 def birth(
     position: FloatArray, motion: MotionModel, position_std: float, velocity_std: float
 ) -> Gaussian:
-    """Return the prior of a target that is born at a position, at rest on average.
+    """Return the prior of a target born at a position, with zero mean velocity.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def birth(
         World frame, metres.
     motion : MotionModel
     position_std, velocity_std : float
-        An axis, in metres and metres per second.
+        Along each axis, in metres and metres per second.
     """
     support = list(motion.support)
     mean = motion.space.state(position, 0.0, 0.0)
@@ -48,7 +48,7 @@ def birth(
 def filter_target(
     run: SimulatedRun, track_id: int, prior: Gaussian, model: MotionModel
 ) -> dict[int, Filtered]:
-    """Return the filtered distributions of one target, by the index of the scan.
+    """Return the filtered distributions of one target, by scan index.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def filter_target(
 
     Notes
     -----
-    The radars update in turn, in the order of the scenario, as the tracker's do.
+    Radars update one after the other in the order of the scenario, as in the tracker.
     """
     result: dict[int, Filtered] = {}
     previous = -1
@@ -94,28 +94,27 @@ def known_association(
     position_std: float = 200.0,
     velocity_std: float = 40.0,
 ) -> Tracks:
-    """Return the estimates of a tracker that knows which detection belongs to which target.
+    """Return the estimates of a tracker that knows the source of every detection.
 
     Parameters
     ----------
     run : SimulatedRun
     lags : sequence of int
-        Scans; 0 is the filter. The last scans of a target's life have as many later ones as
-        there are.
+        Scans; 0 is the filter. Near the end of a target's life fewer later scans are used.
     noise_density : float
         Spectral density l of the constant-velocity model, m^2/s^3.
     position_std, velocity_std : float
-        Spread of the prior about the true first position and about rest, m and m/s; the defaults
-        are those of the reference scenario's births.
+        Standard deviations of the prior about the true first position and about zero velocity,
+        m and m/s; the defaults are those of the reference scenario's births.
 
     Returns
     -------
     dict of lag to list of PointSet
-        One a scan, with exactly the targets that live and their true classes, in the order of
+        One set per scan, with the true number of targets and their true classes, in the order of
         the truth.
     """
     model = ConstantVelocity(noise_density)
-    place = [model.support.index(axis) for axis in model.space.position]
+    position_index = [model.support.index(axis) for axis in model.space.position]
     first = {
         int(number): position
         for truth in reversed(run.truth)
@@ -131,13 +130,13 @@ def known_association(
     def estimate(index: int, number: int, lag: int) -> FloatArray:
         alive = targets[number]
         seen = [alive[i] for i in range(index, index + lag + 1) if i in alive]
-        return smooth(seen).mean[place]
+        return smooth(seen).mean[position_index]
 
     tracks: dict[int, list[PointSet]] = {}
     for lag in lags:
         tracks[lag] = []
         for index, truth in enumerate(run.truth):
             rows = [estimate(index, int(number), lag) for number in truth.track_id]
-            position = np.array(rows, dtype=np.float64).reshape(-1, len(place))
+            position = np.array(rows, dtype=np.float64).reshape(-1, len(position_index))
             tracks[lag].append(PointSet(position, truth.class_id))
     return tracks

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The executables that are no nodes: simulate, track a bag, report, a study, and the demo."""
+"""The executables that are not nodes: simulate, track_bag, report, monte_carlo and the demo."""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the offline executables share: arguments, and one way to end."""
+"""Code that the offline executables share: common arguments, error reports, exit status."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
 
 from . import params_file, tracker_params
 
-# OSPA's c (metres) and p where nothing else is asked for.
+# Default cut-off c (metres) and order p of OSPA.
 CUTOFF, ORDER = 1000.0, 2.0
 
 
 def guarded(name: str, work: Callable[[], int]) -> int:
-    """Run `work` and turn what users can cause into one line each and an exit status."""
+    """Run `work`; report errors that users can cause in a line, and return the exit status."""
     try:
         return work()
     except (ConfigError, BagError) as error:
@@ -53,11 +53,11 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def tracker_config(arguments: argparse.Namespace) -> TrackerConfig:
-    """Return the configuration that the parameter arguments ask for."""
+    """Return the configuration that the parameter arguments describe."""
     given: dict[str, Any] = {}
     if arguments.scenario is not None:
         given = params_file.scenario_parameters(params_file.load_yaml(arguments.scenario))
     paths: Sequence[Path] = arguments.params_file
     given |= params_file.from_arguments(paths, arguments.assignments)
-    # A live tracker's file may be given too.
+    # The file may be a live tracker's, with the node's own parameters.
     return tracker_params.config(given)

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The main job in one command: replay, track and evaluate over DDS, then the report.
+"""The demo in one command: replay, track and evaluate over DDS, then write the report.
 
-The three nodes run as separate processes in a ROS domain of their own on this machine alone. The
-replay is in lock-step with the tracker, so it goes as fast as the CPU allows and loses nothing.
+The three nodes run as separate processes in their own ROS domain, on this machine only. The replay
+is in lock-step with the tracker, so it runs as fast as the CPU allows and loses no message.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.
 FINISH_S = 30.0
 METRICS, RECORDING, LOGS = "metrics.json", "estimates", "logs"
-# All that a demo leaves, by its path in the directory of its output.
+# All files that a demo writes, relative to its output directory.
 ARTEFACTS = (
     METRICS,
     report.PAGE,
@@ -43,7 +43,7 @@ ARTEFACTS = (
 
 
 class Processes:
-    """The demo's nodes; those still running are stopped when the block ends."""
+    """The demo's nodes; those still running are stopped when the context ends."""
 
     def __init__(self, logs: Path) -> None:
         self._logs = logs
@@ -76,7 +76,7 @@ class Processes:
         parameters: Mapping[str, object],
         shown: bool = False,
     ) -> None:
-        """Start a node; what it prints goes to its log unless it is `shown`."""
+        """Start a node; its output goes to its log, or to the terminal if `shown`."""
         line = [sys.executable, "-m", "phd_jdtc_ros", name, *arguments, "--ros-args"]
         for key, value in parameters.items():
             line += ["-p", f"{key}:={value}"]
@@ -86,7 +86,7 @@ class Processes:
             )
 
     def wait_for(self, name: str, text: str) -> bool:
-        """Wait until a node has said `text`; return whether it did."""
+        """Wait until a node has logged `text`; return whether it did."""
         deadline = time.monotonic() + START_S
         while text not in (self._logs / f"{name}.log").read_text():
             if self._running[name].poll() is not None or time.monotonic() > deadline:
@@ -96,7 +96,7 @@ class Processes:
         return True
 
     def wait(self, name: str, timeout_s: float | None = None) -> bool:
-        """Wait for a node to end well, as long as the others run; return whether it did."""
+        """Wait until a node ends; return whether it and the others ran without failure."""
         deadline = time.monotonic() + timeout_s if timeout_s else None
         while self._running[name].poll() is None:
             ended = [n for n, process in self._running.items() if process.poll()]
@@ -116,10 +116,10 @@ class Processes:
 
 
 def run_nodes(bag: Path, out: Path) -> bool:
-    """Run the three nodes over a bag into `out`; return whether all went well."""
+    """Run the three nodes over a bag, with output to `out`; return whether none of them failed."""
     scans = BagReader(bag).counts[names.TRUTH]
     if not scans:
-        raise BagError(f"{bag}: nothing on {names.TRUTH}, which the demo scores against")
+        raise BagError(f"{bag}: no message on {names.TRUTH}, the truth that the demo needs")
     reliable = {
         f"qos_overrides.{radar.topic}.subscription.reliability": "reliable"
         for radar in resolve({}).inputs
@@ -133,8 +133,8 @@ def run_nodes(bag: Path, out: Path) -> bool:
     with Processes(out / LOGS) as nodes:
         nodes.start("evaluator", [], reporting)
         nodes.start("tracker", [], reliable)
-        # The replay knows when it is heard itself, but not when the tracker is: that one gets the
-        # time that the replay takes to start.
+        # The replay waits for its own subscribers, but cannot see whether the evaluator has found
+        # the tracker. That has to happen while the replay starts.
         if not (nodes.wait_for("evaluator", "waiting") and nodes.wait_for("tracker", "tracking")):
             return False
         nodes.start("sensor_replay", [str(bag), "--rate", "0"], flushing, shown=True)
@@ -142,12 +142,12 @@ def run_nodes(bag: Path, out: Path) -> bool:
 
 
 def shipped_bag() -> Path:
-    """Return the reference scenario's bag, of the checkout or of the installed package."""
+    """Return the reference scenario's bag, from the checkout or the installed package."""
     return resources.find(Path("bags/paper_scenario"))
 
 
 def _clear(out: Path) -> None:
-    """Remove what an earlier demo left, and nothing else."""
+    """Remove the files of an earlier demo, and no others."""
     for name in ARTEFACTS:
         (out / name).unlink(missing_ok=True)
     # A recording needs a new directory; one with other files in it is not removed.
@@ -167,7 +167,7 @@ def main(argv: Sequence[str]) -> int:
             raise BagError(f"{arguments.bag}: no such bag")
         out: Path = arguments.out
         _clear(out)
-        # Who ends the demo ends its nodes too.
+        # On SIGTERM the nodes are stopped too.
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
             if not run_nodes(arguments.bag, out):

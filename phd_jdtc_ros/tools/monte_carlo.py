@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A Monte Carlo study: many seeded runs, in parallel, to tables, figures and a summary."""
+"""Runs a Monte Carlo study: many seeded runs in parallel, with tables, figures and a summary."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ PUBLISHED = Path("config/studies/published.yaml")
 
 
 def published_study() -> Path:
-    """Return the published study's file, of the checkout or of the installed package."""
+    """Return the published study's file, from the checkout or the installed package."""
     return resources.find(PUBLISHED)
 
 
 def load_study(path: Path, assigned: Mapping[str, Any]) -> Study:
-    """Return a checked study; scenario files are named from where the study's file is."""
+    """Return a checked study; paths of scenario files are relative to the study's file."""
     return monte_carlo.resolve(
         params_file.load_yaml(path), partial(_load_scene, path.parent), assigned
     )
@@ -47,22 +47,22 @@ def _load_scene(directory: Path, name: str) -> Scene:
 
 
 def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> int:
-    """Run what is not stored yet, write the results and print the tables.
+    """Run the tasks that are not stored yet, write the results and print the tables.
 
     Parameters
     ----------
     study : Study
     plan : Plan
-        Of the study.
+        The study's tasks.
     out : Path
-        Gets ``parts``, ``results.csv``, ``summary.json``, ``table.md`` and ``figures``.
+        Directory for ``parts``, ``results.csv``, ``summary.json``, ``table.md`` and ``figures``.
     backend : callable of (tasks, report)
         Runs the tasks.
 
     Returns
     -------
     int
-        Exit status: failed if a task did.
+        Exit status: failure if a task failed.
     """
     console = Console()
     store = Store(out / "parts")
@@ -72,7 +72,7 @@ def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> in
     failures: list[Outcome] = []
     if tasks:
         console.print(
-            f"{len(plan.tasks)} tasks, {len(plan.tasks) - len(tasks)} of them done before"
+            f"{len(plan.tasks)} tasks, {len(plan.tasks) - len(tasks)} of them already done"
         )
         with _progress(console, len(tasks), store, failures) as report:
             backend(tasks, report)
@@ -86,7 +86,7 @@ def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> in
 def _progress(
     console: Console, total: int, store: Store, failures: list[Outcome]
 ) -> Iterator[monte_carlo.Report]:
-    """Yield what takes the outcomes: it stores scores at once and moves the bar."""
+    """Yield the callback for outcomes, which stores scores at once and advances the bar."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -111,7 +111,7 @@ def _progress(
 def write_results(
     study: Study, plan: Plan, out: Path, failures: Sequence[Outcome], console: Console
 ) -> None:
-    """Write everything that follows from the stored scores, and print the tables."""
+    """Write the results of the stored scores, and print the tables."""
     store = Store(out / "parts")
     results = monte_carlo.collect(plan.tasks, store)
     ordered = sorted(failures, key=lambda outcome: outcome.task.label)
@@ -128,7 +128,7 @@ def write_results(
 
 
 def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:
-    """Return the study that the arguments ask for, and its tasks."""
+    """Return the selected study and its tasks."""
     bounds = (
         ("--runs", arguments.runs, 1),
         ("--first-seed", arguments.first_seed, 0),
@@ -148,7 +148,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:
 
 
 def _backend(arguments: argparse.Namespace) -> Callable[..., None]:
-    """Return what runs the tasks, given them and a report."""
+    """Return the function that runs tasks, given a callback for their outcomes."""
 
     def on_dask(tasks: Sequence[Task], report: monte_carlo.Report) -> None:
         monte_carlo.run_on_dask(tasks, arguments.dask, report)
@@ -163,15 +163,19 @@ def main(argv: Sequence[str]) -> int:
     """Run the study tool."""
     parser = argparse.ArgumentParser("monte_carlo", description=__doc__)
     parser.add_argument("--study", type=Path, default=published_study(), help="study file")
-    parser.add_argument("--runs", type=int, default=50, help="seeds a case (%(default)s)")
+    parser.add_argument("--runs", type=int, default=50, help="seeds per case (%(default)s)")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("out/study"), help="%(default)s")
     place = parser.add_mutually_exclusive_group()
     cpus = len(os.sched_getaffinity(0))
     place.add_argument("--workers", type=int, default=cpus, help="local processes (%(default)s)")
     place.add_argument("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster")
-    parser.add_argument("--case", action="append", default=[], help="only this; may be repeated")
-    parser.add_argument("--variant", action="append", default=[], help="only this; may be repeated")
+    parser.add_argument(
+        "--case", action="append", default=[], help="only this one; may be repeated"
+    )
+    parser.add_argument(
+        "--variant", action="append", default=[], help="only this one; may be repeated"
+    )
     parser.add_argument(
         "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
     )
@@ -179,7 +183,7 @@ def main(argv: Sequence[str]) -> int:
 
     def work() -> int:
         study, plan = _plan(arguments)
-        # Who ends the study ends its processes too.
+        # On SIGTERM the worker processes are stopped too.
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
             return run(study, plan, arguments.out, _backend(arguments))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS parameter files and ``name:=value`` arguments, for the executables that are no nodes."""
+"""ROS parameter files and ``name:=value`` arguments, for the executables that are not nodes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import yaml
 from phd_jdtc_ros.core.configuration.schema import ConfigError, flatten
 
 _NODE = "tracker"
-# What the parts of a section's name stand for, each with the slash before it.
+# Regular expressions for the wildcards in a section's name, with the preceding slash.
 _WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
 
 
@@ -25,7 +25,7 @@ def load_yaml(path: Path) -> Any:
     Raises
     ------
     ConfigError
-        If the file cannot be read or is no YAML.
+        If the file cannot be read or is not YAML.
     """
     try:
         return yaml.safe_load(path.read_text())
@@ -33,20 +33,20 @@ def load_yaml(path: Path) -> Any:
         raise ConfigError([f"{path}: cannot be read: {error.strerror}"]) from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         reason = " ".join(str(error).split())
-        raise ConfigError([f"{path}: is no YAML: {reason}"]) from error
+        raise ConfigError([f"{path}: is not YAML: {reason}"]) from error
 
 
 def load(path: Path) -> dict[str, Any]:
     """Return the tracker's parameters in a ROS parameter file, by dotted name.
 
-    As ROS has it, a section is for every node that its name fits (``*`` is one part of a name,
-    ``**`` any number of them), and of two values the later one wins. The tracker may be in any
-    namespace.
+    As in ROS, a section is for all nodes whose name it matches (``*`` matches one part of a name,
+    ``**`` any number of parts), and a later value overrides an earlier one. The tracker may be in
+    any namespace.
 
     Raises
     ------
     ConfigError
-        If it is no such file, or has sections of trackers in several namespaces.
+        If it is not such a file, or has sections for trackers in several namespaces.
     """
     sections = list(_sections(load_yaml(path)))
     trackers = {name for name, _ in sections if name.endswith(f"/{_NODE}") and "*" not in name}
@@ -76,7 +76,7 @@ def _sections(document: Any, prefix: str = "") -> Iterator[tuple[str, Mapping[st
 
 
 def _is_for(section: str, tracker: str | None) -> bool:
-    """Return whether a section is for the tracker of that full name, or of any if it has none."""
+    """Return whether a section matches the tracker's full name, or any tracker if it is None."""
     parts = section.split("/")[1:]
     if tracker is None:
         return parts[-1] in (_NODE, *_WILDCARDS)
@@ -90,13 +90,13 @@ def scenario_parameters(document: Any) -> dict[str, Any]:
     Parameters
     ----------
     document : mapping
-        Its ``parameters``, nested or dotted, say in what the radars and the tracker differ from
-        their defaults; none where the key is absent.
+        Its ``parameters``, nested or dotted, are those of the radars and the tracker that differ
+        from the defaults; none if the key is absent.
 
     Raises
     ------
     ConfigError
-        If they are no mapping.
+        If they are not a mapping.
     """
     given = document.get("parameters", {}) if isinstance(document, Mapping) else {}
     if not isinstance(given, Mapping):
@@ -105,7 +105,7 @@ def scenario_parameters(document: Any) -> dict[str, Any]:
 
 
 def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[str, Any]:
-    """Return parameters from files and ``name:=value`` assignments; the last one wins."""
+    """Return parameters from files and ``name:=value`` assignments; later values override."""
     found: dict[str, Any] = {}
     faults: list[str] = []
     for path in paths:
@@ -121,7 +121,7 @@ def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[st
         try:
             found[name] = yaml.safe_load(value)
         except yaml.YAMLError as error:
-            faults.append(f"-p {assignment}: is no YAML: {' '.join(str(error).split())}")
+            faults.append(f"-p {assignment}: is not YAML: {' '.join(str(error).split())}")
     if faults:
         raise ConfigError(faults)
     return found

@@ -28,18 +28,18 @@ from phd_jdtc_ros.study.monte_carlo.definition import OSPA_AFTER_5
 _PARAMETERS = """\
 # Parameters
 
-Written by `make parameters` from the tables in the code. Those marked * can change while the
-tracker runs, from the next scan on: a change is checked as a whole, with all else that is set, and
-refused as a whole with every reason. All others are fixed at the start, but for `seek_s` of
-`sensor_replay`. Whole numbers are accepted where numbers are meant. All faults of a configuration
-are listed at once, and the node ends with status 2.
+Written by `make parameters` from the tables in the code. Parameters marked * can change while the
+tracker runs, from the next scan on. A change is checked together with all other values, and if it
+is refused, every reason is given. All other parameters are fixed at the start, except `seek_s` of
+`sensor_replay`. Whole numbers are accepted for all numbers. All faults of a configuration are
+listed at once, and the node then ends with status 2.
 """
 
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     (
         "tracker",
-        "The defaults are the reference scenario; `config/paper_scenario.yaml` has them written "
-        "out. QoS can be overridden: `qos_overrides.TOPIC.publisher.{reliability,history,depth}`, "
+        "The defaults are the reference scenario; `config/paper_scenario.yaml` lists them all. "
+        "QoS can be overridden: `qos_overrides.TOPIC.publisher.{reliability,history,depth}`, "
         "and `qos_overrides.TOPIC.subscription.{reliability,history,depth,deadline}` (ns).",
         TOP,
     ),
@@ -47,11 +47,11 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     ("tracker, for every name in `classes`", "", CLASS),
     ("tracker, for every name in `motions`", "", MOTION),
     ("tracker, for every name in `births`", "", BIRTH),
-    ("tracker, as a node", "Not for the offline executables.", settings.TABLE),
+    ("tracker, as a node", "The offline executables do not have these.", settings.TABLE),
     (
         "sensor_replay",
-        "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the bag as "
-        "an argument set the parameters of the same meaning.",
+        "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the "
+        "positional argument set the corresponding parameters.",
         replay_parameters.TABLE,
     ),
     ("evaluator", "", node.TABLE),

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A bag with estimates to one self-contained HTML page and pictures."""
+"""Makes a self-contained HTML page and pictures of a bag with estimates."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def write(
     ----------
     bag : Path
     out : Path
-        Gets ``report.html`` and the PNGs.
+        Directory for ``report.html`` and the PNGs.
     config : TrackerConfig
-        Names the radars of the bag.
+        Describes the radars of the bag.
     title : str
     summary : dict or None
-        The run's figures where they are known; otherwise they are computed from the bag.
+        The run's figures if they are known; otherwise they are computed from the bag.
     """
     run = load.record(bag, config)
     out.mkdir(parents=True, exist_ok=True)
@@ -53,7 +53,7 @@ def write(
         console.print(score_tables(summary))
     page = out / PAGE
     if not _write_page(page, title, summary, run, evaluation):
-        print("report: no page without plotly; to have it: pip install plotly", file=sys.stderr)
+        print("report: the page needs plotly: pip install plotly", file=sys.stderr)
         return FAILED
     console.print(f"report: {page}", soft_wrap=True, markup=False, highlight=False)
     return OK
@@ -62,15 +62,15 @@ def write(
 def _write_page(
     page: Path, title: str, summary: dict[str, Any], run: Record, evaluation: Evaluation
 ) -> bool:
-    """Write the page; return False where plotly, which no rosdep key brings, is missing."""
+    """Write the page; return False if plotly is missing, because rosdep has no key for it."""
     try:
         from phd_jdtc_ros.report.page import charts, html
     except ModuleNotFoundError as error:
         if (error.name or "").split(".")[0] != "plotly":
             raise
         return False
-    drawn, notes = charts.of_record(run, evaluation), charts.missing(run, evaluation)
-    html.write_report(page, title, summary, run, drawn, notes)
+    shown, notes = charts.of_record(run, evaluation), charts.missing(run, evaluation)
+    html.write_report(page, title, summary, run, shown, notes)
     return True
 
 
@@ -79,7 +79,7 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser("report", description=__doc__)
     parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file with estimates")
     parser.add_argument("--out", type=Path, required=True, help="directory of the report")
-    parser.add_argument("--title", help="of the page; the bag's name if absent")
+    parser.add_argument("--title", help="title of the page; the bag's name if absent")
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 

@@ -1,33 +1,33 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the package brings beside its code, of the checkout or of the installed package."""
+"""Finds the package's data files, in the checkout or in the installed package."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-# What Fast DDS 2 and Fast DDS 3 call the file of profiles.
+# The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
 
-def find(here: Path) -> Path:
-    """Return where a file or a directory is that the checkout has under `here`."""
-    if here.exists():
-        return here
+def find(relative: Path) -> Path:
+    """Return the path of a file or directory; `relative` is its path in the checkout."""
+    if relative.exists():
+        return relative
     try:
         from ament_index_python.packages import get_package_share_directory
 
-        return Path(get_package_share_directory("phd_jdtc_ros")) / here
-    except (ImportError, LookupError):  # no ROS installation, or the package is not in it
-        return here
+        return Path(get_package_share_directory("phd_jdtc_ros")) / relative
+    except (ImportError, LookupError):  # ROS or the package is not installed
+        return relative
 
 
 def isolation() -> dict[str, str]:
-    """Return the environment in which Fast DDS uses the loopback interface alone.
+    """Return the environment variables that limit Fast DDS to the loopback interface.
 
-    A profile that the user has chosen stays in force.
+    Empty if the user has chosen a profile, which then stays in force.
     """
     profile = find(Path("config/dds/localhost_only.xml"))
     chosen = [name for name in PROFILE_VARIABLES if name in os.environ]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A live tracker's parameters, read by others than the node: launch files, offline tools."""
+"""Reads a live tracker's parameters for launch files and offline tools."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from phd_jdtc_ros.nodes.tracker import settings
 
 from . import params_file
 
-# What every node has, by rclpy.
+# Parameters that rclpy gives every node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
 
 
 def config(given: Mapping[str, Any]) -> TrackerConfig:
-    """Return the tracker that a live node's parameters describe.
+    """Return the configuration of the tracker that a live node's parameters describe.
 
-    What only the node has does not matter.
+    The node's own parameters are ignored.
 
     Raises
     ------
     ConfigError
-        With every fault of what they describe.
+        With every fault.
     """
     of_node = settings.NAMES.union(_OF_EVERY_NODE)
     return resolve(
@@ -39,11 +39,11 @@ def config(given: Mapping[str, Any]) -> TrackerConfig:
 
 
 def load(path: Path) -> TrackerConfig:
-    """Return the tracker that a file describes.
+    """Return the configuration of the tracker that a parameter file describes.
 
     Raises
     ------
     ConfigError
-        If it is no parameter file, or with every fault of what it describes.
+        If it is not a parameter file, or with every fault of the parameters.
     """
     return config(params_file.load(path))

@@ -408,7 +408,7 @@ def test_reader_of_a_directory_must_hold_one_file(bag, tmp_path, count):
     for index in range(count):
         (tmp_path / f"{index}.mcap").write_bytes(data)
     error = failure(tmp_path)
-    assert f"holds {count} MCAP files, must hold one" in str(error)
+    assert f"contains {count} MCAP files, must contain one" in str(error)
     assert not error.corrupt
 
 

@@ -76,7 +76,7 @@ def test_reader_counts_what_is_lost_against_the_statistics(whole, tmp_path):
     data[parts[2].chunk_start_offset + parts[2].chunk_length // 2] ^= 0x10
     found, error = read(data, tmp_path / "damaged.mcap")
     assert f"1 of {len(parts)} chunks are lost" in error
-    assert f"it says that it has {len(messages)} messages, {len(found)} can be read" in error
+    assert f"it declares {len(messages)} messages, {len(found)} can be read" in error
 
 
 @pytest.mark.parametrize(("offset", "length"), [(0, 0), (0, 50), (10**9, 50), (8, 20)])

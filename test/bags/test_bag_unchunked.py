@@ -119,7 +119,7 @@ def test_reader_refuses_more_disorder_than_its_memory_holds(tmp_path, monkeypatc
     turned = [entry for pair in zip(entries, entries[::-1], strict=True) for entry in pair][:12]
     found, error = outcome(recorded(tmp_path / "turned.mcap", turned))
     assert not error.corrupt
-    assert "is too far out of the order of time" in str(error)
+    assert "its messages are too far out of order" in str(error)
     assert found == in_order[: len(found)]
 
 
@@ -168,7 +168,7 @@ def assert_others_are_read(whole, index, data, path):
     assert len(found) <= len(whole)
     if len(found) < len(whole):
         assert error.corrupt
-        assert f"it says that it has {len(whole)} messages, {len(found)} can be read" in str(error)
+        assert f"it declares {len(whole)} messages, {len(found)} can be read" in str(error)
 
 
 @pytest.mark.parametrize("index", [1, 5, 13])

@@ -348,7 +348,7 @@ def test_single_parameters_are_set_and_refused_one_by_one(processes, peer):
     results = peer.call(SetParameters, "/tracker/set_parameters", request).results
     assert [(r.successful, r.reason) for r in results] == [
         (True, ""),
-        (False, "lag: cannot change while the tracker runs, restart it with another"),
+        (False, "lag: cannot change while the tracker runs, restart it with another value"),
         (True, ""),
         (False, "survival: unknown parameter"),
     ]
@@ -362,7 +362,7 @@ def test_parameters_are_described_ranged_and_read_only_where_they_are_structure(
     threshold, lag, path = reply.descriptors
     assert [d.read_only for d in reply.descriptors] == [False, True, True]
     assert (threshold.floating_point_range[0].to_value, lag.integer_range[0].to_value) == (1.0, 100)
-    assert path.description == "Publish ~/tracks/path, a message a track."
+    assert path.description == "Publish ~/tracks/path, one message per track."
 
 
 def test_health_is_reported_while_simulated_time_stands_still(processes, peer):

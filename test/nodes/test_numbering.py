@@ -94,4 +94,4 @@ def test_second_publisher_is_forgotten_once_it_has_gone():
 
 def test_a_publisher_of_random_numbers_takes_no_memory():
     numbering = heard(islice(((7919 * k) % 100_003 for k in count(1)), 10_000))
-    assert len(numbering._counts) <= WINDOW + 1
+    assert len(numbering._sequences) <= WINDOW + 1

@@ -92,4 +92,4 @@ def test_choose_refuses_what_cannot_be_played(tmp_path, wanted, text):
 def test_choose_skips_a_name_that_is_no_topic(tmp_path):
     found = choose(tmp_path, {RADAR: names.CLOUD, "no topic": "std_msgs/msg/String"})
 
-    assert found.skipped == ("no topic: is no topic name, not played",)
+    assert found.skipped == ("no topic: is not a valid topic name, not played",)

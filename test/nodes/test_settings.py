@@ -59,7 +59,7 @@ def test_changed_gives_what_a_start_with_it_gives():
 def test_changed_lists_every_fault_in_the_words_of_the_start():
     change = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "existence_threshold": 2.0}
     assert faults(changed, USUAL, change) == [
-        "lag: cannot change while the tracker runs, restart it with another",
+        "lag: cannot change while the tracker runs, restart it with another value",
         "survival: unknown parameter",
         *faults(resolve, {"radar_1.clutter_rate": -1.0, "existence_threshold": 2.0}),
     ]

@@ -129,7 +129,7 @@ def test_load_refuses_what_is_no_yaml(tmp_path, content):
     path = tmp_path / "p.yaml"
     path.write_bytes(content)
     (fault,) = faults(params_file.load, path)
-    assert fault.startswith(f"{path}: is no YAML: ")
+    assert fault.startswith(f"{path}: is not YAML: ")
 
 
 def test_from_arguments_lets_the_last_one_win(tmp_path):

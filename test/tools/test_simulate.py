@@ -168,7 +168,7 @@ def test_simulate_of_a_scenario_that_is_no_yaml_says_so(simulate, tmp_path, caps
     status, out = simulate(scenario=tmp_path / "bad.yaml")
     assert status == 2
     (fault,) = faults_of(capsys)
-    assert fault.startswith(f"{tmp_path / 'bad.yaml'}: is no YAML: ")
+    assert fault.startswith(f"{tmp_path / 'bad.yaml'}: is not YAML: ")
     assert not out.exists()
 
 

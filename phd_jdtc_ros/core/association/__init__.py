@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which target each detection comes from.
+"""Data association: the probability that a detection comes from a target.
 
 ::
 

@@ -3,8 +3,9 @@
 
 """Association probabilities by loopy belief propagation: linear in the edges of the graph.
 
-It always converges. Where the graph has loops and neither clutter nor missed detections leave a way
-out, as with two loud targets and their two detections, it takes the likelier matching for certain.
+It always converges. If the graph has loops and both clutter and missed detections are improbable,
+as with two targets of high SNR and their two detections, it assigns almost all probability to the
+more probable matching.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ def propagate(
     propagation", IEEE Transactions on Aerospace and Electronic Systems 50(4), 2014.
     """
     rival = clutter[detection]
-    free = 1.0 / rival  # message to the target: how free the detection is
+    free = 1.0 / rival  # message to the target: how available the detection is
     for _ in range(ITERATIONS):
         taken = odds * free
         others = np.bincount(target, taken, targets).take(target) - taken

@@ -3,8 +3,8 @@
 
 """Exact association probabilities of a few targets that compete for a few detections.
 
-All matchings of targets with detections are summed by dynamic programming over the targets, the
-state being which detections are taken: 2^M states for M detections.
+All matchings of targets with detections are summed by dynamic programming over the targets. The
+state is the set of detections already taken, so M detections have 2^M states.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ def exact_marginals(
     Parameters
     ----------
     target, detection : int arrays of shape (E,)
-        The edges, none twice; targets in ascending order.
+        The edges, each once; targets in ascending order.
     odds : array of shape (E,)
-        Of the edge against both its ends going without.
+        Odds of the association against both its target and its detection being unassociated.
     targets, size : int
-        T and M; the work grows with E 2^M.
+        T and M; the cost grows with E 2^M.
 
     Returns
     -------
@@ -38,8 +38,8 @@ def exact_marginals(
     """
     without, taken = _states(size)
     first = np.searchsorted(target, np.arange(targets + 1))
-    # Row t: of the targets before t, the weight of every set of taken detections; of those from t
-    # on, the weight of all ways to go on from it.
+    # Row t, by set of taken detections: `before` is the total weight of the matchings of the
+    # targets before t that take this set; `after` is that of the targets from t on, given it.
     before = np.zeros((targets + 1, 1 << size))
     after = np.ones((targets + 1, 1 << size))
     before[0, 0] = 1.0

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which target each detection comes from: marginal association probabilities.
+"""Marginal association probabilities of targets and detections.
 
-A target has at most one detection, and a detection at most one source. The exact marginals are
-exponential in the number of contested detections. Belief propagation is linear and exact wherever
-the graph of targets and detections is a tree; clusters with loops are summed exactly where they are
-small, because there belief propagation may take one matching for certain.
+A target has at most one detection, and a detection at most one source. The cost of exact marginals
+is exponential in the number of contested detections. Belief propagation has linear cost and is
+exact if the graph of targets and detections is a tree. Small clusters with loops are summed
+exactly, because belief propagation may be overconfident there.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from ..arrays import FloatArray, IntArray
 from .belief_propagation import propagate
 from .exact_marginals import exact_marginals
 
-# Sums without one term are formed by subtraction. Odds against clutter beyond this are as good as
-# certain, and below it nothing is lost to rounding.
+# Sums without one term are formed by subtraction, which loses digits if odds against clutter are
+# huge. With this bound they stay accurate, and larger odds are practically certain anyway.
 LEAST_CLUTTER = 1e-9
-# Clusters with more detections are left to belief propagation.
+# For clusters with more detections belief propagation is used.
 EXACT_DETECTIONS = 7
 
 
@@ -31,26 +31,26 @@ def marginals(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the marginal probabilities of single-source, single-detection associations.
 
-    Exact but for clusters with loops and more than `EXACT_DETECTIONS` detections.
+    Exact except for clusters with loops and more than `EXACT_DETECTIONS` detections.
 
     Parameters
     ----------
     target, detection : int arrays of shape (E,)
-        The edges, none twice.
+        The edges, each once.
     odds : array of shape (E,)
-        Of that detection against none, for the target alone: the mass that the edge explains over
-        the probability that the target has no detection.
+        Odds of that detection against none, for the target alone: the mass that the edge explains,
+        divided by the probability that the target has no detection.
     targets : int
         T.
     clutter : array of shape (M,)
-        What else may explain each detection, in the units of `odds`.
+        Intensity of the other sources of each detection, in the units of `odds`.
 
     Returns
     -------
     edge : array of shape (E,)
         Probability that the target is the detection's source.
     none : array of shape (T,)
-        Probability that the target has no detection, be it missed or not there.
+        Probability that the target has no detection, because it was missed or does not exist.
 
     References
     ----------

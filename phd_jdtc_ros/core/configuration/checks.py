@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What parameters must be together, beyond what each may be alone.
+"""Checks of parameters against each other, beyond the allowed values of each.
 
-A check is a function of all values by dotted name, and returns a line for every fault.
+A check is a function of all values by dotted name that returns one line per fault.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _check_names(values: Mapping[str, Any]) -> list[str]:
             faults.append(f"{group}: [] given, must name at least one")
         for name in values[group]:
             if "." in name or name in taken:
-                reason = "must not hold a dot" if "." in name else f"is already {taken[name]}"
+                reason = "must not contain a dot" if "." in name else f"is already {taken[name]}"
                 faults.append(f"{group}: {name!r} given, {reason}")
             taken[name] = f"one of {group}"
     return faults
@@ -53,7 +53,7 @@ def _check_classes(values: Mapping[str, Any]) -> list[str]:
     faults = []
     for name in values["classes"]:
         low, high = values[f"{name}.snr_band_db"]
-        # Compared as the likelihood does: with both far below 0 dB, 1 + d is 1 twice.
+        # Compared as the likelihood does: far below 0 dB, 1 + d rounds to 1 for both.
         if not 1.0 + amplitude_density.snr_from_db(low) < 1.0 + amplitude_density.snr_from_db(high):
             faults.append(f"{name}.snr_band_db: [{low}, {high}] given, the second must be larger")
         motions = values[f"{name}.motions"]
@@ -68,8 +68,8 @@ def _check_classes(values: Mapping[str, Any]) -> list[str]:
             matrix = square(values[key])
             if matrix is not None and markov_generator(matrix) is None:
                 wrong = [
-                    f"{key}: {values[key]} given, no process in continuous time has this matrix, "
-                    "so it cannot follow the interval; must be another, or fixed_interval true"
+                    f"{key}: {values[key]} given, has no rate matrix, so it cannot be converted to "
+                    "other intervals; must be another matrix, or fixed_interval true"
                 ]
         faults += wrong
     return faults
@@ -84,7 +84,7 @@ def _check_spawn(values: Mapping[str, Any]) -> list[str]:
         sizes = {len(values[f"{name}.motions"]) for name in values["classes"]}
         if len(sizes) > 1:
             faults.append(
-                "spawn.mode_transition: must be empty where classes have different motions"
+                "spawn.mode_transition: must be empty if classes differ in their number of motions"
             )
         else:
             key = "spawn.mode_transition"
@@ -102,19 +102,19 @@ def _check_rest(values: Mapping[str, Any]) -> list[str]:
     if appearing and len(appearing) != len(values["classes"]):
         faults.append(
             f"detection_births.rates: {appearing} given, must be empty or "
-            f"{len(values['classes'])} numbers, one a class"
+            f"{len(values['classes'])} numbers, one per class"
         )
     for name in values["births"]:
         rates = values[f"{name}.rates"]
         if len(rates) != len(values["classes"]) or sum(rates) <= 0.0:
             faults.append(
-                f"{name}.rates: {rates} given, must be {len(values['classes'])} numbers, one a "
+                f"{name}.rates: {rates} given, must be {len(values['classes'])} numbers, one per "
                 "class, not all 0"
             )
         elif values["corrector"] == "bernoulli" and sum(rates) > 1.0:
             faults.append(
                 f"{name}.rates: {rates} given, must sum to at most 1: with corrector bernoulli a "
-                "birth term is one target a scan at the most"
+                "birth term is at most one target per scan"
             )
     for group in ("topic", "frame"):
         used = [name_or(values, radar, group) for radar in values["radars"]]
@@ -135,6 +135,6 @@ CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
 
 
 def name_or(values: Mapping[str, Any], radar: str, key: str) -> str:
-    """Return a radar's topic or frame, or what stands for it when it is empty."""
+    """Return a radar's topic or frame, or its default if it is empty."""
     fallback = f"/{radar}/detections" if key == "topic" else radar
     return str(values[f"{radar}.{key}"] or fallback)

@@ -3,10 +3,10 @@
 
 """The table of parameters: names, defaults, units and bounds.
 
-Parameters are flat dotted names with plain values, as ROS has them. Four lists name the parts
-(`radars`, `classes`, `motions`, `births`), and every name in them has parameters of its own:
-``radar_1.range_std``. The defaults are the reference scenario. Units are SI except where a suffix
-says so.
+Parameters are flat dotted names with plain values, as in ROS. Four lists name the parts (`radars`,
+`classes`, `motions`, `births`), and every name in them has its own parameters, such as
+``radar_1.range_std``. The defaults are the reference scenario. Units are SI unless a suffix names
+another.
 """
 
 from __future__ import annotations
@@ -40,29 +40,29 @@ TOP = (
     Parameter(
         "interval_s",
         6.0,
-        "Interval that rates, probabilities and mode matrices are given for, s; they follow the "
-        "true one.",
+        "Nominal interval, s: the one that rates, probabilities and mode matrices are given for; "
+        "they are converted to the true interval.",
         1e-3,
         1e4,
     ),
     Parameter(
         "fixed_interval",
         False,
-        "The mode matrix follows the interval in whole steps, so it needs no rate matrix.",
+        "Convert mode matrices in whole nominal intervals only, so that they need no rate matrix.",
     ),
     Parameter(
         "max_gap_scans",
         15.0,
-        "Longest gap between scans that is predicted over, in intervals; after a longer one the "
-        "tracker starts anew.",
+        "Longest gap between scans that is predicted over, in intervals; after a longer one a new "
+        "run begins.",
         2.0,
         1e6,
     ),
     Parameter(
         "reorder_scans",
         0,
-        "Scans held back, to be put in order where stamps arrive out of order; estimates come so "
-        "many scans later.",
+        "Number of scans held back to put stamps in order that arrive out of order; estimates come "
+        "this many scans later.",
         0,
         2,
     ),
@@ -77,26 +77,27 @@ TOP = (
     Parameter(
         "corrector",
         "bernoulli",
-        "How detections correct the intensity: every origin one target at the most, which also "
-        "names tracks, or the Poisson process of the PHD filter as in the paper.",
+        "How detections correct the intensity. bernoulli: every origin is at most one target, and "
+        "its label; poisson: the Poisson process of the PHD filter, as in the paper.",
         choices=tuple(CORRECTORS),
     ),
     Parameter(
         "death_term",
         "bernoulli",
-        "Backward death term: one Bernoulli target a component, or as the paper prints it.",
+        "Backward death term. bernoulli: every component is at most one target; paper: as printed.",
         choices=tuple(DEATH_TERMS),
     ),
     Parameter(
         "extraction",
         "components",
-        "How targets are read off: by component, or by clustering as in the paper.",
+        "How targets are extracted. components: one per component; clusters: by clustering, as in "
+        "the paper.",
         choices=tuple(EXTRACTIONS),
     ),
     Parameter(
         "existence_threshold",
         0.6,
-        "Probability of existence above which a target is reported.",
+        "Existence probability above which a target is reported.",
         0.0,
         1.0,
         mutable=True,
@@ -104,27 +105,29 @@ TOP = (
     Parameter(
         "amplitude",
         "band",
-        "What amplitudes say: the class, by its band; the class and each target's own SNR, by "
-        "memory; nothing.",
+        "Use of amplitudes. band: they tell the class by its SNR band; memory: every target's own "
+        "SNR is estimated too; none: they are ignored.",
         choices=("band", "memory", "none"),
     ),
-    Parameter("amplitude_jitter", 0.1, "Step of a remembered ln(1 + SNR) a scan.", 0.0, 10.0),
+    Parameter(
+        "amplitude_jitter", 0.1, "Random step of ln(1 + SNR) per interval, with memory.", 0.0, 10.0
+    ),
     Parameter("seed", 0, "Seed of the random generator.", 0, 2**31 - 1),
-    Parameter("particles_per_target", 1000, "Particles a target is resampled to.", 10, 10**6),
-    Parameter("least_particles", 200, "Particles the mass of one birth and class keeps.", 1, 10**5),
-    Parameter("particles_per_birth", 2048, "Particles of a birth term; a power of two.", 2, 2**20),
+    Parameter("particles_per_target", 1000, "Particles per target after resampling.", 10, 10**6),
+    Parameter("least_particles", 200, "Least number of particles per origin and class.", 1, 10**5),
+    Parameter("particles_per_birth", 2048, "Particles per birth term; a power of two.", 2, 2**20),
     Parameter(
         "max_particles",
         200_000,
-        "Particles that are kept at most: where more are asked for, every origin gets fewer.",
+        "Largest total number of particles; if it would be exceeded, every origin gets fewer.",
         1000,
         10**8,
     ),
     Parameter(
         "detection_births.rates",
         [],
-        "Expected appearances anywhere in a radar's field an interval, a number for each class; "
-        "such targets are born where detections are. Empty for none.",
+        "Expected births anywhere in a radar's field per interval, one number per class; such "
+        "targets are born at detections. Empty for none.",
         0.0,
         1e3,
     ),
@@ -141,9 +144,9 @@ TOP = (
         SMALL,
     ),
     Parameter(
-        "detection_births.particles", 1024, "Particles a detection; a power of two.", 2, 2**16
+        "detection_births.particles", 1024, "Particles per detection; a power of two.", 2, 2**16
     ),
-    Parameter("spawn.rate", 0.01, "Expected spawned targets a target and interval.", 0.0, 1.0),
+    Parameter("spawn.rate", 0.01, "Expected spawned targets per target and interval.", 0.0, 1.0),
     Parameter(
         "spawn.position_std",
         10.0,
@@ -162,18 +165,26 @@ TOP = (
         "Standard deviation of a spawned turn rate about its parent's, rad/s.",
         SMALL,
     ),
-    Parameter("spawn.particles_per_target", 100, "Particles of what one target spawns.", 1, 10**5),
+    Parameter(
+        "spawn.particles_per_target",
+        100,
+        "Particles for the targets that one target spawns.",
+        1,
+        10**5,
+    ),
     Parameter(
         "spawn.class_transition",
         [0.5, 0.5, 0.5, 0.5],
-        "Class of the parent to class of the spawned target, row by row; empty for uniform.",
+        "Probabilities [class of the parent, class of the spawned target], row by row; empty for "
+        "uniform.",
         0.0,
         1.0,
     ),
     Parameter(
         "spawn.mode_transition",
         [0.9, 0.1, 0.1, 0.9],
-        "Motion of the parent to motion of the spawned target, row by row; empty for uniform.",
+        "Probabilities [motion of the parent, motion of the spawned target], row by row; empty for "
+        "uniform.",
         0.0,
         1.0,
     ),
@@ -182,14 +193,14 @@ RADAR = (
     Parameter(
         "message",
         "point_cloud",
-        "What its topic carries: PointCloud2, or RadarScan of radar_msgs, whose definition fixes "
-        "fields, units and conventions.",
+        "Message type of its topic. point_cloud: sensor_msgs/PointCloud2; radar_scan: "
+        "radar_msgs/RadarScan, whose definition fixes fields, units and conventions.",
         choices=("point_cloud", "radar_scan"),
     ),
     Parameter("topic", "", "Topic of its detections; /NAME/detections if empty."),
     Parameter("frame", "", "frame_id of its clouds; the radar's name if empty."),
     Parameter(
-        "position", [0.0, 0.0], "Where the radar is in the world frame, x and y, m.", length=2
+        "position", [0.0, 0.0], "Position of the radar in the world frame, x and y, m.", length=2
     ),
     Parameter(
         "yaw_deg",
@@ -207,19 +218,21 @@ RADAR = (
         180.0,
         mutable=True,
     ),
-    Parameter("max_range", 17e3, "Targets and detections beyond are ignored, m.", SMALL),
-    Parameter("clutter_rate", 20.0, "Expected false detections a scan.", 0.0, 1e6, mutable=True),
+    Parameter(
+        "max_range", 17e3, "Range beyond which targets and detections are ignored, m.", SMALL
+    ),
+    Parameter("clutter_rate", 20.0, "Expected false detections per scan.", 0.0, 1e6, mutable=True),
     Parameter(
         "clutter_max_range",
         15e3,
-        "Range up to which false detections are spread evenly, m.",
+        "Range up to which false detections are uniform in range and azimuth, m.",
         SMALL,
         mutable=True,
     ),
     Parameter(
         "false_alarm_probability",
         1e-3,
-        "Probability that noise passes the detection threshold; fixes the threshold.",
+        "Probability that noise exceeds the detection threshold; determines the threshold.",
         1e-30,
         0.999,
         mutable=True,
@@ -229,8 +242,8 @@ RADAR = (
     Parameter(
         "fields.elevation",
         "",
-        "Name of the cloud's elevation field, where its ranges are slant ranges; empty where they "
-        "are over ground.",
+        "Name of the cloud's elevation field if its ranges are slant ranges; empty if they are "
+        "ground ranges.",
     ),
     Parameter(
         "fields.amplitude",
@@ -240,7 +253,7 @@ RADAR = (
     Parameter(
         "amplitude_unit",
         "linear",
-        "linear: an envelope in units of the noise's standard deviation a quadrature; db: an SNR.",
+        "linear: an envelope in units of the noise's standard deviation per quadrature; db: SNR.",
         choices=("linear", "db"),
     ),
     Parameter(
@@ -257,26 +270,29 @@ CLASS = (
     Parameter(
         "snr_band_db", [10.0, 50.0], "Lowest and highest mean SNR, dB.", -100.0, 200.0, length=2
     ),
-    Parameter("motions", ["cv", "ct"], "Motion models the class uses.", element=str),
+    Parameter("motions", ["cv", "ct"], "Motion models of the class.", element=str),
     Parameter(
         "mode_transition",
         [0.8, 0.2, 0.2, 0.8],
-        "Motion now to motion an interval later, row by row.",
+        "Probabilities [motion, motion one interval later], row by row.",
         0.0,
         1.0,
     ),
-    Parameter("survival_probability", 0.99, "Probability to live on for an interval.", SMALL, 1.0),
+    Parameter("survival_probability", 0.99, "Probability to survive an interval.", SMALL, 1.0),
 )
 MOTION = (
     Parameter(
         "model",
         "constant_velocity",
-        "How a target moves: straight on, or turning at a rate of its own.",
+        "constant_velocity: nearly straight on; coordinated_turn: with its own turn rate.",
         choices=tuple(MOTIONS),
     ),
-    Parameter("noise_density", 1.0, "Spectral density of the acceleration, m^2/s^3.", SMALL),
+    Parameter("noise_density", 1.0, "Spectral density of the white acceleration, m^2/s^3.", SMALL),
     Parameter(
-        "turn_noise_density", 1e-5, "Spectral density of the turn acceleration, rad^2/s^3.", 1e-15
+        "turn_noise_density",
+        1e-5,
+        "Spectral density of the white turn acceleration, rad^2/s^3; coordinated_turn only.",
+        1e-15,
     ),
 )
 BIRTH = (
@@ -313,7 +329,7 @@ BIRTH = (
     Parameter(
         "rates",
         [0.005, 0.005],
-        "Expected births an interval, a number for each class.",
+        "Expected births per interval, one number per class.",
         0.0,
         1e3,
         mutable=True,
@@ -325,7 +341,7 @@ GROUPS: dict[str, tuple[Parameter, ...]] = {
     "motions": MOTION,
     "births": BIRTH,
 }
-# Where the reference scenario's parts differ from their group's defaults.
+# Values of the reference scenario that differ from the defaults of their group.
 REFERENCE: dict[str, Value] = {
     "radar_1.position": [1000.0, 0.0],
     "class_0.snr_band_db": [30.0, 50.0],
@@ -339,9 +355,9 @@ REFERENCE: dict[str, Value] = {
 
 
 def schema(given: Mapping[str, Any]) -> dict[str, Parameter]:
-    """Return every parameter that the lists of names in `given` call for, by dotted name.
+    """Return all parameters for the lists of names in `given`, by dotted name.
 
-    Faulty lists count as their defaults; `resolve` reports them.
+    Faulty lists are replaced by their defaults; `resolve` reports them.
     """
     table = {parameter.name: parameter for parameter in TOP}
     for group, members in GROUPS.items():

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a parameter is: a name, a default that fixes its type, and what it may be."""
+"""Definition of a parameter: name, default, which fixes the type, and allowed values."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ import numpy as np
 
 Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
 INFINITY = math.inf
-# The least of what must be positive.
+# Lower bound of parameters that must be positive.
 SMALL = 1e-9
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter: its default, which also fixes its type, and what it may be.
+    """One parameter: name, default, which fixes the type, and allowed values.
 
     Parameters
     ----------
     name : str
-        Dotted; within a group, the part behind the group's name.
+        Dotted; within a group, the part after the member's name.
     default : bool, int, float, str, list of float or list of str
     description : str
-        Unit included.
+        With the unit.
     low, high : float
         Inclusive bounds of a number, or of every number of a list.
     choices : tuple of str
@@ -38,8 +38,8 @@ class Parameter:
     element : type
         Of a list: float or str.
     mutable : bool
-        It may change between two scans; the rest is structure, or is built into what is kept from
-        scan to scan.
+        Whether it may change between two scans. The other parameters determine the structure of
+        the tracker or of what it keeps from scan to scan.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Parameter:
 
     @property
     def allowed(self) -> str:
-        """What the parameter may be, in words."""
+        """The allowed values in words."""
         if self.choices:
             return "one of " + ", ".join(self.choices)
         if isinstance(self.default, bool):
@@ -62,7 +62,7 @@ class Parameter:
         if isinstance(self.default, str):
             return "a string"
         if isinstance(self.default, list) and self.element is str:
-            return "a list of names, none twice"
+            return "a list of distinct names"
         noun = "a whole number" if isinstance(self.default, int) else "a finite number"
         if isinstance(self.default, list):
             noun = (

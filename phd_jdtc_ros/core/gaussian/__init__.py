@@ -11,5 +11,5 @@
       |  backward                            rts
     smoothed Gaussian
 
-The model-matched reference of the study is made of these.
+The study's model-matched reference uses these.
 """

@@ -13,8 +13,8 @@ from ..arrays import FloatArray
 from ..models.motion import MotionModel
 from ..models.radar import RadarModel, wrap_angle
 
-# Gauss-Newton steps of one measurement update; two or three suffice but for targets next to the
-# radar.
+# Largest number of Gauss-Newton steps per measurement; two or three suffice unless a target is
+# next to the radar.
 ITERATIONS = 10
 CONVERGED_M = 1e-3
 
@@ -41,7 +41,7 @@ def transition_matrix(model: MotionModel, dt: float) -> FloatArray:
 
 
 def predict(before: Gaussian, transition: FloatArray, noise: FloatArray) -> Gaussian:
-    """Return the distribution of ``F x + v``, v of covariance `noise`; both of shape (D, D)."""
+    """Return the distribution of ``F x + v``, where v has covariance `noise`; both (D, D)."""
     return Gaussian(
         transition @ before.mean,
         transition @ before.covariance @ transition.T + noise,
@@ -64,9 +64,9 @@ def update(
     measurement : array of shape (2,)
         Range in metres, azimuth in radians in the radar's frame; its innovation is wrapped.
     support : tuple of D int
-        Where the components of the Gaussian lie in the state.
+        Indices of the Gaussian's components in the state.
     iterations : int
-        At most this many linearisations; 1 is the plain extended filter.
+        Largest number of linearisations; 1 is the plain extended Kalman filter.
 
     References
     ----------
@@ -84,7 +84,7 @@ def update(
         previous, at = at, prior.mean + gain @ (innovation - jacobian @ (prior.mean - at))
         if np.abs(at - previous).max() < CONVERGED_M:
             break
-    # Joseph's form stays symmetric and positive.
+    # Joseph's form stays symmetric and positive definite.
     kept = np.eye(len(at)) - gain @ jacobian
     return Gaussian(at, kept @ prior.covariance @ kept.T + gain @ noise @ gain.T)
 

@@ -16,16 +16,16 @@ from .ekf import Gaussian
 
 @dataclass(frozen=True)
 class Filtered:
-    """What the filter leaves of one scan, and what the smoother needs of it.
+    """The filter's result for one scan, as the smoother needs it.
 
     Parameters
     ----------
     transition : array of shape (D, D)
-        F from the scan before.
+        F from the previous scan.
     predicted : Gaussian
         Before the scan's measurements; the prior on a target's first scan.
     updated : Gaussian
-        After them.
+        After the scan's measurements.
     """
 
     transition: FloatArray
@@ -39,7 +39,7 @@ def smooth(filtered: Sequence[Filtered]) -> Gaussian:
     Parameters
     ----------
     filtered : sequence of Filtered
-        Consecutive scans of one target; of a single one, its filtered distribution is returned.
+        Consecutive scans of one target; for a single scan its filtered distribution is returned.
 
     References
     ----------

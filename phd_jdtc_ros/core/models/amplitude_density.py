@@ -1,15 +1,15 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Amplitude likelihoods for clutter and for targets whose mean SNR is known only as a band.
+"""Amplitude likelihoods of clutter, and of targets whose mean SNR is known only as an SNR band.
 
 The envelope a of a Rayleigh target of mean SNR d (linear) has density
 ``a/(1+d) exp(-a^2 / 2(1+d))``; clutter is the case d = 0. A class is a band [d1, d2] of SNRs, and
 averaging over the band with a prior flat in ln(1+d) gives the closed form below. `a` is in units of
 the noise's per-quadrature standard deviation, so E[a^2] is 2 for noise and 2(1+d) for a target.
 
-Everything is in logarithms: the clutter density underflows above a = 38, and a target of 45 dB
-has a root mean square of 250.
+All densities are logarithms: the clutter density underflows above a = 38, and a target of 45 dB
+has a root mean square amplitude of 250.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SMALLEST_AMPLITUDE = 1e-6
 
 
 def log_clutter_density(amplitude: FloatArray) -> FloatArray:
-    """Return log g_0(a) = log a - a^2/2 for envelopes of noise alone; shape kept.
+    """Return log g_0(a) = log a - a^2/2 of noise envelopes; shape kept.
 
     Notes
     -----
@@ -41,7 +41,8 @@ def log_target_density(amplitude: FloatArray, snr_band: tuple[float, float]) -> 
     Notes
     -----
     Sec. V, g_a(a | d1, d2). Deviation: the printed denominator has a plus sign, with which the
-    density integrates to 0.485 and 0.250 for the paper's two classes; with the minus it is one.
+    density integrates to 0.485 and 0.250 for the paper's two classes; with a minus sign the
+    integral is one.
     """
     low, high = 1.0 + snr_band[0], 1.0 + snr_band[1]
     a = np.maximum(amplitude, SMALLEST_AMPLITUDE)

@@ -30,7 +30,7 @@ class AmplitudeModel(Protocol):
     """How amplitudes enter the recursion."""
 
     def used(self, detections: Detections) -> Detections:
-        """Return the detections as the update may see them."""
+        """Return the detections that the update uses, with or without amplitudes."""
         ...
 
     def born(
@@ -42,7 +42,7 @@ class AmplitudeModel(Protocol):
     ) -> FloatArray:
         """Return the log_snr of new hypotheses of flat modes `mode`, shape (N,).
 
-        `amplitude` is that of the detection which founded each, where one did and has one.
+        `amplitude` is that of the detection at which each particle is born, if there is one.
         """
         ...
 
@@ -78,7 +78,7 @@ class AmplitudeModel(Protocol):
 
 @dataclass(frozen=True)
 class Band:
-    """The likelihood of a class's whole band; nothing is remembered."""
+    """The likelihood of a class's whole SNR band; there is no memory."""
 
     def used(self, detections: Detections) -> Detections:
         """Return the detections unchanged."""
@@ -132,7 +132,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Ignored(Band):
-    """Amplitudes are not looked at: all classes look alike but for their p_D."""
+    """Amplitudes are ignored: classes differ only in p_D."""
 
     def used(self, detections: Detections) -> Detections:
         """Return the detections without their amplitudes."""
@@ -146,7 +146,7 @@ class Memory:
     Parameters
     ----------
     jitter : float
-        Standard deviation of the step of ln(1 + d) a nominal interval, against depletion.
+        Standard deviation of the step of ln(1 + d) per nominal interval, against depletion.
 
     Notes
     -----
@@ -171,8 +171,8 @@ class Memory:
 
         Notes
         -----
-        With the amplitude a and the flat prior, a^2 / 2(1 + d) is exponential between the values
-        that it has at the edges of the band.
+        Given an amplitude a and the flat prior, a^2 / 2(1 + d) has an exponential distribution,
+        truncated to its values at the edges of the band.
         """
         low, high = _band_edges(mode, modes)
         uniform = rng.random(len(mode))

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The birth intensity: where, as what and how often new targets appear."""
+"""The birth intensity: positions, classes and rates of new targets."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..arrays import FloatArray, IntArray, read_only
 from .modes import ModeSpace
 from .sobol import sobol_points
 
-# Birth terms are not evaluated farther out than this many standard deviations in any coordinate.
+# Birth terms are taken as zero beyond this many standard deviations in any coordinate.
 GATE_SIGMA = 8.0
 
 
@@ -28,11 +28,12 @@ class BirthTerm:
     mean, std : arrays of shape (D,)
         In the world frame, uncorrelated.
     rate : array of shape (O,)
-        Expected births a nominal interval in every flat mode.
+        Expected births per nominal interval in every flat mode.
 
     Notes
     -----
-    Sec. V, gamma_{k,c}. A term carries all classes, so that a place does not give the class away.
+    Sec. V, gamma_{k,c}. A term has births of all classes, so that its position does not imply the
+    class.
     """
 
     name: str
@@ -96,7 +97,7 @@ def intensity(
     for index, motion in enumerate(modes.motions):
         supported[index, list(motion.support)] = True
     total = np.zeros(len(state))
-    # By place first, so that a term is not evaluated at rows that are nowhere near it.
+    # Sorted along one axis, so that a term is evaluated only at rows near it.
     axis = modes.space.position[0]
     east = np.argsort(state[:, axis])
     sorted_east = state[east, axis]

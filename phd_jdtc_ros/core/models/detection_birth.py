@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Births where detections are: for users who do not know where targets appear.
+"""Births at detections, for users who do not know where targets appear.
 
-Unknown targets are a uniform intensity in every radar's own coordinates. In the update it competes
-for each detection with clutter and with the known targets. The share that it wins is the newborn
-mass of the detection, which joins the intensity at the detection's place, with the radar's noise
-and a broad velocity.
+Unknown targets are a uniform intensity in every radar's own coordinates. In the update this
+intensity competes for each detection with clutter and with the known targets. Its share is the
+newborn mass of the detection. It is added to the intensity at the detection's position, with the
+radar's noise and a broad distribution of velocity.
 """
 
 from __future__ import annotations
@@ -23,24 +23,25 @@ from .modes import ModeSpace
 from .radar import RadarModel
 from .sobol import sobol_points
 
-# Newborn targets are not evaluated at speeds or turn rates beyond this many standard deviations.
+# The newborn intensity is taken as zero beyond this many standard deviations of velocity and turn
+# rate.
 GATE_SIGMA = 8.0
-# Detections that are newborn targets with less than this probability found no particles.
+# Detections that are newborn targets with a lower probability than this get no particles.
 LEAST_MASS = 1e-4
-# A radar measures no azimuth at its own foot; the Jacobian stops growing here.
+# At its own position a radar measures no azimuth; the Jacobian 1/r is bounded at this range.
 LEAST_RANGE = 1.0
 
 
 @dataclass(frozen=True)
 class DetectionBirthModel:
-    """How often unknown targets appear, and how they move then.
+    """The rate of unknown targets, and the distribution of their velocity.
 
     Parameters
     ----------
     rate : array of shape (C,)
-        Expected appearances in a radar's field a nominal interval, per class; all zero for none.
+        Expected births in a radar's field per nominal interval and class; all zero for none.
     velocity_std : float
-        Metres per second an axis.
+        Metres per second along each axis.
     turn_rate_std : float
         Radians per second.
     particles : int
@@ -65,10 +66,8 @@ class DetectionBirthModel:
     ) -> FloatArray:
         """Return log of the unknown targets' intensity at each detection, shape (C, M).
 
-        Those are meant that appeared in the `dt` seconds before.
-
-        The counterpart of the clutter intensity: uniform over azimuth and range times p_D g^tau
-        of each class.
+        It covers targets that appeared in the preceding `dt` seconds. It is the counterpart of the
+        clutter intensity: uniform over azimuth and range, times p_D g^tau of each class.
         """
         with np.errstate(divide="ignore"):  # a class that is never born has intensity zero
             appeared = self.rate * dt / modes.interval_s
@@ -80,17 +79,17 @@ class DetectionBirthModel:
 
 @dataclass(frozen=True)
 class Newborn:
-    """What one radar's detections of a scan leave to the next: possible new targets.
+    """Possible new targets at the detections of one radar in one scan.
 
     Parameters
     ----------
     radar : RadarModel
     measurement : array of shape (J, 2)
-        Detections with a newborn mass worth keeping.
+        Detections with a newborn mass of at least `LEAST_MASS`.
     mass : array of shape (J, C)
-        Probability that each is a new target of each class.
+        Probability that each detection is a new target of each class.
     amplitude : array of shape (J,) or None
-        Those of the detections, where they have any.
+        Amplitudes of the detections, if they have any.
     """
 
     radar: RadarModel
@@ -103,7 +102,7 @@ class Newborn:
 
 
 def newborn(radar: RadarModel, detections: Detections, mass: FloatArray) -> Newborn:
-    """Return the detections whose newborn mass, of shape (M, C), is worth keeping."""
+    """Return the detections with a newborn mass, shape (M, C), of at least `LEAST_MASS`."""
     kept = mass.sum(axis=1) >= LEAST_MASS
     amplitude = None if detections.amplitude is None else detections.amplitude[kept]
     return Newborn(radar, detections.measurement[kept], mass[kept], amplitude)
@@ -128,10 +127,10 @@ def sample(
     Returns
     -------
     state : array of shape (N, D)
-        In the world frame; N is J times the particles of a detection.
+        In the world frame; N is J times the particles per detection.
     mode : int array of shape (N,)
     weight : array of shape (N,)
-        In targets.
+        Expected targets per particle.
     detection : int array of shape (N,)
         The row of `found` that each particle comes from.
     """
@@ -167,8 +166,8 @@ def intensity(
 
     Notes
     -----
-    The density of the measurement is one over range and azimuth; dividing by the range turns it
-    into one over the plane.
+    The measurement has a density over range and azimuth; dividing it by the range gives the density
+    over the plane.
     """
     velocity, turn_rate = list(modes.space.velocity), modes.space.turn_rate
     slow = np.abs(state[:, velocity]).max(axis=1) <= GATE_SIGMA * model.velocity_std
@@ -191,7 +190,7 @@ def intensity(
 
 
 def _mode_mass(found: Newborn, modes: ModeSpace) -> FloatArray:
-    """Return each detection's newborn mass by flat mode, even over a class's motions; (J, O)."""
+    """Return each detection's newborn mass by flat mode, uniform over a class's motions; (J, O)."""
     motions_of_class = np.bincount(modes.class_of)
     mass: FloatArray = (found.mass / motions_of_class)[:, modes.class_of]
     return mass

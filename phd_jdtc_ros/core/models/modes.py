@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The general mode: one flat index over every (class, motion) pair.
+"""The general mode: one flat index over all pairs of class and motion mode.
 
-The paper's point is that class and motion mode are one jump-Markov variable o = (c, r). With a flat
-index every algorithm of the family is the same code: a plain PHD filter has one mode, a
-multi-model one several modes of one class, a class-only one several classes of one motion each.
+The paper treats class and motion mode as one jump-Markov variable o = (c, r). With a flat index,
+all filters of the family share the same code. A plain PHD filter has one mode, a multi-model PHD
+filter has several modes of one class, and a filter that only classifies has several classes with
+one motion each.
 
 The class of a living target never changes, so the transition over o is block-diagonal in c.
 All matrices are [from, to]; rows sum to one.
@@ -28,15 +29,15 @@ GENERATOR_TOLERANCE = 1e-9
 
 @dataclass(frozen=True)
 class ClassModel:
-    """What is known of one class of targets.
+    """The model of one class of targets.
 
     Parameters
     ----------
     name : str
     snr_band : tuple of two floats
-        Lowest and highest mean signal-to-noise ratio (linear, not dB) a target of the class has.
+        Lowest and highest mean signal-to-noise ratio of the class's targets (linear, not dB).
     motions : tuple of MotionModel
-        Its R motion modes.
+        The class's R motion modes.
     mode_transition : array of shape (R, R)
         Motion-mode matrix for the nominal interval.
     survival_probability : float
@@ -54,8 +55,8 @@ def markov_generator(transition: FloatArray) -> FloatArray | None:
     """Return the rate matrix G with ``expm(G) = transition``, or None if there is none.
 
     A rate matrix has non-negative off-diagonal entries and rows that sum to zero. Not every
-    transition matrix has one: [[.3, .7], [.7, .3]] flips so often that no continuous-time chain
-    sampled at that interval could.
+    transition matrix has one: no two-state chain in continuous time changes its state within an
+    interval with a probability above one half in both directions, as [[.3, .7], [.7, .3]] does.
     """
     if np.array_equal(transition, np.eye(len(transition))):
         return np.zeros_like(transition)
@@ -110,7 +111,7 @@ class ModeSpace:
     def _nominal_transition(self) -> FloatArray:
         blocks = [model.mode_transition for model in self.classes]
         matrix = linalg.block_diag(*blocks)
-        # Rows may miss one by rounding; the shortfall must not become a change of class.
+        # Rows may differ from one by rounding; the difference must not become a change of class.
         normalised: FloatArray = read_only(matrix / matrix.sum(axis=1, keepdims=True))
         return normalised
 
@@ -123,8 +124,8 @@ class ModeSpace:
     def transition(self, dt: float) -> FloatArray:
         """Return the (O, O) transition matrix over the interval `dt` in seconds.
 
-        Matrices without a generator follow the interval in whole steps (at least one); the
-        configuration admits them only where the interval is declared fixed.
+        If a matrix has no generator, the interval is rounded to whole nominal ones, at least one.
+        The configuration accepts such a matrix only with `fixed_interval`.
         """
         steps = dt / self.interval_s
         if abs(steps - 1.0) < 1e-6:

@@ -1,13 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Motion models: how a state moves over an interval, and with what noise.
+"""Motion models: the mean of the next state and the process noise.
 
-Every model has the same form, ``x' = mean(x, dt) + v``, ``v ~ N(0, Q(dt))``, where the noise (and
-so the transition density) lives on the model's own `support`: constant velocity has no turn rate,
-so its density is one over four numbers where the coordinated turn's is over five. Comparing a
-four-dimensional density with a five-dimensional one would be meaningless; birth, spawn and
-survival of one mode therefore share the mode's support.
+Every model has the same form, ``x' = mean(x, dt) + v``, ``v ~ N(0, Q(dt))``. The noise, and so the
+transition density, is defined on the model's own `support`. Constant velocity has no turn rate, so
+its density has four dimensions, and the coordinated turn's has five. Densities of different
+dimensions cannot be compared; birth, spawn and survival of one mode therefore share its support.
 
 The state is ``[x, vx, y, vy, omega]`` in the world frame, `state_space.PLANAR`.
 """
@@ -34,11 +33,11 @@ class MotionModel(Protocol):
 
     @property
     def support(self) -> tuple[int, ...]:
-        """Indices of the state on which the mode's densities live; the others are zero."""
+        """Indices of the state on which the mode's densities are defined; the others are zero."""
         ...
 
     def mean(self, state: FloatArray, dt: float) -> FloatArray:
-        """Return the noise-free successor of each row; shape (N, D) to (N, D)."""
+        """Return each row's state after `dt` seconds without noise; (N, D) to (N, D)."""
         ...
 
     def noise_covariance(self, dt: float) -> FloatArray:
@@ -47,7 +46,7 @@ class MotionModel(Protocol):
 
 
 def _white_acceleration(dt: float, spectral_density: float) -> FloatArray:
-    """Return the covariance of (position, velocity) after `dt` of white acceleration."""
+    """Return the covariance of (position, velocity) after `dt` seconds of white acceleration."""
     covariance: FloatArray = spectral_density * np.array(
         [[dt**3 / 3.0, dt**2 / 2.0], [dt**2 / 2.0, dt]]
     )
@@ -71,8 +70,8 @@ class ConstantVelocity:
 
     Notes
     -----
-    Sec. V, F_{k,CV} and Q_{k,CV}. Deviation: the printed zero variance of omega is a point mass,
-    so densities of this mode are four-dimensional.
+    Sec. V, F_{k,CV} and Q_{k,CV}. Deviation: the printed variance of omega is zero, a point mass,
+    so the densities of this mode are four-dimensional here.
     """
 
     noise_density: float
@@ -156,7 +155,7 @@ MOTIONS: dict[str, type[ConstantVelocity | CoordinatedTurn]] = {
 def sample(
     model: MotionModel, state: FloatArray, dt: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Draw a successor of every row of `state` under `model`; shape (N, D)."""
+    """Draw the next state of every row of `state` from `model`; shape (N, D)."""
     moved = model.mean(state, dt)
     factor = np.linalg.cholesky(model.noise_covariance(dt))
     noise = rng.standard_normal((len(state), len(model.support))) @ factor.T
@@ -168,14 +167,14 @@ def sample(
 def whitener(covariance: FloatArray) -> tuple[FloatArray, float]:
     """Return W with ``W covariance W' = I``, upper triangular, and log |det W|.
 
-    Upper triangular, so that a velocity is scaled alone and a position is taken given its
-    velocity. A cloud of a tracked target is then wide in the position coordinates only, and a
-    neighbour search over those two is enough.
+    As W is upper triangular, a velocity is scaled by itself, and a position is conditioned on its
+    velocity. The particles of a tracked target then spread in the position coordinates only, and
+    a neighbour search over those two is enough.
     """
     return _whitener(len(covariance), np.asarray(covariance, dtype=np.float64).tobytes())
 
 
-# Intervals and noise seldom change, and for few targets this is a tenth of a kernel.
+# Intervals and noise seldom change, and with few targets this is a tenth of a kernel's time.
 @lru_cache(maxsize=64)
 def _whitener(size: int, entries: bytes) -> tuple[FloatArray, float]:
     covariance = np.frombuffer(entries).reshape(size, size)

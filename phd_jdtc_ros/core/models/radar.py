@@ -18,7 +18,7 @@ from ..types import Detections
 from . import amplitude_density
 from .modes import ClassModel
 
-# A likelihood six standard deviations out is 1e-8 of its peak.
+# At six standard deviations the likelihood is 1e-8 of its peak.
 GATE_SIGMA = 6.0
 
 
@@ -31,7 +31,7 @@ def wrap_angle(angle: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class RadarModel:
-    """One radar: where it stands, how well it measures, what else it reports.
+    """One radar: its pose, its measurement noise, its coverage and its clutter.
 
     Parameters
     ----------
@@ -44,11 +44,11 @@ class RadarModel:
     range_std, azimuth_std : float
         Measurement noise, metres and radians.
     max_range : float
-        Targets beyond are not detected and detections beyond are rejected, metres.
+        Targets beyond it are not detected and detections beyond it are rejected, metres.
     clutter_rate : float
-        Expected false detections a scan.
+        Expected false detections per scan.
     clutter_max_range : float
-        They are uniform in azimuth and in range up to here, metres.
+        False detections are uniform in azimuth and in range up to this range, metres.
     threshold : float
         Detection threshold tau on the amplitude.
     space : StateSpace
@@ -56,7 +56,8 @@ class RadarModel:
 
     Notes
     -----
-    Sec. V, observation equation. Deviation: the four-quadrant arctangent, and innovations wrapped.
+    Sec. V, observation equation. Deviation: the arctangent has four quadrants, and innovations are
+    wrapped.
     """
 
     name: str
@@ -74,7 +75,7 @@ class RadarModel:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""
         x, y = self.space.position
         east, north = state[:, x] - self.position[0], state[:, y] - self.position[1]
-        # Turned into the sensor's frame first, the azimuth needs no wrapping.
+        # Rotated into the sensor's frame first, so that the azimuth needs no wrapping.
         cos, sin = np.cos(self.yaw), np.sin(self.yaw)
         ahead, left = cos * east + sin * north, cos * north - sin * east
         return np.stack([np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)], axis=1)
@@ -103,7 +104,7 @@ class RadarModel:
         Without amplitudes it is the intensity over (range, azimuth).
         """
         area = 2.0 * np.pi * self.clutter_max_range
-        # A rate of zero is legal; the floor keeps the update's quotient defined.
+        # A rate of zero is allowed; the floor keeps the update's quotient defined.
         log_intensity = np.full(
             len(detections), np.log(max(self.clutter_rate, np.finfo(float).tiny) / area)
         )
@@ -122,7 +123,7 @@ class RadarModel:
     ) -> FloatArray:
         """Return log p_D,c g_c^tau(a) for every class and detection, shape (C, M).
 
-        The product p_D g^tau is g_c itself, so p_D cancels; without amplitudes what remains is
+        The product p_D g^tau is g_c itself, so p_D cancels. Without amplitudes the result is
         log p_D,c, the same for all detections.
         """
         if detections.amplitude is None:
@@ -154,7 +155,7 @@ class RadarModel:
 
         Notes
         -----
-        The work grows with the pairs found, not with N x M: see `gating`.
+        The cost grows with the number of pairs found and not with N x M; see `gating`.
         """
         gate = min(GATE_SIGMA * self.azimuth_std, np.pi)
         measured = detections.measurement.copy()

@@ -3,8 +3,8 @@
 
 """Sobol points: sets that fill the unit cube more evenly than independent points do.
 
-The points are those of `scipy.stats.qmc.Sobol` without scrambling, to the bit. Importing that
-takes half a second, which would be a third of the start of a live node.
+The points are those of `scipy.stats.qmc.Sobol` without scrambling, bit for bit. Importing that
+module takes half a second, which would be a third of a live node's start.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 from ..arrays import FloatArray, read_only
 
 BITS = 30
-# Of dimension 1, 2 and so on: the primitive polynomial modulo two as a number, highest power first,
-# and the first direction integers. Dimension 0 is van der Corput's sequence and has none.
+# For dimension 1, 2 and so on: the primitive polynomial modulo two as a number, highest power
+# first, and the first direction integers. Dimension 0, van der Corput's sequence, has none.
 _POLYNOMIALS = (3, 7, 11, 13, 19, 25)
 _FIRST = ((1,), (1, 3), (1, 3, 1), (1, 1, 1), (1, 1, 3, 3), (1, 3, 5, 13))
 MOST_DIMENSIONS = 1 + len(_FIRST)
@@ -42,7 +42,7 @@ def sobol_points(dimension: int, count: int) -> FloatArray:
     Raises
     ------
     ValueError
-        If either is not as it should be.
+        If either is out of bounds.
 
     References
     ----------

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Targets that split off others: mass beside every target, possibly of another class."""
+"""Targets that split off other targets, possibly with another class."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ class SpawnModel:
         Flat mode of the parent to flat mode of the spawned target; rows sum to one. It is the
         class matrix b times the mode matrix, and unlike survival it may change the class.
     std : array of shape (D,)
-        Of the spawned state about its predicted parent, in the world frame.
+        Standard deviations of the spawned state about its predicted parent, in the world frame.
     particles_per_target : int
         How many particles represent the mass that one target spawns.
 
     Notes
     -----
-    Sec. V, beta_{k|k-1}. Deviation: the printed kernel is centred on x_{k-1}, a whole interval
-    behind its parent (340 m for the scenario's targets); here on the noise-free successor of it.
+    Sec. V, beta_{k|k-1}. Deviation: the printed kernel is centred on x_{k-1}, one interval behind
+    the parent (340 m for the scenario's targets). Here it is centred on the parent's predicted
+    mean.
     """
 
     rate: float

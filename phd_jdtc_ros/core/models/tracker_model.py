@@ -19,16 +19,17 @@ from .spawn import SpawnModel
 class TrackerModel:
     """Everything that an engine is told about targets and radars.
 
-    Rates and probabilities hold for the mode space's nominal interval and follow the true one.
+    Rates and probabilities are given for the mode space's nominal interval and converted to the
+    true one.
 
     Parameters
     ----------
     modes : ModeSpace
-        Classes, their motions, and how they change.
+        Classes, their motion modes, and the transitions between these.
     births : tuple of BirthTerm
-        Where targets are known to appear.
+        Births at known positions.
     detection_births : DetectionBirthModel
-        How often they appear anywhere else.
+        Births at detections.
     spawn : SpawnModel
     amplitudes : AmplitudeModel
     radars : tuple of RadarModel

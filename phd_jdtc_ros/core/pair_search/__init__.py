@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which pairs of points are close to each other? Searches that never form all pairs.
+"""Neighbour search: finds the pairs of points that are close, without forming all pairs.
 
 ::
 

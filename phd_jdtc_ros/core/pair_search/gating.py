@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which detections a particle may have caused: lists by cells of range and azimuth.
+"""Gating of particles and detections, by lists of detections per cell of range and azimuth.
 
-Every detection is listed in all cells that its gate touches, so a particle is compared with the
-list of its own cell and with nothing else. Cells are half a gate wide, so a list is not much longer
-than what the gate keeps; where gates are tiny the cells are coarser, to bound their number.
+Every detection is listed in all cells that its gate touches, so a particle is compared only with
+the list of its own cell. Cells are half a gate wide, so that few of these comparisons fail. If
+gates are tiny, the cells are coarser, to bound their number.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from .intervals import CHUNK_PAIRS, chunks, expand
 
-TURN = 2.0 * np.pi
+FULL_TURN = 2.0 * np.pi
 MOST_RANGE_CELLS = 64
 MOST_AZIMUTH_CELLS = 256
 # A particle at the very edge of a gate must not fall into the next cell by rounding.
@@ -30,17 +30,17 @@ class CellLists(NamedTuple):
     Parameters
     ----------
     shape : tuple of two ints
-        Number of cells in azimuth and in range; one more in range, an empty one, stands for all
-        beyond.
+        Number of cells in azimuth and in range. One more cell in range, an empty one, stands for
+        all longer ranges.
     range_width : float
-        Of a cell, metres.
+        Extent of a cell in range, metres.
     start : int array of shape (cells + 1,)
-        Where in the lists each cell begins.
+        Index in the lists at which each cell begins.
     detection : int array of shape (L,)
         Ascending in every cell.
     range, azimuth : arrays of shape (L,)
-        Of that detection; the azimuth is turned to where it is next to the cell, so that nothing
-        needs wrapping.
+        Of that detection, in metres and radians. The azimuth is shifted by a full turn where
+        needed to be next to its cell, so that differences need no wrapping.
     """
 
     shape: tuple[int, int]
@@ -53,15 +53,15 @@ class CellLists(NamedTuple):
     def cell_of(self, measured: FloatArray) -> IntArray:
         """Return the cell of each (range, azimuth in (-pi, pi]) row, shape (N,)."""
         azimuths, ranges = self.shape
-        turned = ((measured[:, 1] + np.pi) * (azimuths / TURN)).astype(np.int64)
-        away = np.minimum(measured[:, 0] / self.range_width, ranges).astype(np.int64)
-        cell: IntArray = np.minimum(turned, azimuths - 1) * (ranges + 1) + away
+        azimuth_cell = ((measured[:, 1] + np.pi) * (azimuths / FULL_TURN)).astype(np.int64)
+        range_cell = np.minimum(measured[:, 0] / self.range_width, ranges).astype(np.int64)
+        cell: IntArray = np.minimum(azimuth_cell, azimuths - 1) * (ranges + 1) + range_cell
         return cell
 
     def in_sigmas(
         self, std: FloatArray, azimuth_gate: float
     ) -> tuple[FloatArray, FloatArray, float]:
-        """Return the ranges, the azimuths and the gate in azimuth in standard deviations."""
+        """Return ranges, azimuths and the azimuth gate, in standard deviations."""
         return self.range / std[0], self.azimuth / std[1], azimuth_gate / float(std[1])
 
 
@@ -73,35 +73,35 @@ def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> 
     measured : array of shape (M, 2)
         (range, azimuth in (-pi, pi]).
     range_gate, azimuth_gate : float
-        Half widths, metres and radians; the latter at most pi.
+        Half widths of the gate, metres and radians; the latter at most pi.
     """
     top = float(measured[:, 0].max(initial=0.0)) + range_gate * MARGIN
     ranges = int(np.clip(np.ceil(2.0 * top / range_gate), 1, MOST_RANGE_CELLS))
-    azimuths = int(np.clip(2.0 * TURN / azimuth_gate, 1, MOST_AZIMUTH_CELLS))
+    azimuths = int(np.clip(2.0 * FULL_TURN / azimuth_gate, 1, MOST_AZIMUTH_CELLS))
     range_width = top / ranges
 
-    # Once more a turn to either side, so that a gate across the cut at +-pi is an ordinary one.
+    # Detections are repeated one turn to either side, so that a gate across +-pi needs no case.
     detection = np.repeat(np.arange(len(measured)), 3)
-    away = measured[detection, 0]
-    azimuth = (measured[:, 1:] + np.array([-TURN, 0.0, TURN])).ravel()
+    distance = measured[detection, 0]
+    azimuth = (measured[:, 1:] + np.array([-FULL_TURN, 0.0, FULL_TURN])).ravel()
     reach = azimuth_gate * MARGIN
     low, high = (
-        np.floor((azimuth + sign * reach + np.pi) * (azimuths / TURN)) for sign in (-1.0, 1.0)
+        np.floor((azimuth + sign * reach + np.pi) * (azimuths / FULL_TURN)) for sign in (-1.0, 1.0)
     )
     seen = np.flatnonzero((high >= 0.0) & (low < azimuths))
-    detection, away, azimuth = detection[seen], away[seen], azimuth[seen]
-    first_turned = np.maximum(low[seen], 0.0).astype(np.int64)
-    last_turned = np.minimum(high[seen], azimuths - 1).astype(np.int64)
+    detection, distance, azimuth = detection[seen], distance[seen], azimuth[seen]
+    first_azimuth = np.maximum(low[seen], 0.0).astype(np.int64)
+    last_azimuth = np.minimum(high[seen], azimuths - 1).astype(np.int64)
     reach = range_gate * MARGIN
-    first_away = (np.maximum(away - reach, 0.0) / range_width).astype(np.int64)
-    last_away = np.minimum((away + reach) / range_width, ranges - 1).astype(np.int64)
+    first_range = (np.maximum(distance - reach, 0.0) / range_width).astype(np.int64)
+    last_range = np.minimum((distance + reach) / range_width, ranges - 1).astype(np.int64)
 
-    across = last_away - first_away + 1
-    size = across * (last_turned - first_turned + 1)
+    across = last_range - first_range + 1
+    size = across * (last_azimuth - first_azimuth + 1)
     entry = np.repeat(np.arange(len(size)), size)
     within = np.arange(len(entry)) - (np.cumsum(size) - size)[entry]
-    turned = first_turned[entry] + within // across[entry]
-    cell = turned * (ranges + 1) + first_away[entry] + within % across[entry]
+    azimuth_cell = first_azimuth[entry] + within // across[entry]
+    cell = azimuth_cell * (ranges + 1) + first_range[entry] + within % across[entry]
     entry = entry[np.argsort(cell, kind="stable")]
     number = np.bincount(cell, minlength=azimuths * (ranges + 1))
     return CellLists(
@@ -109,7 +109,7 @@ def cell_lists(measured: FloatArray, range_gate: float, azimuth_gate: float) -> 
         range_width=range_width,
         start=np.concatenate([[0], np.cumsum(number)]),
         detection=detection[entry],
-        range=away[entry],
+        range=distance[entry],
         azimuth=azimuth[entry],
     )
 
@@ -129,7 +129,7 @@ def near_detections(
     sigmas : float
         Radius of the gate in standard deviations.
     azimuth_gate : float
-        Its half width in azimuth, radians; at most pi.
+        Half width of the gate in azimuth, radians; at most pi.
 
     Returns
     -------
@@ -143,7 +143,7 @@ def near_detections(
     owner = np.flatnonzero(count)
     count, begin = count.take(owner), lists.start.take(cell.take(owner))
     distance, azimuth = np.ascontiguousarray((predicted / std).T)
-    listed_range, listed_azimuth, turned_gate = lists.in_sigmas(std, azimuth_gate)
+    listed_range, listed_azimuth, scaled_gate = lists.in_sigmas(std, azimuth_gate)
     found = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
     for part in chunks(count, CHUNK_PAIRS):
         particle, slot = expand(owner[part], begin[part], count[part])
@@ -152,9 +152,9 @@ def near_detections(
         square = range_error * range_error
         square += azimuth_error * azimuth_error
         near = square <= sigmas * sigmas
-        # Half a turn off on both sides is one detection, not two.
-        near &= azimuth_error >= -turned_gate
-        near &= azimuth_error < turned_gate
+        # Half open, so that a detection exactly half a turn away is not found on both sides.
+        near &= azimuth_error >= -scaled_gate
+        near &= azimuth_error < scaled_gate
         kept = np.flatnonzero(near)
         detection = lists.detection.take(slot.take(kept))
         found.append((particle.take(kept), detection, square.take(kept)))

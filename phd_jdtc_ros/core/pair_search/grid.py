@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Candidates among the points of one group: a grid of cells for the cloud of every group.
+"""Candidates within groups: every group's points are sorted into a grid of cells.
 
-Where pairs must be of one group, as of one target's origin, the clouds are many and small. Each
-has a grid of its own over the two axes along which it is widest, so what a query may reach is
-looked up in a table of cells: no coordinate is sorted or searched for.
+Where both points of a pair must belong to one group, such as the origin of one target, there are
+many small groups. Each has its own grid over the two axes in which its points extend farthest. The
+candidates of a query are looked up in a table of cells, without sorting or searching coordinates.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from ..arrays import FloatArray, IntArray, run_starts
 from . import kernels
 from .candidates import ROUNDING, Candidates, Pairs, near_chunks
 
-# Cells are as high as the radius and so many times as slender: what a row of them holds beside the
-# circle is tested in vain.
-SLENDER = 3
-# Far-spread clouds get larger cells, so that there are no more than this many to a point.
-CELLS_A_POINT = 8
+# Cells are as high as the radius and narrower by this factor, so that few points of a row of cells
+# lie outside the circle.
+ASPECT = 3
+# Groups that are spread widely get larger cells, so that there are at most this many per point.
+MAX_CELLS_PER_POINT = 8
 
 
 def within_groups(
@@ -38,13 +38,13 @@ def within_groups(
     Parameters
     ----------
     query : array of shape (Q, K)
-        K at least 2; not empty, like the points.
+        K at least 2; neither queries nor points may be empty.
     query_group : int array of shape (Q,)
         From 0.
     point : array of shape (P, K)
     point_group : int array of shape (P,)
     radius : float
-        In units of the coordinates: standard deviations, once whitened.
+        In the units of the coordinates; standard deviations if they are whitened.
     """
     yield from near_chunks(grid_candidates(query, query_group, point, point_group, radius))
 
@@ -56,16 +56,16 @@ def grid_candidates(
     point_group: IntArray,
     radius: float,
 ) -> Candidates:
-    """Return what is to be tested; parameters as those of `within_groups`."""
+    """Return the candidates; parameters are those of `within_groups`."""
     groups = 1 + int(max(query_group.max(), point_group.max()))
     by_axis = np.ascontiguousarray(point.T)
     low, extent = _extents(by_axis, point_group, groups)
     axes = np.argsort(-extent, axis=1, kind="stable")[:, :2]
     corner, wide = (np.take_along_axis(each, axes, axis=1).T for each in (low, extent))
-    finest = np.array([[radius / SLENDER], [radius]])
+    finest = np.array([[radius / ASPECT], [radius]])
     points = np.bincount(point_group, minlength=groups)
-    cells, most = wide / finest, CELLS_A_POINT * np.maximum(points, 1)
-    # A cloud that is a line has no area.
+    cells, most = wide / finest, MAX_CELLS_PER_POINT * np.maximum(points, 1)
+    # The second bound is for points on a line, whose area is zero.
     coarser = np.maximum(np.sqrt(cells.prod(axis=0) / most), cells.max(axis=0) / most)
     width = finest * np.maximum(coarser, 1.0)
     across, down = (wide / width).astype(np.int64) + 1
@@ -92,7 +92,7 @@ def grid_candidates(
 
 
 def _extents(by_axis: FloatArray, group: IntArray, groups: int) -> tuple[FloatArray, FloatArray]:
-    """Return each group's lowest coordinates and how far it extends; zeros where it is empty."""
+    """Return each group's lowest coordinates and its extents; zeros if it is empty."""
     run = run_starts(group)
     low, high = np.full((groups, len(by_axis)), np.inf), np.full((groups, len(by_axis)), -np.inf)
     np.minimum.at(low, group[run], np.minimum.reduceat(by_axis, run, axis=1).T)
@@ -103,7 +103,7 @@ def _extents(by_axis: FloatArray, group: IntArray, groups: int) -> tuple[FloatAr
 
 def _by_cell(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     """Return the points in the order of their cells, and where each cell begins."""
-    # Making a CSR array is a counting sort, twice as fast as an argsort.
+    # Conversion to CSR is a counting sort, twice as fast as an argsort.
     column = np.arange(len(cell))
     table = sparse.csr_array(
         (np.ones(len(cell), dtype=np.int8), (cell, column)), shape=(cells, len(cell))
@@ -114,7 +114,7 @@ def _by_cell(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
 def _places(
     value: FloatArray, group: IntArray, axes: IntArray, corner: FloatArray, width: FloatArray
 ) -> FloatArray:
-    """Return where in its group's grid each row stands, in cells, shape (2, N)."""
+    """Return the position of each row in its group's grid, in units of cells, shape (2, N)."""
     flat, begin = np.ascontiguousarray(value).ravel(), np.arange(len(value)) * value.shape[1]
     place = np.empty((2, len(value)))
     for axis in range(2):
@@ -130,18 +130,18 @@ def _rows_of_cells(
     begin: IntArray,
     reach: FloatArray,
 ) -> tuple[IntArray, IntArray]:
-    """Return what each query may reach: an interval of points in each of three rows of cells.
+    """Return each query's candidates: an interval of points in each of three rows of cells.
 
     Parameters
     ----------
     place : array of shape (2, Q)
-        In cells.
+        Position in the grid, in units of cells.
     grid : tuple of int arrays of shape (Q,)
-        First cell, cells in a row, and rows of the query's grid.
+        First cell, cells per row, and number of rows of the query's grid.
     begin : int array of shape (cells + 1,)
-        Where the points of each cell begin.
+        Index at which the points of each cell begin.
     reach : array of shape (Q,)
-        The radius in heights of a cell, at most one.
+        The radius in units of a cell's height, at most one.
 
     Returns
     -------
@@ -152,11 +152,11 @@ def _rows_of_cells(
     middle, last = np.floor(height), across - 1.0
     for column, shift in enumerate((-1.0, 0.0, 1.0)):
         row = middle + shift
-        # Of a circle, a row so far from its centre holds no more than a chord.
+        # At this distance from the centre, the circle is only as wide as its chord.
         apart = np.maximum(np.maximum(row - height, height - row - 1.0) - ROUNDING, 0.0)
-        half = SLENDER * np.sqrt(np.maximum(reach * reach - apart * apart, 0.0)) + ROUNDING
+        half = ASPECT * np.sqrt(np.maximum(reach * reach - apart * apart, 0.0)) + ROUNDING
         line = first + across * np.minimum(np.maximum(row, 0.0), down - 1.0)
-        # Beside the grid, the cells at its edge are tested in vain.
+        # Clipped to the grid: a query beside it tests the cells at the edge, which find nothing.
         left = line + np.minimum(np.maximum(np.floor(along - half), 0.0), last)
         right = line + np.minimum(np.maximum(np.floor(along + half), 0.0), last)
         start[:, column] = begin.take(left.astype(np.int64))

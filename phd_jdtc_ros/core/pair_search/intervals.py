@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Intervals of candidates, expanded a few at a time.
+"""Intervals of candidates, expanded in chunks.
 
-Searches leave for every query an interval of a sorted list. Expanding all of them at once would
-make temporaries of many megabytes, which leave the cache and keep paying for page faults.
+A search gives every query intervals of a sorted list. Expanding all of them at once would need
+temporary arrays of many megabytes, which do not fit the cache and cause page faults.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ import numpy as np
 
 from ..arrays import IntArray
 
-# Candidates expanded at a time: temporaries of 256 kB stay inside the second-level cache.
+# Candidates per chunk: temporary arrays of 256 kB fit the second-level cache.
 CHUNK_PAIRS = 1 << 15
 
 
 def chunks(count: IntArray, most: int) -> Iterator[slice]:
-    """Cut intervals of these lengths into runs that hold about `most` candidates."""
+    """Yield slices of the intervals, with about `most` candidates each, given their lengths."""
     running = np.cumsum(count)
     total = int(running[-1]) if len(running) else 0
     bounds = np.searchsorted(running, np.arange(0, total, most), side="right")
@@ -30,12 +30,13 @@ def chunks(count: IntArray, most: int) -> Iterator[slice]:
 
 
 def expand(owner: IntArray, start: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
-    """Return for every candidate its owner and its place.
+    """Return the owner and the place of every candidate.
 
     Parameters
     ----------
     owner, start, count : int arrays of shape (I,)
-        Interval i holds the places ``start[i]`` to ``start[i] + count[i]`` for ``owner[i]``.
+        Interval i of query ``owner[i]`` has the places from ``start[i]`` to
+        ``start[i] + count[i]``, the last excluded.
     """
     place = np.arange(count.sum())
     place += (start - np.cumsum(count) + count).repeat(count)

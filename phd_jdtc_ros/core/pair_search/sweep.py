@@ -1,17 +1,17 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All pairs of points closer than a radius, by sorting and sweeping.
+"""Finds all pairs of points closer than a radius, by sort and sweep.
 
-A tracking filter's clouds, whitened by a kernel's noise, are wide in two coordinates and a few
-units wide in the others, so a search over two coordinates finds little but true neighbours. Which
-two differs from block to block: mostly the positions, but a spawned turn rate is told apart best.
-The second coordinate is cut into strips as wide as the radius, points are sorted by (block, strip,
-first coordinate), and each query looks up one interval in each of the strips it reaches. What the
-intervals hold are its candidates.
+Particles whitened by a kernel's noise are spread widely in two coordinates and over a few units in
+the others. So a search over two coordinates finds few false candidates. Which two are best depends
+on the block: mostly the positions, for spawned targets also the turn rate. The second coordinate is
+cut into strips as wide as the radius, and points are sorted by (block, strip, first coordinate).
+Each query looks up one interval in each strip that it reaches. The points in these intervals are
+its candidates.
 
-Where pairs must be of one group, as of one target's origin, `grid` is faster; where they need not,
-this one is (`python -m benchmarks --part searches`).
+Where both points of a pair must be of one group, such as the origin of one target, `grid` is
+faster; elsewhere the sweep is (`python -m benchmarks --part searches`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..arrays import FloatArray, IntArray
 from . import kernels
 from .candidates import ROUNDING, Candidates
 
-# Axes are chosen on so many queries and points, and on one more of so many.
+# Sample of queries and points on which axes are chosen: this many, and one more per so many.
 SAMPLE, SPARSE = 24, 128
 
 
@@ -33,9 +33,9 @@ def candidates(
     point_block: IntArray,
     radius: float | FloatArray,
 ) -> Candidates:
-    """Return what is to be tested to find every (query, point) pair of one block within a radius.
+    """Return the candidates for all (query, point) pairs of one block within a radius.
 
-    Their number, ``count.sum()``, is what a search costs.
+    Their number, ``count.sum()``, determines the cost of a search.
 
     Parameters
     ----------
@@ -50,18 +50,18 @@ def candidates(
     """
     reach = np.full(len(query), radius)
     if len(query) == 0 or len(point) == 0:
-        none = np.zeros(0, dtype=np.int64)
-        return Candidates(query.T, point.T, reach, none, none, none, none)
+        empty = np.zeros(0, dtype=np.int64)
+        return Candidates(query.T, point.T, reach, empty, empty, empty, empty)
     blocks = int(max(query_block.max(), point_block.max())) + 1
     widest = float(reach.max())
     order = _selective_axes(query, query_block, point, point_block, widest, blocks)
     first, second = _columns(point, np.arange(len(point)), point_block, order[:, :2])
     low = float(first.min()) - 2.0 * widest, float(second.min())
-    # Strips fit the usual radius; the few larger ones reach beyond the neighbouring strips.
+    # Strips are as wide as the mean radius; larger radii reach beyond the neighbouring strips.
     width = max(float(reach.mean()), widest / 3.0) * (1.0 + ROUNDING)
     beyond = int(np.ceil(widest / width))
-    # All strips of all blocks stand one behind the other on a line, with a gap in between that no
-    # interval bridges.
+    # All strips of all blocks are placed one after the other on a line, with gaps between them that
+    # are longer than any interval.
     span = float(first.max()) - low[0] + 3.0 * widest
     strips = int((float(second.max()) - low[1]) / width) + 2 * beyond + 3
     strip = np.floor((second - low[1]) / width) + beyond + 1.0
@@ -75,7 +75,7 @@ def candidates(
     strip = np.floor(height[owner])
     above = height[owner] - strip
     centre = (query_block[owner] * strips + strip) * span + along[owner]
-    # Looked up in sorted order, so that neighbouring places are read one after the other.
+    # Looked up in sorted order, so that memory is read in order.
     sweep = np.argsort(centre)
     owner = owner[sweep]
     looked_up = _look_up(
@@ -105,19 +105,19 @@ def _look_up(
     span: float,
     beyond: int,
 ) -> IntArray:
-    """Return the interval of candidates of every query in every strip that it may reach.
+    """Return each query's interval of candidates in each strip that it may reach.
 
     Parameters
     ----------
     key : array of shape (P,)
         The points' places on the line of all strips, ascending.
     centre, above, radius : arrays of shape (M,)
-        The queries' places on that line, how far into its strip each stands and how far it
-        reaches, the latter two in widths of a strip.
+        The queries' places on that line, their offsets within their strips and their radii, the
+        latter two in units of a strip's width.
     width, span : float
-        Of a strip.
+        Width of a strip, and its length on the line.
     beyond : int
-        How many strips to either side are reached.
+        Number of strips reached to either side.
 
     Returns
     -------
@@ -127,7 +127,7 @@ def _look_up(
     found = np.empty((2, 2 * beyond + 1, len(centre)), dtype=np.int64)
     rounding = 4.0 * np.spacing(key[-1] + span)
     for shift in range(-beyond, beyond + 1):
-        # Of a circle, a strip so far from its centre holds no more than a chord.
+        # At this distance from the centre, the circle is only as wide as its chord.
         apart = np.maximum(np.maximum(shift - above, above - shift - 1.0) - ROUNDING, 0.0)
         square = radius * radius - apart * apart
         half = width * np.sqrt(np.maximum(square, 0.0)) + rounding
@@ -167,10 +167,10 @@ def _selective_axes(
     radius: float,
     blocks: int,
 ) -> IntArray:
-    """Return for each block its axes, the two that best tell pairs apart first; (blocks, K).
+    """Return the axes of each block, the two most selective ones first; shape (blocks, K).
 
-    On a small even sample: the two axes that together leave the fewest pairs. The result is exact
-    whatever the order; only the work depends on it.
+    They are the two axes that together leave the fewest pairs of a small, regular sample. The
+    search is exact for any order of axes; only its cost depends on the order.
     """
     size = query.shape[1]
     order = np.tile(np.arange(size), (blocks, 1))
@@ -178,7 +178,7 @@ def _selective_axes(
         own, others = np.flatnonzero(query_block == block), np.flatnonzero(point_block == block)
         if len(own) == 0 or len(others) == 0:
             continue
-        # Of many targets, pairs that are near on two axes are rare: the sample grows with them.
+        # With many targets, pairs that are near in two axes are rare, so the sample grows.
         some, rest = (
             coordinates[rows[:: max(1, len(rows) // (SAMPLE + len(rows) // SPARSE))]].T
             for coordinates, rows in ((query, own), (point, others))
@@ -187,7 +187,8 @@ def _selective_axes(
         indicator = near.astype(np.float32)  # counts are exact, and products fast
         together = (indicator @ indicator.T).astype(np.float64)
         alone = together.diagonal()
-        # Counted and, since few are left to count, also as if the two were independent.
+        # The count of pairs near in both axes is small and noisy, so the count expected of
+        # independent axes is added.
         left = together + np.outer(alone, alone) / near.shape[1]
         np.fill_diagonal(left, np.inf)
         best = divmod(int(left.argmin()), size)

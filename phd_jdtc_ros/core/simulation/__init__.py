@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenarios with known truth, and the scans that radars make of them.
+"""Scenarios with known truth, and simulated scans of them.
 
 ::
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulated targets and radars: the reference scenario and others of its kind."""
+"""Scenarios: scripted targets and the radars that observe them."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
 from ..types import Truth
 
-# The truth moves as this model's mean does; turn rate 0 is a straight line.
+# True targets follow this model's mean; turn rate 0 is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
 
 
 @dataclass(frozen=True)
 class Turn:
-    """A stretch of a target's life in which its velocity rotates.
+    """A part of a target's life in which its velocity rotates at a constant rate.
 
     Parameters
     ----------
     first_scan, last_scan : int
-        From the stamp of the one to the stamp of the other; on the last it flies straight again.
+        The turn lasts from the stamp of the first to that of the last, at which the target flies
+        straight again.
     turn_rate : float
         Radians per second, counter-clockwise.
     """
@@ -39,7 +40,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class TargetScript:
-    """One target that moves straight at constant velocity, but for its turns.
+    """One target that moves at constant velocity except in its turns.
 
     Parameters
     ----------
@@ -51,9 +52,9 @@ class TargetScript:
     velocity : tuple of two floats
         At its first scan, metres per second.
     first_scan, last_scan : int
-        The scans it lives, both included.
+        First and last scan in which it exists.
     turns : tuple of Turn
-        One after the other, from its first scan on.
+        One after the other, not before its first scan.
     """
 
     class_id: int
@@ -70,7 +71,7 @@ class TargetScript:
             raise ValueError(f"turns: {self.turns}, expected one after the other")
 
     def state_at(self, scan: int, interval_s: float) -> FloatArray:
-        """Return the exact state at a scan, its turn rate that of the turn in progress, shape (D,).
+        """Return the exact state at a scan, with the present turn's rate; shape (D,).
 
         Parameters
         ----------
@@ -90,7 +91,7 @@ class TargetScript:
         return exact
 
     def _legs(self, scan: int) -> Iterator[tuple[int, float]]:
-        """Yield the length in scans and the turn rate of every stretch up to a scan."""
+        """Yield the length in scans and the turn rate of every leg up to a scan."""
         reached = self.first_scan
         for turn in self.turns:
             for until, turn_rate in ((turn.first_scan, 0.0), (turn.last_scan, turn.turn_rate)):
@@ -101,12 +102,12 @@ class TargetScript:
 
 @dataclass(frozen=True)
 class Scenario:
-    """What to simulate.
+    """A scenario to simulate.
 
     Parameters
     ----------
     start_ns : int
-        Stamp of scan 0; not zero, as no real stamp is.
+        Stamp of scan 0; not zero, because no real stamp is.
     interval_s : float
     scans : int
     targets : tuple of TargetScript
@@ -152,8 +153,9 @@ def paper_scenario(radars: tuple[RadarModel, ...]) -> Scenario:
 
     Notes
     -----
-    Sec. V. Speeds are not printed there; these let target 1 cross target 2 (the other class),
-    then target 3 (its own), and target 4 cross target 2 (its own), near the radars.
+    Sec. V, which does not give the speeds. With these, target 1 crosses target 2 (of the other
+    class) and then target 3 (of its own class), and target 4 crosses target 2 (of its own class),
+    near the radars.
     """
     strong, weak = snr_from_db(45.0), snr_from_db(25.0)
     return Scenario(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenario files: a document checked as a whole and turned into a `Scenario`."""
+"""Scenario files: checks a document as a whole and turns it into a `Scenario`."""
 
 from __future__ import annotations
 
@@ -14,26 +14,28 @@ from ..models.amplitude_density import snr_from_db
 from ..models.radar import RadarModel
 from .scenario import Scenario, TargetScript, Turn
 
-# Stamps count seconds in 32 bits, with a sign.
+# Stamps count seconds in signed 32-bit integers.
 END_OF_TIME_S = 2**31
 TIMING = (
     # No real scan has the stamp 0.
     Parameter("start_s", 1000.0, "Stamp of scan 0, s.", 1e-3, 4e9),
-    Parameter("interval_s", 6.0, "Between scans, s.", SMALL, 1e6),
+    Parameter("interval_s", 6.0, "Interval between scans, s.", SMALL, 1e6),
     Parameter("scans", 80, "Number of scans.", 1, 10**6),
 )
 TARGET = (
     Parameter("class_id", 0, "Class, from 0.", 0, 1000),
     Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0),
-    Parameter("position", [0.0, 0.0], "At its first scan, world frame, m.", length=2),
-    Parameter("velocity", [0.0, 0.0], "At its first scan, world frame, m/s.", length=2),
-    Parameter("first_scan", 0, "First scan it lives.", 0, 10**6),
-    Parameter("last_scan", 0, "Last scan it lives.", 0, 10**6),
+    Parameter("position", [0.0, 0.0], "Position at its first scan, world frame, m.", length=2),
+    Parameter("velocity", [0.0, 0.0], "Velocity at its first scan, world frame, m/s.", length=2),
+    Parameter("first_scan", 0, "First scan in which it exists.", 0, 10**6),
+    Parameter("last_scan", 0, "Last scan in which it exists.", 0, 10**6),
 )
 TURN = (
     Parameter("first_scan", 0, "Scan at which the turn begins.", 0, 10**6),
-    Parameter("last_scan", 0, "Scan at which it ends.", 0, 10**6),
-    Parameter("turn_rate_deg_s", 0.0, "Counter-clockwise, degrees per second.", -180.0, 180.0),
+    Parameter("last_scan", 0, "Scan at which the turn ends.", 0, 10**6),
+    Parameter(
+        "turn_rate_deg_s", 0.0, "Turn rate, counter-clockwise, degrees per second.", -180.0, 180.0
+    ),
 )
 
 
@@ -44,8 +46,8 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     ----------
     document : mapping
         The keys of `TIMING`, all optional, and ``targets``: a list of mappings with all keys of
-        `TARGET`. A target may have ``turns``: a list of mappings with all keys of `TURN`. What
-        stands under ``parameters`` is the tracker's and the radars' and is not looked at here.
+        `TARGET`. A target may have ``turns``: a list of mappings with all keys of `TURN`.
+        ``parameters`` are those of the tracker and the radars, and are ignored here.
     radars : tuple of RadarModel
 
     Raises
@@ -74,7 +76,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
 
 
 def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> TargetScript | None:
-    """Return a checked target, or None after adding what is wrong to `faults`."""
+    """Return a checked target; add its faults to `faults` and return None if there are any."""
     found: list[str] = []
     target = _take(TARGET, script, prefix, found, False, ("turns",))
     turns = [
@@ -102,7 +104,7 @@ def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Target
 def _order_faults(
     target: Mapping[str, Any], turns: Sequence[Mapping[str, Any]], prefix: str
 ) -> list[str]:
-    """Return what is wrong with the order of a target's scans."""
+    """Return the faults in the order of a target's scans."""
     first, last = target["first_scan"], target["last_scan"]
     if last < first:
         return [f"{prefix}last_scan: {last} given, must be at least first_scan, {first}"]
@@ -112,9 +114,9 @@ def _order_faults(
         begin, end = turn["first_scan"], turn["last_scan"]
         name = f"{prefix}turns[{index}]"
         if begin < earliest:
-            before = "turn before it ends" if index else "target appears"
+            event = "previous turn ends" if index else "target appears"
             faults.append(
-                f"{name}.first_scan: {begin} given, must be at least {earliest}, when the {before}"
+                f"{name}.first_scan: {begin} given, must be at least {earliest}, when the {event}"
             )
         if not begin < end <= last:
             faults.append(
@@ -126,7 +128,7 @@ def _order_faults(
 
 
 def _time_faults(timing: Mapping[str, Any]) -> list[str]:
-    """Return what is wrong with the stamp of the last scan."""
+    """Return the fault of the last scan's stamp, if it has one."""
     start, interval, scans = timing["start_s"], timing["interval_s"], timing["scans"]
     if start + (scans - 1) * interval < END_OF_TIME_S:
         return []
@@ -139,7 +141,7 @@ def _time_faults(timing: Mapping[str, Any]) -> list[str]:
 def _mappings(
     given: Mapping[str, Any], name: str, prefix: str, faults: list[str]
 ) -> list[Mapping[str, Any]]:
-    """Return a list of mappings, empty where it is absent or, which is added to `faults`, none."""
+    """Return a list of mappings, empty if it is absent; add a fault if it is something else."""
     value = given.get(name, [])
     if isinstance(value, list) and all(isinstance(entry, Mapping) for entry in value):
         return value
@@ -155,7 +157,7 @@ def _take(
     optional: bool,
     also: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Return the checked values of a table; add what is wrong to `faults`."""
+    """Return the checked values of a table; add faults to `faults`."""
     known = {parameter.name for parameter in table}.union(also)
     faults += [f"{prefix}{name}: unknown key" for name in given if name not in known]
     values = {}

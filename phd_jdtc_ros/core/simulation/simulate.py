@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Detections of a scenario: targets seen by every radar, among clutter."""
+"""Simulates every radar's detections of a scenario's targets, among clutter."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def detect(
     truth : Truth
         T targets.
     snr : array of shape (T,)
-        Linear.
+        Mean signal-to-noise ratio of each target, linear.
     radar : RadarModel
     rng : numpy.random.Generator
 
@@ -32,12 +32,12 @@ def detect(
     detections : Detections
         M of them.
     source : int array of shape (M,)
-        The track_id that each detection comes from; 0 for clutter.
+        The track_id of each detection's target; 0 for clutter.
 
     Notes
     -----
     Target envelopes are Rayleigh with sigma^2 = 1 + d, clutter envelopes with sigma^2 = 1; both
-    are reported only above the radar's threshold. The clutter rate is that of reported ones.
+    are reported only above the radar's threshold. The clutter rate counts reported detections.
     """
     exact = radar.measure(truth.state)
     envelope = rng.rayleigh(np.sqrt(1.0 + snr))
@@ -51,7 +51,7 @@ def detect(
         ],
         axis=1,
     )
-    # The Rayleigh law is memoryless in its square, so the tail above tau is exact.
+    # The square of a Rayleigh envelope is exponential, so this tail above tau is exact.
     tail = np.sqrt(radar.threshold**2 + 2.0 * rng.standard_exponential(count))
     measurement = np.concatenate([noisy[seen], clutter])
     measurement[:, 0] = np.abs(measurement[:, 0])
@@ -66,14 +66,14 @@ def detect(
 
 
 def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:
-    """Return the truth and the scan of every stamp; the same for the same seed."""
+    """Return the truth and the scan of every stamp; reproducible by the seed."""
     return [(truth, scan) for truth, scan, _ in simulate_with_sources(scenario, seed)]
 
 
 def simulate_with_sources(
     scenario: Scenario, seed: int
 ) -> list[tuple[Truth, Scan, tuple[IntArray, ...]]]:
-    """Return what `simulate` does and, for every radar, where each detection comes from."""
+    """Return what `simulate` returns, with the source of each detection for every radar."""
     rng = np.random.default_rng(seed)
     snr_of = np.array([target.snr for target in scenario.targets])
     run = []

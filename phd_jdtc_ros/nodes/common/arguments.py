@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command line of a node that takes ROS arguments alone."""
+"""The command line of a node that takes only ROS arguments."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _EXAMPLES = "--ros-args -p NAME:=VALUE, --params-file FILE, -r FROM:=TO, -r __ns
 
 
 def check(name: str, purpose: str, argv: Sequence[str]) -> None:
-    """Show the help if it is asked for, and refuse what is no ROS argument.
+    """Show the help if it is asked for, and refuse arguments that are not ROS arguments.
 
-    rclpy ignores such words: a parameter file without ``--ros-args`` before it changes nothing.
+    rclpy ignores them silently: a parameter file without ``--ros-args`` before it has no effect.
 
     Raises
     ------

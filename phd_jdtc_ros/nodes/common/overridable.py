@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""QoS that users can override by parameters."""
+"""QoS that users can override with parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 
 @contextmanager
 def qos_of(topic: str) -> Iterator[None]:
-    """Say by parameter what is wrong with the QoS of an endpoint that is made in this block.
+    """Name the parameter if the QoS of an endpoint that is made in this block is not valid.
 
     Parameters
     ----------
@@ -28,11 +28,11 @@ def qos_of(topic: str) -> Iterator[None]:
     Raises
     ------
     ConfigError
-        If the QoS given for it is none.
+        If the QoS override is not valid.
     """
     try:
         yield
-    # What rclpy raises for a policy it does not know, for one of another type, and for a refusal.
+    # rclpy raises these for an unknown policy, for a value of a wrong type, and for a refusal.
     except (RuntimeError, ParameterException, ValueError, InvalidQosOverridesError) as error:
         raise ConfigError([f"qos_overrides.{topic}: {error}"]) from error
 
@@ -45,9 +45,9 @@ def subscribe(
     Raises
     ------
     ConfigError
-        If the QoS given for it is none.
+        If the QoS override is not valid.
     """
-    # New each time, for rclpy writes an override into the profile that it is given.
+    # New each time, because rclpy writes an override into the profile that it is given.
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
     options = QoSOverridingOptions.with_default_policies()
     with qos_of(node.resolve_topic_name(topic)):

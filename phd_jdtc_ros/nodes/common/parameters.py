@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""ROS parameters from the core's table: read what was given, check it whole, declare it."""
+"""ROS parameters from the core's table: read the given ones, check them together, declare them."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _OWN = ("use_sim_time", "start_type_description_service")
 
 
 def given(node: Node) -> dict[str, Any]:
-    """Return what the user set on the command line or in files, by dotted name.
+    """Return the parameters that the user set on the command line or in files, by dotted name.
 
-    Taken from the arguments themselves, so that names which no table knows are seen too; rclpy
-    would drop them.
+    They are read from the arguments themselves, so that unknown names are included; rclpy would
+    drop them.
     """
     return {
         # An empty list has no type, and arrives as None.
@@ -39,7 +39,7 @@ def declare(
     values: Mapping[str, Any],
     mutable: frozenset[str] = frozenset(),
 ) -> None:
-    """Declare checked values, described, ranged, and read-only unless named in `mutable`."""
+    """Declare checked values with descriptions and ranges, read-only unless in `mutable`."""
     for name, parameter in table.items():
         descriptor = _descriptor(parameter, values[name])
         descriptor.read_only = name not in mutable
@@ -47,7 +47,7 @@ def declare(
 
 
 def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return the values of a plain table's parameters, and every fault of what was found."""
+    """Return the values of a plain table's parameters, and every fault of the given ones."""
     by_name = {parameter.name: parameter for parameter in table}
     faults = [f"{name}: unknown parameter" for name in found if name not in by_name]
     values = {}
@@ -67,7 +67,7 @@ def resolve(node: Node, table: tuple[Parameter, ...], flags: Mapping[str, Any]) 
     node : Node
     table : tuple of Parameter
     flags : mapping of name to value
-        From plain command-line flags; they win over ROS arguments.
+        From plain command-line flags, which override ROS arguments.
 
     Raises
     ------

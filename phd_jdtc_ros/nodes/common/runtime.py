@@ -3,8 +3,8 @@
 
 """Running one node: start, spin, stop, and the exit status.
 
-Signals only set a flag that the spin loop looks at, so a stop never interrupts a scan half-way,
-a second signal changes nothing, and nothing is ever printed as a traceback because of one.
+Signals only set a flag that the spin loop reads. So a stop never interrupts a scan, a second signal
+has no effect, and a signal never causes a traceback.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 
-# The longest a stop request waits for the spin loop to look.
+# The longest time until the spin loop notices a stop request.
 POLL_SECONDS = 0.1
-# A warning that could be repeated without end is said once in this time.
+# A warning whose cause persists is logged at most once in this time.
 WARNING_PERIOD_S = 5.0
-# What users can cause; all else is a traceback.
+# Errors that users can cause are reported in one line; others end with a traceback.
 REPORTED = (
     ConfigError,
     BagError,
@@ -40,21 +40,21 @@ REPORTED = (
 
 
 class RunnableNode(Protocol):
-    """What `run` needs of a node beside its being one."""
+    """What `run` requires of a node in addition to the rclpy node's interface."""
 
     exit_status: int | None
-    """None while the node has work; its exit status once it has ended by itself or failed."""
+    """None while the node is to run; the exit status once it has ended by itself or failed."""
 
     def close(self) -> None:
-        """Finish all output; called once, whatever ended the node.
+        """Finish all output; called once, however the node ended.
 
-        It may set the exit status if that fails.
+        May set the exit status if finishing fails.
         """
         ...
 
 
 class StopRequest:
-    """Set by SIGINT and SIGTERM from its making on."""
+    """A flag that SIGINT and SIGTERM set, from its creation on."""
 
     def __init__(self) -> None:
         self.made = False
@@ -65,22 +65,22 @@ class StopRequest:
         self.made = True
 
     def ignore_further(self) -> None:
-        """Ignore signals for good: the interpreter's own teardown would restore their defaults."""
+        """Ignore signals for good: the interpreter's teardown would restore their defaults."""
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
 
 
 def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
-    """Run a node until it ends or is told to stop, and return the exit status.
+    """Run a node until it ends or a signal stops it, and return the exit status.
 
     Parameters
     ----------
     name : str
         Of the executable, for messages.
     make_node : callable
-        Makes the node, a `RunnableNode`, once ROS is up.
+        Makes the node, a `RunnableNode`, once ROS is initialised.
     argv : sequence of str
-        Arguments with the ROS ones.
+        Command-line arguments, including the ROS arguments.
     """
     stop = StopRequest()
     try:
@@ -99,7 +99,7 @@ def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
 
 
 def _end(node: Node | None, stop: StopRequest) -> None:
-    """Close a node, and take it and ROS down even if that fails."""
+    """Close a node, then destroy it and shut ROS down even if closing fails."""
     try:
         if node is not None:
             node.close()
@@ -110,8 +110,8 @@ def _end(node: Node | None, stop: StopRequest) -> None:
         finally:
             rclpy.try_shutdown()
             stop.ignore_further()
-            # The process ends here. Its last collection would look at every object of the numerical
-            # libraries, which takes most of the time of a stop.
+            # The process ends here. Without this, its last garbage collection would visit every
+            # object of the numerical libraries, which takes most of the time of a stop.
             gc.freeze()
 
 
@@ -124,7 +124,7 @@ def _spin(node: Node, stop: StopRequest) -> None:
     except ExternalShutdownException:
         pass
     except Exception:
-        # What was left half-way must not be stored as if it were whole: `close` looks at this.
+        # `close` reads this: the state of an interrupted step must not be stored in a checkpoint.
         node.exit_status = FAILED
         raise
     finally:

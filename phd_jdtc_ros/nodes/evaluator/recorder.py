@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recording topics into a bag as the bytes they arrive as."""
+"""Records topics into a bag as serialised bytes, as they arrive."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from phd_jdtc_ros.bags.writer import BagWriter, Topic
 
 # Deep enough that a burst waits in the queue instead of being lost.
 INPUT_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-# For those who offer no more, as drivers do.
-MODEST_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+# For publishers that offer best effort only, as drivers do.
+BEST_EFFORT_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 # For what was published once, before the recording began.
 LATCHED_QOS = QoSProfile(
     depth=1000,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-# The radars' places: viewers need them to draw detections, which are in the radars' frames.
+# The radars' poses: viewers need them to draw detections, which are in the radars' frames.
 STATIC_FRAMES = "/tf_static"
 STATIC_FRAMES_TYPE = "tf2_msgs/msg/TFMessage"
 
@@ -37,13 +37,13 @@ STATIC_FRAMES_TYPE = "tf2_msgs/msg/TFMessage"
 class Recorder:
     """Subscribes for a node and writes a bag, with the time of arrival as log time.
 
-    It listens reliably, so that nothing is lost, and best effort to whom offers no more.
-    ``/tf_static`` is recorded too, where tf2_msgs is installed.
+    It subscribes reliably, so that nothing is lost, and best effort if a publisher offers no more.
+    ``/tf_static`` is recorded too if tf2_msgs is installed.
 
     Parameters
     ----------
     node : Node
-        Whose executor delivers the messages.
+        Its executor delivers the messages.
     directory : Path
         Of the new bag.
     topics : mapping of topic to type name
@@ -54,32 +54,32 @@ class Recorder:
         self._clock = node.get_clock()
         self._logger = node.get_logger()
         self._bag: BagWriter | None = BagWriter(directory)
-        self._heard: dict[str, Subscription] = {}
+        self._subscriptions: dict[str, Subscription] = {}
         for topic, type_name in (_static_frames() | dict(topics)).items():
             latched = topic == STATIC_FRAMES
             self._bag.add_topic(Topic(topic, type_name, transient_local=latched))
-            self._listen(topic, type_name, LATCHED_QOS if latched else INPUT_QOS)
+            self._subscribe(topic, type_name, LATCHED_QOS if latched else INPUT_QOS)
 
-    def _listen(self, topic: str, type_name: str, qos: QoSProfile) -> None:
-        self._heard[topic] = self._node.create_subscription(
+    def _subscribe(self, topic: str, type_name: str, qos: QoSProfile) -> None:
+        self._subscriptions[topic] = self._node.create_subscription(
             interfaces.message_class(type_name),
             topic,
             partial(self._write, topic),
             qos,
             event_callbacks=SubscriptionEventCallbacks(
-                incompatible_qos=partial(self._ask_less, topic, type_name)
+                incompatible_qos=partial(self._fall_back, topic, type_name)
             ),
             raw=True,
         )
 
-    def _ask_less(self, topic: str, type_name: str, event: Any) -> None:
-        """Listen best effort instead, where that is what a publisher cannot fulfil."""
+    def _fall_back(self, topic: str, type_name: str, event: Any) -> None:
+        """Subscribe best effort instead, if a publisher does not offer reliable messages."""
         if event.last_policy_kind != QoSPolicyKind.RELIABILITY:
-            self._logger.warning(f"{topic}: a publisher's QoS does not fit, it is not recorded")
+            self._logger.warning(f"{topic}: a publisher's QoS is incompatible, it is not recorded")
             return
         self._logger.info(f"{topic}: offered best effort, recorded best effort")
-        self._node.destroy_subscription(self._heard[topic])
-        self._listen(topic, type_name, MODEST_QOS)
+        self._node.destroy_subscription(self._subscriptions[topic])
+        self._subscribe(topic, type_name, BEST_EFFORT_QOS)
 
     def _write(self, topic: str, data: bytes) -> None:
         if self._bag is None:
@@ -101,7 +101,7 @@ class Recorder:
 
 
 def _static_frames() -> dict[str, str]:
-    """Return the topic of the static transforms with its type, where that is installed."""
+    """Return the topic of the static transforms with its type, if that type is installed."""
     try:
         interfaces.message_class(STATIC_FRAMES_TYPE)
     except ImportError:

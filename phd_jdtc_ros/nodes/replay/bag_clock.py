@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The bag's time, run by the wall clock."""
+"""The bag's time, driven by the wall clock."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import time
 
 
 class BagClock:
-    """Where a replay is in its bag.
+    """A replay's position in its bag, as a time.
 
     Parameters
     ----------
     rate : float
-        Speed against the recording.
+        Speed relative to the recording.
     now_ns : int
-        Log time that it stands at.
+        Log time at which it starts.
 
     Attributes
     ----------
@@ -29,12 +29,12 @@ class BagClock:
         self.run_on()
 
     def run_on(self) -> None:
-        """Let the bag's time run on from where it stands."""
+        """Let the bag's time run on from its present value."""
         self._wall_start_s = time.monotonic()
         self._start_ns = self.now_ns
 
     def is_due(self, log_time_ns: int) -> bool:
-        """Return whether a log time has come; if it has not, the clock moves on towards it."""
+        """Return whether a log time has come; if it has not, advance the clock towards it."""
         elapsed_ns = (time.monotonic() - self._wall_start_s) * 1e9 * self._rate
         due = log_time_ns - self._start_ns <= elapsed_ns
         if not due:

@@ -1,21 +1,21 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Lock-step: a scan goes out once the estimate of the one before has come back."""
+"""Lock-step: a scan is published once the estimate of the previous scan has come back."""
 
 from __future__ import annotations
 
-# An estimate may be held back until a later stamp comes (radars without a common scan), so after
-# this long a few more stamps are allowed out.
+# A tracker may hold an estimate back until a later stamp comes (radars without a common scan). So
+# after this time a few more stamps may be published.
 PATIENCE_S = 1.0
 MOST_OUTSTANDING = 4
 GIVE_UP_S = 30.0
 
 
 class LockStep:
-    """What has been published and not been answered yet.
+    """The stamps that have been published and not been answered yet.
 
-    Times are seconds by one monotonic clock.
+    Times are seconds of one monotonic clock.
     """
 
     def __init__(self) -> None:
@@ -24,11 +24,11 @@ class LockStep:
         self._running_since_s = 0.0
 
     def begin(self) -> None:
-        """Await nothing: what comes next is not what followed so far."""
+        """Forget all awaited stamps, because the bag has jumped."""
         self._outstanding.clear()
 
     def run_on(self, now_s: float) -> None:
-        """Count from now on until giving up: in a pause no other stamp could go out."""
+        """Restart the time until giving up: during a pause no other stamp could be published."""
         self._running_since_s = now_s
 
     def published(self, stamp_ns: int, now_s: float) -> None:
@@ -38,10 +38,10 @@ class LockStep:
         self._outstanding.append(stamp_ns)
 
     def answered(self, stamp_ns: int, now_s: float) -> None:
-        """Take in an estimate: it answers its stamp and those before it.
+        """Take in an estimate, which answers its own stamp and all earlier ones.
 
-        One of a stamp that is not awaited is a late one from before `begin`, as from the end of a
-        bag that starts again, and answers nothing.
+        An estimate of a stamp after the awaited ones is a late one from before `begin`, for
+        instance from the end of a bag that has started again. It answers nothing.
         """
         if not self._outstanding or stamp_ns > self._outstanding[-1]:
             return
@@ -50,17 +50,17 @@ class LockStep:
             self._since_s = now_s
 
     def may_follow(self, now_s: float) -> bool:
-        """Return whether the next stamp may go out."""
+        """Return whether the next stamp may be published."""
         return not self._outstanding or (
             self._waited_s(now_s) > PATIENCE_S and len(self._outstanding) < MOST_OUTSTANDING
         )
 
     def settled(self, now_s: float) -> bool:
-        """Return whether no more answers are to be expected without another stamp."""
+        """Return whether no more answers are expected unless another stamp is published."""
         return not self._outstanding or self._waited_s(now_s) > PATIENCE_S
 
     def hopeless(self, now_s: float) -> bool:
-        """Return whether there has been no answer for so long that there will be none."""
+        """Return whether there has been no answer for `GIVE_UP_S`."""
         waited_s = now_s - max(self._since_s, self._running_since_s)
         return bool(self._outstanding) and waited_s > GIVE_UP_S
 

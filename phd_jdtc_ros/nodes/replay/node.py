@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plays a bag: detections, truth and the rest, at a rate or in lock-step with a tracker."""
+"""Plays a bag's detections, truth and other topics, at a rate or in lock-step with a tracker."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ CLOCK_QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 CLOCK_PERIOD_S = 0.01
 TICK_S = 0.005
 
-# Endpoints see each other a moment after the graph shows them.
+# Endpoints are connected a moment after the graph shows them.
 SETTLE_S = 0.5
 ACKNOWLEDGE_S = 5.0
-# So long a look at what has arrived may take: signals wait for it.
+# Longest wait for acknowledgements at a time, because it delays signals.
 LOOK_S = 0.05
 
 
@@ -58,7 +58,7 @@ class State(Enum):
 
 
 class SensorReplay(Node):
-    """Publishes a bag's messages as the bytes they were recorded as."""
+    """Publishes a bag's messages with the bytes that were recorded."""
 
     def __init__(self, flags: dict[str, Any]) -> None:
         super().__init__("sensor_replay")
@@ -150,12 +150,14 @@ class SensorReplay(Node):
             self._ready_since = None
             return
         else:
-            self.get_logger().warning(f"nobody is on {', '.join(missing)}; playing all the same")
+            self.get_logger().warning(
+                f"nothing is connected to {', '.join(missing)}; playing without waiting for it"
+            )
         self._begin()
         self._enter(State.PLAYING)
 
     def _begin(self) -> None:
-        """Make what comes next due now, forgetting what went before."""
+        """Make the next group due now and forget all awaited estimates."""
         if self._lock_step:
             self._lock_step.begin()
         if self._playback.upcoming is not None:
@@ -175,7 +177,7 @@ class SensorReplay(Node):
             self._playback.advance()
         if not self._values["loop"]:
             self._enter(State.DRAINING)
-        # The first scan of the next turn waits for the last of this one too.
+        # In lock-step, the first scan of the next pass waits for the last scan of this one too.
         elif self._settled():
             self._playback.rewind()
             self._begin()
@@ -205,11 +207,11 @@ class SensorReplay(Node):
             self._lock_step.published(group.stamp_ns, time.monotonic())
 
     def _show(self, scans: int = 0) -> None:
-        doing = "paused" if self._paused else "plays"
+        doing = "paused" if self._paused else "playing"
         self._line.show(self._playback.seconds(self._bag_clock.now_ns), doing, scans)
 
     def _drain(self) -> None:
-        """Wait until what was published has arrived, then flush the tracker if asked to."""
+        """Wait until all messages have arrived, then flush the tracker if asked to."""
         if not self._settled():
             return
         waited_s = time.monotonic() - self._since
@@ -231,9 +233,9 @@ class SensorReplay(Node):
             if answer.success:
                 self._end()
             else:
-                self._fail(f"service {self._values['flush_service']} refuses: {answer.message}")
+                self._fail(f"service {self._values['flush_service']} refused: {answer.message}")
         elif time.monotonic() - self._since > GIVE_UP_S:
-            self._fail(f"service {self._values['flush_service']} does not answer")
+            self._fail(f"service {self._values['flush_service']} did not answer")
 
     def _end(self) -> None:
         self._line.stop()
@@ -270,16 +272,16 @@ class SensorReplay(Node):
         self._paused = True
         self._steps += 1
         self._run_on()
-        return _done(response, "one stamp")
+        return _done(response, "one scan")
 
     def _run_on(self) -> None:
-        """Let time go on from where a pause has held it."""
+        """Let the time run on after a pause."""
         self._bag_clock.run_on()
         if self._lock_step:
             self._lock_step.run_on(time.monotonic())
 
     def _seek_fault(self, value: Any) -> str:
-        """Return why the replay cannot go to `value`, or nothing if it can."""
+        """Return why the replay cannot go to `value`; empty if it can."""
         if self._state in (State.DRAINING, State.FLUSHING):
             return f"{SEEK.name}: {value} given, but the bag has been played to its end"
         seconds = SEEK.coerce(value)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which topics of a bag are played, and which of them make its scans."""
+"""Selects which topics of a bag are played, and which of them make its scans."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from msg_adapters.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 
-# Kept by whoever comes late; what was recorded before the chosen part is published too.
+# Transient local topics: what was recorded before the chosen part is published too.
 LATCHED = ("/tf_static",)
 # Published by the replay itself, by every node, or by the nodes that the bag is played to.
 LEFT_OUT = ("/clock", "/rosout", "/parameter_events", names.DIAGNOSTICS)
@@ -30,7 +30,7 @@ _TYPE_NAME = re.compile(r"([a-z][a-z0-9_]*)/msg/([A-Z][A-Za-z0-9]*)")
 
 @dataclass(frozen=True)
 class Playable:
-    """What of a bag is played.
+    """The part of a bag that is played.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ class Playable:
     scan_topics : tuple of str
         Detections and truth: their stamps make the scans.
     detections : tuple of str
-        Those of them that a tracker answers with an estimate.
+        The scan topics that a tracker answers with an estimate.
     skipped : tuple of str
-        A line for every topic that cannot be published.
+        One line per topic that cannot be published.
     """
 
     classes: dict[str, Any]
@@ -50,19 +50,19 @@ class Playable:
 
 
 def choose(bag: BagReader, wanted: list[str]) -> Playable:
-    """Return what is played of a bag.
+    """Return the part of a bag that is played.
 
     Parameters
     ----------
     bag : BagReader
     wanted : list of str
-        Topics; all if empty, but for those that the tracker, the evaluator and every node publish.
+        Topics; if empty, all but those that the tracker, the evaluator and every node publish.
 
     Raises
     ------
     BagError
-        If a wanted topic is missing or cannot be published, if detections or the truth are of
-        another type than they should be, or if nothing is left.
+        If a wanted topic is missing or cannot be published, if detections or the truth have a
+        wrong type, or if there is nothing to play.
     """
     missing = [topic for topic in wanted if topic not in bag.types]
     if missing:
@@ -75,7 +75,7 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
     readable = {reader.type_name for reader in READERS.values()}
     bag.require({t: names.CLOUD for t in [*detections, *truth] if bag.types[t] not in readable})
     if not detections:
-        # A driver's own name for them.
+        # A driver may publish its detections under another name.
         detections = [t for t in chosen if bag.types[t] in readable]
         detections = [topic for topic in detections if topic not in truth]
     classes, skipped = {}, []
@@ -84,7 +84,7 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         if found is None:
             skipped.append(f"{topic}: type {bag.types[topic]} is not installed, not played")
         elif not _is_topic_name(topic):
-            skipped.append(f"{topic}: is no topic name, not played")
+            skipped.append(f"{topic}: is not a valid topic name, not played")
         else:
             classes[topic] = found
     if not classes or (wanted and skipped):
@@ -106,9 +106,9 @@ def _is_topic_name(topic: str) -> bool:
 
 
 def _message_class(type_name: str) -> Any:
-    """Return a message class, or None where its package is not installed.
+    """Return a message class, or None if its package is not installed.
 
-    The name comes from a file, so nothing is imported that does not look like a message package.
+    The name comes from a file, so only packages that look like message packages are imported.
     """
     match = _TYPE_NAME.fullmatch(type_name)
     if match is None:

@@ -11,21 +11,21 @@ from dataclasses import dataclass
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 
-# A message between two detections of one stamp goes out with them; one that comes this long after
-# the last detections does not wait for more of the same stamp.
+# A message between two detections of one stamp is published with them. One recorded this long after
+# the last detections no longer waits for more of the same stamp.
 TOGETHER_NS = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class Group:
-    """Messages that go out together.
+    """Messages that are published together.
 
     Parameters
     ----------
     messages : tuple of BagMessage
         In order of log time; not empty.
     stamp_ns : int or None
-        Stamp of the scan; None where no message is of a scan topic.
+        Stamp of the scan; None if no message is of a scan topic.
     """
 
     messages: tuple[BagMessage, ...]
@@ -33,35 +33,35 @@ class Group:
 
     @property
     def log_time_ns(self) -> int:
-        """When the first of them was recorded."""
+        """Log time of the first message."""
         return self.messages[0].log_time_ns
 
 
 class Playback:
     """Reads a chosen part of a bag, scan by scan, one scan ahead.
 
-    Messages of the scan topics with one stamp are one group, with whatever was recorded between
-    them; every other message is a group of its own.
+    Messages of the scan topics with one stamp are one group, together with all messages recorded
+    between them; every other message is a group of its own.
 
     Parameters
     ----------
     bag : BagReader
     topics : collection of str
     scan_topics : collection of str
-        Those of `topics` whose stamps make the scans.
+        The topics whose stamps make the scans.
     start_s : float
-        Skip this much.
+        Seconds to skip.
     duration_s : float
-        Take this much; 0 for all.
+        Seconds to play; 0 for all.
 
     Attributes
     ----------
     upcoming : Group or None
-        What comes next; None at the end.
+        The next group; None at the end.
     damage : BagError or None
-        What was wrong with the bag, known once the end is reached.
+        What is wrong with the bag, known once the end is reached.
     first_ns, last_ns : int
-        The chosen part, by log time.
+        Log times at which the chosen part begins and ends.
 
     Raises
     ------
@@ -80,7 +80,7 @@ class Playback:
         self._bag = bag
         self._topics = list(topics)
         self._scan_topics = frozenset(scan_topics)
-        # A little more than there is, is as much as any more, which may be too much for a number.
+        # Clipped to the bag's length, because very large values would overflow in nanoseconds.
         longest_s = (bag.end_ns - bag.start_ns) / 1e9 + 1.0
         self.first_ns = bag.start_ns + round(min(start_s, longest_s) * 1e9)
         self.last_ns = bag.end_ns
@@ -97,7 +97,7 @@ class Playback:
         self.seek(self.first_ns)
 
     def seek(self, time_ns: int) -> None:
-        """Go to the first group recorded at `time_ns` or later."""
+        """Go to the first group recorded at or after `time_ns`."""
         self._source = self._groups(time_ns)
         self.upcoming = next(self._source, None)
 
@@ -140,7 +140,7 @@ class Playback:
             self.damage = error
 
     def before(self, time_ns: int, topics: Collection[str]) -> Iterator[BagMessage]:
-        """Yield the messages of `topics` recorded before `time_ns`; no more of the bag is read."""
+        """Yield the messages of `topics` recorded before `time_ns`; stop reading there."""
         try:
             for message in self._bag.messages(list(topics)):
                 if message.log_time_ns >= time_ns:

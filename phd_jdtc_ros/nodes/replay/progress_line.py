@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A line on the terminal that shows how far a replay is."""
+"""A line on the terminal that shows a replay's progress."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 
 class ProgressLine:
-    """A line on the terminal with the bag's time; nothing where there is no terminal.
+    """A line on the terminal with the bag's time; not drawn if there is no terminal.
 
     Parameters
     ----------
@@ -34,12 +34,12 @@ class ProgressLine:
         self._length_s = max(last_s - first_s, 1e-9)
         self._scans = 0
         self._task = self._progress.add_task(
-            "replay", total=self._length_s, scans=0, time=first_s, last=last_s, doing="waits"
+            "replay", total=self._length_s, scans=0, time=first_s, last=last_s, doing="waiting"
         )
         self._progress.start()
 
     def show(self, time_s: float, doing: str, scans: int = 0) -> None:
-        """Show the bag's time and what is being done, and count scans on."""
+        """Show the bag's time and what is being done, and add to the count of scans."""
         self._scans += scans
         self._progress.update(
             self._task,
@@ -50,5 +50,5 @@ class ProgressLine:
         )
 
     def stop(self) -> None:
-        """Leave the line as it is."""
+        """Stop drawing; the line stays as it is."""
         self._progress.stop()

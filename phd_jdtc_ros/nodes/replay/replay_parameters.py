@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a replay is told at its start: its parameters, and the flags that set some of them."""
+"""The replay's parameters, and the command-line flags that set some of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from rclpy.utilities import remove_ros_args
 from msg_adapters import names
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
 
-_PURPOSE = "Plays a bag: detections, truth and the rest, at a rate or in lock-step with a tracker."
+_PURPOSE = (
+    "Plays a bag's detections, truth and other topics, at a rate or in lock-step with a tracker."
+)
 SLOWEST_RATE = 0.1
 
 AT_THE_START = (
@@ -22,20 +24,20 @@ AT_THE_START = (
     Parameter(
         "rate",
         1.0,
-        "Speed against the recording, from 0.1; 0 is lock-step: a stamp is published once the "
-        "estimate of the one before has come back.",
+        "Speed relative to the recording, at least 0.1; 0 is lock-step: a scan is published once "
+        "the estimate of the previous scan has come back.",
         0.0,
         1000.0,
     ),
     Parameter("loop", False, "Start again at the end."),
-    Parameter("start_s", 0.0, "Skip this much of the bag, s.", 0.0),
-    Parameter("duration_s", 0.0, "Play this much of the bag, s; 0 for all.", 0.0),
-    Parameter("start_paused", False, "Wait for ~/resume or ~/step."),
+    Parameter("start_s", 0.0, "Length of the bag's beginning to skip, s.", 0.0),
+    Parameter("duration_s", 0.0, "Length of the part to play, s; 0 for all.", 0.0),
+    Parameter("start_paused", False, "Start paused and wait for ~/resume or ~/step."),
     Parameter(
         "topics",
         [],
         "Topics to play; empty for all but /clock, /diagnostics, /rosout, /parameter_events and "
-        "what is under /tracker and /evaluator.",
+        "those under /tracker and /evaluator.",
         element=str,
     ),
     Parameter(
@@ -48,10 +50,10 @@ AT_THE_START = (
     Parameter(
         "estimates_topic",
         names.estimates("filtered"),
-        "What comes back in lock-step.",
+        "Topic of the estimates that lock-step waits for.",
     ),
     Parameter("flush_service", "", "Service called at the end, such as /tracker/flush."),
-    Parameter("progress", True, "Draw a progress line, where there is a terminal."),
+    Parameter("progress", True, "Draw a progress line if there is a terminal."),
 )
 SEEK = Parameter(
     "seek_s",
@@ -64,7 +66,7 @@ TABLE = (*AT_THE_START, SEEK)
 
 
 def check(values: Mapping[str, Any]) -> None:
-    """Check what a table cannot say.
+    """Check what the table cannot express.
 
     Raises
     ------
@@ -81,7 +83,7 @@ def check(values: Mapping[str, Any]) -> None:
 
 
 def flags(argv: Sequence[str]) -> dict[str, Any]:
-    """Return the parameters that plain command-line flags set."""
+    """Return the parameters that are set by plain command-line flags."""
     parser = argparse.ArgumentParser("sensor_replay", description=_PURPOSE)
     parser.add_argument("bag", nargs="?", help="rosbag2 directory or MCAP file")
     parser.add_argument("--rate", type=float, help="speed; 0 is lock-step")

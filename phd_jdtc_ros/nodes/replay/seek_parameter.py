@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Seeking by a parameter, since std_srvs has no service that takes a number."""
+"""Seeking by a parameter, because std_srvs has no service that takes a number."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def declare(node: Node, fault: Callable[[Any], str], go_to: Callable[[float], No
     ----------
     node : Node
     fault : callable
-        Returns why a given value is refused, or nothing if it is not.
+        Returns why a given value is refused; empty if it is accepted.
     go_to : callable
-        Called with the seconds that have been set.
+        Called with an accepted value, in seconds.
     """
 
     def check(given: list[rclpy.Parameter]) -> SetParametersResult:
@@ -43,7 +43,7 @@ def declare(node: Node, fault: Callable[[Any], str], go_to: Callable[[float], No
         ParameterDescriptor(
             description=SEEK.description,
             additional_constraints=f"must be {SEEK.allowed}",
-            dynamic_typing=True,  # a whole number is a number too
+            dynamic_typing=True,  # so that a whole number is accepted too
         ),
         ignore_override=True,
     )

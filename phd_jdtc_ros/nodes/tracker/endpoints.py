@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Publishers and subscriptions whose QoS users can override, and what becomes of it."""
+"""Publishers and subscriptions whose QoS users can override, with incompatibilities counted."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from .health import InputHealth, OutputHealth, Publishers
 
 
 def output_qos() -> QoSProfile:
-    """Return what every output but the markers offers.
+    """Return the QoS of every output but the markers.
 
-    New each time, for rclpy writes an override into the profile that it is given.
+    New each time, because rclpy writes an override into the profile that it is given.
     """
     return QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 
 
 def latched_qos() -> QoSProfile:
-    """Return what the markers offer: a late joiner gets the last."""
+    """Return the QoS of the markers: a late subscriber receives the last message."""
     return QoSProfile(
         depth=1,
         reliability=ReliabilityPolicy.RELIABLE,
@@ -57,7 +57,7 @@ def publisher(
     Raises
     ------
     ConfigError
-        If the QoS given for it is none.
+        If the QoS override is not valid.
     """
     full = node.resolve_topic_name(topic)
 
@@ -65,7 +65,7 @@ def publisher(
         policy = qos_policy_name_from_kind(event.last_policy_kind)
         health.refuse(full, event.total_count_change, time.monotonic())
         node.get_logger().warning(
-            f"{full}: a subscription asks for incompatible QoS ({policy}), nothing comes to it"
+            f"{full}: a subscription asks for incompatible QoS ({policy}), it receives nothing"
         )
 
     with overridable.qos_of(full):
@@ -84,28 +84,29 @@ def subscription(
     callback: Callable[..., None],
     health: InputHealth,
 ) -> Subscription:
-    """Return a subscription to `health.topic` that counts what its QoS leads to in `health`.
+    """Return a subscription to `health.topic` whose QoS events are counted in `health`.
 
-    A deadline can be asked for beside the usual policies.
+    In addition to the usual policies, the deadline can be overridden.
 
     Raises
     ------
     ConfigError
-        If the QoS given for it is none.
+        If the QoS override is not valid.
     """
 
     def on_incompatible(event: Any) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind)
         health.incompatible_qos += event.total_count_change
         node.get_logger().warning(
-            f"{health.topic}: a publisher offers incompatible QoS ({policy}), nothing comes of it"
+            f"{health.topic}: a publisher offers incompatible QoS ({policy}), "
+            "nothing is received from it"
         )
 
     def on_deadline(event: Any) -> None:
         health.miss_deadline(event.total_count_change, time.monotonic())
 
     def possible(qos: QoSProfile) -> SetParametersResult:
-        # The middleware would hang on another.
+        # The middleware would hang on a negative deadline.
         return SetParametersResult(
             successful=qos.deadline.nanoseconds >= 0, reason="deadline: must be at least 0"
         )
@@ -127,7 +128,7 @@ def subscription(
 
 
 def publishers(node: LifecycleNode, listener: Subscription) -> Publishers:
-    """Return who publishes what `listener` listens to, and who of them it cannot hear."""
+    """Return the publishers on the topic of `listener`, with those whose QoS is incompatible."""
     found = node.get_publishers_info_by_topic(listener.topic_name)
     verdicts = [qos_check_compatible(info.qos_profile, listener.qos_profile) for info in found]
     return Publishers(

@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the tracker's inputs and steps are doing, as diagnostics.
+"""The health of the tracker's inputs, steps and outputs, as diagnostics.
 
-Ages are by the wall clock: a radar whose driver has died sends no stamps to go by.
+Ages are measured by the wall clock, because a radar whose driver has died sends no more stamps.
 """
 
 from __future__ import annotations
@@ -19,24 +19,26 @@ from msg_adapters import diagnostics
 
 from .sequence_numbers import SequenceNumbers
 
-# A radar is silent this much after the scans that it may miss, at the latest half a second after.
+# Added to the scans that a radar may miss. Noticing it takes up to 0.1 s more, so that a radar is
+# reported silent within half a second after those scans.
 SILENCE_SLACK_S = 0.3
-# A warning stays this long after its cause.
+# How long a warning stays after its cause.
 WARNING_MEMORY_S = 10.0
-# A killed publisher is in the graph for the middleware's lease, of 20 s at the most as it comes.
-# Those that are there together for longer have lived together.
+# A killed publisher stays in the graph for the middleware's lease, by default at most 20 s. Two
+# that are listed together for longer than this must both be alive.
 LEASE_S = 30.0
-# Intervals that the usual one is taken from.
+# Number of latest intervals whose median is the usual one.
 KEPT_INTERVALS = 9
 
 
 class Rhythm:
-    """The usual interval of something that comes again and again: the median of the latest.
+    """The usual interval between repeated events: the median of the latest ones.
 
     Parameters
     ----------
     first_guess_s : float
-        Counts as one interval, so that the first two arriving together are not taken for a rate.
+        Counts as one interval, so that the first two events arriving together are not taken as
+        the usual interval.
     """
 
     def __init__(self, first_guess_s: float) -> None:
@@ -44,13 +46,13 @@ class Rhythm:
         self._last_s: float | None = None
 
     def beat(self, now_s: float) -> None:
-        """Take note of one more."""
+        """Record an event."""
         if self._last_s is not None and now_s > self._last_s:
             self._intervals.append(now_s - self._last_s)
         self._last_s = now_s
 
     def pause(self) -> None:
-        """Take the next one for the first of another run."""
+        """Let the next event begin a new series, so that the interval before it does not count."""
         self._last_s = None
 
     @property
@@ -61,14 +63,14 @@ class Rhythm:
 
 @dataclass(frozen=True)
 class Publishers:
-    """Who publishes on a topic as the graph has it: a killed one stays there for a while.
+    """The publishers on a topic according to the graph, which lists a killed one for a while.
 
     Parameters
     ----------
     identities : frozenset
-        What the middleware tells them apart by.
+        One identifier per publisher.
     incompatible : tuple of str
-        Why those that cannot be heard cannot, one entry each.
+        One reason per publisher whose QoS prevents receiving from it.
     """
 
     identities: frozenset[Hashable]
@@ -77,13 +79,13 @@ class Publishers:
 
 @dataclass
 class InputHealth:
-    """One radar's stream since the tracker was configured.
+    """One radar's stream of reports since the tracker was configured.
 
     Parameters
     ----------
     name, topic : str
     rhythm : Rhythm
-        Of its usable reports, wall clock.
+        Of its usable reports, by the wall clock.
     """
 
     name: str
@@ -99,7 +101,7 @@ class InputHealth:
     _trouble_s: float | None = None
 
     def arrived(self, now_s: float, sequence: int | None) -> None:
-        """Count a message and those lost before it; `sequence` is its publication's number."""
+        """Count a message and those lost before it; `sequence` is its publisher's number for it."""
         self.received += 1
         self._heard_s = now_s
         if sequence is not None:
@@ -107,11 +109,11 @@ class InputHealth:
 
     @property
     def gaps(self) -> int:
-        """Messages that were published and did not come, of those numbered."""
+        """Number of lost messages, as far as messages are numbered."""
         return self._numbering.lost
 
     def drop(self, reason: str, count: int, now_s: float) -> None:
-        """Count what was not used."""
+        """Count detections or messages that were not used."""
         self.dropped[reason] += count
         self._trouble_s = now_s
 
@@ -121,48 +123,51 @@ class InputHealth:
         self._trouble_s = now_s
 
     def silent(self, now_s: float, scans: float) -> bool:
-        """Return whether nothing has come for `scans` of its usual intervals and a little."""
+        """Return whether nothing has come for `scans` of its usual intervals and the slack."""
         if self._heard_s is None:
             return True
         return now_s - self._heard_s > scans * self.rhythm.interval_s + SILENCE_SLACK_S
 
-    def judged(self, now_s: float, scans: float, heard: Publishers) -> tuple[bytes, str]:
-        """Return the level and what it says; the worst counts.
+    def judged(self, now_s: float, scans: float, publishers: Publishers) -> tuple[bytes, str]:
+        """Return the level and the message of the worst condition.
 
-        A silent radar is STALE: nothing is known of it, and tracking goes on without it.
+        A silent radar is STALE and not ERROR, because tracking goes on without it.
         """
         if self._shared(now_s, scans):
             return DiagnosticStatus.ERROR, f"several publishers on {self.topic}, must be one"
-        if heard.incompatible:
+        if publishers.incompatible:
             return DiagnosticStatus.ERROR, f"incompatible QoS on {self.topic}: " + "; ".join(
-                heard.incompatible
+                publishers.incompatible
             )
         if self._heard_s is None:
             return DiagnosticStatus.STALE, "nothing received yet"
         if self.silent(now_s, scans):
             return DiagnosticStatus.STALE, f"silent for {now_s - self._heard_s:.1f} s"
-        if len(heard.identities) > 1:
+        if len(publishers.identities) > 1:
             return DiagnosticStatus.WARN, (
-                f"{len(heard.identities)} publishers listed on {self.topic}, must be one; "
-                "a killed one goes by itself"
+                f"{len(publishers.identities)} publishers listed on {self.topic}, must be one; "
+                "a killed one disappears by itself"
             )
         if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
             return DiagnosticStatus.WARN, "input was dropped or missed its deadline"
         return DiagnosticStatus.OK, "receiving"
 
     def _shared(self, now_s: float, scans: float) -> bool:
-        """Return whether more than one publisher lives: by what they send, or by the graph."""
+        """Return whether several publishers are alive, by their numbers or by the graph."""
         if self._numbering.several and not self.silent(now_s, scans):
             return True
-        long = [since for since in self._listed_since_s.values() if now_s - since > LEASE_S]
-        return len(long) > 1
+        lasting = [since for since in self._listed_since_s.values() if now_s - since > LEASE_S]
+        return len(lasting) > 1
 
-    def status(self, node: str, now_s: float, scans: float, heard: Publishers) -> DiagnosticStatus:
-        """Return the radar's line."""
+    def status(
+        self, node: str, now_s: float, scans: float, publishers: Publishers
+    ) -> DiagnosticStatus:
+        """Return the radar's status."""
         self._listed_since_s = {
-            identity: self._listed_since_s.get(identity, now_s) for identity in heard.identities
+            identity: self._listed_since_s.get(identity, now_s)
+            for identity in publishers.identities
         }
-        level, text = self.judged(now_s, scans, heard)
+        level, text = self.judged(now_s, scans, publishers)
         values: dict[str, object] = {"topic": self.topic, "received": self.received}
         if self._heard_s is not None:
             values["age_s"] = now_s - self._heard_s
@@ -171,7 +176,7 @@ class InputHealth:
             "gaps": self.gaps,
             "deadlines_missed": self.deadlines_missed,
             "incompatible_qos": self.incompatible_qos,
-            "publishers": len(heard.identities),
+            "publishers": len(publishers.identities),
             **{f"dropped_{reason}": count for reason, count in sorted(self.dropped.items())},
         }
         return diagnostics.status(f"{node}: {self.name}", values, level, text, self.name)
@@ -179,7 +184,7 @@ class InputHealth:
 
 @dataclass
 class StepHealth:
-    """The tracker's own pace.
+    """The tracker's own step time.
 
     Parameters
     ----------
@@ -194,19 +199,19 @@ class StepHealth:
     closed_by_wait: int = 0
 
     def stepped(self, stamp_ns: int, step_ms: float) -> None:
-        """Take note of a step: its scan's stamp, and the CPU time from receipt to publication."""
+        """Record a step: its scan's stamp, and the CPU time from receipt to publication."""
         self.scans += 1
         self.rhythm.beat(stamp_ns * 1e-9)
         self.step_ms = step_ms
 
     def status(self, node: str, hardware_id: str, limit: float) -> DiagnosticStatus:
-        """Return the line of the step time; `limit` is in intervals between scans."""
+        """Return the status of the step time; `limit` is in intervals between scans."""
         interval_ms = 1e3 * self.rhythm.interval_s
         level, text = DiagnosticStatus.OK, "in time"
         if self.step_ms is None:
             level, text = DiagnosticStatus.STALE, "no scan yet"
         elif self.step_ms > limit * interval_ms:
-            level, text = DiagnosticStatus.WARN, "too slow for the scans"
+            level, text = DiagnosticStatus.WARN, "too slow for the scan interval"
         values = {
             **({} if self.step_ms is None else {"step_ms": self.step_ms}),
             "scan_interval_ms": interval_ms,
@@ -219,7 +224,7 @@ class StepHealth:
 
 @dataclass
 class OutputHealth:
-    """Who asked for what the tracker publishes and cannot have it."""
+    """Subscriptions to the tracker's outputs that ask for incompatible QoS."""
 
     refused: Counter[str] = field(default_factory=Counter)
     _trouble_s: float | None = None
@@ -230,7 +235,7 @@ class OutputHealth:
         self._trouble_s = now_s
 
     def status(self, node: str, hardware_id: str, now_s: float) -> DiagnosticStatus:
-        """Return the outputs' line."""
+        """Return the status of the outputs."""
         level, text = DiagnosticStatus.OK, "served"
         if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
             level, text = DiagnosticStatus.WARN, "a subscription asks for incompatible QoS"

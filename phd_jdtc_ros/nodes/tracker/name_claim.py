@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One node of a name: the tracker claims its name, and hears who else does.
+"""Ensures that only one node has a name: the tracker claims its name and sees others' claims.
 
-ROS lets two nodes have one name, and then both answer to it and publish on the same topics. The
-claim is a transient local message. The middleware of a living node hands it to every newcomer, even
-while the node is busy; a killed one hands out nothing, however long the graph still shows it. So
-nobody has to wait for an answer that may not come.
+ROS allows two nodes of one name; both then answer its services and publish on its topics. The claim
+is a transient local message. The middleware of a living node delivers it to every newcomer, even
+while the node is busy. A killed node delivers nothing, even while the graph still lists it. So no
+node has to wait for an answer that may not come.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from std_msgs.msg import String
 
 # Hidden from `ros2 topic list`.
 TOPIC = "~/_instance"
-# A newcomer gives way for so long: on a busy machine discovery takes some seconds.
+# How long a newcomer gives way: on a busy machine discovery takes some seconds.
 NEWCOMER_S = 5.0
 TICK_S = 1.0
-# So many claims may come before the first is looked at.
+# Number of claims that may arrive before the first is processed.
 CLAIMANTS = 50
 HOLDS, CLAIMS = "holds", "claims"
 _CLAIM = re.compile(rf"({HOLDS}|{CLAIMS}) ([0-9]{{20}}) ([0-9a-f]{{32}})")
@@ -35,21 +35,21 @@ _CLAIM = re.compile(rf"({HOLDS}|{CLAIMS}) ([0-9]{{20}}) ([0-9a-f]{{32}})")
 class NameClaim:
     """A node's claim to its full name.
 
-    A newcomer gives way to whoever holds the name, and of several newcomers the first stays. Once
-    it has been there for `NEWCOMER_S` it holds the name and gives way to nobody.
+    A newcomer gives way to a node that holds the name; of several newcomers the first one stays.
+    After `NEWCOMER_S` a newcomer holds the name and no longer gives way.
 
     Parameters
     ----------
     node : Node
     on_taken : callable
-        Called if the name is another's.
+        Called if another node has the name.
     """
 
     def __init__(self, node: Node, on_taken: Callable[[], None]) -> None:
         self._node = node
         self._on_taken = on_taken
         self._state = CLAIMS
-        # The second word tells those apart that start in the same instant.
+        # The second word orders nodes that start in the same nanosecond.
         self._seniority = f"{time.time_ns():020d}", uuid.uuid4().hex
         self._output = node.create_publisher(String, TOPIC, _latched(1))
         node.create_subscription(String, TOPIC, self._on_claim, _latched(CLAIMANTS))
@@ -62,7 +62,10 @@ class NameClaim:
         self._output.publish(String(data=" ".join([self._state, *self._seniority])))
 
     def _tick(self) -> None:
-        """Count the time that the node has had to listen: a busy one must not skip what waits."""
+        """Count the time in which the node could process claims.
+
+        A clock would also count the time in which a busy node leaves claims waiting.
+        """
         self._elapsed_s += TICK_S
         if self._elapsed_s >= NEWCOMER_S:
             self._timer.cancel()

@@ -3,7 +3,7 @@
 
 """The live tracker: detections in, filtered and smoothed estimates out.
 
-A managed node: its life and its parameters are here, a scan's way through it is in `live`.
+A managed node. Its lifecycle and its parameters are here; the processing of scans is in `live`.
 """
 
 from __future__ import annotations
@@ -29,20 +29,21 @@ from .live import LiveTracker
 from .name_claim import NameClaim
 
 HEALTH_PERIOD_S = 1.0
-# How soon a radar's silence is noticed.
+# How often radars are checked for silence.
 WATCH_PERIOD_S = 0.1
 
 
 class Tracker(LifecycleNode):
-    """Unconfigured it only has parameters; configured, topics; active, it tracks.
+    """The tracker as a lifecycle node.
 
-    Deactivating publishes the scans that are still held back, and activating begins a new run.
+    Unconfigured it has only parameters and services, configured it has all topics, and active it
+    tracks. Deactivating publishes the scans that are still held back; activating begins a new run.
     """
 
     def __init__(self) -> None:
         super().__init__("tracker")
         self.exit_status: int | None = None
-        # First of all, for others are found in the background while the rest is made.
+        # First, so that others are discovered in the background while the rest is made.
         self._claim = NameClaim(self, self._give_way)
         self._settings = settings.resolve(parameters.given(self))
         parameters.declare(
@@ -58,7 +59,7 @@ class Tracker(LifecycleNode):
         self.create_service(Trigger, "~/flush", self._on_flush)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/checkpoint", self._on_checkpoint)
-        # By the wall clock, for under simulated time a paused replay stops the other.
+        # By the wall clock, because a paused replay stops simulated time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
         self._guard_transitions()
@@ -72,7 +73,7 @@ class Tracker(LifecycleNode):
             self.exit_status = USAGE
             self.get_logger().error(
                 f"another tracker runs as {self.get_fully_qualified_name()}: this one ends; "
-                "a namespace or another name (-r __ns:=/NAME, -r __node:=NAME) tells them apart"
+                "give it a namespace or another name (-r __ns:=/NAME, -r __node:=NAME)"
             )
 
     def _start(self) -> None:
@@ -82,7 +83,7 @@ class Tracker(LifecycleNode):
         self.trigger_activate()
 
     def _guard_transitions(self) -> None:
-        """Refuse transitions that there are not from the present state; rclpy ends the node."""
+        """Refuse transitions that the present state does not have; rclpy would end the node."""
         service = self._service_change_state
         change = service.callback
 
@@ -97,10 +98,10 @@ class Tracker(LifecycleNode):
         service.callback = guarded
 
     def close(self) -> None:
-        """Say how the run went, and leave a checkpoint for the next start if there is one.
+        """Log a summary of the run, and write a checkpoint if one is configured.
 
-        Nothing of both if it ends because the name, and so the checkpoint, is another's, or because
-        a step failed half-way.
+        Neither is done if another node has the name, and so the checkpoint, or if a step has
+        failed.
         """
         if self.exit_status is not None:
             return
@@ -111,11 +112,11 @@ class Tracker(LifecycleNode):
         self.get_logger().info(f"stopped; {self._summary}")
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Make the engine and all topics; fail and stay unconfigured if they cannot be made."""
+        """Make the engine and all topics; if that fails, stay unconfigured."""
         self._fault = None
         try:
             self._live = LiveTracker(self, self._settings)
-        except Exception as error:  # the caller of the transition is only told that it failed
+        except Exception as error:  # the transition's response has no room for the reason
             self._fault = error
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
@@ -137,24 +138,24 @@ class Tracker(LifecycleNode):
         return done
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish what is held back, then hear and publish nothing."""
+        """Publish the scans held back, then stop receiving and publishing."""
         self._live.stop()
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Take all topics back."""
+        """Remove all topics."""
         self._tear_down()
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Publish what is held back and take all topics back, whatever the state."""
+        """Publish the scans held back if active, and remove all topics."""
         if state.label == "active":
             self._live.stop()
         self._tear_down()
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Be unconfigured again after a transition that failed half-way."""
+        """Become unconfigured again after a transition that failed half-way."""
         self._tear_down()
         return super().on_error(state)
 
@@ -167,9 +168,9 @@ class Tracker(LifecycleNode):
     def set_parameters_atomically(
         self, parameter_list: list[rclpy.Parameter]
     ) -> SetParametersResult:
-        """Check a change whole, in the words of the start, and go by it from the next scan on.
+        """Check a change as a whole, and apply it from the next scan on.
 
-        rclpy would look at one parameter after the other and name the first fault alone.
+        rclpy would check one parameter after the other and report only the first fault.
         """
         table = self._settings.table
         others = [p for p in parameter_list if p.name not in table and self.has_parameter(p.name)]
@@ -180,15 +181,15 @@ class Tracker(LifecycleNode):
             changed = settings.changed(self._settings, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
-        # Whole numbers have become the real ones that they stand for.
+        # The checked values: whole numbers given for real parameters have become real numbers.
         checked = [rclpy.Parameter(name, value=changed.values[name]) for name in changes]
         result = super().set_parameters_atomically([*others, *checked])
         if result.successful:
             self._settings = changed
             if self._live is not None:
                 self._live.retune(changed)
-            told = ", ".join(f"{parameter.name} {parameter.value}" for parameter in checked)
-            self.get_logger().info(f"changed: {told}")
+            summary = ", ".join(f"{parameter.name} {parameter.value}" for parameter in checked)
+            self.get_logger().info(f"changed: {summary}")
         return result
 
     @property
@@ -218,7 +219,7 @@ class Tracker(LifecycleNode):
         return response
 
     def _watch(self) -> None:
-        """Publish the health every second, and at once when a radar falls silent or is back."""
+        """Publish the health every second, and at once when a radar becomes silent or returns."""
         now = time.monotonic()
         state = self._phase, self._live.silent() if self._phase == "active" else None
         before, published = self._shown

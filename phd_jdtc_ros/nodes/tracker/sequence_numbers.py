@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the numbers of a topic's messages tell: how many were lost, and whether several publish.
+"""Counts a topic's lost messages by their sequence numbers, and notices several publishers.
 
-Every publisher numbers its own messages, and they come in their order; which publisher a message is
-of, nobody says.
+Every publisher numbers its own messages, and they arrive in order. A message does not name its
+publisher, so it is assigned to the publisher with the nearest lower number.
 """
 
 from __future__ import annotations
@@ -12,77 +12,81 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-# Messages that are looked back on.
+# Number of latest messages that are considered.
 WINDOW = 6
-# So many numbers that do not go up among them are no restart, which is one.
-TURNS = 2
+# With this many decreases of the number among them, several publishers are alive. A restart causes
+# a single decrease.
+MIN_DECREASES = 2
 
 
 @dataclass
-class _Count:
-    """One publisher's count.
+class _Sequence:
+    """One publisher's sequence of numbers.
 
     Parameters
     ----------
     number : int
         Of its latest message.
-    heard : int
-        How many messages there had been on the topic by then, this one included.
+    received : int
+        How many messages the topic had received by then, this one included.
     skipped : range
-        The numbers that it left out last.
+        The numbers missing before its latest message.
     """
 
     number: int
-    heard: int
+    received: int
     skipped: range = range(0)
 
 
 class SequenceNumbers:
-    """The numbers that have come on a topic.
+    """The sequence numbers received on a topic.
 
     Attributes
     ----------
     lost : int
-        Messages that were published and did not come. While two publish it may fall: when a number
-        comes that was taken for lost.
+        Number of messages that were published and not received. With two publishers it may fall,
+        when a number arrives that was counted as lost.
     """
 
     def __init__(self) -> None:
         self.lost = 0
-        self._heard = 0
+        self._received = 0
         self._latest: int | None = None
-        self._turns: deque[bool] = deque(maxlen=WINDOW)
-        self._counts: list[_Count] = []
+        self._decreases: deque[bool] = deque(maxlen=WINDOW)
+        self._sequences: list[_Sequence] = []
 
     def add(self, number: int) -> None:
-        """Take note of a message; it goes on with the count that it comes closest behind."""
-        self._heard += 1
-        self._turns.append(self._latest is not None and number <= self._latest)
+        """Assign a message to the publisher with the nearest lower number, and count the gap."""
+        self._received += 1
+        self._decreases.append(self._latest is not None and number <= self._latest)
         self._latest = number
-        # A dead publisher's would catch its successor's numbers as those come by.
-        self._counts = [count for count in self._counts if self._heard - count.heard <= WINDOW]
-        lower = [count for count in self._counts if count.number < number]
-        count = max(lower, key=lambda each: each.number) if lower else self._another(number)
-        skipped = range(count.number + 1, number)
+        # A dead publisher's sequence must not take its successor's numbers when they reach it.
+        self._sequences = [s for s in self._sequences if self._received - s.received <= WINDOW]
+        lower = [s for s in self._sequences if s.number < number]
+        sequence = max(lower, key=lambda s: s.number) if lower else self._begin_sequence(number)
+        skipped = range(sequence.number + 1, number)
         if skipped:
-            count.skipped = skipped
+            sequence.skipped = skipped
             self.lost += len(skipped)
-        count.number, count.heard = number, self._heard
+        sequence.number, sequence.received = number, self._received
 
-    def _another(self, number: int) -> _Count:
-        """Return a publisher's count that `number` goes on with: a new one, or one found out."""
-        found = _Count(number - 1, self._heard)
-        for count in self._counts:
-            if number in count.skipped:
-                # Here another publisher's number was taken for the next of this one.
-                self.lost -= len(count.skipped)
-                found.number = count.skipped.start - 1
-                count.skipped = range(0)
+    def _begin_sequence(self, number: int) -> _Sequence:
+        """Return the sequence of another publisher, whose next message has `number`.
+
+        If `number` was counted as lost in the gap of a sequence, the message after that gap came
+        from another publisher. The gap is then taken back, and the new sequence begins before it.
+        """
+        begun = _Sequence(number - 1, self._received)
+        for sequence in self._sequences:
+            if number in sequence.skipped:
+                self.lost -= len(sequence.skipped)
+                begun.number = sequence.skipped.start - 1
+                sequence.skipped = range(0)
                 break
-        self._counts.append(found)
-        return found
+        self._sequences.append(begun)
+        return begun
 
     @property
     def several(self) -> bool:
-        """Whether the latest messages are of publishers that publish side by side."""
-        return sum(self._turns) >= TURNS
+        """Whether the latest messages come from several live publishers."""
+        return sum(self._decreases) >= MIN_DECREASES

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a live tracker runs by: the tracker's configuration, and what only the node has.
+"""A live tracker's settings: the tracker's parameters and the node's own.
 
-Checked whole at the start and at every change while it runs, by the same checks and in the same
-words.
+All are checked together, at the start and at every change while the tracker runs, by the same
+checks and with the same messages.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
 from ..common.parameters import check
 
 TABLE = (
-    Parameter("autostart", True, "Configure and activate at the start, without being asked."),
+    Parameter("autostart", True, "Configure and activate the node by itself at the start."),
     Parameter(
         "max_wait_s",
         0.0,
-        "Longest a scan waits by the wall clock for the radars that have not reported it, or is "
-        "held back by reorder_scans, s; at 0 it waits for a later stamp.",
+        "Longest time by the wall clock that a scan waits for radars that have not reported it, or "
+        "is held back by reorder_scans, s; at 0 it waits for a later stamp.",
         0.0,
         3600.0,
     ),
     Parameter("publish_markers", True, "Publish ~/markers.", mutable=True),
-    Parameter("publish_path", False, "Publish ~/tracks/path, a message a track."),
-    Parameter("publish_odometry", False, "Publish ~/odometry, a message a track."),
+    Parameter("publish_path", False, "Publish ~/tracks/path, one message per track."),
+    Parameter("publish_odometry", False, "Publish ~/odometry, one message per track."),
     Parameter("publish_radar_tracks", False, "Publish ~/radar_tracks (radar_msgs/RadarTracks)."),
     Parameter(
         "publish_detections_3d", False, "Publish ~/detections_3d (vision_msgs/Detection3DArray)."
@@ -40,22 +40,22 @@ TABLE = (
     Parameter(
         "checkpoint.path",
         "",
-        "File that keeps what the tracker knows, for a warm restart; empty for none.",
+        "File in which the tracker's state is stored, for a warm restart; empty for none.",
     ),
     Parameter("checkpoint.every", 0, "Scans between checkpoints; 0 for on request only.", 0, 10**6),
     Parameter(
         "checkpoint.max_age_s",
         60.0,
-        "A checkpoint whose last scan is older than this, or than max_gap_scans, at the first one "
-        "is not used, s.",
+        "Greatest age of a checkpoint, s: it is not used if the first scan comes later than this, "
+        "or than max_gap_scans, after the checkpoint's last one.",
         0.0,
         86400.0,
     ),
-    Parameter("path_length", 100, "Positions that a path keeps.", 2, 10**5),
+    Parameter("path_length", 100, "Number of positions in a path.", 2, 10**5),
     Parameter(
         "silent_after_scans",
         2.0,
-        "A radar is silent half a second after it has missed this many of its scans.",
+        "Number of its scans that a radar may miss; half a second later it is reported silent.",
         0.5,
         1000.0,
         mutable=True,
@@ -63,7 +63,7 @@ TABLE = (
     Parameter(
         "step_time_limit",
         1.0,
-        "Time for a step above which diagnostics warn, in intervals between scans.",
+        "Step time above which diagnostics warn, in intervals between scans.",
         0.01,
         100.0,
         mutable=True,
@@ -79,11 +79,11 @@ class Settings:
     Parameters
     ----------
     table : dict of name to Parameter
-        Every parameter there is.
+        All parameters.
     config : TrackerConfig
-        What the tracker's own parameters describe.
+        What the tracker's parameters describe.
     node : dict of name to value
-        The node's, those of `TABLE`.
+        Values of the node's own parameters, those of `TABLE`.
     """
 
     table: dict[str, Parameter]
@@ -92,7 +92,7 @@ class Settings:
 
     @property
     def values(self) -> dict[str, Any]:
-        """Every parameter in force."""
+        """The values of all parameters."""
         return {**self.config.values, **self.node}
 
     @property
@@ -102,7 +102,7 @@ class Settings:
 
 
 def resolve(given: Mapping[str, Any]) -> Settings:
-    """Check parameters and build what they describe; what is not given has its default.
+    """Check parameters and build what they describe; those not given have their defaults.
 
     Raises
     ------
@@ -128,10 +128,10 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     Raises
     ------
     ConfigError
-        With every fault: what must not change, and what the changed whole must not be.
+        With every fault: parameters that cannot change, and values that are not allowed.
     """
     faults = [
-        f"{name}: cannot change while the tracker runs, restart it with another"
+        f"{name}: cannot change while the tracker runs, restart it with another value"
         if name in settings.table
         else f"{name}: unknown parameter"
         for name in changes

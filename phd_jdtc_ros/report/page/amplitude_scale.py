@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the page colours amplitudes: on a logarithmic scale, for light and for dark."""
+"""The page's colour scale of amplitudes: logarithmic, for light and for dark pages."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from phd_jdtc_ros.core.arrays import FloatArray
 
 
 def _shades(weak: float, strong: float) -> list[list[Any]]:
-    """Return a part of a scale of one hue, and that is no class's."""
+    """Return a part of a colour scale, in a hue that no class has."""
     shades = colormaps["Purples"](np.linspace(weak, strong, 8))
     return [[k / 7.0, to_hex(shade)] for k, shade in enumerate(shades)]
 
 
-# By page: the strong detections are those that stand out most, and none are drowned.
+# By page: high amplitudes have the most contrast, and low ones remain visible.
 AMPLITUDE_SCALES = {"light": _shades(0.45, 1.0), "dark": _shades(0.75, 0.0)}
 
 
 def log_amplitude(amplitude: FloatArray) -> list[float | None]:
-    """Return the decimal logarithm; None, which has no colour, where there is none."""
+    """Return the decimal logarithm; None, which is drawn without colour, if there is none."""
     known = np.isfinite(amplitude) & (amplitude > 0.0)
     return [
         round(float(np.log10(value)), 3) if good else None
@@ -34,7 +34,7 @@ def log_amplitude(amplitude: FloatArray) -> list[float | None]:
 
 
 def colour_axis(amplitude: FloatArray) -> dict[str, Any]:
-    """Return the colours of amplitudes, on a logarithmic scale with round ticks."""
+    """Return plotly's colour axis for amplitudes, on a logarithmic scale with round ticks."""
     known = amplitude[np.isfinite(amplitude) & (amplitude > 0.0)]
     low, high = (known.min(), known.max()) if len(known) else (1.0, 10.0)
     high = max(high, 1.1 * low)

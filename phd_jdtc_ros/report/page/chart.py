@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the interactive charts of a page share: their value, their axes, their colours.
+"""Code that the page's interactive charts share: their type, their axes, their colours.
 
 Charts are transparent and take the colours of text, rules and neutral lines from the page, which
-knows whether it is light or dark; only classes and amplitudes have colours of their own.
+may be light or dark. Only classes and amplitudes have fixed colours.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from plotly.graph_objects import Figure
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
-# A trace whose line or text the page draws in its own ink says so in its `meta`.
+# Value of `meta` for traces whose line or text is drawn in the page's text colour.
 INK = "ink"
-# Between black and white: seen on a light page and on a dark one.
+# Grey that is visible on light and on dark pages.
 NEUTRAL = "#858585"
 FONT = {"family": "system-ui, Segoe UI, Liberation Sans, sans-serif", "size": 13}
 
@@ -35,13 +35,13 @@ class Chart(NamedTuple):
     Parameters
     ----------
     name : str
-        Of its element.
+        Id of its element.
     title, caption : str
-        The caption says what it shows and what to look at.
+        The caption says what the chart shows and what to look for.
     figure : plotly.graph_objects.Figure
     moving : sequence of mapping
-        Traces that change with the scan: ``trace`` is the index, every other key is a property of
-        it with one value a scan.
+        Traces that change with the scan: ``trace`` is the trace's index; every other key is one of
+        its properties, with one value per scan.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Chart(NamedTuple):
 
 
 def class_symbol(class_id: int, filled: bool = True) -> str:
-    """Return the marker of a class; filtered estimates have it open."""
+    """Return the marker of a class; that of filtered estimates is open."""
     symbol = SYMBOLS[class_id % len(SYMBOLS)]
     return symbol if filled else f"{symbol}-open"
 
@@ -63,7 +63,7 @@ def class_dash(class_id: int) -> str:
 
 
 def lay_out(figure: Figure, height: int, **layout: Any) -> None:
-    """Give a figure what all charts have: transparency, a legend on top, room for labels."""
+    """Apply the layout of all charts: transparency, a legend on top, margins for labels."""
     figure.update_layout(
         template="none",
         height=height,

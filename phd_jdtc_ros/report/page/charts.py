@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a page shows of a run: its interactive charts, and in words what the bag had nothing for."""
+"""The page's interactive charts of a run, and notes on what its bag does not contain."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ def of_record(record: Record, evaluation: Evaluation) -> list[Chart]:
 
 
 def missing(record: Record, evaluation: Evaluation) -> list[str]:
-    """Return a sentence for everything that the bag does not hold, and what that leaves out."""
+    """Return a sentence for everything that the bag does not contain, with the consequence."""
     absent = [source for source in SOURCES if not record.of_source(source)]
     notes = []
     if len(absent) == len(SOURCES):
         notes.append(
-            "There are no estimates in this bag: it shows what the radars saw. Run track_bag on "
+            "There are no estimates in this bag, so only detections are shown. Run track_bag on "
             "it, or record the tracker's topics."
         )
     elif absent:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The interactive chart of class probabilities over time, target by target."""
+"""The interactive chart of class probabilities over time, by target."""
 
 from __future__ import annotations
 
@@ -23,27 +23,27 @@ from .chart import NEUTRAL, SOURCE_ORDER, Chart, class_symbol
 from .time_axes import rows_over_time, times
 
 CAPTION = (
-    "How probable each class is, estimate by estimate: a row for each class. {colours} Certain "
-    "is near 0 or 1; between them the amplitudes and the motion have not decided yet."
+    "The probability of each class for every estimate, one row per class. {colours} Near 0 or 1 "
+    "the class is certain; in between, amplitudes and motion have not determined it yet."
 )
 BY_TRUTH = (
-    "The colour is the true class of the target nearest by, a line is one target; grey crosses "
-    "are estimates near none."
+    "The colour is the true class of the target paired with the estimate, and a line is one "
+    "target; grey crosses are estimates without a target nearby."
 )
-BY_ESTIMATE = "The colour is the class that the estimate was given."
+BY_ESTIMATE = "The colour is the estimated class."
 
 
 class Key(NamedTuple):
-    """Which estimates belong together.
+    """Identifies the estimates that are drawn as one curve.
 
     Parameters
     ----------
     name, label : str
-        In the legend, and of the single one.
+        Text in the legend, and text of a single curve.
     class_id : int or None
-        Colours it; None is no class.
+        Determines the colour; None is no class.
     number : int
-        Of the target or the track; 0 is none, and its points are not joined.
+        Number of the target or the track; 0 is none, and the points are then not joined.
     """
 
     name: str
@@ -53,14 +53,14 @@ class Key(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """Class probabilities that belong together: stamps, and arrays of shape (C,)."""
+    """Class probabilities of one curve: stamps, and arrays of shape (C,)."""
 
     stamp_ns: list[int]
     probability: list[FloatArray]
 
 
 def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
-    """Return the class probabilities of all estimates over time, a row for each class."""
+    """Return the class probabilities of all estimates over time, one row per class."""
     clock = Clock.of(record)
     names = [f"P({class_name(k)})" for k in range(record.classes)]
     figure = rows_over_time(record, names, "probability")
@@ -87,7 +87,7 @@ def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
 
 
 def _look(key: Key) -> dict[str, Any]:
-    """Return how a curve is drawn: in its class's colour, or grey behind the others."""
+    """Return the style of a curve: in its class's colour, or grey behind the others."""
     shared = {"name": key.name, "legendgroup": key.name}
     if key.class_id is None:
         symbol, size = ("circle-open", 5) if key.name == FILTERED else ("x-thin-open", 7)
@@ -103,7 +103,7 @@ def _look(key: Key) -> dict[str, Any]:
 
 
 def _curves(record: Record, source: str, cutoff: float) -> dict[Key, Curve]:
-    """Return the estimates of a source by true target, or by their own class without truth."""
+    """Return the estimates of a source by true target, or by estimated class without truth."""
     truth = {entry.stamp_ns: entry for entry in record.truth}
     curves: dict[Key, Curve] = {}
     for found in record.of_source(source):

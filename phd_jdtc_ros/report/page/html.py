@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run's report: one HTML page that needs nothing but itself.
+"""A run's report as one self-contained HTML page.
 
-The charts with their library, the numbers and the style sheet are part of the page, so the file
-can be mailed, kept with the data and opened from disk years later, in light and in dark.
+The charts, their library, the numbers and the style sheet are part of the page, so the file can be
+mailed, stored with the data and opened from disk years later. It supports light and dark mode.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ CONTROLS = """<div class="controls">
 </div>
 """
 
-# The page may show what it holds and load nothing, whatever a library would like to.
+# The page may not load anything, even if a library tries to.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
@@ -55,17 +55,17 @@ def write_report(
     Parameters
     ----------
     path : pathlib.Path
-        Of the page; its directory is made if it does not exist.
+        Of the page; its directory is created if it does not exist.
     title : str
     summary : mapping
         As `Evaluation.summary` returns it, with an optional ``step_ms`` of ``median`` and
         ``p99``. A value that is missing or None is shown as a dash.
     record : Record
-        Its stamps are the stops of the slider.
+        Its stamps are the positions of the slider.
     charts : sequence of Chart
         In order.
     notes : sequence of str
-        Sentences that come before anything else.
+        Sentences shown first.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def _part(name: str) -> str:
 
 
 def _run_json(record: Record, charts: Sequence[Chart]) -> str:
-    """Return what the script works on; no ``</`` in it can end the element that holds it."""
+    """Return the script's data; ``</`` is escaped, so that it cannot end its own element."""
     clock = Clock.of(record)
     scans = scans_of(record)
     document = {

@@ -1,9 +1,9 @@
 "use strict";
 // The report's script. The page holds one JSON document: the charts as Plotly figures, the times
-// of the scans, and what of the map's traces changes from scan to scan.
+// of the scans, and the properties of the map's traces that change from scan to scan.
 
 const run = JSON.parse(document.getElementById("run").textContent);
-// The buttons are named one by one: by default there may be one that sends the chart elsewhere.
+// The buttons are listed, because plotly's default may include one that uploads the chart.
 const CONFIG = { displaylogo: false, responsive: true, plotlyServerURL: "",
   modeBarButtons: [["zoom2d", "pan2d"], ["zoomIn2d", "zoomOut2d", "resetScale2d"], ["toImage"]] };
 const STEP_MS = 125;
@@ -20,7 +20,7 @@ function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
-// The page's colours for what has none of its own; dark pages show the strong detections light.
+// Applies the page's colours; on dark pages high amplitudes are light.
 function paint(figure) {
   const { data, layout } = figure;
   layout.font.color = colour("--ink");
@@ -101,10 +101,10 @@ function go(scan) {
 async function draw() {
   for (const { name, element, figure } of charts) {
     paint(figure);
-    // Over the others the wheel scrolls the page.
+    // Over the other charts the wheel scrolls the page.
     const config = { ...CONFIG, scrollZoom: name === "map" };
     await Plotly.newPlot(element, figure.data, figure.layout, config);
-    await new Promise((next) => setTimeout(next)); // lets the browser show what there is
+    await new Promise((next) => setTimeout(next)); // lets the browser show the chart
   }
   for (const layer of map ? map.moving : []) {
     const { x, y } = map.element.data[layer.trace];

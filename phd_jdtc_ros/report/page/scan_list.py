@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The stops of the page's slider: what a record has of each stamp."""
+"""The positions of the page's slider: the content of a record by stamp."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..record import Plot, Record
 
 
 class Scan(NamedTuple):
-    """What a record has of one stamp."""
+    """The content of a record at one stamp."""
 
     stamp_ns: int
     plots: dict[str, Plot]
@@ -23,7 +23,7 @@ class Scan(NamedTuple):
 
 
 def scans_of(record: Record) -> list[Scan]:
-    """Return every stamp that anything in the record has, in order."""
+    """Return the content of all stamps in the record, in order."""
     truth = {entry.stamp_ns: entry for entry in record.truth}
     found = {s: {e.stamp_ns: e for e in record.of_source(s)} for s in SOURCES}
     plots: dict[int, dict[str, Plot]] = {}
@@ -42,7 +42,7 @@ def scans_of(record: Record) -> list[Scan]:
 
 
 def first_shown(scans: Sequence[Scan]) -> int:
-    """Return the last scan that has the most targets, true ones where they are known."""
+    """Return the last of the scans with the most targets, counting true ones if known."""
     counts = [
         (
             0 if scan.truth is None else len(scan.truth.class_id),

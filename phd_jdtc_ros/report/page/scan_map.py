@@ -3,8 +3,8 @@
 
 """The interactive map: one scan at a time, in kilometres with equal scales.
 
-Per scan the detections of every radar, the filtered and the smoothed estimates with their
-ellipses, and the truth; beneath them the true trajectories, and the smoothed estimates so far.
+A scan shows the detections of every radar, the filtered and the smoothed estimates with their
+ellipses, and the truth. Beneath are the true trajectories and the smoothed estimates so far.
 """
 
 from __future__ import annotations
@@ -28,22 +28,22 @@ from .chart import INK, NEUTRAL, SOURCE_ORDER, Chart, class_dash, class_symbol, 
 from .scan_list import Scan, scans_of
 
 HEIGHT = 760
-# A tenth of a metre: finer than a cloud's float32 needs and than an eye sees.
+# A tenth of a metre, which is finer than a reader can see.
 DECIMALS = 4
 RADAR_SYMBOLS = ("circle", "x-thin-open", "cross-thin-open", "square-open", "diamond-open")
 
 CAPTION = (
     "Move the slider, press play, or click on a time in one of the charts below. Drag to pan, "
-    "scroll to zoom, double-click to see all again, point at anything to read it; an entry of the "
-    "legend hides what it names. Small marks are detections, coloured by amplitude. Open symbols "
-    "are filtered estimates, filled ones smoothed, with the ellipses that hold 95 % of their "
-    "probability. Plus signs and lines are the truth; the trail of dots is what was smoothed up "
-    "to this scan. A dot in the colour of another class is a wrong class."
+    "scroll to zoom, double-click to see all again, point at anything to read it; click on an "
+    "entry of the legend to hide it. Small marks are detections, coloured by amplitude. Open "
+    "symbols are filtered estimates and filled ones smoothed estimates, with ellipses of 95 % "
+    "probability. Plus signs and lines are the truth. The trail of dots is the smoothed estimates "
+    "up to this scan; a dot in the colour of another class is a wrong class."
 )
 
 
 class Layer(NamedTuple):
-    """A trace and, if it moves, its properties scan by scan."""
+    """A trace and, if it changes, its properties by scan."""
 
     trace: Scatter
     moving: dict[str, list[Any]]
@@ -116,7 +116,7 @@ def _detections(record: Record, scans: Sequence[Scan]) -> Iterable[Layer]:
         thin = symbol.endswith("open")
         marker = {"symbol": symbol, "size": 7 if thin else 6, "line": {"width": 1.5 * thin}}
         shared = {"mode": "markers", "name": f"detections, {radar}", "legendgroup": radar}
-        # In the legend: a colour scale has no colour to show there.
+        # For the legend only, where a trace with a colour scale would have no colour.
         yield Layer(Scatter(x=[None], y=[None], marker={**marker, "color": NEUTRAL}, **shared), {})
         yield Layer(
             Scatter(
@@ -198,7 +198,7 @@ def _estimates(record: Record, scans: Sequence[Scan], source: str) -> Iterable[L
 def _trail(
     rows: Sequence[Estimates | None], shared: dict[str, str], colour: str, class_id: int
 ) -> Layer:
-    """Return the estimates of all scans up to the one shown; the page cuts `x` and `y` there."""
+    """Return the estimates of all scans; the page cuts `x` and `y` after the scan shown."""
     places = [_place(row) for row in rows]
     return Layer(
         Scatter(
@@ -247,24 +247,24 @@ def _true_positions(record: Record, scans: Sequence[Scan]) -> Iterable[Layer]:
 def _of_class(estimates: Estimates | None, class_id: int) -> Estimates | None:
     if estimates is None:
         return None
-    mine = estimates.class_id == class_id
+    rows = estimates.class_id == class_id
     return replace(
         estimates,
-        state=estimates.state[mine],
-        covariance=estimates.covariance[mine],
-        weight=estimates.weight[mine],
-        class_probability=estimates.class_probability[mine],
-        class_id=estimates.class_id[mine],
-        track_id=estimates.track_id[mine],
+        state=estimates.state[rows],
+        covariance=estimates.covariance[rows],
+        weight=estimates.weight[rows],
+        class_probability=estimates.class_probability[rows],
+        class_id=estimates.class_id[rows],
+        track_id=estimates.track_id[rows],
     )
 
 
 def _true_places(truth: Truth | None, class_id: int) -> tuple[FloatArray, IntArray]:
-    """Return places, shape (T, 2), and numbers of the targets of a class."""
+    """Return positions in metres, shape (T, 2), and numbers of the targets of a class."""
     if truth is None:
         return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
-    mine = truth.class_id == class_id
-    return truth.position[mine], truth.track_id[mine]
+    rows = truth.class_id == class_id
+    return truth.position[rows], truth.track_id[rows]
 
 
 def _place(row: Estimates | None) -> FloatArray:
@@ -277,7 +277,7 @@ def _positions(rows: Sequence[Estimates | None]) -> dict[str, list[Any]]:
 
 
 def _outlines(row: Estimates | None) -> tuple[list[Any], list[Any]]:
-    """Return the 95 % ellipses as one line that None breaks between them."""
+    """Return the 95 % ellipses as one line, with None between them."""
     x: list[Any] = []
     y: list[Any] = []
     if row is not None:
@@ -289,9 +289,9 @@ def _outlines(row: Estimates | None) -> tuple[list[Any], list[Any]]:
 
 
 def _details(row: Estimates | None, class_id: int) -> list[list[Any]]:
-    """Return per estimate: class in per cent, m/s, course, weight, and its track's number.
+    """Return per estimate: class probability (%), speed (m/s), course, weight and track number.
 
-    The course is in degrees from y clockwise.
+    The course is in degrees clockwise from y.
     """
     if row is None:
         return []
@@ -321,7 +321,7 @@ def _significant(values: FloatArray) -> list[float]:
 
 
 def _view(record: Record) -> tuple[list[float], list[float]]:
-    """Return the ranges in kilometres that hold the targets, else the detections."""
+    """Return the ranges in kilometres that contain the targets, or if none the detections."""
     targets = [truth.position for truth in record.truth]
     targets += [_place(row) for source in SOURCE_ORDER for row in record.of_source(source)]
     places = np.concatenate([np.zeros((0, 2)), *targets])

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The time axis that the interactive charts over time share, and their rows."""
+"""The rows and the time axis of the interactive charts over time."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ..clock import Clock
 from ..record import Record
 from .chart import lay_out
 
-# Pixels: of a row, and of what is above and below the rows.
+# Heights in pixels: of a row, and of the space above and below the rows.
 ROW, REST = 150, 90
 
 
 def rows_over_time(record: Record, names: Sequence[str], label: str) -> Figure:
-    """Return rows of axes over time that share it, each with its name above it."""
+    """Return rows of axes that share the time axis, each with its name above it."""
     clock = Clock.of(record)
     height = REST + ROW * len(names)
     figure = make_subplots(
@@ -43,6 +43,6 @@ def rows_over_time(record: Record, names: Sequence[str], label: str) -> Figure:
 
 
 def times(clock: Clock, stamp_ns: Sequence[int]) -> list[float]:
-    """Return times on the axis, for a file."""
+    """Return times on the axis, rounded to keep the file small."""
     rounded: list[float] = np.round(clock.seconds(stamp_ns) / clock.unit_s, 4).tolist()
     return rounded

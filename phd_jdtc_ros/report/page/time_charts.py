@@ -25,19 +25,19 @@ BAND = "rgba(133,133,133,0.22)"
 
 OSPA_CAPTION = (
     "OSPA distance (p = {p:g}, c = {c:g} m) of the filtered and of the smoothed estimates to the "
-    "truth. Lower is better. Peaks are scans with a wrong number of targets, the level between "
-    "them is the error in position."
+    "truth. Lower is better. Peaks are scans with a wrong number of targets; the level between "
+    "them is the position error."
 )
 NUMBER_CAPTION = (
-    "How many targets there were, in all and of each class. {truth}Opposite spikes in two classes "
-    "at one time are one target taken for the other class; spikes of the filter alone are what "
-    "the smoother repaired."
+    "The number of targets, in all and per class. {truth}Opposite spikes in two classes at one "
+    "time are a target with the wrong class; spikes of the filter only are errors that the "
+    "smoother has repaired."
 )
 TRUE_NUMBER = "The grey area is the true number. "
 
 
 def ospa(record: Record, evaluation: Evaluation) -> Chart:
-    """Return the OSPA distance over time, a row for all targets and one for each class."""
+    """Return the OSPA distance over time, one row for all targets and one per class."""
     keys = _keys(evaluation.classes)
     figure = rows_over_time(record, [_row_name(key) for key in keys], "OSPA (m)")
     for row, key in enumerate(keys, 1):
@@ -53,7 +53,7 @@ def ospa(record: Record, evaluation: Evaluation) -> Chart:
 
 
 def numbers(record: Record, evaluation: Evaluation) -> Chart:
-    """Return the numbers of targets over time, a row for all targets and one for each class."""
+    """Return the number of targets over time, one row for all targets and one per class."""
     keys = _keys(evaluation.classes)
     figure = rows_over_time(record, [_row_name(key) for key in keys], "targets")
     clock = Clock.of(record)
@@ -100,8 +100,8 @@ def _distances(
 
 
 def _count(class_id: Any, key: str) -> int:
-    mine = class_id if key == "all" else class_id[class_id == int(key.removeprefix("class_"))]
-    return len(mine)
+    counted = class_id if key == "all" else class_id[class_id == int(key.removeprefix("class_"))]
+    return len(counted)
 
 
 def _keys(classes: int) -> list[str]:

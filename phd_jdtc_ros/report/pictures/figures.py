@@ -3,9 +3,9 @@
 
 """The pictures of a run: pure functions from a record and its scores to figures.
 
-Maps are in kilometres with equal scales (`maps`), times count from the run's first stamp
-(`timelines`). A class has the same colour, line and marker in every picture (`style`). Nothing here
-touches matplotlib's global state, so figures can be drawn from any thread.
+Maps are in kilometres with equal scales (`maps`); times are counted from the run's first stamp
+(`timelines`). A class has the same colour, line and marker in every picture (`style`). matplotlib's
+global state is not used, so figures can be drawn from any thread.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ def write_all(record: Record, evaluation: Evaluation, directory: Path) -> list[P
     evaluation : Evaluation
         The scores of `record`.
     directory : pathlib.Path
-        Made if it does not exist.
+        Created if it does not exist.
 
     Returns
     -------
     list of pathlib.Path
-        In the order in which to read them.
+        In the order in which they should be read.
     """
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
@@ -56,7 +56,7 @@ class Picture(NamedTuple):
     Parameters
     ----------
     name : str
-        Of the file, without suffix.
+        Name of the file, without suffix.
     has_data : callable of (Record, Evaluation)
     draw : callable of (Record, Evaluation)
     """

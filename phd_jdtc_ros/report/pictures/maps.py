@@ -37,13 +37,13 @@ from ..style import (
 )
 from ..tracks import Track, true_tracks
 
-# About so many ellipses and time dots a track are read without effort.
+# Approximate number of ellipses and time dots per track.
 MARKS_PER_TRACK = 10
 TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
 
 
 def scenario(record: Record) -> Figure:
-    """Draw the true trajectories: class, number, life, and where each was when."""
+    """Draw the true trajectories with class, number, lifetime, and dots at regular times."""
     tracks = true_tracks(record)
     clock = Clock.of(record)
     step_s = _dot_interval_s(clock.span_s)
@@ -78,7 +78,7 @@ def scenario(record: Record) -> Figure:
 
 
 def measurements(record: Record) -> Figure:
-    """Draw all detections of all radars, the strong ones on top."""
+    """Draw all detections of all radars, those of high amplitude on top."""
     position = np.concatenate([plot.position for plot in record.plots]) / 1e3
     amplitude = np.concatenate([plot.amplitude for plot in record.plots])
     known = np.isfinite(amplitude) & (amplitude > 0.0)
@@ -172,7 +172,7 @@ def _map(position: FloatArray, margin: float) -> tuple[Figure, Axes]:
 
 
 def _tick_step(extent: float) -> float:
-    """Return the round step that divides `extent` into four to eight."""
+    """Return the round step that divides `extent` into four to eight parts."""
     decade = 10.0 ** np.floor(np.log10(extent / 4.0))
     return float(
         max(step * decade for step in (1.0, 2.0, 2.5, 5.0) if 4.0 * step * decade <= extent)
@@ -180,13 +180,13 @@ def _tick_step(extent: float) -> float:
 
 
 def _pale_to_dark() -> LinearSegmentedColormap:
-    """Return a map of one rising darkness, without the yellow end that a white page drowns."""
+    """Return a colour map of rising darkness, without the pale end, which is hard to see."""
     shades = colormaps["YlGnBu"](np.linspace(0.3, 1.0, 64))
     return LinearSegmentedColormap.from_list("pale_to_dark", shades)
 
 
 def _legend(axes: Axes, handles: Sequence[Any]) -> None:
-    """Put the legend above the axes, where it hides nothing."""
+    """Put the legend above the axes, where it covers no data."""
     axes.legend(
         handles=list(handles),
         loc="lower left",
@@ -208,7 +208,7 @@ def _amplitude_bar(figure: Figure, axes: Axes, dots: PathCollection) -> None:
 
 
 def _arrow_head(axes: Axes, position: FloatArray, colour: str) -> None:
-    """Mark the end of a track, pointing the way it went."""
+    """Mark the end of a track with an arrow along its last motion."""
     moved = np.flatnonzero(np.any(position != position[-1], axis=1))
     if len(moved):
         axes.annotate(
@@ -226,7 +226,7 @@ def _arrow_head(axes: Axes, position: FloatArray, colour: str) -> None:
 
 
 def _start_label(axes: Axes, track: Track, number: str, life: str) -> None:
-    """Write a track's number and life behind its start, off its line."""
+    """Write a track's number and lifetime beside its start, on the side away from its line."""
     heading = track.position[-1] - track.position[0]
     side = -1.0 if heading[0] >= 0.0 else 1.0
     axes.annotate(
@@ -264,6 +264,6 @@ def _ellipses(axes: Axes, estimates: Estimates) -> None:
 
 
 def _dot_interval_s(span_s: float) -> float:
-    """Return the round interval that marks a run of `span_s` about ten times."""
+    """Return the round interval that gives a run of `span_s` seconds about ten dots."""
     fitting = [step for step in TIME_STEPS_S if span_s / step <= MARKS_PER_TRACK]
     return float(fitting[0] if fitting else TIME_STEPS_S[-1])

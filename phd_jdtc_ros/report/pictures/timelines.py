@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scores of a run over time: a row of axes for each class, with filter and smoother."""
+"""The scores of a run over time: one row of axes per class, with filter and smoother."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..clock import Clock
 from ..record import Record
 from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, class_name, plain_axes
 
-# From so many scans on, lines over time are drawn thin.
+# With more scans than this, lines over time are drawn thin.
 CROWDED = 400
 
 
@@ -33,7 +33,7 @@ class Panel(NamedTuple):
     ----------
     title, colour : str
     series : dict
-        Per source the times in the clock's unit and the values; no entry without scores.
+        By source, the times in the clock's unit and the values; no entry without scores.
     """
 
     title: str
@@ -44,7 +44,7 @@ class Panel(NamedTuple):
     def of(
         record: Record, evaluation: Evaluation, key: str, value: Callable[[dict[str, Any]], float]
     ) -> Panel:
-        """Return the scores of the set `key` as `value` reads them."""
+        """Return the panel of the set `key`; `value` takes the number from a score."""
         clock = Clock.of(record)
         series = {}
         for source in SOURCES:
@@ -59,7 +59,7 @@ class Panel(NamedTuple):
 
 
 def number_error(record: Record, evaluation: Evaluation) -> Figure:
-    """Draw n_est - n_true over time, a row for each class."""
+    """Draw n_est - n_true over time, one row per class."""
     panels = [
         Panel.of(record, evaluation, key, lambda values: values["n_est"] - values["n_true"])
         for key in _class_keys(evaluation)
@@ -82,7 +82,7 @@ def number_error(record: Record, evaluation: Evaluation) -> Figure:
 
 
 def ospa(record: Record, evaluation: Evaluation) -> Figure:
-    """Draw the OSPA distance over time, a row for each class and one for all."""
+    """Draw the OSPA distance over time, one row per class and one for all targets."""
     panels = [
         Panel.of(record, evaluation, key, lambda values: values["ospa"])
         for key in (*_class_keys(evaluation), "all")
@@ -91,7 +91,7 @@ def ospa(record: Record, evaluation: Evaluation) -> Figure:
 
 
 def ospa_parts(record: Record, evaluation: Evaluation) -> Figure:
-    """Draw the localisation and the cardinality part of the OSPA of all targets over time."""
+    """Draw the localisation part and the cardinality part of all targets' OSPA over time."""
     location = Panel.of(record, evaluation, "all", lambda values: values["localization"])
     number = Panel.of(record, evaluation, "all", lambda values: values["cardinality"])
     panels = [
@@ -102,7 +102,7 @@ def ospa_parts(record: Record, evaluation: Evaluation) -> Figure:
 
 
 def _distances(record: Record, panels: Sequence[Panel], label: str) -> Figure:
-    """Draw one row a panel, filtered behind smoothed, each with its mean."""
+    """Draw one row per panel, filtered behind smoothed, each with its mean."""
     figure, rows = _rows(record, len(panels), label)
     for axes, panel in zip(rows, panels, strict=True):
         for source, (time, value) in panel.series.items():
@@ -143,7 +143,7 @@ def _rows(record: Record, rows: int, label: str) -> tuple[Figure, list[Axes]]:
 
 
 def _row_header(axes: Axes, title: str) -> None:
-    """Put the row's name and its legend above it."""
+    """Put the row's title and its legend above it."""
     axes.set_title(title, loc="left", fontsize=10, fontweight="bold")
     if axes.get_legend_handles_labels()[0]:
         axes.legend(

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which pictures a study has, and how they are written."""
+"""The pictures of a study, and how they are written."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Chart(NamedTuple):
     Parameters
     ----------
     name : str
-        Of the file, without suffix.
+        Name of the file, without suffix.
     has_data : callable of the case's results
     draw : callable of the case's results
     """
@@ -49,13 +49,13 @@ CHARTS = (
 
 
 def write_all(results: Sequence[Result], directory: Path) -> list[Path]:
-    """Write every picture of a study as a PNG, 1200 pixels wide, a directory for each case.
+    """Write every picture of a study as a PNG, 1200 pixels wide, with one directory per case.
 
     Parameters
     ----------
     results : sequence of Result
     directory : pathlib.Path
-        Made if it does not exist.
+        Created if it does not exist.
 
     Returns
     -------

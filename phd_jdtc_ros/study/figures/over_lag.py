@@ -18,7 +18,7 @@ from ..monte_carlo import REFERENCE, Mean, Result
 
 
 def ospa_against_lag(results: Sequence[Result]) -> Figure:
-    """Draw the mean OSPA of all targets against the lag, a line for each variant."""
+    """Draw the mean OSPA of all targets against the lag, one line per variant."""
     figure = Figure(figsize=(WIDTH_IN, 5.2), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     plain_axes(axes)
@@ -43,7 +43,7 @@ def ospa_against_lag(results: Sequence[Result]) -> Figure:
 
 
 def _frame_means(axes: Axes, results: Sequence[Result]) -> None:
-    """Let the scale begin at zero and hold all means; the bars of few runs may leave it."""
+    """Scale the axis from zero to above all means; error bars of few runs may exceed it."""
     means = [
         Mean.of(result.figure("ospa", lag)).mean for result in results for lag in result.scores.lags
     ]
@@ -51,13 +51,13 @@ def _frame_means(axes: Axes, results: Sequence[Result]) -> None:
 
 
 def _styles(results: Sequence[Result]) -> dict[str, dict[str, Any]]:
-    """Return how each variant is drawn; the reference is no contender and is drawn apart."""
+    """Return the style of each variant; the reference has a style of its own."""
     styles: dict[str, dict[str, Any]] = {}
     contenders = [result.variant for result in results if result.variant.kind != REFERENCE]
     for index, variant in enumerate(contenders):
         styles[variant.name] = {
             "color": COLOURS[index % len(COLOURS)],
-            # Shifted where the colours begin anew.
+            # Shifted each time the colours start again.
             "marker": MARKERS[(index + index // len(COLOURS)) % len(MARKERS)],
             "linestyle": LINES[index // len(COLOURS) % len(LINES)],
             "linewidth": 2.2 if index == 0 else 1.4,

@@ -16,7 +16,7 @@ from .rows import draw_lags, rows_over_time, scale_from_zero, sets_of
 
 
 def ospa_over_time(results: Sequence[Result]) -> Figure:
-    """Draw the mean OSPA of filter and smoother, a row for each class and one for all."""
+    """Draw the mean OSPA of filter and smoother, one row per class and one for all targets."""
     main = _main(results)
     keys = sets_of(main)
     figure, rows = rows_over_time(main, keys, "OSPA (m)")
@@ -28,7 +28,7 @@ def ospa_over_time(results: Sequence[Result]) -> Figure:
 
 
 def parts_over_time(results: Sequence[Result]) -> Figure:
-    """Draw the localisation and the cardinality part of the mean OSPA of all targets."""
+    """Draw the localisation part and the cardinality part of all targets' mean OSPA."""
     main = _main(results)
     titles = {
         "localization": "all classes: localisation part",
@@ -43,7 +43,7 @@ def parts_over_time(results: Sequence[Result]) -> Figure:
 
 
 def number_error_over_time(results: Sequence[Result]) -> Figure:
-    """Draw the mean of |n_est - n_true|, a row for each class and one for all."""
+    """Draw the mean of |n_est - n_true|, one row per class and one for all targets."""
     main = _main(results)
     keys = sets_of(main)
     figure, rows = rows_over_time(main, keys, "|number error|")
@@ -55,7 +55,7 @@ def number_error_over_time(results: Sequence[Result]) -> Figure:
 
 
 def class_accuracy_over_time(results: Sequence[Result]) -> Figure:
-    """Draw the share of matched targets with the right class, a row for each class and all."""
+    """Draw the share of matched targets with the right class, by class and for all targets."""
     main = _main(results)
     keys = sets_of(main)
     figure, rows = rows_over_time(main, keys, "right class")

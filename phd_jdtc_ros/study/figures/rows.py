@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rows of axes over time: means over runs, with bands that are 95 % intervals of these means."""
+"""Rows of axes over time: means over runs, with bands of their 95 % confidence intervals."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from phd_jdtc_ros.report.style import DPI, GREY, INK, WIDTH_IN, class_colour, pl
 
 from ..monte_carlo import ALL, Mean, Result
 
-# The lag over time is this one, or the largest below it that the study has.
+# The lag that is drawn over time; if the study does not have it, the largest below it.
 SHOWN_LAG = 5
 CONFIDENCE = 0.95
 
@@ -59,11 +59,11 @@ def draw_lags(
     axes : Axes
     result : Result
     key : str
-        The set, which has its colour.
+        The set, which determines the colour.
     name : str
         Of the metric.
     number : str
-        How the mean is written.
+        Format of the mean.
     title : str or None
         The set's name if None.
     """
@@ -106,9 +106,9 @@ def _shown_lags(result: Result) -> list[tuple[int, str]]:
 
 
 def band(runs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the mean over runs and half the width of its interval, shapes (scans,).
+    """Return the mean over runs and half the width of its confidence interval, shapes (scans,).
 
-    Where fewer than two runs have a value the width is 0; where none has, the mean is NaN.
+    If fewer than two runs have a value, the width is 0; if none of them has, the mean is NaN.
     """
     known = np.isfinite(runs)
     count = known.sum(axis=0)
@@ -121,6 +121,6 @@ def band(runs: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def scale_from_zero(rows: Sequence[Axes]) -> None:
-    """Let rows that share a scale begin at zero and hold all means; wide bands may leave it."""
+    """Scale rows that share an axis from zero to above all means; wide bands may exceed it."""
     highest = max(float(np.max(line.get_ydata())) for axes in rows for line in axes.lines)
     rows[0].set_ylim(0.0, 1.15 * highest if highest > 0.0 else 1.0)

@@ -15,7 +15,7 @@ from ..monte_carlo import ALL, CUTOFF, ORDER
 
 
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield a table of the mean OSPA by variant and lag for each case, and one of the goals."""
+    """Yield one table per case, of the mean OSPA by variant and lag, and one of the goals."""
     for case, variants in summary["cases"].items():
         lags = _all_lags(variants)
         table = Table(title=f"{escape(case)}: mean OSPA in m, by lag in scans")

@@ -1,65 +1,66 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stone Soup's trackers on the same detections: GM-PHD, global nearest neighbour, JPDA.
+"""Stone Soup's trackers on the same detections: GM-PHD, global nearest neighbour (GNN), JPDA.
 
-Stone Soup (https://stonesoup.rtfd.io, PyPI ``stonesoup``) is an optional extra: this package
-imports without it, and the peers say what to install. Its predictors, updaters, hypothesisers,
-associators, initiators, reducer and smoother do the work; here they are put together, told about
-the scenario, and read out. A run's way through the package, with the module of each step::
+Stone Soup (https://stonesoup.rtfd.io, PyPI ``stonesoup``) is an optional extra: this package can be
+imported without it, and the peers' error message says what to install. Its predictors, updaters,
+hypothesisers, associators, initiators, reducer and smoother do the work; here they are combined and
+given the scenario, and their estimates are collected. The data's path, with the module of each
+step::
 
     SimulatedRun
-      |  for gnn_loud: drop weak detections       threshold
-      |  in Stone Soup's terms                    problem, conversion
+      |  for gnn_loud: drop low amplitudes        threshold
+      |  convert to Stone Soup's types            problem, conversion
     scans, birth places, predictor, updater
       |  gm_phd                                   mixture_phd
       |  gnn, gnn_loud, gnn_anywhere              nearest_neighbour, tracks, management
       |  jpda                                     probabilistic, tracks, management
     Tracks: positions of every scan, by lag
 
-The parts of Stone Soup are named in `soup`, the tuned values in `settings`.
+`soup` lists the parts of Stone Soup that are used, `settings` the tuned values.
 
-The peers are told what the tracker of this package is told: place and noise of the radars, the
-clutter density, and the birth terms and survival probability of the reference configuration. They
-move targets at nearly constant velocity with the reference's noise density; the targets do fly
-straight. Both radars are taken in sequence at one stamp.
+The peers are given the same information as this package's tracker: position and noise of the
+radars, the clutter density, and the birth terms and survival probability of the reference
+configuration. Their motion model is nearly constant velocity with the reference's noise density;
+the scenario's targets do fly straight. Both radars of a stamp update in sequence.
 
-They are not told classes or amplitudes, for which Stone Soup's trackers have no use. The
-probability of detection is the mean of the classes', and every estimate carries class 0: only the
-set ``all`` of their scores means anything. What amplitude is worth to such a tracker can be
-seen with `gnn_loud`, which sees the strong detections alone, and what the birth places are worth
-with `gnn_anywhere`, which starts tracks wherever detections are.
+They are not given classes or amplitudes, which Stone Soup's trackers do not use. The probability
+of detection is the mean over the classes, and every estimate has class 0, so only the set ``all``
+of their scores is meaningful. `gnn_loud`, which uses detections of high amplitude only, shows the
+value of amplitudes to such a tracker. `gnn_anywhere`, which starts tracks at any detection, shows
+the value of known birth places.
 
 Notes
 -----
-Settings were chosen on the reference scenario by mean OSPA (p = 2, c = 1000 m) of the filter and,
-for the nearest neighbour, of the smoother at lag 5; the GM-PHD's on seeds 1000 to 1003, the
-others' on 1000 to 1005, 2000 to 2009 and 3000 to 3019, because settings that are best on six runs
-lose a target for good in one run of ten:
+Settings were chosen on the reference scenario by the mean OSPA (p = 2, c = 1000 m) of the filter
+and, for GNN, of the smoother at lag 5. For the GM-PHD seeds 1000 to 1003 were used, for the others
+1000 to 1005, 2000 to 2009 and 3000 to 3019, because settings that are best on six runs lose a
+target for good in one run of ten:
 
 ========  ========================================================================================
 tracker   tried
 ========  ========================================================================================
 GM-PHD    merge 0.25 to 16 (2 and below split targets, 6 and above fuse the two parallel ones),
-          gate 4 and 5, pruning 1e-5 and 1e-3, extraction 0.3 to 0.6, merging once a scan instead
-          of once a radar, merging without Stone Soup's limit of the weight to 1: none better than
-          these settings by more than a few per cent
-GNN       gate 3 to 5, 2 to 6 detections to confirm, deletion after 2 to 6 looks missed, tentative
-          tracks after 1 to 3, tracks started at the birth places or anywhere, reports of tracks
-          that no radar saw, detection thresholds 4.5, 5 and 6
-JPDA      as the nearest neighbour; what is good for one is good for the other
+          gate 4 and 5, pruning 1e-5 and 1e-3, extraction 0.3 to 0.6, merging once per scan instead
+          of once per radar, merging without Stone Soup's limit of the weight to 1: none of them
+          better than these settings by more than a few per cent
+GNN       gate 3 to 5, 2 to 6 detections to confirm, deletion after 2 to 6 missed looks, of
+          tentative tracks after 1 to 3, tracks started at the birth places or anywhere, reports of
+          tracks that no radar detected, detection thresholds 4.5, 5 and 6
+JPDA      as GNN; settings that are good for one are good for the other
 ========  ========================================================================================
 
-Three things differ from Stone Soup as it comes, each to the peers' advantage:
+Three things differ from plain Stone Soup, each to the peers' advantage:
 
 - Differences of Stone Soup's `Bearing` wrap in gates, updates and association probabilities, but
-  its PHD updater takes the likelihood of plain numbers. For the GM-PHD every detection is moved,
-  hypothesis by hypothesis, to the turn nearest to the predicted bearing.
-- Its deleters count stamps, so they cannot tell one missed radar from two at the same stamp;
+  its PHD updater evaluates the likelihood of plain numbers. So for the GM-PHD every detection's
+  bearing is shifted, for each hypothesis, by full turns to be nearest to the predicted bearing.
+- Its deleters count stamps, so they cannot distinguish one missed look from two at the same stamp;
   `LooksMissed` counts looks.
-- Its mixture tracker takes for associated every detection that is likelier than a miss, so with
-  JPDA a target beside a track never starts one (mean OSPA above 220 m instead of 130). Here a track
-  claims its most probable detection only.
+- Its mixture tracker treats every detection that is more probable than a miss as associated, so
+  with JPDA a target near a track never starts a track of its own (mean OSPA above 220 m instead of
+  130). Here a track claims only its most probable detection.
 """
 
 from .mixture_phd import gm_phd

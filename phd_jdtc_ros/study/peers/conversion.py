@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Radars, detections and states: from this package's to Stone Soup's, and back."""
+"""Converts radars, detections and states between this package and Stone Soup."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 
 from .soup import Part, Soup
 
-# Stone Soup's state is [x, vx, y, vy]; these are its members in ours, and its positions.
+# Stone Soup's state is [x, vx, y, vy]: their indices in our state, and those of x and y in its own.
 STATE = [X, VX, Y, VY]
 POSITION = [0, 2]
-# Stone Soup wants calendar times; only differences matter.
+# Stone Soup requires calendar times; only differences matter.
 EPOCH = datetime(2000, 1, 1)
 
 
@@ -45,12 +45,12 @@ def detection(soup: Soup, measurement: FloatArray, stamp: datetime, sensor: Part
 
 
 def clutter_density(radar: RadarModel) -> float:
-    """Return false detections a radian and metre; a trace of them where there are none."""
+    """Return false detections per radian and metre; slightly above 0 if there are none."""
     rate = max(radar.clutter_rate, 1e-9)
     return rate / (2.0 * math.pi * radar.clutter_max_range)
 
 
 def point_set(states: Iterable[Part]) -> PointSet:
-    """Return the positions of Stone Soup's states, of class 0."""
+    """Return the positions of Stone Soup's states, with class 0."""
     rows = [np.asarray(state.state_vector, dtype=float)[POSITION, 0] for state in states]
     return PointSet(np.reshape(rows, (-1, 2)), np.zeros(len(rows), dtype=np.int64))

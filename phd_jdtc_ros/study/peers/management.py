@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How tracks start and end: Stone Soup's M-of-N initiator, and what it is given."""
+"""Track initiation and deletion, with Stone Soup's M-of-N initiator."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .soup import Part, Soup
 
 
 def initiator(problem: Problem, settings: TrackSettings) -> Part:
-    """Return Stone Soup's M-of-N initiator over tracks started as the settings say."""
+    """Return Stone Soup's M-of-N initiator for tracks started according to the settings."""
     soup = problem.soup
-    # Where tracks start anywhere, the velocity is a birth term's; the position is the detection's.
+    # For tracks that start anywhere: the velocity is a birth term's, the position the detection's.
     velocity = np.diag(problem.model.births[0].std[STATE] ** 2)
     gate = settings.birth_gate
     return soup.MultiMeasurementInitiator(
@@ -40,7 +40,7 @@ class BirthPlaces:
     ----------
     problem : Problem
     gate : float
-        Standard deviations of the innovation.
+        In standard deviations of the innovation.
     """
 
     problem: Problem
@@ -65,7 +65,7 @@ class BirthPlaces:
 
 
 @dataclass(frozen=True)
-class Nobody:
+class NoInitiator:
     """An initiator for Stone Soup that starts no tracks."""
 
     def initiate(self, detections: set[Part], timestamp: datetime) -> set[Part]:
@@ -75,7 +75,7 @@ class Nobody:
 
 @dataclass(frozen=True)
 class LooksMissed:
-    """A deleter for Stone Soup: tracks end when so many looks in a row have missed them.
+    """A deleter for Stone Soup: a track ends after a number of consecutive missed looks.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class LooksMissed:
     looks: int
 
     def delete_tracks(self, tracks: set[Part]) -> set[Part]:
-        """Return those of `tracks` that end."""
+        """Return the tracks that end."""
         return {
             track
             for track in tracks

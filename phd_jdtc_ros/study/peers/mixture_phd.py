@@ -25,7 +25,7 @@ def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
     Returns
     -------
     Tracks
-        Components of weight above ``settings.extract``; all of class 0.
+        Components of a weight above ``settings.extract``; all of class 0.
 
     Raises
     ------
@@ -34,9 +34,10 @@ def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
 
     Notes
     -----
-    Stone Soup applies survival in its updater, which would be once a radar: here only the first
-    radar of a scan does. It also drops components tagged as births when the first radar misses
-    them; ours are not tagged so, and their weight makes up for the survival applied to them.
+    Stone Soup applies survival in its updater, which would be once per radar; here it is applied
+    with the first radar of a scan only. It also drops components tagged as births if the first
+    radar misses them. Ours have no such tag, and their weight is divided by the survival
+    probability in advance.
     """
     problem = Problem.of(run)
     soup = problem.soup
@@ -70,9 +71,10 @@ def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
 
 
 def nearest_turn(soup: Soup, hypothesis: Part) -> Part:
-    """Return a hypothesis' detection, its bearing a plain number less than pi from the predicted.
+    """Return a hypothesis' detection, with its bearing shifted to within pi of the predicted one.
 
-    The prediction is Stone Soup's, in [-pi, pi); the bearing returned may lie outside.
+    The bearing returned is a plain number. The predicted one is in [-pi, pi), but the bearing
+    returned may be outside.
     """
     seen = hypothesis.measurement
     predicted = float(hypothesis.measurement_prediction.state_vector[0, 0])

@@ -17,20 +17,21 @@ from .tracks import at_lag, follow
 def gnn(
     run: SimulatedRun, lags: Iterable[int] = (0,), settings: TrackSettings = AT_BIRTH_PLACES
 ) -> Tracks:
-    """Return the estimates of global nearest neighbour tracking, smoothed where the lag asks.
+    """Return the estimates of global nearest neighbour tracking, by lag.
 
     Parameters
     ----------
     run : SimulatedRun
     lags : iterable of int
-        0 is the extended Kalman filter; L above is Stone Soup's `ExtendedKalmanSmoother`
-        (Rauch-Tung-Striebel) over the L scans that follow, fewer at the end of the run.
+        Lag 0 is the extended Kalman filter. A larger lag L is Stone Soup's
+        `ExtendedKalmanSmoother` (Rauch-Tung-Striebel) over the following L scans, fewer at the end
+        of the run.
     settings : TrackSettings
 
     Returns
     -------
     Tracks
-        See `at_lag` for which tracks are reported when; all of class 0.
+        See `at_lag` for which tracks are reported; all of class 0.
 
     Raises
     ------
@@ -45,9 +46,9 @@ def gnn(
 
 
 def gnn_loud(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
-    """Return the estimates of `gnn` from strong detections alone.
+    """Return the estimates of `gnn` from detections of high amplitude only.
 
-    The threshold leaves so little clutter that two detections confirm a track.
+    The threshold leaves so little clutter that two detections suffice to confirm a track.
 
     Parameters
     ----------
@@ -64,13 +65,13 @@ def gnn_loud(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
     ImportError
         Without Stone Soup.
     ValueError
-        For radars whose own threshold is above `LOUD_THRESHOLD`.
+        If a radar's own threshold is above `LOUD_THRESHOLD`.
     """
     return gnn(raised_threshold(run, LOUD_THRESHOLD), lags, LOUD)
 
 
 def gnn_anywhere(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
-    """Return the estimates of `gnn` with tracks started anywhere, at birth places or not.
+    """Return the estimates of `gnn` with tracks started anywhere, not only at birth places.
 
     Parameters
     ----------

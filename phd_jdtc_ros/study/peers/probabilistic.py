@@ -28,7 +28,7 @@ def jpda(run: SimulatedRun, settings: TrackSettings = AT_BIRTH_PLACES) -> Tracks
     Returns
     -------
     Tracks
-        See `at_lag` for which tracks are reported when; all of class 0.
+        See `at_lag` for which tracks are reported; all of class 0.
 
     Raises
     ------
@@ -37,8 +37,8 @@ def jpda(run: SimulatedRun, settings: TrackSettings = AT_BIRTH_PLACES) -> Tracks
 
     Notes
     -----
-    The association probabilities are exact (`JPDAwithEHM`). Tentative tracks are held by nearest
-    neighbour, as Stone Soup's examples do.
+    The association probabilities are exact (`JPDAwithEHM`). Tentative tracks are associated by
+    nearest neighbour, as in Stone Soup's examples.
     """
     problem = Problem.of(run)
     soup = problem.soup

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run as a problem for Stone Soup: its scans, and what a tracker is told about it."""
+"""A run in Stone Soup's types: its scans, and the information that a tracker is given."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .soup import Part, Soup, require
 
 @dataclass(frozen=True)
 class Problem:
-    """A run, what is known about it, and the parts of Stone Soup that both give.
+    """A run with its model, and the parts of Stone Soup that are built from them.
 
     Parameters
     ----------
@@ -54,17 +54,17 @@ class Problem:
 
     @property
     def intervals(self) -> float:
-        """The run's interval in units of the one that rates and probabilities are given for."""
+        """The run's interval in units of the nominal interval."""
         return self.run.scenario.interval_s / self.model.modes.interval_s
 
     @property
     def survival_probability(self) -> float:
-        """Probability to live on for a scan, mean of the classes."""
+        """Probability to survive an interval of the run, mean over the classes."""
         nominal = np.mean([c.survival_probability for c in self.model.modes.classes])
         return float(nominal**self.intervals)
 
     def detection_probability(self, radar: RadarModel) -> float:
-        """Return p_D, mean of the classes."""
+        """Return p_D, mean over the classes."""
         return float(radar.class_detection_probability(self.model.modes.classes).mean())
 
     def hypothesiser(self, gate: float) -> Part:
@@ -86,7 +86,7 @@ class Problem:
         ]
 
     def births(self, stamp: datetime) -> list[Part]:
-        """Return the birth terms as mixture components to which survival is yet to be applied."""
+        """Return the birth terms as mixture components, before survival is applied to them."""
         per_term = [
             float(term.rate.sum()) * self.intervals / self.survival_probability
             for term in self.model.births
@@ -99,7 +99,7 @@ class Problem:
         ]
 
     def scans(self) -> Iterator[tuple[datetime, list[tuple[RadarModel, set[Part]]]]]:
-        """Yield every scan's stamp and, radar by radar, its detections."""
+        """Yield every scan's stamp and its detections by radar."""
         soup, radars = self.soup, self.run.scenario.radars
         sensors = [measurement_model(soup, radar) for radar in radars]
         for scan in self.run.scans:

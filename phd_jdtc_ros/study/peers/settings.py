@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the peers are tuned."""
+"""The peers' tuned settings."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class PhdSettings:
-    """How the GM-PHD is tuned.
+    """Settings of the GM-PHD.
 
     Parameters
     ----------
     gate : float
-        Standard deviations of the innovation.
+        In standard deviations of the innovation.
     prune : float
         Least weight of a component.
     merge : float
         Squared Mahalanobis distance below which components merge.
     most : int
-        Components kept.
+        Largest number of components.
     extract : float
         Weight above which a component is a target.
     """
@@ -35,21 +35,21 @@ class PhdSettings:
 
 @dataclass(frozen=True)
 class TrackSettings:
-    """How a tracker that keeps tracks is tuned.
+    """Settings of the trackers that keep tracks.
 
     A look is one radar's report of one scan.
 
     Parameters
     ----------
     gate : float
-        Standard deviations of the innovation.
+        In standard deviations of the innovation.
     points : int
-        Detections that confirm a tentative track.
+        Number of detections that confirm a tentative track.
     tentative_looks, looks : int
-        A tentative and a confirmed track end when so many looks in a row have missed them.
+        Number of consecutive missed looks after which a tentative and a confirmed track end.
     birth_gate : float or None
-        A detection starts a track within so many standard deviations of a birth place; None for
-        anywhere.
+        A detection starts a track if it is within this many standard deviations of a birth place;
+        None for anywhere.
     """
 
     gate: float
@@ -61,8 +61,8 @@ class TrackSettings:
 
 GM_PHD = PhdSettings(gate=5.0, prune=1e-5, merge=4.0, most=100, extract=0.5)
 AT_BIRTH_PLACES = TrackSettings(gate=3.5, points=4, tentative_looks=2, looks=5, birth_gate=4.0)
-# For those who do not know where targets appear: later to confirm, several times slower.
+# For unknown birth places: tracks are confirmed later, and a run takes several times as long.
 ANYWHERE = TrackSettings(gate=3.0, points=6, tentative_looks=2, looks=3, birth_gate=None)
-# The same above a threshold on the amplitude that leaves hardly any clutter.
+# For detections above a threshold of the amplitude that leaves hardly any clutter.
 LOUD_THRESHOLD = 5.0
 LOUD = TrackSettings(gate=4.0, points=2, tentative_looks=2, looks=4, birth_gate=4.0)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parts of Stone Soup that the peers are put together from."""
+"""The parts of Stone Soup that the peers use."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ PARTS = {
     "updater.pointprocess": ("PHDUpdater",),
 }
 
-# Stone Soup ships no types; the aliases say what is meant.
+# Stone Soup ships no type information.
 Soup: TypeAlias = SimpleNamespace
 Part: TypeAlias = Any
 
@@ -46,7 +46,7 @@ def require() -> Soup:
     Raises
     ------
     ImportError
-        Where Stone Soup is missing, or too old or new to have them.
+        If Stone Soup is missing, or its version does not have them.
     """
     try:
         with warnings.catch_warnings():

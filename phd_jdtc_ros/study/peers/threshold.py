@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What radars with a higher detection threshold would have reported."""
+"""Raises the radars' detection threshold in a simulated run."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from ..runs import SimulatedRun
 
 
 def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:
-    """Return the run as radars with a higher detection threshold would have reported it.
+    """Return the run that radars with a higher detection threshold would have reported.
 
     Parameters
     ----------
     run : SimulatedRun
     threshold : float
-        On the amplitude, at least that of every radar.
+        Of the amplitude; at least the threshold of every radar.
 
     Raises
     ------
     ValueError
-        For a lower one.
+        If it is lower.
     """
     lowest = max(radar.threshold for radar in run.scenario.radars)
     if threshold < lowest:
         raise ValueError(f"threshold: {threshold} given, must be at least {lowest}")
-    # Clutter envelopes are Rayleigh: memoryless in their square.
+    # The squares of clutter envelopes are exponential, which gives the share above a threshold.
     radars = tuple(
         replace(
             radar,
@@ -43,13 +43,13 @@ def raised_threshold(run: SimulatedRun, threshold: float) -> SimulatedRun:
     )
     scans, sources = [], []
     for scan, source in zip(run.scans, run.sources, strict=True):
-        heard = [np.asarray(d.amplitude) > threshold for d in scan.detections]
+        above = [np.asarray(d.amplitude) > threshold for d in scan.detections]
         reports = [
             Detections(d.measurement[mask], d.amplitude[mask])
-            for d, mask in zip(scan.detections, heard, strict=True)
+            for d, mask in zip(scan.detections, above, strict=True)
         ]
         scans.append(Scan(scan.stamp_ns, tuple(reports)))
-        sources.append(tuple(s[mask] for s, mask in zip(source, heard, strict=True)))
+        sources.append(tuple(s[mask] for s, mask in zip(source, above, strict=True)))
     return replace(
         run,
         scenario=replace(run.scenario, radars=radars),

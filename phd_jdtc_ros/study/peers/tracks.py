@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trackers that keep tracks: their way through a run, and what they know at a lag."""
+"""Runs the trackers that keep tracks, and extracts their estimates at a lag."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.models.radar import RadarModel
 
 from .conversion import point_set
-from .management import LooksMissed, Nobody, initiator
+from .management import LooksMissed, NoInitiator, initiator
 from .problem import Problem
 from .settings import TrackSettings
 from .soup import Part, Soup
@@ -21,13 +21,13 @@ from .soup import Part, Soup
 
 @dataclass(frozen=True)
 class History:
-    """Which tracks a tracker has confirmed.
+    """The confirmed tracks of a run.
 
     Parameters
     ----------
-    stamps : list of datetime, one a scan
+    stamps : list of datetime, one per scan
     confirmed : dict
-        Track to the scan that confirmed it.
+        From each track to the scan that confirmed it.
     """
 
     stamps: list[datetime]
@@ -52,7 +52,7 @@ def follow(
     settings : TrackSettings
     """
     tracker = tracker_type(
-        initiator=Nobody(),
+        initiator=NoInitiator(),
         deleter=LooksMissed(problem.soup, settings.looks),
         detector=None,
         data_associator=None,
@@ -73,21 +73,21 @@ def follow(
 
 
 def claim(soup: Soup, track: Part) -> Part | None:
-    """Return the detection that most probably is the track's, or None after a miss."""
+    """Return the most probable detection of a track, or None after a miss."""
     if not isinstance(track.state, soup.Update):
         return None
     hypothesis = track.state.hypothesis
     if hasattr(hypothesis, "measurement"):
         return hypothesis.measurement
-    return max(hypothesis, key=lambda one: one.probability).measurement
+    return max(hypothesis, key=lambda single: single.probability).measurement
 
 
 def at_lag(problem: Problem, history: History, lag: int) -> list[PointSet]:
-    """Return every scan's tracks as they are known `lag` scans later.
+    """Return every scan's tracks, as known `lag` scans later.
 
-    A track is reported from its first to its last detection, once it is confirmed: not while it
-    coasts towards deletion, but across a gap that a later detection has closed. What is known
-    later includes tracks confirmed, and gaps closed, in between.
+    A confirmed track is reported from its first to its last detection. It is not reported while it
+    coasts towards deletion, but in a gap that a later detection has closed. Tracks confirmed and
+    gaps closed within the lag are taken into account.
     """
     soup, stamps = problem.soup, history.stamps
     smoother = soup.ExtendedKalmanSmoother(problem.predictor.transition_model)

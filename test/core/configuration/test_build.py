@@ -116,7 +116,7 @@ def test_resolve_error_reads_as_its_faults():
     ("given", "name", "words"),
     [
         ({"radars": []}, "radars", "at least one"),
-        ({"radars": ["a", "a"]}, "radars", "none twice"),
+        ({"radars": ["a", "a"]}, "radars", "distinct"),
         ({"radars": ["a.b"]}, "radars", "dot"),
         ({"radars": ["lag"]}, "radars", "is already a parameter"),
         ({"radars": ["cv"]}, "motions", "is already one of radars"),

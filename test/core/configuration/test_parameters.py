@@ -80,7 +80,7 @@ def test_coerce_refuses_what_is_not_allowed(parameter, value):
         (REAL, "a finite number, at least 0, at most 2"),
         (FLAG, "true or false"),
         (WORD, "one of a, b"),
-        (NAMES, "a list of names, none twice"),
+        (NAMES, "a list of distinct names"),
         (PAIR, "a list of 2 finite numbers, at least 0, at most 1"),
         (FREE, "finite numbers, at least 0, at most 1"),
         (Parameter("s", "", ""), "a string"),

@@ -85,7 +85,7 @@ def test_a_cloud_like_a_line_needs_no_more_cells_than_its_points_can_fill(axis, 
     )
 
     assert check(point, group, point, group, 7.5) == 2
-    assert cells[0] <= 4 * grid.CELLS_A_POINT
+    assert cells[0] <= 4 * grid.MAX_CELLS_PER_POINT
 
 
 def test_within_groups_of_far_spread_clouds_need_few_cells():
