@@ -18,13 +18,45 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from ..arrays import FloatArray, IntArray
 from .gating import near_detections
 from .plain import near_pairs
 
 VARIABLE = "PHD_JDTC_KERNELS"
+
+
+class Queries(NamedTuple):
+    """The later rows.
+
+    Parameters
+    ----------
+    whitened : array of shape (Q, K)
+    group, mode : int arrays of shape (Q,)
+        Groups from 0.
+    """
+
+    whitened: FloatArray
+    group: IntArray
+    mode: IntArray
+
+
+class Points(NamedTuple):
+    """The earlier rows.
+
+    Parameters
+    ----------
+    whitened : array of shape (motions, P, K)
+        Predicted by each motion.
+    group, mode : int arrays of shape (P,)
+    weight : array of shape (P,)
+    """
+
+    whitened: FloatArray
+    group: IntArray
+    mode: IntArray
+    weight: FloatArray
 
 
 @dataclass(frozen=True)
@@ -42,7 +74,7 @@ class Kernels:
     near_detections : callable
         As that of `gating`.
     kernel_within_groups : callable or None
-        That of `compiled`; without one, `grid` finds the pairs.
+        That of `compiled_kernel`; without one, `grid` finds the pairs.
     """
 
     name: str
@@ -75,13 +107,17 @@ def kernels(wanted: str) -> Kernels:
     if wanted == "numpy":
         return NUMPY
     try:
-        from . import compiled
+        from . import compiled, compiled_kernel
     except ImportError:
         if wanted == "numba":
             raise
         return NUMPY
     return Kernels(
-        "numba", compiled.near_pairs, "F", compiled.near_detections, compiled.kernel_within_groups
+        "numba",
+        compiled.near_pairs,
+        "F",
+        compiled.near_detections,
+        compiled_kernel.kernel_within_groups,
     )
 
 

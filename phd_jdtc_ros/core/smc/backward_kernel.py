@@ -28,6 +28,7 @@ from ..models.tracker_model import TrackerModel
 from ..pair_search import kernels
 from ..pair_search.candidates import near_chunks
 from ..pair_search.grid import within_groups
+from ..pair_search.kernels import Points, Queries
 from ..pair_search.sweep import candidates
 from . import kernel_thinning
 from .correction import Corrector
@@ -274,16 +275,15 @@ def _within_origins(
     survival = np.zeros(len(modes))
     survival[earlier.mode] = kernel.scale  # it depends on the mode alone
     value, near, start, mu = compiled(
-        _whitened(later.state, later.mode, modes, kernel),
-        later_group,
-        later.mode,
-        np.stack([kernel.successor[motion] @ kernel.whitening[motion] for motion in motions]),
-        earlier_group,
-        earlier.mode,
-        earlier.weight,
+        Queries(_whitened(later.state, later.mode, modes, kernel), later_group, later.mode),
+        Points(
+            np.stack([kernel.successor[motion] @ kernel.whitening[motion] for motion in motions]),
+            earlier_group,
+            earlier.mode,
+            earlier.weight,
+        ),
         np.array([motions.index(motion) for motion in modes.motions]),
         kernel.peak * kernel.transition * survival[:, None],
-        int(group.max()) + 1,
         GATE_SIGMA,
         kernel_thinning.offsets(every),
         kernel_thinning.MOST,
