@@ -77,12 +77,12 @@ study: $(VENV)/.ready-study
 bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)
 
-faults: $(VENV)/.ready
+faults: $(VENV)/.ready-test
 	@$(RUN) -m robustness faults
 
 SCANS ?= 14400
 
-soak: $(VENV)/.ready
+soak: $(VENV)/.ready-test
 	@$(RUN) -m robustness soak --scans $(SCANS)
 
 fuzz: $(VENV)/.ready-test

@@ -15,7 +15,19 @@ from typing import Any
 
 from rich.console import Console
 
-from . import goals, growth, live, machine, messages, peers, plots, report, smoothing, steps
+from . import (
+    goals,
+    growth,
+    live,
+    machine,
+    messages,
+    peers,
+    plots,
+    report,
+    searches,
+    smoothing,
+    steps,
+)
 
 # The live part comes first, when the machine is coolest and this process smallest.
 PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
@@ -23,6 +35,7 @@ PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "messages": messages.measure,
     "peers": peers.measure,
     "steps": steps.measure,
+    "searches": searches.measure,
     "growth": growth.measure,
     "smoother": smoothing.measure,
     "paper_smoother": partial(smoothing.measure, corrector="poisson"),

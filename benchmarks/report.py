@@ -25,6 +25,8 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
         yield _growth(summary["growth"])
     if "steps" in summary:
         yield _steps(summary["steps"])
+    if "searches" in summary:
+        yield _searches(summary["searches"])
     if "peers" in summary:
         yield _peers(summary["peers"])
     if "parts" in summary.get("messages", {}):
@@ -122,6 +124,23 @@ def _steps(scenes: Mapping[str, Any]) -> Table:
     table.add_row("particles", *(f"{found['particles']:.0f}" for found, _ in columns.values()))
     detections = (f"{found['detections_a_radar']:.0f}" for found, _ in columns.values())
     table.add_row("detections", *detections)
+    return table
+
+
+def _searches(found: Mapping[str, Any]) -> Table:
+    table = _table(
+        "a backward kernel by each search",
+        "search",
+        "pairs",
+        "targets",
+        "CPU",
+        caption="within origins: the default corrector; anywhere: the PHD filter's, with spawning",
+    )
+    for place, sizes in found.items():
+        for targets, ways in sizes.items():
+            for name, times in ways.items():
+                table.add_row(escape(name), place, targets, _ms(times["median_ms"]))
+            table.add_section()
     return table
 
 

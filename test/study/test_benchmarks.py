@@ -21,6 +21,7 @@ from benchmarks import (
     plots,
     recursion,
     scenes,
+    searches,
     smoothing,
     timing,
 )
@@ -108,6 +109,18 @@ def test_timed_engine_notes_every_part_of_a_step():
 
     assert set(engine.parts_ms) == set(recursion.PARTS)
     assert all(ms > 0.0 for ms in engine.parts_ms.values())
+
+
+@pytest.mark.parametrize("place", searches.PLACES)
+@pytest.mark.parametrize("search", [searches.GRID, searches.SWEEP])
+def test_both_searches_build_the_same_kernel(place, search):
+    window = recursion.window(4, 100, 1, seed=0, corrector=searches.PLACES[place])
+    expected = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()
+    with backends.using(backends.NUMPY), searches.searching(search, place):
+        found = backward_kernel.build(*window.stored, *window.assumed).ratio.toarray()
+
+    assert np.count_nonzero(expected) > 500
+    assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_window_is_of_a_filter_that_tracks_every_target():

@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What each way to build a backward kernel costs: why there are two searches and compiled loops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+from unittest import mock
+
+import numpy as np
+
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.pair_search import grid, kernels, sweep
+from phd_jdtc_ros.core.pair_search.candidates import Candidates, Pairs, near_chunks
+from phd_jdtc_ros.core.smc import backward_kernel
+
+from . import backends, recursion
+from .backends import NUMBA, NUMPY
+from .smoothing import PER_TARGET
+from .timing import Case, interleaved, spread
+
+TARGETS = (4, 200)
+# Corrector by where pairs are searched.
+PLACES = {"within origins": "bernoulli", "anywhere": "poisson"}
+GRID, SWEEP, TESTS_ONLY = "grid", "sweep", "grid, only the tests compiled"
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return the cost of a kernel by place, number of targets, and search with backend."""
+    sizes = TARGETS[:1] if quick else TARGETS
+    return {place: {str(n): _measure(n, place) for n in sizes} for place in PLACES}
+
+
+def _measure(targets: int, place: str) -> dict[str, Any]:
+    window = recursion.window(targets, PER_TARGET, 2, seed=0, corrector=PLACES[place])
+    pair = window.stored[-2:]
+
+    def build(search: str, backend: str) -> Callable[[], None]:
+        def call() -> None:
+            with backends.using(backend), searching(search, place):
+                backward_kernel.build(*pair, *window.assumed)
+
+        return call
+
+    ways = [(search, NUMPY) for search in (GRID, SWEEP)]
+    if NUMBA in backends.available():
+        compiled = (GRID, TESTS_ONLY) if place == "within origins" else (GRID, SWEEP)
+        ways += [(search, NUMBA) for search in compiled]
+    cases = {f"{search} [{backend}]": Case(build(search, backend), 5) for search, backend in ways}
+    return {name: spread(times) for name, times in interleaved(cases).items()}
+
+
+@contextmanager
+def searching(search: str, place: str) -> Iterator[None]:
+    """Build kernels by another search within the context."""
+    if search == TESTS_ONLY:
+        loops = replace(kernels.chosen(), kernel_within_groups=None)
+        with mock.patch.object(kernels, "chosen", return_value=loops):
+            yield
+    elif search == SWEEP and place == "within origins":
+        with mock.patch.object(backward_kernel, "within_groups", _sweep_within_groups):
+            yield
+    elif search == GRID and place == "anywhere":
+        with mock.patch.object(backward_kernel, "candidates", _grid_candidates):
+            yield
+    else:
+        yield
+
+
+def _sweep_within_groups(
+    query: FloatArray, group: IntArray, point: FloatArray, point_group: IntArray, radius: float
+) -> Iterator[Pairs]:
+    return near_chunks(sweep.candidates(query, group, point, point_group, radius))
+
+
+def _grid_candidates(
+    query: FloatArray,
+    block: IntArray,
+    point: FloatArray,
+    point_block: IntArray,
+    radius: float | FloatArray,
+) -> Candidates:
+    reach = np.full(len(query), radius)
+    found = grid.grid_candidates(query, block, point, point_block, float(reach.max()))
+    return replace(found, limit=reach**2)
