@@ -171,7 +171,7 @@ def _step(scene: str, backend: str) -> Callable[[Mapping[str, Any]], float]:
 
 def _against_gm_phd(summary: Mapping[str, Any]) -> float:
     peers = summary["peers"]
-    return float(peers["GM-PHD"]["median_ms"] / peers[f"ours [{NUMPY}]"]["median_ms"])
+    return float(peers["GM-PHD"]["median_ms"] / peers[f"particles [{NUMPY}]"]["median_ms"])
 
 
 def _messages(summary: Mapping[str, Any]) -> float:

@@ -35,7 +35,7 @@ def measure(quick: bool) -> dict[str, Any]:
     if quick:
         scene = replace(scene, scans=15)
     trackers: dict[str, Callable[[SimulatedRun], object]] = {
-        f"ours [{name}]": _ours(config, name) for name in backends.available()
+        f"particles [{name}]": _particles(config, name) for name in backends.available()
     }
     trackers["GM-PHD"] = peers.gm_phd
     cost: dict[str, list[float]] = {name: [] for name in trackers}
@@ -60,7 +60,7 @@ def measure(quick: bool) -> dict[str, Any]:
     return found
 
 
-def _ours(config: TrackerConfig, backend: str) -> Callable[[SimulatedRun], object]:
+def _particles(config: TrackerConfig, backend: str) -> Callable[[SimulatedRun], object]:
     def track(run: SimulatedRun) -> None:
         engine = new_engine(config)
         with backends.using(backend):

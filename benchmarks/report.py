@@ -145,11 +145,13 @@ def _searches(found: Mapping[str, Any]) -> Table:
 
 
 def _peers(peers: Mapping[str, Any]) -> Table:
-    table = _table("a scan of the reference scenario, both radars", "tracker", "CPU", "times ours")
-    ours = next(found["median_ms"] for name, found in peers.items() if name.startswith("ours"))
+    table = _table(
+        "a scan of the reference scenario, both radars", "tracker", "CPU", "times particles"
+    )
+    own = next(found["median_ms"] for name, found in peers.items() if name.startswith("particles"))
     for name, found in peers.items():
         median = found.get("median_ms")
-        cells = [found["reason"], "-"] if median is None else [_ms(median), _number(median / ours)]
+        cells = [found["reason"], "-"] if median is None else [_ms(median), _number(median / own)]
         table.add_row(escape(name), *cells)
     return table
 
