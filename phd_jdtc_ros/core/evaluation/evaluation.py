@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from ..types import FILTERED, SMOOTHED, SOURCES
-from .metric_table import CLASS_ACCURACY, LONG_GAP_S, OSPA2_WINDOW, reduction
+from .limits import LONG_GAP_S, OSPA2_WINDOW
+from .metric_table import CLASS_ACCURACY, reduction
 from .run_scores import RunScores
 from .scan_scores import ALL, PairedScan, PointSet, ScanScore
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray
+from .limits import LONG_GAP_S, OSPA2_WINDOW
 from .totals import Totals, ratio
 
 if TYPE_CHECKING:
@@ -25,11 +26,6 @@ if TYPE_CHECKING:
     from .scan_scores import Comparison
     from .surveillance import Gap
 
-# A gap that lasts longer is long: ED-142 en route, as the evaluation tool COMPASS codes it. It is
-# two updates of 8 s and a little.
-LONG_GAP_S = 16.4
-# Scans of an OSPA(2) window: a minute of a radar that turns in 6 s.
-OSPA2_WINDOW = 10
 
 # None where a scan has no such value.
 Value: TypeAlias = "Callable[[Comparison], float | None]"

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..types import Estimates, Truth
-from .metric_table import OSPA2_WINDOW
+from .limits import OSPA2_WINDOW
 from .metrics import Gospa, Ospa, assign, gospa, ospa
 from .surveillance import Gap, GapFinder, LabelledPoints, TrackWindow
 

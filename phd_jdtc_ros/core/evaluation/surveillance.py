@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
-from .metric_table import LONG_GAP_S
+from .limits import LONG_GAP_S
 from .metrics import Ospa, ospa_of_distances
 
 BoolArray = npt.NDArray[np.bool_]

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
 from .compiled import compiled
-from .kernels import Points, Queries
+from .rows import Points, Queries
 
 types: Any = numba.types
 

@@ -18,45 +18,13 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from ..arrays import FloatArray, IntArray
 from .gating import near_detections
 from .plain import near_pairs
 
 VARIABLE = "PHD_JDTC_KERNELS"
-
-
-class Queries(NamedTuple):
-    """The later rows.
-
-    Parameters
-    ----------
-    whitened : array of shape (Q, K)
-    group, mode : int arrays of shape (Q,)
-        Groups from 0.
-    """
-
-    whitened: FloatArray
-    group: IntArray
-    mode: IntArray
-
-
-class Points(NamedTuple):
-    """The earlier rows.
-
-    Parameters
-    ----------
-    whitened : array of shape (motions, P, K)
-        Predicted by each motion.
-    group, mode : int arrays of shape (P,)
-    weight : array of shape (P,)
-    """
-
-    whitened: FloatArray
-    group: IntArray
-    mode: IntArray
-    weight: FloatArray
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from ..models.tracker_model import TrackerModel
 from ..pair_search import kernels
 from ..pair_search.candidates import near_chunks
 from ..pair_search.grid import within_groups
-from ..pair_search.kernels import Points, Queries
+from ..pair_search.rows import Points, Queries
 from ..pair_search.sweep import candidates
 from . import kernel_thinning
 from .correction import Corrector

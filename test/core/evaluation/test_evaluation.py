@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.metric_table import OSPA2_WINDOW
+from phd_jdtc_ros.core.evaluation.limits import OSPA2_WINDOW
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 

@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rows of two particle sets, as a compiled kernel takes them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ..arrays import FloatArray, IntArray
+
+
+class Queries(NamedTuple):
+    """The later rows.
+
+    Parameters
+    ----------
+    whitened : array of shape (Q, K)
+    group, mode : int arrays of shape (Q,)
+        Groups from 0.
+    """
+
+    whitened: FloatArray
+    group: IntArray
+    mode: IntArray
+
+
+class Points(NamedTuple):
+    """The earlier rows.
+
+    Parameters
+    ----------
+    whitened : array of shape (motions, P, K)
+        Predicted by each motion.
+    group, mode : int arrays of shape (P,)
+    weight : array of shape (P,)
+    """
+
+    whitened: FloatArray
+    group: IntArray
+    mode: IntArray
+    weight: FloatArray
