@@ -106,7 +106,7 @@ def test_readmes_python_example_prints_four_tracks(capsys):
     exec(compile(example, "README.md", "exec"), {})
 
     printed = capsys.readouterr().out
-    assert {*re.findall(r"track (\d+), class [01],", printed)} == {"1", "2", "3", "4"}
+    assert {*re.findall(r"track (\d+), class [01] at", printed)} == {"1", "2", "3", "4"}
 
 
 def test_readmes_accuracies_are_the_studys():
