@@ -16,6 +16,8 @@ from robustness import (
     warm_restart,
 )
 
+pytestmark = pytest.mark.live
+
 CASES = bad_scans.cases()
 
 
