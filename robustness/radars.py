@@ -23,7 +23,8 @@ from phd_jdtc_ros.core.types import Estimates
 
 from . import scans
 
-REPLY_S = 5.0
+# On a busy machine; one that answers does so in some milliseconds.
+REPLY_S = 20.0
 # Discovery of the one side does not tell of the other's.
 SETTLE_S = 0.5
 CUTOFF_M, ORDER = 1000.0, 2.0
