@@ -25,9 +25,9 @@ NOTHING = 5
 OUTCOMES = ("failed", "passed", "skipped", "xfailed", "xpassed", "error")
 
 
-def pytest(*arguments, before=()):
-    """Run pytest behind a command; return its exit status and its output."""
-    command = [*before, sys.executable, "-m", "pytest", *arguments]
+def pytest(*arguments):
+    """Run pytest; return its exit status and its output."""
+    command = [sys.executable, "-m", "pytest", *arguments]
     try:
         done = subprocess.run(
             command,
@@ -83,16 +83,18 @@ def summary(found, seconds):
 def main(arguments):
     begin, found, failed = time.monotonic(), Counter(), False
     with ThreadPoolExecutor(1) as beside, ThreadPoolExecutor(LIVE_AT_A_TIME) as pool:
-        # Live tests must not wait for a processor that tests of numbers keep busy.
-        rest = beside.submit(pytest, "-m", "not live", *arguments, before=("nice",))
-        running = {rest: "all that is not live"}
+        running = {beside.submit(pytest, "-m", "not live", *arguments): "all that is not live"}
         for file in live_files(arguments):
             running[pool.submit(pytest, "-m", "live", file, *arguments)] = file
-        for run in as_completed(running):
-            status, text = run.result()
-            print(told(running[run], status, text), flush=True)
-            found += counts(status, text)
-            failed |= status not in (0, NOTHING)
+        try:
+            for run in as_completed(running):
+                status, text = run.result()
+                print(told(running[run], status, text), flush=True)
+                found += counts(status, text)
+                failed |= status not in (0, NOTHING)
+        except KeyboardInterrupt:  # those that run have been told too
+            pool.shutdown(wait=False, cancel_futures=True)
+            failed = True
     print(summary(found, time.monotonic() - begin))
     return int(failed or not found.total())
 

