@@ -55,7 +55,7 @@ setup(
         "test": [
             "pytest",
             "pytest-timeout",
-            "coverage>=7.10",
+            "coverage>=7.10.4",
             "hypothesis",
             "rosbags",
         ],

@@ -17,9 +17,12 @@ from hypothesis import settings
 settings.register_profile("project", deadline=None)
 settings.load_profile("project")
 
+LIVE = {"processes", "executables", "peer", "demo"}
+
 
 def pytest_collection_modifyitems(items):
-    """Mark what starts nodes or talks to them, so that nobody has to think of it."""
+    """Mark what starts nodes or talks to them by a fixture, so that nobody has to think of it."""
     for item in items:
-        if {"processes", "executables", "peer", "demo"} & {*item.fixturenames}:
+        # A launch test has no fixtures.
+        if LIVE & {*getattr(item, "fixturenames", ())}:
             item.add_marker(pytest.mark.live)

@@ -113,18 +113,6 @@ def test_tracker_lists_every_parameter_fault(processes):
     assert "Traceback" not in text
 
 
-def test_tracker_refuses_an_unknown_qos(processes):
-    status, text = processes.run(
-        "tracker",
-        "--ros-args",
-        *("-p", "qos_overrides./radar_1/detections.subscription.reliability:=mostly"),
-    )
-
-    assert status == 2
-    assert "qos_overrides./radar_1/detections" in text
-    assert "Traceback" not in text
-
-
 def test_tracker_refuses_an_impossible_topic_name(processes):
     status, text = processes.run("tracker", "--ros-args", "-p", "radar_1.topic:=not a topic")
 
