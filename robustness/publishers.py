@@ -90,8 +90,8 @@ def _restarted(restarts: int, run_s: float) -> tuple[list[bytes], int, int]:
                 raise RuntimeError(f"the driver is not tracked:\n{driver.text[-2000:]}")
             radars.spin(run_s)
             driver.kill()
-        # What the last one leaves behind is looked at too.
-        radars.spin(1.0)
+            # What it leaves behind is looked at too, and not taken for its successor's.
+            radars.spin(1.0)
         lines = [
             _line(found, radar) for _, found in radars.health for radar in ("radar_1", "radar_2")
         ]
