@@ -23,8 +23,10 @@ def test_tracker_starts_anew_behind_long_gaps_alone_and_does_not_grow():
 
 
 def test_tracker_keeps_its_targets_through_a_burst_of_false_detections():
-    figure = clutter.measure(false_detections=100, count=2)
-    assert figure.reached, (figure.measured, figure.details)
+    figure = clutter.measure(false_detections=300, count=2)
+    assert figure.details, figure.measured
+    # How long a scan takes is for `make faults`, where nothing else keeps the machine busy.
+    assert figure.details["after_m"] <= clutter.MOST_RATIO * figure.details["quiet_m"]
 
 
 def test_restarted_tracker_is_soon_as_good_as_one_that_never_stopped():
