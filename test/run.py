@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run all tests: each file of live ones in a pytest of its own, several at a time, beside the rest.
+"""Run all tests: each file of live ones in a pytest of its own, three at a time, beside the rest.
 
 Live tests wait for other processes most of the time, so several take hardly longer than one. Each
 process has a ROS domain of its own (see conftest.py), and one that crashes takes nothing else with
@@ -17,8 +17,8 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-# More at a time delay one another's answers beyond what the tests allow for.
-LIVE_AT_A_TIME = 4
+# With the rest beside them these keep two processors busy; more would only wait for one another.
+LIVE_AT_A_TIME = 3
 LIMIT_S = 1200.0
 # The exit status of a pytest that has nothing to run.
 NOTHING = 5
