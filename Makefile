@@ -97,10 +97,12 @@ pictures: demo
 	@$(RUN) docs/tools/pictures.py
 
 test: $(VENV)/.ready-test
-	$(RUN) -m pytest
+	$(RUN) test/run.py
 
 coverage: $(VENV)/.ready-test
-	$(RUN) -m pytest --cov --cov-report=
+	$(RUN) -m coverage erase
+	$(RUN) -m coverage run test/run.py
+	$(RUN) -m coverage combine --quiet
 	$(RUN) -m coverage report --fail-under=90
 	$(RUN) -m coverage report --include='phd_jdtc_ros/core/*,msg_adapters/*' --fail-under=95
 

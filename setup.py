@@ -54,9 +54,8 @@ setup(
         "ros": ROS_WHEELS,
         "test": [
             "pytest",
-            "pytest-cov",
-            "pytest-rerunfailures",
             "pytest-timeout",
+            "coverage>=7.10.4",
             "hypothesis",
             "rosbags",
         ],

@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.types import Detections
 
 from . import scans
 from .figures import Figure, measured_or_why
-from .radars import Radars
+from .radars import REPLY_S, Radars
 from .rig import LIGHT, Node, Rig
 
 NAME = "exits or NaN on bad scans"
@@ -261,8 +261,8 @@ def _send(radars: Radars, case: BadScan, index: int) -> bool:
     radars.outputs[0].publish(case.data(stamp_ns))
     if case.kept:  # the faulty cloud is then the first radar's report of this scan
         radars.outputs[1].publish(scans.cloud(index, 1))
-        return radars.spin_until(lambda: stamp_ns in radars.answered, 3.0)
-    return radars.track(index, timeout_s=3.0)
+        return radars.spin_until(lambda: stamp_ns in radars.answered, REPLY_S)
+    return radars.track(index, timeout_s=REPLY_S)
 
 
 def _new_tracker(rig: Rig) -> Node:

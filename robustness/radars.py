@@ -22,7 +22,8 @@ from phd_jdtc_ros.core.types import Estimates
 
 from . import scans
 
-REPLY_S = 5.0
+# On a busy machine; a tracker that answers does so within milliseconds.
+REPLY_S = 20.0
 # That one side has discovered the other does not mean that the other has too.
 SETTLE_S = 0.5
 CUTOFF_M, ORDER = 1000.0, 2.0

@@ -12,14 +12,13 @@ from typing import Any
 
 from . import scans
 from .figures import Figure, measured_or_why
-from .radars import Radars
+from .radars import REPLY_S, Radars
 from .rig import LIGHT, Node, Rig
 
 NAME = "raw CDR fuzz beside a good publisher"
 SECONDS = 30.0
 # Mutated messages between two good scans.
 BURST = 100
-REPLY_S = 3.0
 STAMP = slice(4, 12)
 ENCAPSULATION = 4
 

@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from . import scans
 from .figures import Figure, measured_or_why
-from .radars import Radars
+from .radars import REPLY_S, Radars
 from .rig import LIGHT, Rig
 
 TIME_FAULTS = "time faults: bag looped 3 times; +-1 scan shuffled"
@@ -98,9 +98,9 @@ def _shuffled(*options: str) -> tuple[int, int, int]:
         radars.connected()
         radars.send(0)
         for first in range(1, SHUFFLED, 2):
-            radars.send(first + 1)
-            radars.send(first)
-            radars.spin(0.05)
+            pair = {radars.send(first + 1), radars.send(first)}
+            # No faster than a tracker on a busy machine; which of them comes is what is tested.
+            radars.spin_until(lambda pair=pair: bool(pair & radars.answered), REPLY_S)
         dropped = int(radars.values("radar_1").get("dropped_late", 0))
         epoch = int(radars.values("step time")["epoch"])
     received = [stamp for stamp, _ in radars.filtered]

@@ -68,4 +68,4 @@ def _run(kills: Sequence[int], counted: Sequence[int], checkpoints: bool) -> flo
 
 def _tracked(radars: Radars, index: int) -> bool:
     """Send a scan until it is answered, because a restarted tracker is not connected at once."""
-    return any(radars.track(index, timeout_s=2.0) for _ in range(3))
+    return any(radars.track(index, timeout_s=2.0) for _ in range(10))

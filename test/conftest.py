@@ -17,12 +17,12 @@ from hypothesis import settings
 settings.register_profile("project", deadline=None)
 settings.load_profile("project")
 
+LIVE = {"processes", "executables", "peer", "demo"}
+
 
 def pytest_collection_modifyitems(items):
-    """Give tests on live nodes a second chance: a busy machine delays discovery now and then.
-
-    What is wrong fails twice. Where the plug-in is not installed they have one chance.
-    """
+    """Mark what starts nodes or talks to them by a fixture, so that nobody has to think of it."""
     for item in items:
-        if item.path.parent.name in ("nodes", "robustness", "launching"):
-            item.add_marker(pytest.mark.flaky(reruns=1))
+        # A launch test has no fixtures.
+        if LIVE & {*getattr(item, "fixturenames", ())}:
+            item.add_marker(pytest.mark.live)

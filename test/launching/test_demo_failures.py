@@ -24,6 +24,8 @@ try:
 except LookupError:
     pytest.skip("the package is not built with colcon", allow_module_level=True)
 
+pytestmark = pytest.mark.live
+
 # Only the node looks at it, so that the launch file has no objection.
 BAD = """
 /**/tracker:

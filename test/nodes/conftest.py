@@ -9,31 +9,41 @@ import time
 
 import pytest
 import rclpy
+from forked import Forked
 from rclpy.executors import SingleThreadedExecutor
+
+DEADLINE_S = 60.0
+
+
+class Executable(subprocess.Popen):
+    """An executable of the package, started as users start it."""
+
+    def __init__(self, name, arguments, log, environment):
+        self.log = log
+        with log.open("wb") as stream:
+            super().__init__(
+                [sys.executable, "-m", "phd_jdtc_ros", name, *arguments],
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                env=environment,
+            )
 
 
 class Processes:
     """Starts executables of the package and ends those that still run."""
 
-    def __init__(self, directory):
+    def __init__(self, kind, directory):
+        self._kind = kind
         self._directory = directory
         self._started = []
 
     def start(self, name, *arguments, **environment):
         log = self._directory / f"{name}_{len(self._started)}.log"
-        with log.open("wb") as stream:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "phd_jdtc_ros", name, *map(str, arguments)],
-                stdout=stream,
-                stderr=subprocess.STDOUT,
-                # As an installation without extras has it; they start in half the time.
-                env={"PHD_JDTC_KERNELS": "numpy", **os.environ, **environment},
-            )
-        process.log = log
+        process = self._kind(name, [*map(str, arguments)], log, {**os.environ, **environment})
         self._started.append(process)
         return process
 
-    def run(self, name, *arguments, timeout=60.0, **environment):
+    def run(self, name, *arguments, timeout=DEADLINE_S, **environment):
         process = self.start(name, *arguments, **environment)
         return process.wait(timeout), process.log.read_text()
 
@@ -58,7 +68,7 @@ class Peer:
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
 
-    def spin_until(self, condition, timeout=15.0):
+    def spin_until(self, condition, timeout=DEADLINE_S):
         end = time.monotonic() + timeout
         while not condition():
             if time.monotonic() > end:
@@ -91,8 +101,23 @@ class Peer:
 
 
 @pytest.fixture
-def processes(tmp_path):
-    group = Processes(tmp_path)
+def numpy_kernels(monkeypatch):
+    """Nodes as an installation without extras has them; they start in half the time."""
+    monkeypatch.setenv("PHD_JDTC_KERNELS", "numpy")
+
+
+@pytest.fixture
+def processes(tmp_path, numpy_kernels):
+    """Nodes that start at once (see `forked`)."""
+    group = Processes(Forked, tmp_path)
+    yield group
+    group.stop_all()
+
+
+@pytest.fixture
+def executables(tmp_path, numpy_kernels):
+    """Nodes and tools as users start them."""
+    group = Processes(Executable, tmp_path)
     yield group
     group.stop_all()
 

@@ -168,9 +168,9 @@ def children(pid):
     return found
 
 
-def test_demo_ends_its_nodes_when_it_is_told_to_end(processes, tmp_path):
+def test_demo_ends_its_nodes_when_it_is_told_to_end(executables, tmp_path):
     out = tmp_path / "out"
-    process = processes.start("demo", "--bag", BAG, "--out", out)
+    process = executables.start("demo", "--bag", BAG, "--out", out)
     log = out / "logs" / "tracker.log"
     end = time.monotonic() + 60.0
     while not (log.exists() and "tracking" in log.read_text()) and time.monotonic() < end:

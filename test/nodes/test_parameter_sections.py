@@ -9,6 +9,8 @@ import rclpy
 from phd_jdtc_ros.nodes.common import parameters
 from phd_jdtc_ros.tools import params_file
 
+pytestmark = pytest.mark.live
+
 FILES = {
     "everyone": "/**: {ros__parameters: {lag: 1}}",
     "later wildcard": (

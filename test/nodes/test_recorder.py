@@ -73,9 +73,9 @@ def test_recorder_takes_static_frames_where_their_type_is_installed(peer, tmp_pa
     assert BagReader(tmp_path / "bag").types == {STATIC_FRAMES: STATIC_FRAMES_TYPE}
 
 
-def record(processes, peer, directory, restrict):
+def record(executables, peer, directory, restrict):
     """Run the evaluator with a recording into `directory` beside a replay of the shipped bag."""
-    evaluator = processes.start(
+    evaluator = executables.start(
         *("evaluator", "--ros-args", "-p", f"record:={directory}"),
         *("-p", f"report:={directory.parent.parent / 'report.json'}"),
         # Where coverage is measured: what it writes itself would not fit either.
@@ -83,7 +83,7 @@ def record(processes, peer, directory, restrict):
     )
     assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)
     restrict(evaluator)
-    replay = processes.start("sensor_replay", shipped_bag(), "--rate", "200")
+    replay = executables.start("sensor_replay", shipped_bag(), "--rate", "200")
     assert peer.spin_until(lambda: replay.poll() is not None, 30.0)
     alive = evaluator.poll() is None
     evaluator.send_signal(signal.SIGTERM)
@@ -103,13 +103,13 @@ def check_stopped_cleanly(outcome, directory, reason):
     assert found.count(names.detections("radar_1")) >= 5
 
 
-def test_recorder_stops_at_the_largest_file_and_the_node_goes_on(processes, peer, tmp_path):
+def test_recorder_stops_at_the_largest_file_and_the_node_goes_on(executables, peer, tmp_path):
     directory = tmp_path / "recording" / "bag"
 
     def restrict(process):
         resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (TOO_LITTLE, TOO_LITTLE))
 
-    outcome = record(processes, peer, directory, restrict)
+    outcome = record(executables, peer, directory, restrict)
 
     check_stopped_cleanly(outcome, directory, os.strerror(errno.EFBIG))
     assert json.loads((tmp_path / "report.json").read_text())["scans"] == 0
@@ -132,7 +132,7 @@ def small_disk(tmp_path):
     subprocess.run(["umount", disk], check=True)
 
 
-def test_recorder_stops_on_a_full_disk_and_the_node_goes_on(processes, peer, small_disk):
-    outcome = record(processes, peer, small_disk / "bag", lambda _: None)
+def test_recorder_stops_on_a_full_disk_and_the_node_goes_on(executables, peer, small_disk):
+    outcome = record(executables, peer, small_disk / "bag", lambda _: None)
 
     check_stopped_cleanly(outcome, small_disk / "bag", os.strerror(errno.ENOSPC))

@@ -6,6 +6,10 @@
 import subprocess
 import sys
 
+import pytest
+
+pytestmark = pytest.mark.live
+
 SCRIPT = """
 import rclpy
 from rclpy.node import Node

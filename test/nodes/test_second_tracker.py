@@ -100,12 +100,12 @@ def test_killed_tracker_does_not_hold_up_its_restart(processes, peer):
     assert SAID not in again.log.read_text()
 
 
-@pytest.mark.parametrize("other", ["__node:=tracker_2", "__ns:=/north"])
-def test_trackers_of_other_names_or_namespaces_run_side_by_side(processes, peer, other):
-    both = [start(processes), start(processes, "-r", other)]
-    assert all(tracking(peer, process) for process in both)
+def test_trackers_of_other_names_or_namespaces_run_side_by_side(processes, peer):
+    others = [start(processes, "-r", other) for other in ("__node:=tracker_2", "__ns:=/north")]
+    together = [start(processes), *others]
+    assert all(tracking(peer, process) for process in together)
     peer.spin_for(NEWCOMER_S + 1.0)
-    assert [process.poll() for process in both] == [None, None]
+    assert [process.poll() for process in together] == [None] * 3
 
 
 def test_second_tracker_leaves_the_checkpoint_alone(processes, peer, tmp_path):

@@ -8,7 +8,9 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from statistics import median
 
+import numpy as np
 import pytest
 from mcap_files import write
 from rcl_interfaces.srv import SetParametersAtomically
@@ -33,7 +35,7 @@ class Listener:
 
     def __init__(self, peer):
         self.data = {topic: [] for topic in TOPICS}
-        self.times = []
+        self.times_of_truth = []
         for topic in TOPICS:
             peer.node.create_subscription(
                 PointCloud2,
@@ -45,7 +47,8 @@ class Listener:
 
     def _take(self, topic, data):
         self.data[topic].append(data)
-        self.times.append(time.monotonic())
+        if topic == names.TRUTH:
+            self.times_of_truth.append(time.monotonic())
 
     @property
     def scans(self):
@@ -53,16 +56,11 @@ class Listener:
 
 
 def seek(peer, seconds):
-    client = peer.node.create_client(
-        SetParametersAtomically, "/sensor_replay/set_parameters_atomically"
-    )
-    assert peer.spin_until(client.service_is_ready)
     request = SetParametersAtomically.Request(
         parameters=[Parameter("seek_s", value=seconds).to_parameter_msg()]
     )
-    future = client.call_async(request)
-    assert peer.spin_until(future.done)
-    return future.result().result
+    service = "/sensor_replay/set_parameters_atomically"
+    return peer.call(SetParametersAtomically, service, request).result
 
 
 @pytest.fixture
@@ -85,13 +83,13 @@ def test_replay_publishes_the_bags_bytes_as_they_are(processes, peer, listener):
 
 
 def test_replay_keeps_the_pace(processes, peer, listener):
-    # Nine intervals of 6 s at 60 times the speed are 0.9 s.
-    process = processes.start("sensor_replay", BAG, "--rate", "60", "--duration", "54", *QUIET)
-    assert peer.spin_until(lambda: process.poll() is not None and listener.scans == 10)
-    elapsed = listener.times[-1] - listener.times[0]
+    # Scans are 6 s apart, so 0.1 s at 60 times the speed.
+    process = processes.start("sensor_replay", BAG, "--rate", "60", "--duration", "120", *QUIET)
+    assert peer.spin_until(lambda: process.poll() is not None and listener.scans == 21)
 
     assert process.returncode == 0
-    assert 0.8 <= elapsed <= 1.5
+    # Some arrive late on a busy machine, and the next ones early then.
+    assert median(np.diff(listener.times_of_truth)) == pytest.approx(0.1, rel=0.2)
 
 
 def test_replay_plays_the_chosen_part(processes, peer, listener):
@@ -106,10 +104,6 @@ def test_replay_plays_the_chosen_part(processes, peer, listener):
 
 def test_replay_pauses_steps_and_resumes(processes, peer, listener):
     processes.start("sensor_replay", BAG, "--rate", "30", "--start-paused", *QUIET)
-    assert peer.spin_until(lambda: peer.node.count_publishers(names.TRUTH) == 1)
-    peer.spin_for(1.0)
-    assert listener.scans == 0
-
     peer.call(Trigger, "/sensor_replay/step")
     assert peer.spin_until(lambda: listener.scans == 1)
     peer.spin_for(0.5)
@@ -126,9 +120,6 @@ def test_replay_pauses_steps_and_resumes(processes, peer, listener):
 
 def test_replay_seeks_forward_and_back(processes, peer, listener):
     processes.start("sensor_replay", BAG, "--start-paused", *QUIET)
-    assert peer.spin_until(lambda: peer.node.count_publishers(names.TRUTH) == 1)
-    peer.spin_for(1.0)
-
     # A whole number is a number too.
     for scans, seconds in enumerate((60.0, 6, 57.5), start=1):
         assert seek(peer, seconds).successful
@@ -144,8 +135,6 @@ def test_replay_refuses_to_seek_outside_its_part_and_goes_on(processes, peer, li
     processes.start(
         *("sensor_replay", BAG, "--start-paused", "--start", "12", "--duration", "12", *QUIET)
     )
-    assert peer.spin_until(lambda: peer.node.count_publishers(names.TRUTH) == 1)
-    peer.spin_for(1.0)
     for seconds in (11.9, 24.1, -1.0, float("nan"), "soon"):
         result = seek(peer, seconds)
         assert not result.successful

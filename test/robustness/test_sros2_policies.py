@@ -86,6 +86,7 @@ def used():
         return found
 
 
+@pytest.mark.live
 @pytest.mark.parametrize("name", ARGUMENTS)
 @pytest.mark.parametrize("key", QUERIES, ids=["publish", "subscribe", "reply", "request"])
 def test_policies_allow_what_a_node_uses_and_nothing_else(used, name, key):

@@ -14,12 +14,19 @@ from pathlib import Path
 
 import pytest
 
+from phd_jdtc_ros.study import figures
 from phd_jdtc_ros.study.monte_carlo import execution, tasks
 from phd_jdtc_ros.study.monte_carlo.definition import FIGURES
 from phd_jdtc_ros.study.monte_carlo.store import HEADER
 from phd_jdtc_ros.tools.monte_carlo import main
 
 ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    """Leave out what takes most of the time where nobody looks at it."""
+    monkeypatch.setattr(figures, "write_all", lambda *_: [])
 
 
 @pytest.fixture
@@ -65,6 +72,7 @@ def test_main_writes_everything(start, study):
     assert (out / "figures" / "quiet" / "ospa_against_lag.png").exists()
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_main_resumes_where_it_was(start, study_file):
     first = start("--variant", "corrected", "--runs", 1)[1]
     before = parts(first)
@@ -76,6 +84,7 @@ def test_main_resumes_where_it_was(start, study_file):
     assert before.items() <= after.items()
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_main_gives_the_same_bytes_however_it_is_run(start):
     start("--variant", "as printed", "--runs", 1, out="pieces")
     chosen = ("--variant", "corrected", "--variant", "as printed")
@@ -86,6 +95,7 @@ def test_main_gives_the_same_bytes_however_it_is_run(start):
         assert (pieces / name).read_bytes() == (whole / name).read_bytes()
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_main_reports_failures_and_goes_on(start, monkeypatch, capsys):
     code_of = tasks.code_of
 
@@ -167,6 +177,7 @@ def test_main_keeps_what_is_done_when_interrupted(study_file, tmp_path):
     assert alive_in_group(process.pid) == []
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_main_runs_on_dask(cluster, start):
     status, out = start("--dask", cluster, "--variant", "corrected")
 

@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Run all tests: each file of live ones in a pytest of its own, three at a time, beside the rest.
+
+Live tests wait for other processes most of the time, so several take hardly longer than one. Each
+process has a ROS domain of its own (see conftest.py), and one that crashes takes nothing else with
+it. Arguments go to every pytest. The last line is the sum of all of theirs, in pytest's form.
+"""
+
+import re
+import subprocess
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+# With the rest beside them these keep two processors busy; more would only wait for one another.
+LIVE_AT_A_TIME = 3
+LIMIT_S = 1200.0
+# The exit status of a pytest that has nothing to run.
+NOTHING = 5
+OUTCOMES = ("failed", "passed", "skipped", "xfailed", "xpassed", "error")
+
+
+def pytest(*arguments):
+    """Run pytest; return its exit status and its output."""
+    command = [sys.executable, "-m", "pytest", *arguments]
+    try:
+        done = subprocess.run(
+            command,
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+            timeout=LIMIT_S,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        return 1, f"{(error.stdout or b'').decode(errors='replace')}\nnot over in {LIMIT_S:g} s"
+    return done.returncode, done.stdout
+
+
+def live_files(arguments):
+    """Return the files that have live tests, the long ones of robustness first."""
+    status, text = pytest("--collect-only", "-q", "-m", "live", *arguments)
+    if status not in (0, NOTHING):
+        sys.exit(text)
+    return sorted(set(re.findall(r"^(\S+\.py)::", text, re.MULTILINE)), reverse=True)
+
+
+def counts(status, text):
+    """Return how many tests had each outcome; a process that was cut off is an error."""
+    last = text.rstrip().rpartition("\n")[2]
+    found = Counter()
+    for number, outcome in re.findall(r"(\d+) (\w+?)s?\b", last):
+        if outcome in OUTCOMES:
+            found[outcome] += int(number)
+    if status not in (0, NOTHING) and not found["failed"] + found["error"]:
+        found["error"] += 1
+    return found
+
+
+def told(name, status, text):
+    """Return what there is to say of a run: its skips and its last line, or all if it failed."""
+    if status not in (0, NOTHING):
+        return f"{name}: exit status {status}\n{text}"
+    *lines, last = text.rstrip().splitlines()
+    skips = [line for line in lines if line.startswith("SKIPPED")]
+    return "\n".join([*skips, f"{name}: {last.strip('= ')}"])
+
+
+def summary(found, seconds):
+    """Return the closing line."""
+    parts = ", ".join(f"{found[outcome]} {outcome}" for outcome in OUTCOMES if found[outcome])
+    text = f" {parts or 'no tests ran'} in {seconds:.2f}s "
+    return f"{text:=^80}"
+
+
+def main(arguments):
+    begin, found, failed = time.monotonic(), Counter(), False
+    with ThreadPoolExecutor(1) as beside, ThreadPoolExecutor(LIVE_AT_A_TIME) as pool:
+        running = {beside.submit(pytest, "-m", "not live", *arguments): "all that is not live"}
+        for file in live_files(arguments):
+            running[pool.submit(pytest, "-m", "live", file, *arguments)] = file
+        try:
+            for run in as_completed(running):
+                status, text = run.result()
+                print(told(running[run], status, text), flush=True)
+                found += counts(status, text)
+                failed |= status not in (0, NOTHING)
+        except KeyboardInterrupt:  # those that run have been told too
+            pool.shutdown(wait=False, cancel_futures=True)
+            failed = True
+    print(summary(found, time.monotonic() - begin))
+    return int(failed or not found.total())
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
