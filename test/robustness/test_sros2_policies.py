@@ -69,8 +69,15 @@ def used():
                 if name in there
             }
 
-        # Until it is complete and has been the same for a while.
-        found, since, end = {}, time.monotonic(), time.monotonic() + 30.0
+        def as_allowed(found):
+            return all(
+                found.get(name, {}).get(key, set()) - OPTIONAL == allowed()[name][key] - OPTIONAL
+                for name in ARGUMENTS
+                for key in QUERIES
+            )
+
+        # Nodes that still start have less. Until it is what is allowed and has been so for a while.
+        found, since, end = {}, time.monotonic(), time.monotonic() + 60.0
         while time.monotonic() < end:
             try:
                 now = graph()
@@ -78,7 +85,7 @@ def used():
                 now = {}
             if now != found:
                 found, since = now, time.monotonic()
-            if len(found) == len(ARGUMENTS) and time.monotonic() - since > 2.0:
+            if as_allowed(found) and time.monotonic() - since > 2.0:
                 break
             time.sleep(0.1)
         watcher.destroy_node()
