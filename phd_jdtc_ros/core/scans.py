@@ -78,6 +78,7 @@ class ScanGrouper:
     _misses: list[int] = field(init=False)
     _last_stamp: list[int | None] = field(init=False)
     _closed_ns: int | None = field(init=False, default=None)
+    _overtaken: dict[int, tuple[int, int]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.reset()
@@ -88,6 +89,7 @@ class ScanGrouper:
         self._misses = [0] * self.radars
         self._last_stamp = [None] * self.radars
         self._closed_ns = None
+        self._overtaken = {}
 
     @property
     def waiting(self) -> bool:
@@ -118,7 +120,11 @@ class ScanGrouper:
         newest = max(self._pending, default=self._closed_ns)
         if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
             events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
+            overtaken = self._unreported(newest)
             self.reset()
+            self._overtaken = overtaken
+        if self._is_overtaken(radar, stamp_ns):
+            return Rejection.LATE
         last = self._last_stamp[radar]
         if stamp_ns == last or radar in self._pending.get(stamp_ns, ()):
             return Rejection.DUPLICATE
@@ -128,6 +134,25 @@ class ScanGrouper:
         self._last_stamp[radar] = stamp_ns if last is None else max(last, stamp_ns)
         self._pending.setdefault(stamp_ns, {})[radar] = detections
         return events + self._close_complete()
+
+    def _unreported(self, newest: int) -> dict[int, tuple[int, int]]:
+        """Return the interval of each radar's stamps that may still be on their way.
+
+        Topics are not ordered among each other: the last report of one radar may come after
+        another radar's stamps have jumped back.
+        """
+        earliest = newest - round(self.reset_threshold_s * 1e9)
+        since = [earliest if last is None else max(last, earliest) for last in self._last_stamp]
+        return {radar: (last, newest) for radar, last in enumerate(since) if last < newest}
+
+    def _is_overtaken(self, radar: int, stamp_ns: int) -> bool:
+        """Return whether a report belongs to the run before the jump back."""
+        after, until = self._overtaken.pop(radar, (0, 0))
+        if not after < stamp_ns <= until:
+            return False
+        if stamp_ns < until:
+            self._overtaken[radar] = stamp_ns, until
+        return True
 
     def close_all(self) -> list[Scan | Reset]:
         """Close all pending scans, also those incomplete or held back; oldest first."""

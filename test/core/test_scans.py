@@ -137,6 +137,33 @@ def test_add_resets_once_when_the_stamps_jump_back(pending):
     assert shape(events) == [*old, Reset, (0, (0, 1)), (6, (0, 1))]
 
 
+@pytest.mark.parametrize("complete", [False, True])
+def test_add_takes_what_the_jump_overtook_for_late_and_not_for_a_jump_ahead(complete):
+    # Topics are not ordered among each other: radar 1 ends its pass after radar 0 began the next.
+    group = grouper(max_gap_s=60.0)
+    feed(group, (0, 100), (1, 100), (0, 106), *([(1, 106)] if complete else []))
+    rest = [] if complete else [(1, 106)]
+    events = feed(group, (0, 0), *rest, (1, 0), (0, 6), (1, 6))
+    old = [] if complete else [(106, (0,))]
+    late = [] if complete else [Rejection.LATE]
+    assert shape(events) == [*old, Reset, *late, (0, (0, 1)), (6, (0, 1))]
+
+
+def test_add_goes_with_a_radar_whose_stamps_go_on_behind_the_jump():
+    group = grouper(max_gap_s=60.0)
+    feed(group, (0, 100), (1, 100), (0, 106))
+    events = feed(group, (0, 0), (1, 106), (1, 112), (0, 118), (1, 118))
+    assert shape(events) == [
+        (106, (0,)),
+        Reset,
+        Rejection.LATE,
+        (0, (0,)),
+        Reset,
+        (112, (1,)),
+        (118, (0, 1)),
+    ]
+
+
 def test_add_says_how_far_the_stamps_jumped_back():
     group = grouper()
     feed(group, (0, 100), (1, 100), (0, 106))
