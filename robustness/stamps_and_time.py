@@ -76,7 +76,7 @@ def _looped(loops: int, duration_s: float) -> tuple[int, int]:
         )
         # Until the first estimates of one more pass, so that `loops` passes are complete.
         radars.spin_until(lambda: _jumps_back(radars) >= loops, 90.0)
-        replay.stop()
+        replay.kill()  # a stop takes a while, in which the next pass may begin
         radars.spin(0.5)
         return _jumps_back(radars), int(radars.values("step time")["epoch"])
 

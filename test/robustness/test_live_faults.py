@@ -41,7 +41,7 @@ def test_full_disk_ends_the_recording_and_not_the_tracking():
 
 
 def test_tracker_resets_once_a_loop_and_never_on_a_shuffle():
-    figure = stamps_and_time.measure_time_faults(loops=1, duration_s=60.0)
+    figure = stamps_and_time.measure_time_faults(loops=1, duration_s=240.0)
     assert figure.reached, (figure.measured, figure.details)
 
 
