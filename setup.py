@@ -69,7 +69,11 @@ setup(
     zip_safe=True,
     maintainer="Seed a9b9ba5d maintainers",
     maintainer_email="maintainers@users.noreply.h-seed-a9b9ba5d.example",
-    description="Live multi-sensor joint detection, tracking and classification by PHD smoothing",
+    description=(
+        "Live multi-sensor joint detection, tracking and classification with a particle labelled "
+        "multi-Bernoulli filter, soft association and a fixed-lag smoother, for radars that "
+        "publish polar detections with amplitudes."
+    ),
     license="Apache-2.0",
     entry_points={
         "console_scripts": [f"{name} = {PACKAGE}.__main__:{name}" for name in EXECUTABLES],

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion between ROS messages and the core's values. No node is imported here."""
+"""Conversion between ROS messages and the core's values; independent of nodes."""

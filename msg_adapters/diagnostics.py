@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Figures as DiagnosticArray: scores, cardinality, health."""
+"""Conversion of figures to DiagnosticArray messages: scores, cardinality, health."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.evaluation.metric_table import PUBLISHED
 from . import stamps
 
 if TYPE_CHECKING:
-    # Scores bring an optimiser with them, which a tracker does without.
+    # The module imports scipy's optimiser, which a tracker does not need.
     from phd_jdtc_ros.core.evaluation.scan_scores import ScanScore
 
 
@@ -26,7 +26,7 @@ def status(
     message: str = "",
     hardware_id: str = "",
 ) -> DiagnosticStatus:
-    """Return a status; floats are written so that they read back exactly."""
+    """Return a status; floats are written with all digits, so that reading is exact."""
     return DiagnosticStatus(
         level=level,
         name=name,
@@ -55,7 +55,7 @@ def score_to_msg(score: ScanScore, cutoff: float, order: float) -> DiagnosticArr
     return array(
         score.stamp_ns,
         [
-            status(f"{score.source}/{key}", {**{n: found[n] for n in PUBLISHED}, **parameters})
-            for key, found in score.values.items()
+            status(f"{score.source}/{key}", {**{n: values[n] for n in PUBLISHED}, **parameters})
+            for key, values in score.values.items()
         ],
     )

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A ``radar_msgs/RadarScan`` to `Detections`.
+"""Conversion of ``radar_msgs/RadarScan`` to `Detections`.
 
-radar_msgs is not part of every ROS installation: nothing here imports it. A live tracker needs its
-message class; recorded bytes are read without it.
+radar_msgs is optional, and this module does not import it. A live tracker needs its message class;
+recorded bytes are read without it.
 """
 
 from __future__ import annotations
@@ -25,22 +25,23 @@ from .errors import RejectedMessageError
 from .point_cloud import MAX_POINTS
 
 TYPE_NAME = "radar_msgs/msg/RadarScan"
-# Of a RadarReturn: range, azimuth, elevation, doppler_velocity, amplitude, all of float32.
+# Fields of a RadarReturn: range, azimuth, elevation, doppler_velocity, amplitude, all float32.
 RETURN_FIELDS = 5
 
 
 def from_msg(scan: Any, radar: RadarInput) -> Report:
     """Return the detections of a scan.
 
-    The message fixes what a point cloud leaves to its driver: azimuths are counter-clockwise from
-    the sensor's x axis, amplitudes are in dB, and there is an elevation (0 for a planar radar).
+    Unlike that of a point cloud, the convention of this message is fixed: azimuths are
+    counter-clockwise from the sensor's x axis, amplitudes are in dB, and there is an elevation (0
+    for a planar radar).
 
     Parameters
     ----------
     scan : radar_msgs.msg.RadarScan
     radar : RadarInput
-        Its frame, its range limit and `amplitude_offset_db`, which turns the amplitudes into SNRs,
-        are used. Without an `amplitude_field` the amplitudes are ignored.
+        Its `frame` and `max_range` are used, and `amplitude_offset_db`, which converts the
+        amplitudes to SNRs. Without an `amplitude_field` the amplitudes are ignored.
 
     Raises
     ------
@@ -66,7 +67,7 @@ def from_cdr(data: bytes, radar: RadarInput) -> Report:
         order = "<" if data[1] & 1 else ">"
         sec, nanosec, length = struct.unpack_from(f"{order}iII", data, 4)
         frame = data[16 : 16 + length].rstrip(b"\0").decode()
-        # Alignment is counted from behind the four bytes of the encapsulation.
+        # Alignment is counted from the end of the encapsulation header of four bytes.
         start = 16 + length + -(12 + length) % 4
         (count,) = struct.unpack_from(f"{order}I", data, start)
         _require_size(count)

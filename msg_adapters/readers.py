@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The messages that radars send, by the name that configurations use."""
+"""The readers of radar messages, by the name of the message type in a configuration."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from .detections import Report
 
 @dataclass(frozen=True)
 class Reader:
-    """How one type of message becomes detections.
+    """The conversion of one type of message to detections.
 
     Parameters
     ----------
     type_name : str
         Such as ``sensor_msgs/msg/PointCloud2``.
     from_msg : callable
-        A message and the radar's input to a `Report`; raises `RejectedMessageError`.
+        Converts a message, with the radar's input, to a `Report`; raises `RejectedMessageError`.
     from_cdr : callable
-        The same for a recorded message's bytes, whether its package is installed or not.
+        As `from_msg`, for the bytes of a recorded message; its package need not be installed.
     """
 
     type_name: str
@@ -34,7 +34,7 @@ class Reader:
     from_cdr: Callable[[bytes, RadarInput], Report]
 
     def installed(self) -> Any:
-        """Return the message class, or None where its package is not installed."""
+        """Return the message class, or None if its package is not installed."""
         try:
             return interfaces.message_class(self.type_name)
         except ImportError:
@@ -52,5 +52,5 @@ READERS = {
 
 
 def reader_of(radar: RadarInput) -> Reader:
-    """Return what reads a radar's messages."""
+    """Return the reader of a radar's messages."""
     return READERS[radar.message]

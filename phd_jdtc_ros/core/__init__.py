@@ -7,26 +7,26 @@ The data's path, with the room or module of each step::
 
     reports (radar, stamp, Detections)         types
       |  group by stamp, gaps, resets          scans
-    Scan                                       pipeline: scans -> engine -> what came of it
+    Scan                                       pipeline: scans -> engine -> events
       |  predict, update with every radar      an engine: smc (particles)
       |    motion, radars, amplitudes, births    models
-      |    which detection is near             pair_search
-      |    which detection is whose            association
-      |------------- targets ---------------> Estimates (filtered), numbered by track_numbers
+      |    gating                              pair_search
+      |    association probabilities           association
+      |------------- extract ---------------> Estimates (filtered), numbered by track_numbers
       |  backward over the lag window          the engine
-      |------------- targets ---------------> Estimates (smoothed)
+      |------------- extract ---------------> Estimates (smoothed)
 
-`engine` is the seam: what every engine takes and gives. `engines` finds one by its name.
-`configuration` turns parameters into models and settings. `simulation` makes scans with known
-truth, and `evaluation` compares estimates with it. `gaussian` holds Kalman filtering of single
-tracks, of which the study's reference is made.
+`engine` is the interface of all engines, and `engines` creates one by its name. `configuration`
+turns parameters into models and settings. `simulation` makes scans with known truth, and
+`evaluation` compares estimates with it. `gaussian` is the Kalman filter and smoother of single
+tracks, which the study's reference uses.
 
-Rooms import in one direction only::
+Packages import in one direction only::
 
     pipeline -> engines -> configuration -> smc, gaussian -> association, models, pair_search
     evaluation, simulation -> models          everything -> types, state_space, arrays
 
 The method is that of Y. Qin, "Joint Target Detection, Tracking and Classification with
-Forward-Backward PHD Smoothing". Sections cited in the docstrings are the paper's; wherever the
-code departs from its text, the docstring says so under "Deviation".
+Forward-Backward PHD Smoothing". Sections cited in the docstrings are the paper's. Where the code
+departs from the paper, the docstring says so under "Deviation".
 """

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The engine's seam: what a tracking engine takes and gives, whatever it is made of."""
+"""The interface of a tracking engine: a filter and a smoother that are stepped scan by scan."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ from .types import Estimates, Scan
 
 @dataclass(frozen=True)
 class Step:
-    """What one scan brought.
+    """The estimates and figures of one step.
 
     Parameters
     ----------
     filtered : Estimates
     smoothed : tuple of Estimates
-        Those whose lag is reached: one with a lag in scans, none of them while the window fills.
+        Those whose lag is reached. With a lag in scans these are none while the window fills, and
+        then one per step.
     class_mass : array of shape (C,)
         Expected number of targets of each class after the update.
     figures : mapping of name to number
-        The engine's own diagnostics.
+        Diagnostics of the engine.
     """
 
     filtered: Estimates
@@ -37,27 +38,27 @@ class Step:
 
 
 class Engine(Protocol):
-    """What a node needs of an engine."""
+    """A filter and a smoother behind one interface."""
 
     def step(self, scan: Scan) -> Step:
-        """Take in one scan; stamps must increase.
+        """Predict to the scan, update with it, and smooth; stamps must increase.
 
         Raises
         ------
         ValueError
-            If the stamp is not later than the one before.
+            If the stamp is not later than the previous one.
         """
         ...
 
     def flush(self) -> tuple[Estimates, ...]:
-        """Return the smoothed estimates still held back, oldest first, and reset."""
+        """Return the smoothed estimates that are held back, oldest first, and reset."""
         ...
 
     def interrupt(self) -> tuple[Estimates, ...]:
-        """Do as `flush`, but number tracks found from now on as no track was numbered before.
+        """Do as `flush`, but use no track number a second time.
 
-        For a gap in a time that goes on: whoever follows tracks by their numbers must not take a
-        new target for an old one.
+        This is for a gap after which the stamps continue to increase. A subscriber that follows
+        tracks by their numbers must not take a new target for an old one.
         """
         ...
 
@@ -66,15 +67,15 @@ class Engine(Protocol):
         ...
 
     def reset(self) -> None:
-        """Forget everything, as if newly made."""
+        """Return to the initial state."""
         ...
 
     def snapshot(self) -> Snapshot:
-        """Return all that the engine holds; it shares its arrays, which nobody changes."""
+        """Return the engine's state; its arrays are shared and must not be changed."""
         ...
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on from a snapshot as if the engine had never stopped.
+        """Continue from a snapshot as if the engine had never stopped.
 
         Parameters
         ----------
@@ -84,29 +85,29 @@ class Engine(Protocol):
         Raises
         ------
         ValueError
-            If it is not one; the engine is reset then.
+            If the snapshot does not fit; the engine is then reset.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Lag:
-    """How long estimates are held back for smoothing.
+    """The number of later scans, or seconds, that a smoothed estimate takes into account.
 
     Parameters
     ----------
     scans : int
-        Used unless `seconds` is set.
+        Used if `seconds` is None.
     seconds : float or None
-        For radars without a common scan: a stamp is smoothed once one at least this much later
-        has come.
+        For radars without common stamps: a scan is smoothed once the newest one is at least this
+        much later.
     """
 
     scans: int
     seconds: float | None = None
 
     def reached(self, stamps_ns: list[int]) -> bool:
-        """Return whether the first of the window's ascending stamps has waited long enough."""
+        """Return whether the lag of the first of the window's ascending stamps is reached."""
         if self.seconds is None:
             return len(stamps_ns) > self.scans
         return stamps_ns[-1] - stamps_ns[0] >= self.seconds * 1e9

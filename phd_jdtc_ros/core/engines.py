@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The engines by their name in a configuration."""
+"""The engines by their names in a configuration."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def new_engine(config: TrackerConfig) -> Engine:
     Raises
     ------
     ConfigError
-        If the environment asks for kernels that there are not, see `pair_search.kernels`.
+        If the environment asks for a backend that is not available, see `pair_search.kernels`.
     """
     try:
         kernels.chosen()
@@ -47,7 +47,7 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
 
 
 def particle_filter(config: TrackerConfig) -> ForwardFilter:
-    """Return a new filter of the particle engine."""
+    """Return a new forward filter of the particle engine."""
     values = config.values
     budget = ParticleBudget(
         per_target=values["particles_per_target"],

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Labels of origins: every scan has a block of numbers for the targets that it founds."""
+"""Numbers of origins: every scan has a block of them for its births and spawned targets."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ ORIGINS_PER_SCAN = 1 << 24
 
 
 def first_predicted(scan_index: int) -> int:
-    """Return the first label of the targets that a scan's prediction founds."""
+    """Return the first number for birth terms and spawned targets of a scan's prediction."""
     return scan_index * ORIGINS_PER_SCAN
 
 
 def first_detected(scan_index: int) -> int:
-    """Return the first label of the targets that a scan's detections found."""
+    """Return the first number for targets born at a scan's detections."""
     return scan_index * ORIGINS_PER_SCAN + ORIGINS_PER_SCAN // 2

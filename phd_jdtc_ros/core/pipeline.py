@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From reports to estimates: what happens to a radar's report, live and offline alike.
+"""The pipeline from reports to estimates, which the live node and the offline tracker share.
 
 Reports are grouped into scans, scans step the engine, and jumps of the stamps end runs. The live
-node and the offline tracker feed this one with reports and publish or write what comes out.
+node publishes the estimates, and the offline tracker writes them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .types import Detections, Estimates, Scan
 
 @dataclass(frozen=True)
 class Stepped:
-    """The engine has taken in a scan."""
+    """The engine has stepped through a scan."""
 
     stamp_ns: int
     step: Step
@@ -30,14 +30,14 @@ class Stepped:
 
 @dataclass(frozen=True)
 class RunEnded:
-    """The stamps jumped, or the run was flushed: what follows belongs to a new run.
+    """The stamps jumped, or the run was flushed; later events belong to a new run.
 
     Parameters
     ----------
     reset : Reset or None
-        The jump; None if somebody asked for the end.
+        The jump; None if the run was flushed.
     smoothed : tuple of Estimates
-        Those that were held back, oldest first.
+        Estimates that were held back, oldest first.
     """
 
     reset: Reset | None
@@ -48,23 +48,23 @@ Event: TypeAlias = "Stepped | RunEnded"
 
 
 def _start_cold(engine: Engine, stamp_ns: int) -> None:
-    """Begin a run with nothing."""
+    """Leave the engine in its initial state."""
 
 
 class Pipeline:
     """Groups reports into scans and steps the engine through them.
 
-    What it returns are iterators: a scan is stepped when its event is asked for, so that its
-    estimates can be on their way before the next scan is. Every iterator must be exhausted before
-    the next call.
+    Its methods return iterators: a scan is stepped when its event is requested, so that its
+    estimates can be published before the next scan is stepped. Every iterator must be exhausted
+    before the next call.
 
     Parameters
     ----------
     grouper : ScanGrouper
     engine : Engine
     begin : callable
-        Called with the engine and the stamp of a run's first scan before it is taken in; may
-        restore the engine.
+        Called with the engine and the stamp of a run's first scan before that scan is stepped; it
+        may restore the engine.
     """
 
     def __init__(
@@ -80,11 +80,11 @@ class Pipeline:
 
     @property
     def waiting(self) -> bool:
-        """Whether a report is held back until its scan is complete."""
+        """Whether a report is held back because its scan is not complete."""
         return self._grouper.waiting
 
     def add(self, radar: int, stamp_ns: int, detections: Detections) -> Iterator[Event] | Rejection:
-        """Take in one report.
+        """Add one report.
 
         Parameters
         ----------
@@ -103,17 +103,17 @@ class Pipeline:
         return closed if isinstance(closed, Rejection) else self._events(closed)
 
     def close_scans(self) -> Iterator[Event]:
-        """Take in all scans that wait for reports, complete or not."""
+        """Close all scans, complete or not, and step the engine through them."""
         return self._events(self._grouper.close_all())
 
     def flush(self) -> Iterator[Event]:
-        """Take in all scans and end the run."""
+        """Close all scans, step the engine through them, and end the run."""
         yield from self.close_scans()
         self._grouper.reset()
         yield self._end(None)
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Discard all scans and return the engine to its initial state."""
         self._grouper.reset()
         self.engine.reset()
         self._begun = False
@@ -129,9 +129,9 @@ class Pipeline:
             yield Stepped(event.stamp_ns, self.engine.step(event))
 
     def _end(self, reset: Reset | None) -> RunEnded:
-        """End the run; where time goes on, no track number is given a second time."""
-        on = reset is not None and reset.ahead
-        rest = self.engine.interrupt() if on else self.engine.flush()
+        """End the run; after a jump ahead, no track number is used a second time."""
+        ahead = reset is not None and reset.ahead
+        rest = self.engine.interrupt() if ahead else self.engine.flush()
         self._begun = False
         return RunEnded(reset, rest)
 
@@ -139,5 +139,5 @@ class Pipeline:
 def new_pipeline(
     config: TrackerConfig, begin: Callable[[Engine, int], None] = _start_cold
 ) -> Pipeline:
-    """Return a pipeline with a new engine; `begin` as of `Pipeline`."""
+    """Return a pipeline with a new engine; `begin` is that of `Pipeline`."""
     return Pipeline(config.grouper(), new_engine(config), begin)

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What an engine holds, as plain arrays and numbers: to be stored, and to go on from."""
+"""A snapshot: an engine's state as plain arrays and numbers, to be stored and restored."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ import numpy.typing as npt
 
 @dataclass(frozen=True)
 class Snapshot:
-    """An engine's state: data, never code.
+    """An engine's state, as data without code.
 
     Parameters
     ----------
     stamp_ns : int or None
-        Of the last scan that was taken in; None before the first.
+        Stamp of the last scan; None before the first.
     arrays : dict of name to array
         By dotted name.
     facts : dict
-        What JSON can hold: numbers, strings, lists and dicts.
+        Values that JSON can represent: numbers, strings, lists and dicts.
     """
 
     stamp_ns: int | None
@@ -35,7 +35,7 @@ class Snapshot:
         Raises
         ------
         ValueError
-            If there is none of this name.
+            If there is no array of this name.
         """
         if name not in self.arrays:
             raise ValueError(f"{name}: missing")

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the axes of a state are."""
+"""The axes of the state: names and quantities."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .arrays import FloatArray
 
 @dataclass(frozen=True)
 class StateSpace:
-    """The names of a state's axes, and which of them are what.
+    """The names of a state's axes, and the indices of position, velocity and turn rate.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ class StateSpace:
     def state(
         self, position: Sequence[float] | float, velocity: Sequence[float] | float, turn_rate: float
     ) -> FloatArray:
-        """Return a state of these values, shape (D,); a number stands for all its axes."""
+        """Return a state of these values, shape (D,); a single number is used for both axes."""
         state = np.zeros(len(self))
         state[list(self.position)] = position
         state[list(self.velocity)] = velocity

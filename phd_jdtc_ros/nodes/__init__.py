@@ -1,4 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ROS nodes: thin, decode, step, encode, publish."""
+"""The ROS nodes: thin layers that decode messages, step the core, and encode and publish.
+
+::
+
+    tracker                detections to estimates, live
+    evaluator              estimates and truth to scores; records
+    replay                 a bag's detections and truth to messages, at a chosen rate
+    common                 start and stop, parameters, QoS overrides
+"""

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One recording: loaded, scored, drawn as a page and as pictures.
+"""The report of one recorded run: its scores, an HTML page and pictures.
 
 ::
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reading a bag with estimates into a `Record`."""
+"""Reads a bag with estimates into a `Record`."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from .record import Plot, RadarSite, Record
 
 
 def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
-    """Return what a bag holds of one run.
+    """Return the record of the run in a bag.
 
     Parameters
     ----------
     path : Path
     config : TrackerConfig
-        Says which topics are radars and where these stand.
+        Has the topics and positions of the radars.
     tracker : str
-        Name of the node whose estimates are wanted.
+        Name of the node whose estimates are read.
 
     Raises
     ------
     BagError
-        If the bag cannot be read, or has nothing of what a run is made of.
+        If the bag cannot be read, or has none of the topics of a run.
     """
     bag = BagReader(path)
     sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
@@ -51,39 +51,39 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         raise BagError(f"{path}: none of {', '.join(wanted)} is in it")
     wanted[figures] = names.FIGURES
     bag.require({topic: kind for topic, kind in wanted.items() if topic in bag.types})
-    found: dict[str, list[Any]] = defaultdict(list)
+    parts: dict[str, list[Any]] = defaultdict(list)
     classes = 0
     try:
         for topic, message in _decoded(bag, [*sources, names.TRUTH, figures]):
             if topic == names.TRUTH:
-                found["truth"].append(truth.from_msg(message))
+                parts["truth"].append(truth.from_msg(message))
             elif topic == figures:
                 values = [diagnostics.values_of(status) for status in message.status]
-                found["step_ms"] += [v["step_ms"] for v in values if "step_ms" in v]
+                parts["step_ms"] += [v["step_ms"] for v in values if "step_ms" in v]
             else:
                 classes = max(classes, estimates.class_count(message))
-                found[sources[topic]].append(estimates.from_msg(message))
+                parts[sources[topic]].append(estimates.from_msg(message))
         for radar, model in zip(config.inputs, config.model.radars, strict=True):
             for entry in bag.messages([radar.topic] if radar.topic in bag.types else []):
-                # What the tracker refuses and counts is not shown.
+                # Messages that the tracker rejects and counts are not shown.
                 with contextlib.suppress(RejectedMessageError):
                     report = reader_of(radar).from_cdr(entry.data, radar)
-                    found["plots"].append(_plot(report, model))
+                    parts["plots"].append(_plot(report, model))
     except RejectedMessageError as error:
         raise BagError(f"{path}: {error}") from error
     return Record(
-        truth=_by_stamp(found["truth"]),
-        plots=_by_stamp(found["plots"]),
-        filtered=_by_stamp(found[FILTERED]),
-        smoothed=_by_stamp(found[SMOOTHED]),
+        truth=_by_stamp(parts["truth"]),
+        plots=_by_stamp(parts["plots"]),
+        filtered=_by_stamp(parts[FILTERED]),
+        smoothed=_by_stamp(parts[SMOOTHED]),
         classes=classes or len(config.model.modes.classes),
-        step_ms=np.array(found["step_ms"], dtype=float),
+        step_ms=np.array(parts["step_ms"], dtype=float),
         radars=tuple(RadarSite(radar.name, radar.position) for radar in config.model.radars),
     )
 
 
 def _decoded(bag: BagReader, topics: list[str]) -> Iterator[tuple[str, Any]]:
-    """Yield the decoded messages of those topics that the bag has."""
+    """Yield topic and decoded message, for those of the topics that the bag has."""
     present = [topic for topic in topics if topic in bag.types]
     if present:
         for entry in bag.messages(present):

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One run as values: what was there, what was seen, what was estimated."""
+"""The record of one run: truth, detections and estimates as values."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Plot:
 
 @dataclass(frozen=True)
 class RadarSite:
-    """Where a radar stands in the world frame, metres."""
+    """The name of a radar and its position in the world frame, metres."""
 
     name: str
     position: tuple[float, float]
@@ -48,13 +48,13 @@ class Record:
     Parameters
     ----------
     truth : tuple of Truth
-        Empty where the truth is not known.
+        Empty if the truth is not known.
     plots : tuple of Plot
     filtered, smoothed : tuple of Estimates
-        Empty where they were not recorded.
+        Empty if they were not recorded.
     classes : int
     step_ms : array of shape (scans,)
-        CPU time of each step; empty where it was not measured.
+        CPU time of each step, milliseconds; empty if it was not measured.
     radars : tuple of RadarSite
     """
 

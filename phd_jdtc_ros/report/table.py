@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scores of a run as numbers for a file and as tables for the terminal."""
+"""The scores of a run, as values for `metrics.json` and as tables for the terminal."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ Columns = Sequence[Metric]
 
 
 def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:
-    """Return a run's summary with its step times, as `metrics.json` holds it.
+    """Return a run's summary with its step times, in the form of `metrics.json`.
 
     Parameters
     ----------
     evaluation : Evaluation
     step_ms : array of shape (scans,)
-        CPU time of each step; empty where it was not measured.
+        CPU time of each step, milliseconds; empty if it was not measured.
     """
     summary = evaluation.summary()
     if len(step_ms):
@@ -53,12 +53,12 @@ def score_tables(summary: dict[str, Any]) -> Group:
     Parameters
     ----------
     summary : dict
-        Of `metrics`.
+        As of `metrics`.
 
     Returns
     -------
     rich.console.Group
-        OSPA, GOSPA, the surveillance figures, and which class was taken for which.
+        OSPA, GOSPA, the surveillance figures, and the confusion matrix of the classes.
     """
     distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
     gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_ospa2(summary)}"
@@ -75,7 +75,7 @@ def score_tables(summary: dict[str, Any]) -> Group:
 
 
 def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:
-    """Return a table of both sources and of what smoothing took off."""
+    """Return a table of both sources and of the reduction by smoothing."""
     table = _table(columns, title, _headline(summary))
     for key, before in summary[FILTERED].items():
         after = summary[SMOOTHED][key]
@@ -152,5 +152,5 @@ def _headline(summary: dict[str, Any]) -> str:
         parts.append(f"right class: {CLASS_ACCURACY.text(summary['class_accuracy'])}")
     if "step_ms" in summary:
         step = summary["step_ms"]
-        parts.append(f"CPU a scan: median {step['median']:.1f} ms, p99 {step['p99']:.1f} ms")
+        parts.append(f"CPU per scan: median {step['median']:.1f} ms, p99 {step['p99']:.1f} ms")
     return "; ".join(parts)

@@ -1,4 +1,22 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Looking at runs: records read from bags, figures, reports."""
+"""The Monte Carlo study: the tracker, a reference and other trackers on the same simulated runs.
+
+::
+
+    scenario, seed
+      |  simulate                            runs
+    SimulatedRun: truth, scans, sources      runs
+      |  this package's tracker              particles
+      |  the model-matched reference         reference
+      |  Stone Soup's trackers               peers
+    Tracks: estimates by lag and scan        runs
+      |  score and store each run            monte_carlo
+      |  summarise over runs                 monte_carlo
+    results.csv, summary.json
+      |  draw, tabulate                      figures
+    pictures, tables
+
+`monte_carlo` reads a study's definition, plans its tasks and runs them.
+"""

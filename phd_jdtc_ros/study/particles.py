@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The package's tracker over a simulated run: one filter, read in several ways and at all lags.
+"""The package's tracker on a simulated run: one filter, with several extractions and all lags.
 
-Death term and extraction only decide how the stored sets are read, so variants that differ in
-nothing else share one filter, and one backward pass over the window has the sets of all lags.
+The filter does not depend on death term and extraction. Variants that differ only in these share
+one filter, and one backward pass over the window gives the smoothed sets of all lags.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from .runs import SimulatedRun, Tracks
 
 
 class Reading(NamedTuple):
-    """One way to read targets off the filter's sets.
+    """A death term and an extraction for the filter's sets.
 
     Parameters
     ----------
     label : str
     death_term : str
-        Of `DEATH_TERMS`.
+        One of `DEATH_TERMS`.
     extraction : str
-        Of `EXTRACTIONS`.
+        One of `EXTRACTIONS`.
     """
 
     label: str
@@ -46,21 +46,22 @@ class Reading(NamedTuple):
 def track(
     run: SimulatedRun, config: TrackerConfig, readings: Sequence[Reading], lags: Sequence[int]
 ) -> dict[str, Tracks]:
-    """Return the tracker's estimates of a run, by the label of the reading and by lag.
+    """Return the tracker's estimates of a run, by label of the reading and by lag.
 
     Parameters
     ----------
     run : SimulatedRun
-        Its seed is the filter's too.
+        Its seed is also that of the filter.
     config : TrackerConfig
-        Lag, seed, death term and extraction in it are not looked at.
+        Its lag, seed, death term and extraction are not used.
     readings : sequence of Reading
     lags : sequence of int
-        Scans; 0 is the filter. The last scans have as many later ones as there are.
+        Scans; 0 is the filter. The last scans of the run are smoothed with the fewer scans that
+        follow them.
 
     Notes
     -----
-    An estimate does not depend on which other readings and lags are asked for.
+    An estimate does not depend on the other readings and lags.
     """
     longest = max(lags)
     forward = particle_filter(replace(config, seed=run.seed))
@@ -76,9 +77,9 @@ def track(
 
 
 def _read_window(window: Sequence[Filtered], newest: int, readers: Sequence[_Reader]) -> None:
-    """Read the smoothed sets of a window whose newest scan has the index `newest`."""
-    stored = [found.stored for found in window]
-    links = [found.link for found in window[1:] if found.link is not None]
+    """Smooth a window whose newest scan has the index `newest`, and extract the estimates."""
+    stored = [filtered.stored for filtered in window]
+    links = [filtered.link for filtered in window[1:] if filtered.link is not None]
     for name in dict.fromkeys(reader.reading.death_term for reader in readers):
         for lag, smoothed in enumerate(backward_pass(stored, links, DEATH_TERMS[name])):
             for reader in readers:
@@ -87,7 +88,7 @@ def _read_window(window: Sequence[Filtered], newest: int, readers: Sequence[_Rea
 
 
 class _Reader:
-    """Collects one reading's estimates, scan by scan and lag by lag."""
+    """Collects the estimates of one reading, by lag and scan."""
 
     def __init__(
         self, reading: Reading, run: SimulatedRun, lags: Sequence[int], config: TrackerConfig
@@ -95,28 +96,29 @@ class _Reader:
         self.reading = reading
         self._run, self._modes = run, config.model.modes
         self._threshold = config.existence_threshold
-        self._found: dict[int, dict[int, PointSet]] = {lag: {} for lag in lags}
-        # One for each lag, so that no lag's draws depend on which others are wanted.
+        self._estimates: dict[int, dict[int, PointSet]] = {lag: {} for lag in lags}
+        # One generator per lag, so that the draws of a lag do not depend on the other lags.
         self._rng = {lag: np.random.default_rng([run.seed, 1, lag]) for lag in lags}
 
     def read_filtered(self, index: int, updated: ParticleSet) -> None:
-        if 0 in self._found:
-            self._found[0][index] = self._points(index, 0, updated, 0)
+        if 0 in self._estimates:
+            self._estimates[0][index] = self._points(index, 0, updated, 0)
 
     def read_smoothed(self, index: int, lag: int, smoothed: ParticleSet) -> None:
         run_over = index + lag == len(self._run.scans) - 1
-        for wanted in self._found:
+        for wanted in self._estimates:
             if wanted > 0 and (wanted == lag or (run_over and wanted > lag)):
-                self._found[wanted][index] = self._points(index, lag, smoothed, wanted)
+                self._estimates[wanted][index] = self._points(index, lag, smoothed, wanted)
 
     def _points(self, index: int, lag: int, phd: ParticleSet, wanted: int) -> PointSet:
         extract = EXTRACTIONS[self.reading.extraction]
         stamp_ns = self._run.scans[index].stamp_ns
-        found = extract(phd, self._modes, stamp_ns, lag, self._threshold, self._rng[wanted])
-        return PointSet.of(found)
+        estimates = extract(phd, self._modes, stamp_ns, lag, self._threshold, self._rng[wanted])
+        return PointSet.of(estimates)
 
     def tracks(self) -> Tracks:
         """Return the estimates by lag, in the order of the scans."""
         return {
-            lag: [found[index] for index in sorted(found)] for lag, found in self._found.items()
+            lag: [by_scan[index] for index in sorted(by_scan)]
+            for lag, by_scan in self._estimates.items()
         }

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the trackers of a study are given, and what they give back."""
+"""The input and output of a study's trackers: simulated runs, and estimates by lag."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class SimulatedRun:
     ----------
     scenario : Scenario
     seed : int
-    truth : tuple of Truth, one a scan
+    truth : tuple of Truth, one per scan
     scans : tuple of Scan
     sources : tuple of tuples of int arrays
-        Per scan and radar the track_id of every detection, 0 for clutter. Only references that
-        are told the association may look at it.
+        Per scan and radar, the track_id of the target of every detection, 0 for clutter. Only
+        references with known association may use it.
     """
 
     scenario: Scenario
@@ -39,10 +39,10 @@ class SimulatedRun:
 
 
 def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:
-    """Return a run; the same for the same seed."""
+    """Return a simulated run, which depends on scenario and seed only."""
     truth, scans, sources = zip(*simulate_with_sources(scenario, seed), strict=True)
     return SimulatedRun(scenario, seed, truth, scans, sources)
 
 
-# Estimates of every scan, by lag in scans: 0 is the filter.
+# Estimates of every scan, by lag in scans; 0 is the filter.
 Tracks: TypeAlias = Mapping[int, list[PointSet]]

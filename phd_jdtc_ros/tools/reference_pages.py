@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The pages of the documentation that are written from tables in the code."""
+"""The documentation's pages of parameters and metrics, written from the tables in the code."""
 
 from __future__ import annotations
 
@@ -94,12 +94,13 @@ The evaluator publishes on `~/ospa`, for every scan and set: {published}.
 c, the cutoff, and p, the order, are the evaluator's parameters `cutoff` and `order`. A target and
 an estimate are a pair where the best assignment by position alone pairs them closer than c.
 `confusion` of all targets counts, over the scans, targets by true class (rows) and by the class of
-the estimate in their pair (columns); the last column has those missed, the last row false
+their paired estimate (columns). The last column counts missed targets, the last row false
 estimates.
 """
 
 _CLASSES = (
-    "Of all targets and the smoothed estimates in `metrics.json`, of every lag and set in a study."
+    "In `metrics.json` for all targets and the smoothed estimates; in studies for every lag and "
+    "set."
 )
 
 
@@ -108,19 +109,19 @@ def metrics() -> str:
     parts = [_METRICS.format(published=", ".join(f"`{name}`" for name in PUBLISHED))]
     sections = [
         *((title[0].upper() + title[1:], "", group) for title, group in GROUPS.items()),
-        ("Tracks", "Of all targets.", OF_ALL),
+        ("Tracks", "For all targets only.", OF_ALL),
         ("Classes", _CLASSES, (CLASS_ACCURACY,)),
-        ("Of a study alone", "", (OSPA_AFTER_5,)),
+        ("In studies only", "", (OSPA_AFTER_5,)),
     ]
     for title, text, group in sections:
         rows = [(m.heading, f"`{m.key}`", m.unit, m.definition) for m in group]
         parts.append(_section(title, text, ("metric", "key", "unit", "definition"), rows))
-    parts.append(_section("Other words", "", ("word", "definition"), TERMS))
+    parts.append(_section("Other terms", "", ("term", "definition"), TERMS))
     return "\n".join(parts)
 
 
 def _section(title: str, text: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table under its heading and, if there is one, its text."""
+    """Return a table under its heading and, if it is not empty, its text."""
     lines = [f"| {' | '.join(cells)} |" for cells in (head, *rows)]
     lines.insert(1, "|---" * len(head) + "|")
     return "\n".join([f"## {title}", "", *([text, ""] if text else []), *lines, ""])
@@ -130,7 +131,7 @@ PAGES = {"parameters.md": parameters, "metrics.md": metrics}
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write all pages into the directory that is given."""
+    """Write all pages into the given directory."""
     (directory,) = map(Path, argv)
     for name, page in PAGES.items():
         (directory / name).write_text(page(), encoding="utf-8")

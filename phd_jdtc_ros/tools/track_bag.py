@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Offline tracking: a bag with detections in, a bag with estimates out.
+"""Offline tracking: reads a bag with detections and writes a bag with estimates.
 
-The detections take the same path as in the live node (`readers`, then `core.pipeline`), so the
-estimates are equal to the live ones, and two runs write the same bytes.
+The detections take the same path as in the live node (`readers`, then `core.pipeline`), so that the
+estimates are equal to the live ones. Two runs write the same bytes.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from . import command
 
 
 class OfflineTracker:
-    """Feeds recorded detections to a pipeline and writes what comes out.
+    """Feeds recorded detections to a pipeline and writes the estimates.
 
     Parameters
     ----------
     config : TrackerConfig
     bag : BagWriter
-        With the estimates' topics added.
+        Has the topics of the estimates.
     """
 
     def __init__(self, config: TrackerConfig, bag: BagWriter) -> None:
@@ -53,7 +53,7 @@ class OfflineTracker:
         self.dropped: Counter[str] = Counter()
 
     def add(self, entry: BagMessage) -> None:
-        """Take in one recorded message of a radar."""
+        """Process one recorded message of a radar."""
         index = self._radar_of[entry.topic]
         radar = self._config.inputs[index]
         try:
@@ -69,7 +69,7 @@ class OfflineTracker:
             self._write(events)
 
     def finish(self) -> None:
-        """Close what is pending and write the estimates still held back."""
+        """Close all scans and write the estimates that are held back."""
         self._write(self._pipeline.flush())
 
     def _write(self, events: Iterable[Event]) -> None:
@@ -81,19 +81,19 @@ class OfflineTracker:
             self._write_estimates(FILTERED, (event.step.filtered,))
             self._write_estimates(SMOOTHED, event.step.smoothed)
 
-    def _write_estimates(self, source: str, run: Iterable[Estimates]) -> None:
-        for found in run:
-            message = estimates.to_msg(found, self._config.world_frame)
-            self._bag.write(names.estimates(source), interfaces.encode(message), found.stamp_ns)
+    def _write_estimates(self, source: str, by_stamp: Iterable[Estimates]) -> None:
+        for values in by_stamp:
+            message = estimates.to_msg(values, self._config.world_frame)
+            self._bag.write(names.estimates(source), interfaces.encode(message), values.stamp_ns)
 
 
 def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTracker:
-    """Track a bag into a new one that also holds the bag's detections and truth.
+    """Track a bag and write the estimates, with the bag's detections and truth, into a new one.
 
     Raises
     ------
     BagError
-        If the bag lacks a radar's topic or is damaged; what precedes the damage is tracked.
+        If the bag lacks a radar's topic or is damaged; detections before the damage are tracked.
     """
     topics = [radar.topic for radar in config.inputs]
     copied = [*topics, *([names.TRUTH] if names.TRUTH in source.types else [])]

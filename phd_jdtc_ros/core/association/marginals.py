@@ -60,16 +60,18 @@ def marginals(
     clutter = np.maximum(clutter, LEAST_CLUTTER)
     edge = np.empty(len(target))
     loops = _small_loops(target, detection, targets, len(clutter))
-    alone = np.ones(len(target), dtype=bool)
+    propagated = np.ones(len(target), dtype=bool)
     for edges in loops:
-        alone[edges] = False
-    rest = np.flatnonzero(alone)
+        propagated[edges] = False
+    rest = np.flatnonzero(propagated)
     edge[rest], none = propagate(target[rest], detection[rest], odds[rest], targets, clutter)
     for edges in loops:
-        of, own = np.unique(target[edges], return_inverse=True)
-        sought, column = np.unique(detection[edges], return_inverse=True)
+        members, row = np.unique(target[edges], return_inverse=True)
+        detections, column = np.unique(detection[edges], return_inverse=True)
         ratio = odds[edges] / clutter[detection[edges]]
-        edge[edges], none[of] = exact_marginals(own, column, ratio, len(of), len(sought))
+        edge[edges], none[members] = exact_marginals(
+            row, column, ratio, len(members), len(detections)
+        )
     return edge, none
 
 
@@ -84,6 +86,6 @@ def _small_loops(target: IntArray, detection: IntArray, targets: int, size: int)
     members = np.bincount(cluster, minlength=count)
     detections = np.bincount(cluster[targets:], minlength=count)
     chosen = np.flatnonzero((edges >= members) & (detections <= EXACT_DETECTIONS))
-    of = cluster[target]
-    found = [np.flatnonzero(of == c) for c in chosen]
-    return [own[np.argsort(target[own], kind="stable")] for own in found]
+    cluster_of_edge = cluster[target]
+    loops = [np.flatnonzero(cluster_of_edge == c) for c in chosen]
+    return [loop[np.argsort(target[loop], kind="stable")] for loop in loops]

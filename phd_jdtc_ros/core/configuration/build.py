@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Configuration: parameters checked as a whole and turned into a tracker.
+"""The configuration: parameters are checked as a whole and turned into a tracker.
 
-The table is in `parameters`; decibels and degrees are converted here and nowhere else.
+The table of parameters is in `parameters`. Decibels and degrees are converted only here.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from .parameters import BIRTH, MOTION, RADAR, schema
 from .radar_input import RadarInput
 from .schema import ConfigError
 
-# Stamps that jump back further than this are a new run.
+# A jump of the stamps back by more than this begins a new run.
 RESET_THRESHOLD_SCANS = 3.0
 
 
@@ -42,20 +42,20 @@ class TrackerConfig:
     Parameters
     ----------
     values : dict
-        Every parameter in force, in the order of the table.
+        Value of every parameter, given or default, in the order of the table.
     world_frame : str
     inputs : tuple of RadarInput
     model : TrackerModel
     engine : str
-        Of `engines.ENGINES`.
+        One of `engines.ENGINES`.
     lag : Lag
     existence_threshold : float
-        Probability of existence above which a target is reported.
+        Existence probability above which a target is reported.
     seed : int
     max_gap_s : float
-        How far apart scans of one run may be, seconds.
+        Longest time between consecutive scans of one run, seconds.
     reorder_scans : int
-        How many of the newest scans are held back for what arrives out of order.
+        Number of the newest scans that are held back for late reports.
     """
 
     values: dict[str, Any]
@@ -71,11 +71,11 @@ class TrackerConfig:
 
     @property
     def reset_threshold_s(self) -> float:
-        """How far back stamps must jump to be a new run, seconds."""
+        """Smallest jump of the stamps back that begins a new run, seconds."""
         return RESET_THRESHOLD_SCANS * self.model.modes.interval_s
 
     def grouper(self) -> ScanGrouper:
-        """Return what makes scans of the radars' reports."""
+        """Return a new grouper of the radars' reports into scans."""
         return ScanGrouper(
             len(self.inputs),
             self.reset_threshold_s,
@@ -85,17 +85,17 @@ class TrackerConfig:
 
 
 def resolve(given: Mapping[str, Any]) -> TrackerConfig:
-    """Check a configuration and build what it describes.
+    """Check a configuration and build the tracker's models and settings.
 
     Parameters
     ----------
     given : mapping of dotted name to value
-        What is not given has its default.
+        Parameters that are not given have their defaults.
 
     Raises
     ------
     ConfigError
-        With every fault found.
+        With all faults.
     """
     table = schema(given)
     values: dict[str, Any] = {}
@@ -153,8 +153,8 @@ def _amplitudes(values: Mapping[str, Any]) -> AmplitudeModel:
 
 def _motion(values: Mapping[str, Any], name: str) -> MotionModel:
     kind = MOTIONS[values[f"{name}.model"]]
-    own = {field.name for field in fields(kind)}
-    return kind(**{p.name: values[f"{name}.{p.name}"] for p in MOTION if p.name in own})
+    used = {field.name for field in fields(kind)}
+    return kind(**{p.name: values[f"{name}.{p.name}"] for p in MOTION if p.name in used})
 
 
 def _class(values: Mapping[str, Any], name: str, motions: dict[str, MotionModel]) -> ClassModel:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How one radar's messages are to be read."""
+"""The settings for decoding one radar's messages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RadarInput:
-    """How one radar's clouds are to be read.
+    """The settings for decoding one radar's messages.
 
     Parameters
     ----------
@@ -18,15 +18,15 @@ class RadarInput:
     message : str
         ``point_cloud`` or ``radar_scan``.
     range_field, azimuth_field, elevation_field, amplitude_field : str
-        `amplitude_field` is empty where there is none, `elevation_field` where ranges are over
-        ground.
+        Names of the point cloud's fields. `amplitude_field` is empty if there is none, and
+        `elevation_field` is empty if the ranges are ground ranges.
     amplitude_in_db : bool
-        The field is an SNR in dB rather than a linear envelope.
+        Whether the amplitude field is an SNR in dB and not a linear envelope.
     amplitude_offset_db : float
     compass : bool
-        Azimuth is from north, clockwise.
+        Whether azimuths are clockwise from north.
     max_range : float
-        Metres.
+        Metres; detections beyond it are dropped.
     """
 
     name: str

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Estimates against truth, scan by scan and over a run."""
+"""The evaluation of a run: estimates and truth are paired by stamp, and their scores totalled."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Value = TypeVar("Value")
 
 @dataclass
 class Evaluation:
-    """Pairs estimates with truth by stamp, whichever comes first, and adds the scores up.
+    """Pairs estimates with truth by stamp, in any order of arrival, and totals the scores.
 
     Parameters
     ----------
@@ -32,13 +32,13 @@ class Evaluation:
     order : float
         p of both.
     keep : int or None
-        How many scans' truth, waiting estimates and scores are kept, so that a run may go on for
-        ever; None keeps all. The summary is of the whole run all the same.
+        Number of scans of which truth, unpaired estimates and scores are kept, so that a run may be
+        of any length; None keeps all. The summary is always of the whole run.
 
     Attributes
     ----------
     scores : dict
-        By source and stamp, the last `keep` of each. A stamp that comes again counts again.
+        By source and stamp, the last `keep` of each. A repeated stamp is scored again.
     scored : dict
         Number of scores by source.
     """
@@ -51,14 +51,14 @@ class Evaluation:
     _runs: dict[str, RunScores] = field(init=False)
     _truth: dict[int, PointSet] = field(init=False, default_factory=dict)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
-    # The stamps that one source has a score for and the other none yet.
+    # Stamps for which only one source has a score so far, and that source.
     _half: dict[int, str] = field(init=False, default_factory=dict)
     _scans: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
         self.scores = {source: {} for source in SOURCES}
-        given = self.classes, self.cutoff, self.order
-        self._runs = {source: RunScores(*given) for source in SOURCES}
+        settings = self.classes, self.cutoff, self.order
+        self._runs = {source: RunScores(*settings) for source in SOURCES}
 
     @property
     def scored(self) -> dict[str, int]:
@@ -66,20 +66,20 @@ class Evaluation:
         return {source: run.scans for source, run in self._runs.items()}
 
     def add_truth(self, stamp_ns: int, truth: PointSet) -> list[ScanScore]:
-        """Take in the targets of a stamp; return the scores that became possible."""
+        """Add the targets of a stamp; return the scores that became possible."""
         self._put(self._truth, stamp_ns, truth)
         waiting = [(s, self._waiting.pop((s, stamp_ns), None)) for s in SOURCES]
-        return [self._score(s, stamp_ns, found) for s, found in waiting if found is not None]
+        return [self._score(s, stamp_ns, points) for s, points in waiting if points is not None]
 
     def add_estimates(self, source: str, stamp_ns: int, estimate: PointSet) -> list[ScanScore]:
-        """Take in a source's estimates of a stamp; return the scores that became possible."""
+        """Add a source's estimates of a stamp; return the scores that became possible."""
         if stamp_ns not in self._truth:
             self._put(self._waiting, (source, stamp_ns), estimate)
             return []
         return [self._score(source, stamp_ns, estimate)]
 
     def _put(self, store: dict[Key, Value], key: Key, value: Value) -> None:
-        """Store as the newest entry; the oldest ones go."""
+        """Store as the newest entry, and remove the oldest ones beyond `keep`."""
         store.pop(key, None)
         store[key] = value
         while self.keep is not None and len(store) > self.keep:
@@ -97,15 +97,15 @@ class Evaluation:
         return score
 
     def summary(self) -> dict[str, Any]:
-        """Return the run's figures, as `metrics.json` holds them.
+        """Return the run's figures in the form of `metrics.json`.
 
         Returns
         -------
         dict
-            Per source what `RunScores.figures` says; ``reduction`` of the mean OSPA by smoothing;
-            ``class_accuracy`` of the smoothed estimates; ``p``, ``c``; ``long_gap_s`` and
-            ``ospa2_window`` in scans; ``scans`` that both sources have a score for. A figure
-            without data is None.
+            The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
+            smoothing; ``class_accuracy`` of the smoothed estimates; ``p``, ``c``; ``long_gap_s``,
+            and ``ospa2_window`` in scans; ``scans``, the number of stamps with scores of both
+            sources. A figure without data is None.
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))

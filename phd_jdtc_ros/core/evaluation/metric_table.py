@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Every metric in one place: its value of a scan, its figure of a run, how it reads, what it means.
+"""The table of metrics: value per scan, figure per run, heading, format and definition.
 
 `metrics.json`, the tables, the report's page, the evaluator's diagnostics, the Monte Carlo study
-and the page of definitions read these tables. A new metric is a function of a `Comparison` in
-`COUNTED` (in `PUBLISHED` if the diagnostics are to have it) and a row in one of the `GROUPS`: the
-figure of a run follows from the `Totals` of the scans' values.
+and the page of definitions read this table. A new metric is a function of a `Comparison` in
+`COUNTED`, or in `PUBLISHED` if the diagnostics shall have it, and a row in one of the `GROUPS`. The
+figure of a run is computed from the `Totals` of the scans' values.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from .limits import LONG_GAP_S, OSPA2_WINDOW
 from .totals import Totals, ratio
 
 if TYPE_CHECKING:
-    # They bring an optimiser with them, which those who only read the tables do without.
+    # These modules import scipy's optimiser, which readers of the table alone do not need.
     from .scan_scores import Comparison
     from .surveillance import Gap
 
 
-# None where a scan has no such value.
+# Returns None for a scan without such a value.
 Value: TypeAlias = "Callable[[Comparison], float | None]"
 Figure: TypeAlias = "Callable[[Totals], FloatArray]"
 
-# --- values of a scan -----------------------------------------------------------------------------
+# --- values per scan ------------------------------------------------------------------------------
 
 
 def _right_class(scan: Comparison) -> int:
@@ -39,15 +39,15 @@ def _right_class(scan: Comparison) -> int:
 
 
 def _square_error(scan: Comparison) -> float:
-    apart = scan.paired_truth.position - scan.paired_estimate.position
-    return float(np.einsum("ij,ij->i", apart, apart).sum())
+    error = scan.paired_truth.position - scan.paired_estimate.position
+    return float(np.einsum("ij,ij->i", error, error).sum())
 
 
 def _of_gaps(value: Callable[[Sequence[Gap]], float]) -> Value:
     return lambda scan: None if scan.gaps is None else value(scan.gaps)
 
 
-# What the evaluator publishes of each scan and set.
+# Values that the evaluator publishes per scan and set.
 PUBLISHED: Mapping[str, Value] = {
     "ospa": lambda scan: scan.ospa.distance,
     "localization": lambda scan: scan.ospa.localization,
@@ -59,7 +59,7 @@ PUBLISHED: Mapping[str, Value] = {
     "n_true": lambda scan: len(scan.truth),
     "n_est": lambda scan: len(scan.estimate),
 }
-# What else figures of a run follow from; those of gaps are of the gaps that ended with the scan.
+# Further values that figures of a run need; those of gaps are of the gaps that ended in the scan.
 COUNTED: Mapping[str, Value] = {
     "cardinality_abs_error": lambda scan: abs(len(scan.estimate) - len(scan.truth)),
     "pairs": lambda scan: len(scan.paired_truth),
@@ -70,7 +70,7 @@ COUNTED: Mapping[str, Value] = {
     "missed_in_long_gaps": _of_gaps(lambda gaps: sum(gap.missed for gap in gaps if gap.is_long)),
     "longest_gap_s": _of_gaps(lambda gaps: max((gap.duration_s for gap in gaps), default=0.0)),
 }
-# What needs labelled estimates.
+# Values that need labelled estimates.
 TRACKED: Mapping[str, Value] = {"ospa2": lambda scan: scan.ospa2}
 VALUES: Mapping[str, Value] = {**PUBLISHED, **COUNTED, **TRACKED}
 
@@ -80,25 +80,25 @@ def values_of(scan: Comparison) -> dict[str, float | None]:
     return {name: value(scan) for name, value in VALUES.items()}
 
 
-# --- figures of a run -----------------------------------------------------------------------------
+# --- figures per run ------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Metric:
-    """What a figure of a run is.
+    """A figure of a run.
 
     Parameters
     ----------
     key : str
-        In `metrics.json` and in a study's summary.
+        Its key in `metrics.json` and in a study's summary.
     heading : str
-        Over its column.
+        Heading of its column.
     unit, form : str
-        How it is written: empty without a unit; of Python's format specifications.
+        Unit, empty if there is none, and Python format specification.
     of_run : callable of Totals
-        Returns it for each run of the totals, NaN where it has no meaning.
+        Returns the figure of each run of the totals, NaN where it has no meaning.
     definition : str
-        A sentence or two.
+        One or two sentences.
     """
 
     key: str
@@ -109,27 +109,27 @@ class Metric:
     definition: str
 
     def text(self, value: float) -> str:
-        """Return a figure as it is written."""
+        """Return a figure as text, with its unit."""
         return f"{value:{self.form}} {self.unit}".rstrip()
 
 
 def mean(name: str) -> Figure:
-    """Return the mean of a value over the scans that have it."""
+    """Return the figure that is the mean of a value over the scans that have it."""
     return lambda run: run.mean(name)
 
 
 def share(part: str, whole: str) -> Figure:
-    """Return the sum of a value over the run against that of another."""
+    """Return the figure that is the ratio of two values' sums over the run."""
     return lambda run: ratio(run.sum(part), run.sum(whole))
 
 
 def root_mean(squares: str, number: str) -> Figure:
-    """Return the root of the mean of squares, from their sum and their number in each scan."""
+    """Return the figure that is a root mean square, from the squares' sum and number per scan."""
     return lambda run: np.sqrt(share(squares, number)(run))
 
 
 def if_any(name: str, figure: Figure) -> Figure:
-    """Return a figure that has no meaning in a run where a value adds up to nothing."""
+    """Return a figure that has no meaning in runs in which the sum of a value is zero."""
     return lambda run: np.where(run.sum(name) > 0, figure(run), np.nan)
 
 
@@ -140,11 +140,11 @@ OSPA = (
         "m",
         ".1f",
         mean("ospa"),
-        "Optimal sub-pattern assignment distance between the estimated and the true positions of "
-        "one scan, its mean over the scans. Estimates and targets are paired so that the sum of "
-        "the p-th powers of their distances, each cut off at c, is least; a missing or false "
-        "target counts as a distance of c; the mean of these powers over the larger set, to the "
-        "power 1/p, is the OSPA distance. It is 0 if both sets are empty and c if only one is.",
+        "Mean over the scans of the optimal sub-pattern assignment distance between the estimated "
+        "and the true positions of a scan. Estimates and targets are paired so that the sum of "
+        "the p-th powers of their distances, each cut off at c, is least. A missed or false "
+        "target counts as a distance of c. The OSPA distance is the mean of these powers over the "
+        "larger set, to the power 1/p. It is 0 if both sets are empty and c if only one is.",
     ),
     Metric(
         "localization",
@@ -152,9 +152,9 @@ OSPA = (
         "m",
         ".1f",
         mean("localization"),
-        "The part of the OSPA distance that the paired positions have. The p-th powers of the two "
-        "parts add up to that of the distance in every scan; the parts themselves add only for "
-        "p = 1.",
+        "The part of the OSPA distance due to the position errors of the pairs. The p-th powers of "
+        "the two parts add up to that of the distance in every scan; the parts themselves add only "
+        "for p = 1.",
     ),
     Metric(
         "cardinality",
@@ -162,7 +162,7 @@ OSPA = (
         "m",
         ".1f",
         mean("cardinality"),
-        "The part of the OSPA distance that the wrong number of targets has.",
+        "The part of the OSPA distance due to the wrong number of targets.",
     ),
     Metric(
         "cardinality_abs_error",
@@ -181,9 +181,9 @@ GOSPA = (
         "m",
         ".1f",
         mean("gospa"),
-        "Generalised OSPA distance (alpha = 2) with the same p and c, its mean over the scans: it "
-        "is not divided by the number of targets, and every missed and every false target costs "
-        "c / 2^(1/p).",
+        "Mean over the scans of the generalised OSPA distance (alpha = 2) with the same p and c. "
+        "It is not divided by the number of targets, and every missed and every false target "
+        "costs c / 2^(1/p).",
     ),
     Metric(
         "gospa_localization",
@@ -191,8 +191,8 @@ GOSPA = (
         "m",
         ".1f",
         mean("gospa_localization"),
-        "The part of the GOSPA distance that the paired positions have; it is not divided by their "
-        "number.",
+        "The part of the GOSPA distance due to the position errors of the pairs; it is not divided "
+        "by their number.",
     ),
     Metric(
         "missed",
@@ -236,16 +236,16 @@ SURVEILLANCE = (
         "s",
         ".1f",
         if_any("n_true", lambda run: run.maximum("longest_gap_s")),
-        "The longest of all gaps. A gap is a time that a living target goes without a paired "
-        "estimate: from the estimate before to the one after or, where there is none, from the "
-        "target's first scan or to its last.",
+        "The longest of all gaps. A gap is a time in which an existing target has no paired "
+        "estimate. It lasts from the previous estimate, or else the target's first scan, to the "
+        "next estimate, or else its last scan.",
     ),
     Metric(
         "long_gap_share",
         "long gaps",
         "",
         ".1%",
-        # Without a gap there is no long one.
+        # The share is 0 in a run without gaps.
         if_any("n_true", lambda run: run.sum("long_gaps") / np.maximum(run.sum("gaps"), 1)),
         f"Share of the gaps that last longer than {LONG_GAP_S:g} s.",
     ),
@@ -255,7 +255,7 @@ SURVEILLANCE = (
         "",
         ".2%",
         share("missed_in_long_gaps", "n_true"),
-        "Share of the targets, over all scans, that are missed in a long gap.",
+        "Share of the targets, over all scans, that are missed in long gaps.",
     ),
 )
 OSPA2 = Metric(
@@ -265,9 +265,9 @@ OSPA2 = Metric(
     ".1f",
     if_any("n_est", lambda run: ratio(run.sum("ospa2"), run.scans)),
     f"OSPA distance between the tracks and the targets' tracks over the last {OSPA2_WINDOW} scans, "
-    "its mean over the scans. The distance of two tracks is the mean over the scans in which "
-    "either exists, c where only one does: short, broken and swapped tracks count. Only where all "
-    "targets and estimates have track ids.",
+    "its mean over the scans. The distance of two tracks is the mean over the scans in which at "
+    "least one exists, with c if only one does, so that short, broken and swapped tracks count. It "
+    "needs track ids of all targets and estimates.",
 )
 CLASS_ACCURACY = Metric(
     "class_accuracy",
@@ -275,35 +275,36 @@ CLASS_ACCURACY = Metric(
     "",
     ".1%",
     share("right_class", "pairs"),
-    "Estimates, those of the smoother in a report, are paired with targets by position alone, "
-    "closer than c; the class accuracy is the share of these pairs with the right class. Missed "
-    "and false targets do not enter it.",
+    "Share of the pairs with the right class. Pairs are of an estimate and a target, by position "
+    "alone, closer than c; in a report the estimates are those of the smoother. Missed and false "
+    "targets are left out.",
 )
-# In `metrics.json` of every set, and a table each on the terminal.
+# Figures of every set in `metrics.json`; each group is a table on the terminal.
 GROUPS = {"OSPA": OSPA, "GOSPA": GOSPA, "surveillance figures": SURVEILLANCE}
 OF_SETS = tuple(metric for group in GROUPS.values() for metric in group)
-# Of all targets alone.
+# Figures of all targets only.
 OF_ALL = (OSPA2,)
 METRICS = (*OF_SETS, *OF_ALL, CLASS_ACCURACY)
 
-# What other words mean that stand beside the figures.
+# Definitions of other terms that are shown with the figures.
 TERMS = (
     (
         "Set",
-        "All classes compares positions whatever their class. Class k compares the estimates of "
-        "class k with the targets of class k, so a wrong class counts twice: missing in one, false "
-        "in the other.",
+        "The set of all classes compares positions and ignores classes. The set of class k "
+        "compares the estimates of class k with the targets of class k, so that a wrong class "
+        "counts twice: as missed in one set and as false in the other.",
     ),
     ("OSPA reduction", "1 - mean smoothed OSPA / mean filtered OSPA, of all classes."),
     (
         "Filtered, smoothed",
-        "A filtered estimate uses the scans up to its own time, a smoothed one also the scans that "
-        "followed within the lag. The last scans of a run are smoothed with those that were left.",
+        "A filtered estimate uses the scans up to its own time, and a smoothed one also the later "
+        "scans within the lag. The last scans of a run are smoothed with the fewer scans that "
+        "follow them.",
     ),
     ("Step time", "CPU time from the receipt of a scan to the publication of its estimates."),
 )
 
 
 def reduction(before: float | None, after: float | None) -> float | None:
-    """Return by which share a figure became less; None where there is none to compare."""
+    """Return the relative reduction of a figure; None if a figure is missing or was zero."""
     return 1.0 - after / before if before and after is not None else None

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Miss distances between sets of positions, scan by scan."""
+"""OSPA and GOSPA: miss distances between the true and the estimated positions of a scan."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def ospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -
     estimate : array of shape (E, 2)
         Metres, one frame.
     cutoff : float
-        c, metres: the cost of a missing or false target.
+        c, metres: the cost of a missed or false target.
     order : float
         p, at least 1.
 
@@ -59,9 +59,9 @@ def ospa_of_distances(distance: FloatArray, cutoff: float, order: float) -> Ospa
     Parameters
     ----------
     distance : array of shape (T, E)
-        Of every two members, metres.
+        Distance of each member of one set to each of the other, metres.
     cutoff, order : float
-        Of `ospa`.
+        As of `ospa`.
     """
     fewest, most = sorted(distance.shape)
     if most == 0:
@@ -89,7 +89,7 @@ def assign(
     cutoff : float
         Metres.
     order : float
-        The sum of this power of the distances is the least.
+        The assignment minimises the sum of this power of the distances.
     """
     distance = cdist(truth, estimate)
     row, column = linear_sum_assignment(np.minimum(distance, cutoff) ** order)
@@ -107,7 +107,7 @@ class Gospa:
     ----------
     distance : float
     localization : float
-        Of the assigned pairs alone; not divided by their number.
+        Part of the assigned pairs; not divided by their number.
     missed, false : int
         Targets without an estimate and estimates without a target.
     """
@@ -144,9 +144,9 @@ def gospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) 
     Rahmathullah, Garcia-Fernandez and Svensson, "Generalized optimal sub-pattern assignment
     metric", 20th International Conference on Information Fusion, 2017.
     """
-    target, found = assign(truth, estimate, cutoff, order)
-    matched = float((np.linalg.norm(truth[target] - estimate[found], axis=1) ** order).sum())
-    missed, false = len(truth) - len(target), len(estimate) - len(found)
+    row, column = assign(truth, estimate, cutoff, order)
+    matched = float((np.linalg.norm(truth[row] - estimate[column], axis=1) ** order).sum())
+    missed, false = len(truth) - len(row), len(estimate) - len(column)
     unmatched = 0.5 * cutoff**order * (missed + false)
     return Gospa(
         distance=(matched + unmatched) ** (1.0 / order),

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One source's figures over a run of any length."""
+"""The figures of one source over a run, in bounded memory."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from .surveillance import confusion_matrix
 from .totals import Totals
 
 NAMES = tuple(VALUES)
-# Of a scan, by set and name.
+# Values of a scan, by set and name.
 ScanValues = dict[str, dict[str, float | None]]
 
 
 class RunScores:
-    """One source's figures of a run, from totals that do not grow with it.
+    """The figures of one source over a run, from totals of constant size.
 
     Parameters
     ----------
@@ -34,14 +34,14 @@ class RunScores:
         self.scans = 0
         self._sets = set_names(classes)
         self._comparer = ScanComparer(classes, cutoff, order)
-        # The newest scan is kept apart: if the run ends with it, gaps end that are still under way.
+        # The newest scan is kept apart, because all open gaps end with it if the run does.
         self._before = Totals.of(NAMES, np.zeros((len(self._sets), 0, len(NAMES))))
         self._newest: dict[str, Comparison] = {}
         self._values: ScanValues = {}
         self._confusion = np.zeros((classes + 1, classes + 1), dtype=np.int64)
 
     def add(self, scan: PairedScan) -> ScanValues:
-        """Take in the next scan; return its values by set and name."""
+        """Add the next scan; return its values by set and name."""
         self.scans += 1
         self._before = self._totals_with(self._values)
         self._newest = self._comparer.compare(scan)
@@ -51,13 +51,13 @@ class RunScores:
         return self._values
 
     def figures(self) -> dict[str, dict[str, Any]]:
-        """Return the figures of every set, as `metrics.json` holds them.
+        """Return the figures of every set in the form of `metrics.json`.
 
         Returns
         -------
         dict
-            By set those of `OF_SETS`; of all targets also those of `OF_ALL` and ``confusion``, see
-            `confusion_matrix`, over the run. None where a figure has no meaning.
+            By set, the figures of `OF_SETS`; for all targets also those of `OF_ALL` and
+            ``confusion``, the `confusion_matrix` of the run. None where a figure has no meaning.
         """
         totals = self._totals()
         of_sets = {metric.key: _by_set(metric, totals) for metric in OF_SETS}
@@ -77,7 +77,7 @@ class RunScores:
         return self._totals_with(_values(self._comparer.ended(self._newest)))
 
     def _totals_with(self, newest: ScanValues) -> Totals:
-        """Return the totals, set by set, of the scans before and of the newest if there is one."""
+        """Return the totals, by set, of the earlier scans and of the newest if there is one."""
         if not newest:
             return self._before
         rows = [[list(newest[key].values())] for key in self._sets]

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One scan's estimates against its targets, all of them and class by class."""
+"""Comparison of the estimates of one scan with its targets, in total and per class."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Pairs = tuple[IntArray, IntArray]
 
 
 def set_names(classes: int) -> tuple[str, ...]:
-    """Return the sets that are compared: ``all``, and one ``class_k`` a class."""
+    """Return the names of the compared sets: ``all``, and one ``class_k`` per class."""
     return (ALL, *map(class_set, range(classes)))
 
 
@@ -42,7 +42,7 @@ class PointSet:
         World frame, metres.
     class_id : int array of shape (T,)
     track_id : int array of shape (T,) or None
-        0 is unlabelled; None if all are.
+        0 for an unlabelled point; None if all are unlabelled.
     """
 
     position: FloatArray
@@ -51,7 +51,7 @@ class PointSet:
 
     @staticmethod
     def of(targets: Truth | Estimates) -> PointSet:
-        """Return what a comparison needs of targets or estimates."""
+        """Return the points of targets or estimates."""
         return PointSet(targets.position, targets.class_id, targets.track_id)
 
     def __len__(self) -> int:
@@ -62,12 +62,12 @@ class PointSet:
         return self.only(np.flatnonzero(self.class_id == class_id))
 
     def only(self, index: IntArray) -> PointSet:
-        """Return some of the points."""
+        """Return the points of the given indices."""
         label = None if self.track_id is None else self.track_id[index]
         return PointSet(self.position[index], self.class_id[index], label)
 
     def labelled(self) -> LabelledPoints | None:
-        """Return the points with their labels, None unless each has one of its own."""
+        """Return the points with their labels; None unless all labels are non-zero and distinct."""
         label = np.zeros(len(self), dtype=np.int64) if self.track_id is None else self.track_id
         if not label.all() or len(np.unique(label)) < len(label):
             return None
@@ -83,7 +83,7 @@ class PairedScan:
     stamp_ns : int
     truth, estimate : PointSet
     pairs : tuple of two int arrays of shape (P,)
-        Of `assign`.
+        As of `metrics.assign`.
     """
 
     stamp_ns: int
@@ -101,23 +101,23 @@ class PairedScan:
 
 @dataclass(frozen=True)
 class Comparison:
-    """One set of estimates against one set of targets at one scan: what metrics follow from.
+    """One set of estimates compared with one set of targets at one scan; input of the metrics.
 
     Parameters
     ----------
     truth, estimate : PointSet
     paired_truth, paired_estimate : PointSet
-        The set's targets that have an estimate by position alone, and these estimates, which may
-        be of any class.
+        The set's targets that are paired with an estimate by position alone, and these estimates,
+        which may be of any class.
     cutoff : float
         c, metres.
     order : float
         p.
     gaps : tuple of Gap or None
-        Of the set's targets, those that ended with the scan; None if a target has no label.
+        Gaps of the set's targets that ended in the scan; None if a target has no label.
     ospa2 : float or None
-        Of the newest scans, metres; None unless all targets and estimates have labels, and for a
-        single class.
+        OSPA(2) of the newest scans, metres; None for a single class, or if a target or an estimate
+        has no label.
     """
 
     truth: PointSet
@@ -154,9 +154,9 @@ class Comparison:
 
 
 class ScanComparer:
-    """Compares a source's scans with the truth, one after the other.
+    """Compares a source's scans with the truth, in order.
 
-    Of earlier scans it remembers what gaps and OSPA(2) need.
+    It keeps the part of earlier scans that gaps and OSPA(2) need.
 
     Parameters
     ----------
@@ -189,12 +189,12 @@ class ScanComparer:
         return {ALL: everything, **classes}
 
     def ended(self, newest: Mapping[str, Comparison]) -> dict[str, Comparison]:
-        """Return the newest scan's comparisons as if the run ended there, and all gaps with it."""
-        more = tuple(self._finder.under_way())
+        """Return the newest scan's comparisons as if the run, and all open gaps, ended with it."""
+        still_open = tuple(self._finder.under_way())
         return {
             key: scan
             if scan.gaps is None
-            else replace(scan, gaps=(*scan.gaps, *_of_set(more, key)))
+            else replace(scan, gaps=(*scan.gaps, *_of_set(still_open, key)))
             for key, scan in newest.items()
         }
 
@@ -202,19 +202,19 @@ class ScanComparer:
         points = scan.truth.labelled()
         if points is None:
             return None
-        found = np.zeros(len(scan.truth), dtype=np.bool_)
-        found[scan.pairs[0]] = True
-        return tuple(self._finder.add(scan.stamp_ns, points.label, scan.truth.class_id, found))
+        paired = np.zeros(len(scan.truth), dtype=np.bool_)
+        paired[scan.pairs[0]] = True
+        return tuple(self._finder.add(scan.stamp_ns, points.label, scan.truth.class_id, paired))
 
     def _ospa2(self, scan: PairedScan) -> float | None:
-        true, found = scan.truth.labelled(), scan.estimate.labelled()
-        if true is None or found is None:
+        truth, estimate = scan.truth.labelled(), scan.estimate.labelled()
+        if truth is None or estimate is None:
             self._window.clear()
             return None
         if self._newest_ns is not None and scan.stamp_ns < self._newest_ns:
             self._window.clear()
         self._newest_ns = scan.stamp_ns
-        self._window.add(true, found)
+        self._window.add(truth, estimate)
         return self._window.ospa2(self._cutoff, self._order).distance
 
 
@@ -224,7 +224,7 @@ def _of_set(gaps: tuple[Gap, ...], key: str) -> tuple[Gap, ...]:
 
 @dataclass(frozen=True)
 class ScanScore:
-    """How one source did at one stamp.
+    """The score of one source at one stamp.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ class ScanScore:
         ``filtered`` or ``smoothed``.
     stamp_ns : int
     values : dict
-        By set and name, those of `metric_table.VALUES`; None where there is no such value.
+        Values of `metric_table.VALUES` by set and name; None where there is no such value.
     """
 
     source: str

@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Measures of a whole run: tracks, classes, and how continuously targets are seen.
+"""Surveillance measures of a whole run: OSPA(2) of tracks, confusion of classes, and gaps.
 
-What surveillance asks for beside the miss distance of one scan in `metrics`. An estimate belongs
-to a target where `metrics.assign` pairs them, closer than the cutoff and each with one at most.
-Scans are taken in one by one, and nothing is kept but what later ones need: a window of labelled
-positions, and for each living target when it was last seen.
+An estimate belongs to a target if `metrics.assign` pairs them: closer than the cutoff, and each
+with at most one other. Scans are added in order. Only a window of labelled positions and the last
+paired stamp of each existing target are kept.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class TrackSet:
-    """Labelled positions of K scans, a row for each of N tracks.
+    """Labelled positions of N tracks in K scans.
 
     Parameters
     ----------
@@ -47,12 +46,12 @@ class TrackSet:
 
 
 def track_set(ids: Sequence[IntArray], positions: Sequence[FloatArray]) -> TrackSet:
-    """Gather labelled positions into tracks.
+    """Return labelled positions as tracks.
 
     Parameters
     ----------
     ids : sequence of K int arrays of shape (T,)
-        A scan's labels. Every position with the label 0 (unlabelled) is a track of its own.
+        Labels per scan. Every unlabelled position (label 0) is a track of its own.
     positions : sequence of K arrays of shape (T, 2)
         Metres.
 
@@ -79,26 +78,26 @@ def track_set(ids: Sequence[IntArray], positions: Sequence[FloatArray]) -> Track
 
 
 def track_distances(a: TrackSet, b: TrackSet, cutoff: float, order: float) -> FloatArray:
-    """Return the time-averaged distance of every two tracks, metres.
+    """Return the time-averaged distance of each track of `a` to each track of `b`, metres.
 
     Parameters
     ----------
     a, b : TrackSet
         N and M tracks over the same scans.
     cutoff : float
-        c, metres: the distance where one of the two does not exist, and the greatest.
+        c, metres: the upper bound of the distance, and its value where only one track exists.
     order : float
-        q, at least 1, of the mean over the scans in which either exists.
+        q, at least 1, of the mean over the scans in which at least one track exists.
 
     Returns
     -------
     array of shape (N, M)
         0 for two tracks that exist in no scan.
     """
-    one, other = a.exists[:, None, :], b.exists[None, :, :]
-    apart = np.linalg.norm(a.position[:, None] - b.position[None, :], axis=-1)
-    distance = np.where(one & other, np.minimum(apart, cutoff), cutoff)
-    either = one | other
+    a_exists, b_exists = a.exists[:, None, :], b.exists[None, :, :]
+    distance = np.linalg.norm(a.position[:, None] - b.position[None, :], axis=-1)
+    distance = np.where(a_exists & b_exists, np.minimum(distance, cutoff), cutoff)
+    either = a_exists | b_exists
     total = (distance**order * either).sum(axis=-1)
     mean: FloatArray = (total / np.maximum(either.sum(axis=-1), 1)) ** (1.0 / order)
     return mean
@@ -109,8 +108,8 @@ def ospa2(
 ) -> Ospa:
     """Return the OSPA(2) distance of two sets of tracks over all their scans.
 
-    Tracks that are short, broken or swapped are far from every target's track, so that labels
-    count as well as positions.
+    Short, broken and swapped tracks are far from every target's track, so that labels count as
+    well as positions.
 
     Parameters
     ----------
@@ -119,9 +118,9 @@ def ospa2(
     cutoff : float
         c, metres.
     order : float
-        p, of the assignment of tracks.
+        p: order of the assignment of tracks.
     track_order : float
-        q, of the distance between two tracks.
+        q: order of the distance between two tracks.
 
     References
     ----------
@@ -134,12 +133,12 @@ def ospa2(
 
 
 class LabelledPoints(NamedTuple):
-    """One scan's positions with their labels.
+    """The positions of one scan with their labels.
 
     Parameters
     ----------
     label : int array of shape (T,)
-        Of the track that each belongs to; 0 is none.
+        Label of each position's track; 0 for none.
     position : array of shape (T, 2)
         Metres.
     """
@@ -149,23 +148,23 @@ class LabelledPoints(NamedTuple):
 
 
 class TrackWindow:
-    """The labelled positions of the newest scans, for an OSPA(2) distance that goes with time.
+    """The labelled positions of the newest scans, for an OSPA(2) distance over a sliding window.
 
     Parameters
     ----------
     scans : int
-        Length of the window, at least 1; with 1 its OSPA(2) is OSPA.
+        Length of the window, at least 1. With 1 the OSPA(2) distance is the OSPA distance.
     """
 
     def __init__(self, scans: int) -> None:
         self._scans: deque[tuple[LabelledPoints, LabelledPoints]] = deque(maxlen=scans)
 
     def add(self, truth: LabelledPoints, estimate: LabelledPoints) -> None:
-        """Take in the next scan; the oldest one leaves a full window."""
+        """Add the next scan; if the window is full, the oldest one is removed."""
         self._scans.append((truth, estimate))
 
     def clear(self) -> None:
-        """Forget every scan."""
+        """Remove all scans."""
         self._scans.clear()
 
     def ospa2(self, cutoff: float, order: float, track_order: float = 1.0) -> Ospa:
@@ -186,12 +185,12 @@ class TrackWindow:
 def confusion_matrix(
     pairs: tuple[IntArray, IntArray], truth: IntArray, estimate: IntArray, classes: int
 ) -> IntArray:
-    """Return how often a target of each class was taken for each class, in one scan.
+    """Return the number of targets of one scan by true and by estimated class.
 
     Parameters
     ----------
     pairs : tuple of two int arrays of shape (P,)
-        Of `metrics.assign`, by position alone.
+        As of `metrics.assign`, by position alone.
     truth : int array of shape (T,)
         Classes of the targets.
     estimate : int array of shape (E,)
@@ -203,15 +202,15 @@ def confusion_matrix(
     -------
     int array of shape (C + 1, C + 1)
         [true class, estimated class]. The last column counts missed targets, the last row false
-        estimates. Scans add up.
+        estimates. The matrix of a run is the sum over its scans.
     """
-    target, found = pairs
-    missed, false = np.delete(truth, target), np.delete(estimate, found)
-    true = np.concatenate([truth[target], missed, np.full(len(false), classes)])
-    taken = np.concatenate([estimate[found], np.full(len(missed), classes), false])
-    known = (true <= classes) & (taken <= classes)
+    row, column = pairs
+    missed, false = np.delete(truth, row), np.delete(estimate, column)
+    true = np.concatenate([truth[row], missed, np.full(len(false), classes)])
+    estimated = np.concatenate([estimate[column], np.full(len(missed), classes), false])
+    counted = (true <= classes) & (estimated <= classes)
     matrix = np.zeros((classes + 1, classes + 1), dtype=np.int64)
-    np.add.at(matrix, (true[known], taken[known]), 1)
+    np.add.at(matrix, (true[counted], estimated[counted]), 1)
     return matrix
 
 
@@ -221,10 +220,10 @@ class Gap(NamedTuple):
     Parameters
     ----------
     class_id : int
-        The target's.
+        Class of the target.
     duration_s : float
-        From the estimate before to the one after; where there is none, from the target's first
-        stamp or to its last.
+        From the previous estimate, or else the target's first stamp, to the next estimate, or else
+        its last stamp.
     missed : int
         Scans without an estimate.
     """
@@ -240,62 +239,62 @@ class Gap(NamedTuple):
 
 
 @dataclass
-class _Life:
-    """What is known of a living target: when it was last seen, and what was missed since."""
+class _Continuity:
+    """When an existing target was last paired with an estimate, and the missed scans since."""
 
     class_id: int
-    seen_ns: int
+    paired_ns: int
     newest_ns: int
     missed: int = 0
 
     def gap(self, end_ns: int) -> Gap:
-        return Gap(self.class_id, (end_ns - self.seen_ns) * 1e-9, self.missed)
+        return Gap(self.class_id, (end_ns - self.paired_ns) * 1e-9, self.missed)
 
 
 class GapFinder:
-    """Finds the gaps of targets, scan by scan; of a target that has gone it keeps nothing.
+    """Finds the gaps of targets, scan by scan; nothing is kept of targets that no longer exist.
 
     References
     ----------
-    The detection requirements of the evaluation tool COMPASS (github.com/hpuhr/COMPASS) also go by
-    the time between updates, with the ends of the reference in the place of missing ones.
+    The detection requirements of the evaluation tool COMPASS (github.com/hpuhr/COMPASS) are also
+    based on the time between updates, with the ends of the reference in place of missing updates.
     """
 
     def __init__(self) -> None:
-        self._lives: dict[int, _Life] = {}
+        self._targets: dict[int, _Continuity] = {}
         self._newest_ns: int | None = None
 
     def add(
         self, stamp_ns: int, track_id: IntArray, class_id: IntArray, found: BoolArray
     ) -> list[Gap]:
-        """Take in the next scan; return the gaps that ended with it, or before it with a target.
+        """Add the next scan; return the gaps that ended with an estimate or with their target.
 
         Parameters
         ----------
         stamp_ns : int
-            An earlier one than that of the scan before ends all lives.
+            If it is earlier than that of the previous scan, all targets end.
         track_id, class_id : int arrays of shape (T,)
-            Of the targets that exist; no track_id twice.
+            Of the targets that exist; every track_id is distinct.
         found : bool array of shape (T,)
-            Whether each has an estimate.
+            Whether each target is paired with an estimate.
         """
         back = self._newest_ns is not None and stamp_ns < self._newest_ns
         self._newest_ns = stamp_ns
-        there = set() if back else set(track_id.tolist())
-        gone = [self._lives.pop(label) for label in list(self._lives) if label not in there]
-        ended = [life.gap(life.newest_ns) for life in gone if life.missed]
-        targets = zip(track_id.tolist(), class_id.tolist(), found.tolist(), strict=True)
-        for label, number, seen in targets:
-            life = self._lives.setdefault(label, _Life(number, stamp_ns, stamp_ns))
-            life.newest_ns = stamp_ns
-            if not seen:
-                life.missed += 1
+        existing = set() if back else set(track_id.tolist())
+        gone = [self._targets.pop(label) for label in list(self._targets) if label not in existing]
+        ended = [target.gap(target.newest_ns) for target in gone if target.missed]
+        rows = zip(track_id.tolist(), class_id.tolist(), found.tolist(), strict=True)
+        for label, number, paired in rows:
+            target = self._targets.setdefault(label, _Continuity(number, stamp_ns, stamp_ns))
+            target.newest_ns = stamp_ns
+            if not paired:
+                target.missed += 1
                 continue
-            if life.missed:
-                ended.append(life.gap(stamp_ns))
-            life.seen_ns, life.missed = stamp_ns, 0
+            if target.missed:
+                ended.append(target.gap(stamp_ns))
+            target.paired_ns, target.missed = stamp_ns, 0
         return ended
 
     def under_way(self) -> list[Gap]:
-        """Return the gaps that have not ended, as if all targets' lives had."""
-        return [life.gap(life.newest_ns) for life in self._lives.values() if life.missed]
+        """Return the open gaps, as if all targets ended with the newest scan."""
+        return [target.gap(target.newest_ns) for target in self._targets.values() if target.missed]

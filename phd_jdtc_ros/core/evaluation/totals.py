@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the values of scans add up to over a run."""
+"""Totals over a run of the values of its scans."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ..arrays import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class Totals:
-    """What the values of scans add up to, of several runs or sets at once.
+    """Totals of the values of scans, for several runs or sets at once.
 
     Parameters
     ----------
     names : tuple of str
-        Of the V values.
+        Names of the V values.
     scans : int
-        Of each run.
+        Number of scans per run.
     known : int array of shape (..., V)
-        In how many scans there is such a value.
+        Number of scans that have the value.
     sums, maxima : arrays of shape (..., V)
-        Over those scans.
+        Sum and maximum over those scans.
     """
 
     names: tuple[str, ...]
@@ -36,7 +36,7 @@ class Totals:
 
     @staticmethod
     def of(names: tuple[str, ...], values: FloatArray) -> Totals:
-        """Add up values of shape (..., scans, V), NaN where there is no such value."""
+        """Return the totals of values of shape (..., scans, V), NaN where there is no value."""
         known = np.isfinite(values)
         return Totals(
             names,
@@ -47,7 +47,7 @@ class Totals:
         )
 
     def plus(self, more: Totals) -> Totals:
-        """Return the totals of the scans of both."""
+        """Return the totals of the scans of both totals."""
         return Totals(
             self.names,
             self.scans + more.scans,
@@ -67,14 +67,14 @@ class Totals:
         return np.where(self.known[..., column] == self.scans, self.sums[..., column], np.nan)
 
     def maximum(self, name: str) -> FloatArray:
-        """Return the largest of the scans, shape (...); NaN unless each of them has the value."""
+        """Return the maximum over the scans, shape (...); NaN unless each of them has the value."""
         column = self.names.index(name)
         known = (self.known[..., column] == self.scans) & (self.scans > 0)
         return np.where(known, self.maxima[..., column], np.nan)
 
 
 def ratio(over: FloatArray, under: FloatArray | IntArray | int) -> FloatArray:
-    """Return the ratios, NaN where there is none."""
-    nothing = np.full(np.shape(over), np.nan)
-    result: FloatArray = np.divide(over, under, out=nothing, where=np.asarray(under) > 0)
+    """Return the ratios, NaN where the denominator is not positive."""
+    undefined = np.full(np.shape(over), np.nan)
+    result: FloatArray = np.divide(over, under, out=undefined, where=np.asarray(under) > 0)
     return result

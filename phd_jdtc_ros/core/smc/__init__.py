@@ -3,7 +3,7 @@
 
 """The particle engine: a sequential Monte Carlo filter with a fixed-lag backward smoother.
 
-A scan's way, with the module of each step::
+The path of one scan, with the module of each step::
 
     stored set t                             particle_set
       |  predict: survive, spawn, be born    prediction
@@ -14,8 +14,9 @@ A scan's way, with the module of each step::
       |  kernel from set t, cached           backward_kernel, kernel_thinning
       |  backward over the lag window        smoother
     smoothed sets
-      |  read targets off                    extraction
+      |  extract targets                     extraction
     Estimates                                engine
 
-`snapshot` turns all that the engine holds into arrays and back.
+`snapshot` stores all that the engine holds as arrays, and restores it. The algorithm is that of
+Sec. IV-C; each module names the step that it implements and its deviations.
 """

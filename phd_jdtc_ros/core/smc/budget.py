@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How many particles represent what."""
+"""The numbers of particles: per target, per group, per birth term and per scan."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ParticleBudget:
-    """How many particles represent what.
+    """The numbers of particles that represent the intensity.
 
     Parameters
     ----------
     per_target : int
-        Copies a unit of mass is resampled to.
+        Copies to which a unit of mass is resampled.
     least : int
-        Copies that a (class, origin) group gets at the least.
+        Minimum number of copies of a (class, origin) group.
     per_birth_term : int
-        A power of two.
+        Particles of each birth term per scan; a power of two.
     most : int
-        Copies in all that are kept of a scan.
+        Maximum number of copies in a stored set.
     """
 
     per_target: int

@@ -1,12 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The two ways to correct an intensity with one radar's detections.
+"""The two correctors: rules by which one radar's detections change the intensity.
 
-`POISSON` is the PHD filter's: targets are a Poisson process, so the mass at one place may claim any
-number of detections, and a missed detection scales all of it down alike. `BERNOULLI` knows that the
-particles of one origin are at most one target. It claims one detection, and a missed one costs a
-well-established target no more than it should.
+`POISSON` is the corrector of the PHD filter (Sec. IV-C, Step 2). Targets are a Poisson process: the
+mass at one place may claim any number of detections, and a missed detection scales it down by
+1 - p_D. `BERNOULLI` takes the particles of one origin as at most one target, which claims at most
+one detection. After a missed detection its existence probability is that of Bayes' rule.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from ..arrays import FloatArray, IntArray, factorize, sum_by
 from ..association.marginals import marginals
 from .particle_set import ParticleSet
 
-# Some probability to be missed is always left.
+# Lower bound of the probability that a target is missed; odds are divided by it.
 LEAST_MISSED = 1e-6
 
 
 @dataclass(frozen=True)
 class Claims:
-    """How well particles and everything else explain one radar's M detections.
+    """How well particles and all other sources explain one radar's M detections.
 
     Parameters
     ----------
     row, column : int arrays of shape (P,)
         The particle and the detection of each pair within the gate.
     mass : array of shape (P,)
-        p_D L_z w of each pair, relative to a scale of its detection's own.
+        p_D L_z w of each pair, divided by a scale of its detection.
     other : array of shape (M,)
-        Clutter and unknown targets, relative to the same scale.
+        Intensity of clutter and unknown targets, divided by the same scale.
     detection_probability : array of shape (N,)
-        Of each particle; 0 out of the radar's range.
+        p_D of each particle; 0 beyond the radar's range.
     """
 
     row: IntArray
@@ -49,7 +49,7 @@ class Claims:
 
 
 class Correction(Protocol):
-    """How the intensity takes in one radar's detections."""
+    """The rule by which one radar's detections change the intensity."""
 
     def __call__(self, particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, FloatArray]:
         """Return the corrected intensity, and the claimed share of each detection, (M,)."""
@@ -58,7 +58,7 @@ class Correction(Protocol):
 
 @dataclass(frozen=True)
 class Corrector:
-    """A correction, and what it makes of origins.
+    """A correction, and whether origins are targets under it.
 
     Parameters
     ----------
@@ -72,9 +72,9 @@ class Corrector:
 
 
 def _poisson(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, FloatArray]:
-    """Correct as the PHD filter does; the components are those of the detections.
+    """Correct as the PHD filter does; every detection has a component.
 
-    Earlier components are multiplied by 1 - p_D, one is added for each of the M detections.
+    Earlier components are multiplied by 1 - p_D, and M new ones are added.
 
     Notes
     -----
@@ -99,15 +99,15 @@ def _poisson(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, Float
 
 
 def _bernoulli(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, FloatArray]:
-    """Correct every origin as one target at the most; the components are those of the origins.
+    """Correct every origin as at most one target; every origin is a component.
 
     Notes
     -----
-    Deviation from Sec. IV-C, Step 2: with the probability r that the target exists, r p_D that it
-    is detected, and the marginals p_z and p_0 of its association,
+    Deviation from Sec. IV-C, Step 2: let r be the probability that the target exists, r p_D that it
+    is detected, and p_z and p_0 the marginal probabilities of its association with detection z and
+    with none. Then
     w <- w [p_0 (1 - p_D) / (1 - r p_D) + sum_z p_z p_D L_z / sum_s p_D L_z w].
-    Origins do not share their targets: what the PHD filter knows of them is a multi-Bernoulli
-    density then, with the origins as labels.
+    The posterior is a labelled multi-Bernoulli density, with the origins as labels.
 
     References
     ----------
@@ -116,18 +116,19 @@ def _bernoulli(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, Flo
     """
     origins, target = factorize(particles.origin)
     count, size = len(origins), len(claims.other)
-    # Resampling may round a mass a little above one.
+    # Resampling may round a mass to a little more than one.
     excess = np.maximum(sum_by(target, particles.weight, count), 1.0)
     prior = particles.weight / excess.take(target)
-    seen = sum_by(target, prior * claims.detection_probability, count)
-    missed = np.maximum(1.0 - seen, LEAST_MISSED)
+    detected = sum_by(target, prior * claims.detection_probability, count)
+    missed = np.maximum(1.0 - detected, LEAST_MISSED)
 
     edge, edge_of_pair = _edges((target * size).take(claims.row) + claims.column, count * size)
-    owner, column = edge // max(size, 1), edge % max(size, 1)
-    components = sum_by(edge_of_pair, claims.mass, len(edge)) / excess[owner]
-    probability, none = marginals(owner, column, components / missed[owner], count, claims.other)
+    edge_target, column = edge // max(size, 1), edge % max(size, 1)
+    explained = sum_by(edge_of_pair, claims.mass, len(edge)) / excess[edge_target]
+    odds = explained / missed[edge_target]
+    probability, none = marginals(edge_target, column, odds, count, claims.other)
 
-    scale = probability / np.where(components > 0.0, components, 1.0) / excess[owner]
+    scale = probability / np.where(explained > 0.0, explained, 1.0) / excess[edge_target]
     weight = prior * (1.0 - claims.detection_probability) * (none / missed).take(target)
     weight += sum_by(claims.row, claims.mass * scale.take(edge_of_pair), len(particles))
     corrected = replace(
@@ -142,9 +143,10 @@ def _bernoulli(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, Flo
 
 
 def _edges(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
-    """Return the distinct cells, ascending, and which of them each entry is, by a table of all.
+    """Return the distinct cells, ascending, and the index of each entry's cell among them.
 
-    As `numpy.unique`, which would sort all pairs: half of the update for many targets.
+    A table of all cells replaces the sort of `numpy.unique`, which takes half of the time of an
+    update with many targets.
     """
     table = np.zeros(cells, dtype=np.int64)
     table[cell] = 1

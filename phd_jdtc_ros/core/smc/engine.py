@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The particle engine: the filter of every scan, and the fixed-lag window behind it."""
+"""The particle engine: the filter, the fixed-lag window, extraction and track numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .filter import ForwardFilter
 from .particle_set import ParticleSet
 from .smoother import DeathTerm, backward_pass
 
-# Second word of the seed; the filter has another, see `filter`.
+# Second word of the seed of extraction; the filter's is `filter.FILTER_STREAM`.
 EXTRACTION_STREAM = 1
 
 
@@ -37,7 +37,11 @@ class ParticleEngine:
     death_term : DeathTerm
     extraction : Extraction
     existence_threshold : float
-        Probability of existence above which a target is reported.
+        Existence probability above which a target is reported.
+
+    Notes
+    -----
+    Sec. IV-C: Steps 1 to 3 in `forward`, Step 4 in `smoother`, Steps 5 and 6 in `extraction`.
     """
 
     forward: ForwardFilter
@@ -48,63 +52,63 @@ class ParticleEngine:
     _tracks: TrackNumbers = field(init=False, repr=False)
     _stamps: list[int] = field(init=False, repr=False)
     _stored: list[ParticleSet] = field(init=False, repr=False)
-    _links: list[Transition] = field(init=False, repr=False)  # one between every two stored sets
+    _links: list[Transition] = field(init=False, repr=False)  # between consecutive stored sets
     _rng: np.random.Generator = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything; the random generators start from the seed again."""
+        """Return to the initial state; the random generators start from the seed again."""
         self.forward.reset()
         self._tracks = TrackNumbers()
         self._stamps, self._stored, self._links = [], [], []
-        # Its own, so that the filter's draws do not depend on how targets are read off.
+        # A generator of its own, so that the filter's draws do not depend on the extraction.
         self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
 
     def step(self, scan: Scan) -> Step:
         """Filter one scan and smooth the stamps whose lag is reached; see `Engine.step`."""
         modes = self.forward.model.modes
-        found = self.forward.step(scan, linked=bool(self._stored))
-        filtered = self._targets(found.updated, scan.stamp_ns, 0)
-        if found.link is not None:
-            self._links.append(found.link)
+        step = self.forward.step(scan, linked=bool(self._stored))
+        filtered = self._targets(step.updated, scan.stamp_ns, 0)
+        if step.link is not None:
+            self._links.append(step.link)
         self._stamps.append(scan.stamp_ns)
-        self._stored.append(found.stored)
+        self._stored.append(step.stored)
         smoothed = []
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
-        self._tracks.forget_all_but([found.stored.label, *(kept.label for kept in self._stored)])
+        self._tracks.forget_all_but([step.stored.label, *(kept.label for kept in self._stored)])
         return Step(
             filtered=filtered,
             smoothed=tuple(smoothed),
-            class_mass=found.updated.class_mass(modes.class_of, len(modes.classes)),
+            class_mass=step.updated.class_mass(modes.class_of, len(modes.classes)),
             figures={
-                "particles": len(found.stored),
-                "effective_sample_size": found.stored.effective_sample_size,
-                "orphans": found.link.orphans if found.link else 0,
+                "particles": len(step.stored),
+                "effective_sample_size": step.stored.effective_sample_size,
+                "orphans": step.link.orphans if step.link else 0,
             },
         )
 
     def retune(self, model: TrackerModel, existence_threshold: float) -> None:
         """Use another model and threshold from the next scan on; see `Engine.retune`.
 
-        The stored sets and the links between them were made with what held then, and stay.
+        The stored sets and the links between them stay as the previous model made them.
         """
         self.forward.model = model
         self.existence_threshold = existence_threshold
 
     def flush(self) -> tuple[Estimates, ...]:
-        """Return the estimates of the window, smoothed as far as it goes, and reset."""
+        """Return the estimates of the window, smoothed with the scans that it holds, and reset."""
         rest = self._smooth_rest()
         self.reset()
         return rest
 
     def interrupt(self) -> tuple[Estimates, ...]:
-        """Do as `flush`, but go on counting tracks; see `Engine.interrupt`."""
-        rest, given = self._smooth_rest(), self._tracks.count
+        """Do as `flush`, but use no track number a second time; see `Engine.interrupt`."""
+        rest, count = self._smooth_rest(), self._tracks.count
         self.reset()
-        self._tracks = TrackNumbers(count=given)
+        self._tracks = TrackNumbers(count=count)
         return rest
 
     def snapshot(self) -> Snapshot:
@@ -123,7 +127,7 @@ class ParticleEngine:
         return held
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Go on from a snapshot; see `Engine.restore`."""
+        """Continue from a snapshot; see `Engine.restore`."""
         self.reset()
         try:
             self._take(snapshot)
@@ -147,14 +151,14 @@ class ParticleEngine:
         self._stamps, self._stored, self._links = list(facts["stamps_ns"]), stored, links
 
     def _smooth_rest(self) -> tuple[Estimates, ...]:
-        """Smooth the window as far as it goes, and empty it."""
+        """Smooth all stored sets with the scans that the window holds, and empty it."""
         rest = []
         while self._stored:
             rest.append(self._smooth_oldest())
         return tuple(rest)
 
     def _smooth_oldest(self) -> Estimates:
-        """Smooth the oldest stored set with all that follow, and drop it from the window."""
+        """Smooth the oldest stored set with all later ones, and remove it from the window."""
         *_, smoothed = backward_pass(self._stored, self._links, self.death_term)
         self.forward.done("backward")
         stamp_ns, lag = self._stamps[0], len(self._stored) - 1
@@ -162,8 +166,8 @@ class ParticleEngine:
         return self._targets(smoothed, stamp_ns, lag)
 
     def _targets(self, particles: ParticleSet, stamp_ns: int, lag: int) -> Estimates:
-        """Read the targets off an intensity and number their tracks."""
+        """Extract the targets of an intensity and number their tracks."""
         modes, threshold = self.forward.model.modes, self.existence_threshold
-        found = self.extraction(particles, modes, stamp_ns, lag, threshold, self._rng)
+        estimates = self.extraction(particles, modes, stamp_ns, lag, threshold, self._rng)
         self.forward.done("extraction")
-        return self._tracks.numbered(found)
+        return self._tracks.numbered(estimates)

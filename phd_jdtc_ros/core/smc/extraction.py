@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From an intensity to targets: by detection component, or by the paper's clustering."""
+"""Extraction of targets from an intensity: by component, or by clustering (Sec. IV-C, Step 6)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CLUSTER_SAMPLES = 2000
 
 
 class Extraction(Protocol):
-    """How targets are read off an intensity."""
+    """The computation of estimates from an intensity."""
 
     def __call__(
         self,
@@ -32,8 +32,8 @@ class Extraction(Protocol):
     ) -> Estimates:
         """Return the targets of `particles`, filtered (lag 0) or smoothed.
 
-        `threshold` is the probability of existence above which a target is reported. Labelled
-        targets have their label plus one for a track_id.
+        `threshold` is the existence probability above which a target is reported. The `track_id`
+        of a labelled target is its label plus one.
         """
         ...
 
@@ -46,37 +46,37 @@ def components(
     threshold: float,
     rng: np.random.Generator,
 ) -> Estimates:
-    """Report every component, and every group of the Poisson part, whose mass is large enough.
+    """Report every component, and every group of the Poisson part, with a mass above the threshold.
 
-    A group is the mass of one (origin, class) that no component holds: without it, a target that
-    all radars missed would vanish for a scan. The class is the majority of the mass, the state
-    and covariance are those of that class. A mass above 1.5 is two unresolved targets, reported
-    as one.
+    A group is the mass of one (origin, class) that belongs to no component. Without it, a target
+    that all radars missed would not be reported for a scan. The class is that of the largest mass,
+    and the state and covariance are those of that class. A mass above 1.5 stands for two unresolved
+    targets, which are reported as one.
 
     Notes
     -----
-    Deviation from Sec. IV-C, Step 6, which rounds the total mass and clusters; the PHD's mass is
-    biased and a component already says which particles belong together.
+    Deviation from Sec. IV-C, Step 6, which rounds the total mass and clusters: the PHD's mass is
+    biased, and a component already tells which particles belong together.
     """
     parts = particles.components
     target_class = modes.class_of[particles.mode]
     # The groups of the Poisson part follow the components in one index space.
     first_group = parts.shape[1]
-    alone = np.flatnonzero(particles.poisson)
-    origins, origin = factorize(particles.origin[alone])
+    poisson = np.flatnonzero(particles.poisson)
+    origins, origin = factorize(particles.origin[poisson])
     classes = len(modes.classes)
-    row = np.concatenate([np.arange(len(particles)).repeat(np.diff(parts.indptr)), alone])
-    group = np.concatenate([parts.indices, first_group + origin * classes + target_class[alone]])
-    weight = np.concatenate([parts.data, particles.poisson[alone]])
+    row = np.concatenate([np.arange(len(particles)).repeat(np.diff(parts.indptr)), poisson])
+    group = np.concatenate([parts.indices, first_group + origin * classes + target_class[poisson]])
+    weight = np.concatenate([parts.data, particles.poisson[poisson]])
     size = first_group + len(origins) * classes
     mass = sum_by(group, weight, size)
 
-    found = np.flatnonzero(mass > threshold)
+    reported = np.flatnonzero(mass > threshold)
     rank = np.full(size, -1)
-    rank[found] = np.arange(len(found))
+    rank[reported] = np.arange(len(reported))
     kept = rank[group] >= 0
     row, group, weight = row[kept], rank[group[kept]], weight[kept]
-    label = np.concatenate([particles.label, np.full(size - first_group, -1)])[found]
+    label = np.concatenate([particles.label, np.full(size - first_group, -1)])[reported]
     return _moments(particles, modes, stamp_ns, lag, row, group, weight, label)
 
 
@@ -102,7 +102,7 @@ def _moments(
     row, group = row[kept], group[kept]
     share = weight[kept] / class_mass[np.arange(count), majority].take(group)
 
-    # Axis by axis, so that no temporary is larger than a column.
+    # One axis at a time, so that no temporary array is larger than a column.
     dimension = particles.state.shape[1]
     offset = np.stack([axis.take(row) for axis in particles.state.T])
     state = np.stack([sum_by(group, share * axis, count) for axis in offset], axis=1)
@@ -140,7 +140,7 @@ def clusters(
     -----
     Sec. IV-C, Steps 5 and 6: resample within each class, then cluster within each class.
     """
-    # Loaded when it is asked for, which the default never does: a live node starts sooner.
+    # Imported here because the default extraction does not need it and a live node starts sooner.
     from scipy.cluster.vq import kmeans2
 
     target_class = modes.class_of[particles.mode]

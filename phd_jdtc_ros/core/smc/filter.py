@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The forward filter: predict, update with every radar, resample, link back, scan after scan."""
+"""The forward filter (Sec. IV-C, Steps 1 to 3): predict, update with every radar, resample."""
 
 from __future__ import annotations
 
@@ -22,27 +22,28 @@ from .prediction import predict
 from .resampling import resample
 from .update import update_scan
 
-# Second word of the seed, so that no other purpose shares these draws: with one shared stream, a
-# simulation of the same seed would be correlated with the filter.
+# Second word of the seed, so that the filter's stream is independent of all others. With a shared
+# stream, a simulation with the same seed would be correlated with the filter.
 FILTER_STREAM = 2
 
 
 def _ignore(part: str) -> None:
-    """Take no note of a part that is done."""
+    """Do nothing when a part is done."""
 
 
 @dataclass(frozen=True)
 class Filtered:
-    """What one scan made of the intensity.
+    """The result of one step of the filter.
 
     Parameters
     ----------
     updated : ParticleSet
-        After all radars; the filtered targets are read off it.
+        After the update with all radars; the filtered targets are extracted from it.
     stored : ParticleSet
-        Resampled.
+        After resampling.
     link : Transition or None
-        From the stored set of the scan before; None on the first scan and where nobody smooths.
+        Backward kernel to the stored set of the previous scan; None on the first scan and without
+        smoothing.
     """
 
     updated: ParticleSet
@@ -61,7 +62,7 @@ class ForwardFilter:
     budget : ParticleBudget
     seed : int
     done : callable
-        Called with the name of each part of a step when it is done; for measurements.
+        Called with the name of each part of a step when it is done; for timing.
     """
 
     model: TrackerModel
@@ -77,22 +78,22 @@ class ForwardFilter:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything; the random generator starts from the seed again."""
+        """Return to the initial state; the random generator starts from the seed again."""
         self._latest = None
         self._rng = np.random.default_rng([self.seed, FILTER_STREAM])
         self._scan_index = 0
 
     def start_from(self, stamp_ns: int, stored: ParticleSet) -> None:
-        """Take `stored` for the set of an earlier scan."""
+        """Use `stored` as the set of an earlier scan."""
         self._latest = (stamp_ns, stored)
 
     def step(self, scan: Scan, linked: bool) -> Filtered:
-        """Predict, update with every radar, resample; build the link backward if wanted.
+        """Predict, update with every radar and resample; if `linked`, build the backward kernel.
 
         Raises
         ------
         ValueError
-            If the stamp is not later than the one before.
+            If the stamp is not later than the previous one.
 
         Notes
         -----
@@ -126,7 +127,7 @@ class ForwardFilter:
         return self._latest[1]
 
     def put(self, into: Snapshot) -> None:
-        """Store what the filter holds."""
+        """Store the filter's state in a snapshot."""
         into.facts["filter"] = {
             "scan_index": self._scan_index,
             "rng": self._rng.bit_generator.state,
@@ -135,7 +136,7 @@ class ForwardFilter:
             snapshot.put_particles(into, "latest", self._latest[1])
 
     def take(self, stored: Snapshot) -> None:
-        """Go on from what was stored."""
+        """Restore the filter's state from a snapshot."""
         facts = stored.facts["filter"]
         latest = None
         if stored.stamp_ns is not None:
@@ -144,7 +145,7 @@ class ForwardFilter:
         self._latest, self._scan_index = latest, int(facts["scan_index"])
 
     def _earlier(self, stamp_ns: int) -> tuple[ParticleSet, float]:
-        """Return the stored set of the scan before and the interval since, in seconds."""
+        """Return the stored set of the previous scan and the interval since, in seconds."""
         if self.stamp_ns is None:
             return self.stored, self.model.modes.interval_s
         if stamp_ns <= self.stamp_ns:

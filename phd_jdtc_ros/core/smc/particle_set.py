@@ -18,10 +18,10 @@ from ..arrays import FloatArray, IntArray, SparseArray, read_only, sum_by
 class ParticleSet:
     """A particle approximation of the intensity over (state, class, motion mode).
 
-    After an update the posterior is a Poisson part and Bernoulli components, each one target at
-    the most. The weight of a particle is split alike:
-    ``weight = poisson + components.sum(axis=1)``. A component is what one detection explains, or
-    all that has one origin; see `correction`.
+    After an update the posterior is a Poisson part and Bernoulli components, each of at most one
+    target. The weight of a particle is split accordingly:
+    ``weight = poisson + components.sum(axis=1)``. A component is the mass that one detection
+    explains, or the mass of one origin; see `correction`.
 
     Parameters
     ----------
@@ -30,20 +30,20 @@ class ParticleSet:
     mode : int array of shape (N,)
         Flat index into the mode space.
     origin : int array of shape (N,)
-        What founded the particle's ancestry: a birth term at a scan, a detection, or a parent
-        that it was spawned beside.
+        The birth term and scan, the detection, or the parent and scan from which the particle
+        descends; see `origins`.
     parent : int array of shape (N,)
-        Row of the ancestor in the stored set of the scan before; -1 for a birth.
+        Row in the previous scan's stored set from which it was predicted; -1 for a birth.
     multiplicity : int array of shape (N,)
-        How many equal copies the row stands for.
+        Number of equal copies that the row stands for.
     poisson : array of shape (N,)
-        Weight of no component.
+        Weight that belongs to no component.
     components : sparse array of shape (N, J)
         Weight in component j.
     label : int array of shape (J,)
-        Origin that each component is the target of; -1 where it is a detection's.
+        Origin of the target that the component is; -1 for the component of a detection.
     log_snr : array of shape (N,)
-        What the amplitude model remembers, ln(1 + SNR); zeros where it remembers nothing.
+        ln(1 + SNR) of each particle's target in the amplitude model `memory`; zeros in the others.
     """
 
     state: FloatArray
@@ -67,7 +67,7 @@ class ParticleSet:
 
     @cached_property
     def weight(self) -> FloatArray:
-        """Total weight of each particle, shape (N,); sums to the expected factorize of targets."""
+        """Total weight of each particle, shape (N,); sums to the expected number of targets."""
         total: FloatArray = read_only(
             self.poisson + self.components @ np.ones(self.components.shape[1])
         )
@@ -75,13 +75,13 @@ class ParticleSet:
 
     @cached_property
     def _entries(self) -> IntArray | None:
-        """How many components each row has; None where all have one, as is usual."""
-        factorize = np.diff(self.components.indptr)
-        return None if (factorize == 1).all() else factorize
+        """Number of components of each row; None where each has one, as is usual."""
+        count = np.diff(self.components.indptr)
+        return None if (count == 1).all() else count
 
-    def by_entry(self, of_row: FloatArray) -> FloatArray:
-        """Return of each entry of the components the value of its row."""
-        return of_row if self._entries is None else of_row.repeat(self._entries)
+    def by_entry(self, row_value: FloatArray) -> FloatArray:
+        """Return the value of the row of each entry of the components."""
+        return row_value if self._entries is None else row_value.repeat(self._entries)
 
     @cached_property
     def component_mass(self) -> FloatArray:
@@ -92,12 +92,12 @@ class ParticleSet:
 
     @property
     def effective_sample_size(self) -> float:
-        """Number of equally weighted copies that would be as informative."""
+        """Number of equally weighted copies of the same variance."""
         square = float((self.weight**2 / np.maximum(self.multiplicity, 1)).sum())
         return float(self.weight.sum()) ** 2 / square if square > 0.0 else 0.0
 
     def class_mass(self, class_of: IntArray, classes: int) -> FloatArray:
-        """Return the expected factorize of targets of each class, shape (C,).
+        """Return the expected number of targets of each class, shape (C,).
 
         Parameters
         ----------

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The filter's first step: survivors move, targets split off, targets are born."""
+"""Prediction (Sec. IV-C, Step 1): survivors move, targets are spawned, targets are born."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ def predict(
     scan_index: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Move the intensity over `dt` seconds: survivors, spawned targets, births.
+    """Predict the intensity `dt` seconds ahead: survivors, spawned targets, births.
 
     Parameters
     ----------
     particles : ParticleSet
-        The stored set; each row is moved `multiplicity` times with noise of its own.
+        The stored set; every copy of a row is moved with its own noise.
     model : TrackerModel
     corrector : Corrector
         A labelled one gives every spawned target an origin of its own.
     budget : ParticleBudget
     dt : float
-        True interval since the scan before, seconds.
+        True interval since the previous scan, seconds.
     scan_index : int
-        Names the births' origins.
+        Determines the origins of births and spawned targets.
     rng : numpy.random.Generator
 
     Returns
@@ -51,8 +51,8 @@ def predict(
 
     Notes
     -----
-    Sec. IV-C, Step 1, with the survivor and birth steps that are missing there and the spawn
-    weight in full.
+    Sec. IV-C, Step 1. Deviation: the survivor and birth steps, which are missing there, are added,
+    and the spawn weight has the factors of the parent's weight, rate and mode.
     """
     origin = origins.first_predicted(scan_index)
     parts = [
@@ -72,7 +72,7 @@ def _fresh(
     weight: FloatArray,
     log_snr: FloatArray,
 ) -> ParticleSet:
-    """Return single particles of no component yet."""
+    """Return particles of multiplicity one that belong to no component."""
     return ParticleSet(
         state=state,
         mode=mode,
@@ -98,14 +98,14 @@ def _concatenate(parts: list[ParticleSet]) -> ParticleSet:
 
 
 def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator) -> IntArray:
-    """Draw each row's next mode from its row of the [from, to] matrix."""
+    """Draw each particle's next mode from the row of its mode in the [from, to] matrix."""
     cumulative = np.cumsum(transition, axis=1)
     cumulative[:, -1] = 1.0
     uniform = rng.random(len(mode))
     drawn = np.zeros(len(mode), dtype=np.int64)
-    # Mode by mode: (N, O) temporaries would cost several times as much.
-    for edge in cumulative.T[:-1]:
-        drawn += uniform >= edge.take(mode)
+    # One mode at a time: (N, O) temporary arrays would cost several times as much.
+    for bound in cumulative.T[:-1]:
+        drawn += uniform >= bound.take(mode)
     return drawn
 
 
@@ -136,7 +136,7 @@ def _spawned(
     origin: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Return the mass beside every target; where origins are targets, it founds new ones."""
+    """Return the spawned mass; with a labelled corrector, each parent's has a new origin."""
     spawn = model.spawn
     mass = float(particles.weight.sum())
     count = int(np.ceil(spawn.particles_per_target * mass)) if spawn.rate > 0.0 else 0
@@ -155,10 +155,10 @@ def _spawned(
     rate = spawn.rate * dt / model.modes.interval_s
     weight = np.full(len(parent), rate * mass / max(count, 1))
     log_snr = model.amplitudes.born(mode, model.modes, rng)
-    founder = particles.origin[parent]
+    origins_of_spawn = particles.origin[parent]
     if corrector.labelled:
-        founder = origin + factorize(founder)[1]
-    return _fresh(state, mode, founder, parent, weight, log_snr)
+        origins_of_spawn = origin + factorize(origins_of_spawn)[1]
+    return _fresh(state, mode, origins_of_spawn, parent, weight, log_snr)
 
 
 def _born(

@@ -1,12 +1,14 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Systematic resampling within groups, to unique particles with a multiplicity.
+"""Systematic resampling within groups (Sec. IV-C, Step 3), to unique particles with a multiplicity.
 
-Contract: `within` says what the whole set may have, `allocate` how many copies each group gets,
-`systematic` how many of them fall on each particle, and `comb` the same for a given start.
-Resampling particles of one class and origin among themselves only keeps a target that was just
-missed from being starved by its neighbours' mass.
+Contract: `within` returns the particles per target and the minimum per group that keep the whole
+set within its budget. `allocate` returns the number of copies of each group, `systematic` and
+`comb` that of each particle.
+
+Deviation from Sec. IV-C, Step 3: groups are (class, origin) and not classes alone. Targets with
+more mass thus take no particles from a target that was just missed.
 """
 
 from __future__ import annotations
@@ -31,30 +33,30 @@ def allocate(
         Weight of each group, in targets.
     particles_per_target : float
     least : int
-        Groups of at least ``1 / particles_per_target`` targets get no fewer than this.
+        Minimum number of copies of a group with a mass of at least ``1 / particles_per_target``.
     rng : numpy.random.Generator
 
     Returns
     -------
     count : int array of shape (G,)
     weight : array of shape (G,)
-        Weight of one copy, so that the expected mass of every group is kept: groups too small
-        for a particle survive by lot, with the weight of one.
+        Weight of one copy. The expected mass of every group is kept: a group too small for one
+        particle keeps one of weight ``1 / particles_per_target`` with the probability that
+        preserves its mass, and none otherwise.
     """
     wanted = mass * particles_per_target
-    lucky = rng.random(len(mass)) < wanted
-    count = np.where(wanted < 1.0, lucky, np.maximum(np.rint(wanted), float(least))).astype(
-        np.int64
-    )
+    kept = rng.random(len(mass)) < wanted
+    count = np.where(wanted < 1.0, kept, np.maximum(np.rint(wanted), float(least))).astype(np.int64)
     weight = np.where(wanted < 1.0, 1.0 / particles_per_target, mass / np.maximum(count, 1))
     return count, weight
 
 
 def within(most: int, mass: FloatArray, particles_per_target: int, least: int) -> tuple[float, int]:
-    """Return the particles per target and the least of a group with which a set has at most `most`.
+    """Return the particles per target and the minimum per group that keep a set within `most`.
 
-    What groups get without the mass for it goes first, so that targets keep theirs while there is
-    much that might be one; groups that survive by lot come on top.
+    The minimum per group is lowered first, so that established targets keep their particles in
+    heavy clutter. Groups too small for one particle are drawn at random in `allocate`, and their
+    particles come on top of `most`.
     """
     density = particles_per_target * min(1.0, most / max(mass.sum() * particles_per_target, 1.0))
     wanted = np.rint(mass[mass * density >= 1.0] * density)
@@ -66,7 +68,7 @@ def within(most: int, mass: FloatArray, particles_per_target: int, least: int) -
 def systematic(
     weight: FloatArray, group: IntArray, count: IntArray, rng: np.random.Generator
 ) -> IntArray:
-    """Return how many copies each particle gets, by one systematic comb a group.
+    """Return the number of copies of each particle, by one systematic comb per group.
 
     Parameters
     ----------
@@ -89,7 +91,7 @@ def systematic(
 
 
 def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArray) -> IntArray:
-    """Return what `systematic` does where each group's comb begins at `offset`.
+    """Return the number of copies of each particle, by combs that begin at `offset`.
 
     Parameters
     ----------
@@ -98,7 +100,12 @@ def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArra
     group : int array of shape (N,)
     count : int array of shape (G,)
     offset : array of shape (G,)
-        At least 0 and below 1; drawn evenly, it makes the copies unbiased.
+        At least 0 and below 1; if drawn uniformly, the copies are unbiased.
+
+    Returns
+    -------
+    copies : int array of shape (N,)
+        As of `systematic`.
     """
     mass = sum_by(group, weight, len(count))
     expected = weight * (count / np.where(mass > 0.0, mass, 1.0)).take(group)
@@ -108,8 +115,8 @@ def comb(weight: FloatArray, group: IntArray, count: IntArray, offset: FloatArra
     base[group[last]] = running[last]
     base = np.concatenate([[0.0], base[:-1]])
     within = running - np.maximum.accumulate(base).take(group)
-    # The comb's teeth stand at offset, offset + 1, ...: count those passed so far. Rounding must
-    # not decide whether the group's last tooth is hit, so the last particle passes them all.
+    # The comb's teeth are at offset, offset + 1, ...; count those passed so far. Rounding must not
+    # decide about the group's last tooth, so the last particle passes all of them.
     passed = np.ceil(within - offset.take(group))
     passed = np.clip(passed, 0.0, count.take(group))
     passed[last] = count[group[last]]
@@ -127,7 +134,7 @@ def resample(
     Parameters
     ----------
     particles : ParticleSet
-        Updated.
+        The updated set.
     modes : ModeSpace
     budget : ParticleBudget
     rng : numpy.random.Generator
@@ -135,12 +142,12 @@ def resample(
     Returns
     -------
     ParticleSet
-        Sorted by (class, origin); every component of a row is scaled by its new over its old
-        weight.
+        Sorted by (class, origin). The components of each row are scaled by the ratio of its new
+        weight to its old weight.
 
     Notes
     -----
-    Sec. IV-C, Step 3. Deviation: within class and origin, not class alone.
+    Sec. IV-C, Step 3. Deviation: groups are (class, origin) and not classes alone.
     """
     origins, origin = factorize(particles.origin)
     key = modes.class_of[particles.mode] * len(origins) + origin

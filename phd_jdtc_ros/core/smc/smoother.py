@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The backward step over cached transitions, with either reading of the death term."""
+"""The backward step (Sec. IV-C, Step 4) over cached transitions, with a choice of death terms."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .particle_set import ParticleSet
 
 
 class DeathTerm(Protocol):
-    """How the backward step shares out the mass of targets that did not survive."""
+    """The part of the backward step for targets that do not survive."""
 
     def __call__(
         self, particles: ParticleSet, survival: FloatArray, backward: FloatArray
@@ -32,7 +32,8 @@ class DeathTerm(Protocol):
         survival : array of shape (N,)
             P_s over the interval to t + 1.
         backward : array of shape (N,)
-            B(s), the smoothed mass of the later set that the particle explains, per weight.
+            B(s), the smoothed mass of the later set that the particle explains, divided by its
+            weight.
         """
         ...
 
@@ -44,8 +45,8 @@ def paper_death_term(
 
     Notes
     -----
-    Sec. II-B, backward equation. It treats every target as barely existing, so a target that was
-    certain and then died loses its mass back through the whole lag window.
+    Sec. II-B, backward equation. It is right only for targets with a small existence probability.
+    A target that was certain and then died loses its mass in the whole lag window.
     """
     return np.ones(particles.components.shape[1])
 
@@ -53,14 +54,14 @@ def paper_death_term(
 def bernoulli_death_term(
     particles: ParticleSet, survival: FloatArray, backward: FloatArray
 ) -> FloatArray:
-    """Return the death factor of each component taken as a Bernoulli target.
+    """Return the death factor of each component as that of a Bernoulli target.
 
     Notes
     -----
-    Deviation from Sec. II-B: after an update the posterior is a Poisson part plus one Bernoulli
-    component a detection, and for component j
+    Deviation from Sec. II-B: after an update the posterior is a Poisson part plus Bernoulli
+    components a_j, and for component j
     phi_j = (1 - B_j) / (1 - sum_s P_s(s) a_j(s)), with B_j = sum_s a_j(s) B(s) clipped at 1.
-    It is the exact backward step of a component that alone feeds mu.
+    It is the exact backward step if component j alone contributes to mu.
     """
     parts = particles.components
     components = parts.shape[1]
@@ -69,7 +70,7 @@ def bernoulli_death_term(
         return sum_by(parts.indices, parts.data * particles.by_entry(factor), components)
 
     survived = np.minimum(by_component(backward), 1.0)
-    # A component holds one target at the most; resampling may round it a little above.
+    # A component is at most one target; resampling may round its mass to a little more.
     mass = np.maximum(particles.component_mass, 1.0)
     dying = 1.0 - by_component(survival) / mass
     factor: FloatArray = (1.0 - survived) / np.where(dying > 0.0, dying, np.inf)
@@ -85,7 +86,7 @@ DEATH_TERMS: dict[str, DeathTerm] = {
 def backward_step(
     particles: ParticleSet, link: Transition, later_weight: FloatArray, death_term: DeathTerm
 ) -> ParticleSet:
-    """Carry smoothed weights from t + 1 back to t.
+    """Return the set at t with smoothed weights, given those at t + 1.
 
     Parameters
     ----------
@@ -100,8 +101,8 @@ def backward_step(
     Returns
     -------
     ParticleSet
-        The set at t with a_{j,t|k}(s) = a_{j,t|t}(s) [B(s) + (1 - P_s) phi_j]; for the part that
-        no detection explains phi is 1.
+        The set at t with a_{j,t|k}(s) = a_{j,t|t}(s) [B(s) + (1 - P_s) phi_j]; for the Poisson
+        part phi is 1.
 
     Notes
     -----
@@ -122,14 +123,14 @@ def backward_step(
 def backward_pass(
     stored: Sequence[ParticleSet], links: Sequence[Transition], death_term: DeathTerm
 ) -> Iterator[ParticleSet]:
-    """Yield the smoothed sets of a window, the newest first: lag 0, lag 1 and so on.
+    """Yield the smoothed sets of a window, newest first: lag 0, lag 1 and so on.
 
     Parameters
     ----------
     stored : sequence of ParticleSet
-        Filtered sets, the oldest first.
+        Filtered sets, oldest first.
     links : sequence of Transition
-        One between every two of them.
+        Between consecutive sets, oldest first.
     death_term : DeathTerm
     """
     smoothed = stored[-1]

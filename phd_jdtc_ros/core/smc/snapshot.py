@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Particle sets and transitions as arrays of a snapshot, and back."""
+"""Storage of particle sets and transitions as arrays of a snapshot, and their restoration."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def take_particles(snapshot: Snapshot, name: str) -> ParticleSet:
     Raises
     ------
     ValueError
-        If its arrays do not belong together.
+        If the shapes of its arrays do not match.
     """
     parts = {part: snapshot.array(f"{name}.{part}") for part in PARTS}
     components = _take_sparse(snapshot, f"{name}.components", sparse.csr_array)
@@ -59,7 +59,7 @@ def take_transition(
     Raises
     ------
     ValueError
-        If it is not between sets of these sizes.
+        If its shape does not match the sizes of the sets.
     """
     ratio = _take_sparse(snapshot, f"{name}.ratio", sparse.csc_array)
     survival = snapshot.array(f"{name}.survival")

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The update: every radar's detections correct the intensity in turn.
+"""The update (Sec. IV-C, Step 2): the detections of each radar correct the intensity in turn.
 
-Pure, as `prediction.predict` is: intensity in, intensity out. The posterior stays split into a
-Poisson part and Bernoulli components (see `ParticleSet`), which the smoother needs.
+The functions are pure. The posterior stays split into a Poisson part and Bernoulli components (see
+`ParticleSet`), because the smoother needs the split.
 """
 
 from __future__ import annotations
@@ -36,30 +36,30 @@ def update(
     ----------
     particles : ParticleSet
     detections : Detections
-        M of them; zero is a valid report.
+        M of them; a report without detections is valid.
     radar : RadarModel
     model : TrackerModel
     corrector : Corrector
     dt : float
-        True interval since the scan before, seconds.
+        True interval since the previous scan, seconds.
 
     Returns
     -------
     particles : ParticleSet
         Corrected; see `correction`.
-    found : Newborn or None
-        What unknown targets explain of these detections, where births come from detections.
+    newborn : Newborn or None
+        Targets born at these detections; None if births at detections are disabled.
 
     Notes
     -----
-    Sec. IV-C, Step 2. Radars are applied in turn (iterated corrector). What explains a detection
-    is compared relative to the largest of its terms: above an amplitude of 38 the clutter density
-    alone would underflow.
+    Sec. IV-C, Step 2. Radars are applied in turn (iterated corrector). All terms that explain a
+    detection are divided by the largest of them, because the clutter density underflows above an
+    amplitude of 38.
     """
     detections = model.amplitudes.used(detections)
     predicted = radar.measure(particles.state)
     in_range = predicted[:, 0] <= radar.max_range
-    predicted[~in_range, 0] = np.inf  # near no detection
+    predicted[~in_range, 0] = np.inf  # outside the gate of every detection
     row, column, log_likelihood = radar.gated_pairs(predicted, detections)
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
@@ -104,38 +104,44 @@ def update_scan(
 ) -> tuple[ParticleSet, tuple[Newborn, ...]]:
     """Update with every radar that reported, in the configured order.
 
-    A target that one radar found is there when the next one's detections are shared out, so that
-    both have found one target and not two.
+    Targets born at one radar's detections join the intensity before the next radar's update, so
+    that two radars that detect a new target do not give birth to it twice.
+
+    Returns
+    -------
+    particles : ParticleSet
+    newborns : tuple of Newborn
+        Targets born at detections, by radar.
     """
     origin = origins.first_detected(scan_index)
-    found = []
+    newborns = []
     for radar, detections in zip(model.radars, scan.detections, strict=True):
         if detections is not None:
-            particles, one = update(particles, detections, radar, model, corrector, dt)
-            if one is not None:
-                particles = _joined(particles, one, model, corrector, origin, rng)
-                origin += len(one)
-                found.append(one)
-    return particles, tuple(found)
+            particles, newborn = update(particles, detections, radar, model, corrector, dt)
+            if newborn is not None:
+                particles = _with_newborn(particles, newborn, model, corrector, origin, rng)
+                origin += len(newborn)
+                newborns.append(newborn)
+    return particles, tuple(newborns)
 
 
-def _joined(
+def _with_newborn(
     particles: ParticleSet,
-    found: Newborn,
+    newborn: Newborn,
     model: TrackerModel,
     corrector: Corrector,
     origin: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Return the intensity with newborn targets, each a component of its own."""
+    """Return the intensity with newborn targets added, each as a component."""
     state, mode, weight, detection = detection_birth.sample(
-        found, model.detection_births, model.modes, rng
+        newborn, model.detection_births, model.modes, rng
     )
-    count = len(weight)
-    amplitude = None if found.amplitude is None else found.amplitude.take(detection)
+    count, births = len(weight), len(newborn)
+    amplitude = None if newborn.amplitude is None else newborn.amplitude.take(detection)
     log_snr = model.amplitudes.born(mode, model.modes, rng, amplitude)
-    labels = origin + np.arange(len(found)) if corrector.labelled else np.full(len(found), -1)
-    own = sparse.csr_array((weight, detection, np.arange(count + 1)), shape=(count, len(found)))
+    labels = origin + np.arange(births) if corrector.labelled else np.full(births, -1)
+    added = sparse.csr_array((weight, detection, np.arange(count + 1)), shape=(count, births))
     return ParticleSet(
         state=np.concatenate([particles.state, state]),
         mode=np.concatenate([particles.mode, mode]),
@@ -143,7 +149,7 @@ def _joined(
         parent=np.concatenate([particles.parent, np.full(count, -1)]),
         multiplicity=np.concatenate([particles.multiplicity, np.ones(count, dtype=np.int64)]),
         poisson=np.concatenate([particles.poisson, np.zeros(count)]),
-        components=sparse.block_diag([particles.components, own], format="csr"),
+        components=sparse.block_diag([particles.components, added], format="csr"),
         label=np.concatenate([particles.label, labels]),
         log_snr=np.concatenate([particles.log_snr, log_snr]),
     )

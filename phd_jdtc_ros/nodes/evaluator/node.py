@@ -38,9 +38,10 @@ from .recorder import Recorder
 INPUT_DEPTH = 100
 OUTPUT_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 CHECK_PERIOD_S = 0.1
-# Once the last score is in, what else is on its way to the recording gets this long.
+# Time after the last score in which further messages can still arrive for the recording.
 LINGER_S = 0.5
-# Of a node that may run for months: scans that a late cloud may still belong to, and step times.
+# Bounds of the memory of a node that may run for months: scans that a late cloud may belong to, and
+# step times.
 KEPT_SCANS, KEPT_STEPS = 1000, 100_000
 
 TABLE = (
@@ -83,7 +84,7 @@ class Evaluator(Node):
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
         self._recorder = self._make_recorder()
         self._subscribe()
-        # By the wall clock, for simulated time stops with the replay, before the last scores.
+        # By the wall clock, because simulated time stops with the replay, before the last scores.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(CHECK_PERIOD_S, self._check_complete, clock=steady)
         self.get_logger().info("waiting for estimates and truth")
@@ -137,12 +138,12 @@ class Evaluator(Node):
 
     def _on_estimates(self, source: str, cloud: PointCloud2) -> None:
         try:
-            found = estimates.from_msg(cloud)
+            received = estimates.from_msg(cloud)
         except RejectedMessageError as error:
             self._warn(f"{source} estimates: {error}")
             return
-        points = PointSet.of(found)
-        self._publish(self._evaluation.add_estimates(source, found.stamp_ns, points))
+        points = PointSet.of(received)
+        self._publish(self._evaluation.add_estimates(source, received.stamp_ns, points))
 
     def _on_figures(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -166,7 +167,7 @@ class Evaluator(Node):
             )
 
     def _check_complete(self) -> None:
-        """End once the wanted number of stamps has both scores and the rest has arrived."""
+        """End `LINGER_S` after the wanted number of stamps has the scores of both sources."""
         wanted = self._values["exit_after_scans"]
         if not wanted or min(self._evaluation.scored.values()) < wanted:
             return
@@ -180,12 +181,12 @@ class Evaluator(Node):
 
 
 def _report_path(given: str) -> Path | None:
-    """Return where the report goes, its directory made; None if none is wanted.
+    """Return the path of the report and create its directory; None if no report is wanted.
 
     Raises
     ------
     ConfigError
-        If it cannot be written there.
+        If the report cannot be written there.
     """
     if not given:
         return None

@@ -1,4 +1,4 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensor-replay node: plays a bag's detections and truth."""
+"""The sensor-replay node: publishes a bag's detections and truth."""

@@ -6,10 +6,10 @@
 ::
 
     node                   life cycle, parameters, services
-    live                   a message's way: decode, pipeline, publish
+    live                   the path of a message: decode, pipeline, publish
     endpoints, outputs     topics and their QoS
     health, sequence_numbers   diagnostics of inputs, steps and outputs
     checkpoint             warm restart
-    name_claim             one tracker of a name at a time
-    settings               the node's own parameters beside the tracker's
+    name_claim             at most one tracker per name
+    settings               the parameters of the node
 """

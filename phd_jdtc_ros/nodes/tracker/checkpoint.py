@@ -1,11 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A tracker's snapshot as a file: written whole or not at all, and checked before it is believed.
+"""A tracker's snapshot as a file: written atomically, and checked before it is used.
 
-The file is a magic line, the SHA-256 of all that follows, and a numpy archive of arrays; the facts
-and what the tracker was configured with are JSON text in two of them. Nothing in it is ever
-executed or unpickled.
+The file is a magic line, the SHA-256 of the rest, and a numpy archive of arrays. The facts and the
+tracker's configuration are JSON text in two of them. Nothing in the file is executed or unpickled.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ class CheckpointError(Exception):
 
 
 def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> None:
-    """Store a snapshot; the file before it stays until this one is complete on the disk.
+    """Store a snapshot; the previous file stays until the new one is complete on the disk.
 
     Parameters
     ----------
@@ -44,12 +43,12 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
         In an existing directory.
     snapshot : Snapshot
     configuration : mapping
-        Parameters by name; only a tracker with the same ones may go on from it.
+        Parameters by name; only a tracker with the same ones may continue from the snapshot.
 
     Raises
     ------
     OSError
-        If it cannot be written.
+        If the file cannot be written.
     """
     texts = {
         STAMP: snapshot.stamp_ns,
@@ -77,7 +76,7 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
     Raises
     ------
     CheckpointError
-        If there is none, it is damaged, of another format, or of a tracker with other parameters.
+        If the file is missing, damaged, of another format, or of a tracker with other parameters.
     """
     try:
         content = path.read_bytes()
@@ -105,17 +104,17 @@ def read(path: Path, configuration: Mapping[str, Any]) -> Snapshot:
 
 
 class Checkpoints:
-    """A tracker's checkpoints: one is read at the start, and written as scans go by.
+    """A tracker's checkpoints: one is read at the start, and new ones are written.
 
     Parameters
     ----------
     path : Path
     every : int
-        Scans from one to the next; 0 for on request only.
+        Scans between checkpoints; 0 to write on request only.
     max_age_s : float
-        How much older than the first scan its last one may be.
+        Longest time from the checkpoint's last scan to the first scan after a restart, seconds.
     configuration : mapping
-        Of the tracker, without what may change while it runs.
+        Parameters of the tracker, without those that can change while it runs.
     log : rclpy logger
     """
 
@@ -125,42 +124,42 @@ class Checkpoints:
         self._path, self._every, self._max_age_s = path, every, max_age_s
         self._configuration, self._log = configuration, log
         self._scans = 0
-        self._found: Snapshot | None = None
+        self._stored: Snapshot | None = None
         try:
-            self._found = read(path, configuration)
+            self._stored = read(path, configuration)
         except CheckpointError as error:
-            # Before the first run there is none.
+            # A missing file is normal: before the first run there is none.
             if not isinstance(error.__cause__, FileNotFoundError):
                 log.warning(f"starting cold: {error}")
 
     def resume(self, engine: Engine, stamp_ns: int) -> None:
-        """Go on from the checkpoint, if there is one, before the first scan is taken in."""
-        found, self._found = self._found, None
-        if found is None:
+        """Continue from the checkpoint, if there is one, before the first scan is stepped."""
+        stored, self._stored = self._stored, None
+        if stored is None:
             return
         try:
-            if found.stamp_ns is None:
+            if stored.stamp_ns is None:
                 raise ValueError("it holds no scan")
-            age_s = (stamp_ns - found.stamp_ns) * 1e-9
+            age_s = (stamp_ns - stored.stamp_ns) * 1e-9
             if not 0.0 < age_s <= self._max_age_s:
                 raise ValueError(
                     f"it ends {age_s:.1f} s before the first scan, at most {self._max_age_s:g} s "
                     "are allowed"
                 )
-            engine.restore(found)
+            engine.restore(stored)
         except (KeyError, TypeError, ValueError) as error:
             self._log.warning(f"starting cold: {self._path}: {error}")
             return
         self._log.info(f"going on from {self._path}, {age_s:.1f} s old")
 
     def stepped(self, engine: Engine) -> None:
-        """Count a scan, and write the checkpoint that is due."""
+        """Count a scan, and write a checkpoint if one is due."""
         self._scans += 1
         if self._every and self._scans % self._every == 0:
             self.save(engine)
 
     def save(self, engine: Engine) -> str | None:
-        """Write a checkpoint; return why it could not be written, or None."""
+        """Write a checkpoint; return None, or why it could not be written."""
         if not self._scans:
             return "no scan has been taken in yet"
         try:
@@ -172,8 +171,8 @@ class Checkpoints:
         return None
 
     def discard(self) -> None:
-        """Forget the checkpoint: its run is over."""
-        self._found, self._scans = None, 0
+        """Delete the checkpoint, because its run has ended."""
+        self._stored, self._scans = None, 0
         try:
             self._path.unlink(missing_ok=True)
         except OSError as error:

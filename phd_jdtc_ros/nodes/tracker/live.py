@@ -1,9 +1,9 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A message's way through the live node: decode, hand to the pipeline, publish what comes out.
+"""The live tracker: it decodes messages, feeds the pipeline, and publishes the estimates.
 
-This is what a tracker node has from its configuration to its clean-up.
+A tracker node has one from its configuration to its clean-up.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from .settings import Settings
 
 
 class LiveTracker:
-    """Subscribes to every radar, steps the engine scan by scan, publishes what comes out.
+    """Subscribes to every radar, steps the engine scan by scan, and publishes the estimates.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class LiveTracker:
     Raises
     ------
     ConfigError
-        If a topic's QoS cannot be as it was given.
+        If a topic's QoS override is not valid.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
@@ -84,7 +84,7 @@ class LiveTracker:
             raise
 
     def _make_patience(self, seconds: float) -> Timer | None:
-        """Return a stopped timer for the longest wait by the wall clock, if there is one."""
+        """Return a stopped wall-clock timer for `max_wait_s`, or None if that is zero."""
         if not seconds:
             return None
         clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -94,7 +94,7 @@ class LiveTracker:
         own = self._settings.node
         if not own["checkpoint.path"]:
             return None
-        # Where pathlib raises if it may not look, os.path finds nothing.
+        # os.path returns False where pathlib raises for lack of permission.
         path = Path(os.path.expanduser(own["checkpoint.path"]))
         if not os.path.isdir(path.parent):
             raise ConfigError([f"checkpoint.path: {path} given, {path.parent} is no directory"])
@@ -108,14 +108,14 @@ class LiveTracker:
         return Checkpoints(
             path,
             own["checkpoint.every"],
-            # What is predicted over after a restart is a gap like any other.
+            # The time of a restart is a gap, and the limit of gaps applies to it too.
             min(own["checkpoint.max_age_s"], self._settings.config.max_gap_s),
             fixed,
             self._node.get_logger(),
         )
 
     def destroy(self) -> None:
-        """Take all topics back."""
+        """Destroy all subscriptions, timers and publishers."""
         while self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop())
         if self._patience is not None:
@@ -124,22 +124,28 @@ class LiveTracker:
         self._outputs.destroy()
 
     def start(self) -> None:
-        """Take in what the radars say from now on."""
+        """Process the radars' messages from now on."""
         self._active = True
 
     def stop(self) -> None:
-        """Publish what is still held back and take in nothing more."""
+        """Publish the estimates that are held back, and ignore later messages."""
         self.flush()
         self._active = False
 
     def retune(self, settings: Settings) -> None:
-        """Go by changed settings from the next scan on; their structure must be the same."""
+        """Use changed settings from the next scan on; their structure must be the same."""
         self._settings = settings
         self._pipeline.engine.retune(settings.config.model, settings.config.existence_threshold)
         self._outputs.show_markers(settings.node["publish_markers"])
 
     def flush(self) -> int:
-        """Close all scans, publish all smoothed estimates, begin anew; return their number."""
+        """Close all scans, publish all smoothed estimates, and begin a new run.
+
+        Returns
+        -------
+        int
+            Number of stamps whose smoothed estimates were held back.
+        """
         start, published = time.thread_time(), 0
         for event in self._pipeline.flush():
             start = self._publish(event, start)
@@ -147,19 +153,19 @@ class LiveTracker:
         return published
 
     def save(self) -> str | None:
-        """Write a checkpoint; return why there is none, or None."""
+        """Write a checkpoint; return None, or why it could not be written."""
         if self._checkpoints is None:
             return "checkpoint.path is not set"
         return self._checkpoints.save(self._pipeline.engine)
 
     def reset(self) -> None:
-        """Begin anew and publish nothing."""
+        """Begin a new run without publishing."""
         self._pipeline.reset()
         self._forget_run()
         self._outputs.clear_markers()
 
     def _begin(self, engine: Engine, stamp_ns: int) -> None:
-        """Go on from the checkpoint, if there is one, before a run's first scan is taken in."""
+        """Continue from the checkpoint, if there is one, before a run's first scan is stepped."""
         if self._checkpoints is not None:
             self._checkpoints.resume(engine, stamp_ns)
 
@@ -200,13 +206,13 @@ class LiveTracker:
         health.rhythm.beat(time.monotonic())
         closed = self._handle(events, start)
         if self._patience is not None:
-            self._wait(anew=bool(closed) or not waiting)
+            self._wait(new_scan=bool(closed) or not waiting)
 
-    def _wait(self, anew: bool) -> None:
-        """Time the wait for the rest of a scan, if there is one; `anew` if it is another scan."""
+    def _wait(self, new_scan: bool) -> None:
+        """Start the timer if a new scan waits for reports; cancel it if no scan waits."""
         if not self._pipeline.waiting:
             self._patience.cancel()
-        elif anew:
+        elif new_scan:
             self._patience.reset()
 
     def _on_overdue(self) -> None:
@@ -215,9 +221,9 @@ class LiveTracker:
         self._pace.closed_by_wait += self._handle(events, time.thread_time())
 
     def _handle(self, events: Iterable[Event], start: float) -> int:
-        """Publish what comes of reports; return the number of scans that were taken in.
+        """Publish the pipeline's events; return the number of scans that were stepped.
 
-        `start` is the CPU time when the last of the reports came.
+        `start` is the CPU time at the receipt of the last report.
         """
         scans = 0
         for event in events:
@@ -228,7 +234,7 @@ class LiveTracker:
         return scans
 
     def _publish(self, event: Event, start: float) -> float:
-        """Publish an event; return the CPU time at which that was done."""
+        """Publish an event; return the CPU time afterwards."""
         if isinstance(event, RunEnded):
             self._end_run(event)
             return start
@@ -251,8 +257,8 @@ class LiveTracker:
             limit = ", more than max_gap_scans" if event.reset.ahead else ""
             self._node.get_logger().warning(f"{event.reset}{limit}: starting again")
             self._pace.epoch += 1
-        for found in event.smoothed:
-            self._outputs.publish_estimates(SMOOTHED, found)
+        for smoothed in event.smoothed:
+            self._outputs.publish_estimates(SMOOTHED, smoothed)
         self._forget_run()
 
     def _drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
@@ -262,31 +268,31 @@ class LiveTracker:
         )
 
     def silent(self) -> frozenset[str]:
-        """Return the names of the radars that have fallen silent."""
+        """Return the names of the radars that are silent."""
         now, scans = time.monotonic(), self._settings.node["silent_after_scans"]
         return frozenset(radar.name for radar in self._inputs if radar.silent(now, scans))
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Return a line for each radar, one for the step time and one for the outputs."""
+        """Return a status for each radar, one for the step time and one for the outputs."""
         now, name = time.monotonic(), self._node.get_name()
         hardware_id = self._node.get_fully_qualified_name()
-        own = self._settings.node
+        values = self._settings.node
         return [
             *(
                 health.status(
                     name,
                     now,
-                    own["silent_after_scans"],
+                    values["silent_after_scans"],
                     endpoints.publishers(self._node, listener),
                 )
                 for health, listener in zip(self._inputs, self._subscriptions, strict=True)
             ),
-            self._pace.status(name, hardware_id, own["step_time_limit"]),
+            self._pace.status(name, hardware_id, values["step_time_limit"]),
             self._served.status(name, hardware_id, now),
         ]
 
     def summary(self) -> str:
-        """Say how the run went."""
+        """Return the numbers of received clouds and of drops as text."""
         received = sum(health.received for health in self._inputs)
         drops = [
             f"{health.name} {reason} {count}"

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the tracker publishes of a scan."""
+"""The publishers of the tracker: estimates, poses, markers, tracks and cardinality."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ from . import endpoints
 from .health import OutputHealth
 from .settings import Settings
 
-# A path goes on if its track is back after no more scans than this.
+# A path is continued if its track is estimated again after at most this many scans.
 UNSEEN_SCANS = 10
 
 
 class Trails:
-    """The latest places of every track that was seen of late.
+    """The latest positions of every track with an estimate in the last `UNSEEN_SCANS` scans.
 
     Parameters
     ----------
     length : int
-        Places kept a track.
+        Number of positions kept per track.
     """
 
     def __init__(self, length: int) -> None:
@@ -56,19 +56,19 @@ class Trails:
         self._unseen: dict[int, int] = {}
 
     def add(self, found: Estimates) -> list[deque[Waypoint]]:
-        """Take in a scan's estimates; return the trails of the tracks in it, by ascending track."""
+        """Add a scan's estimates; return the trails of their tracks, by ascending number."""
         self._unseen = {track: scans + 1 for track, scans in self._unseen.items()}
-        seen = tracks.labelled(found)
-        for track, row in seen:
+        labelled = tracks.labelled(found)
+        for track, row in labelled:
             trail = self._trails.setdefault(track, deque(maxlen=self._length))
             trail.append(Waypoint(found.stamp_ns, found.state[row]))
             self._unseen[track] = 0
         for track in [track for track, scans in self._unseen.items() if scans > UNSEEN_SCANS]:
             del self._trails[track], self._unseen[track]
-        return [self._trails[track] for track, _ in seen]
+        return [self._trails[track] for track, _ in labelled]
 
     def clear(self) -> None:
-        """Forget all: another run has other tracks by the same numbers."""
+        """Remove all trails; a new run uses the same numbers for other tracks."""
         self._trails, self._unseen = {}, {}
 
 
@@ -80,12 +80,12 @@ class Outputs:
     node : LifecycleNode
     settings : Settings
     health : OutputHealth
-        Where subscriptions that cannot be served are counted.
+        Counts subscriptions with an incompatible QoS.
 
     Raises
     ------
     ConfigError
-        If an output's QoS cannot be as it was given.
+        If an output's QoS override is not valid.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings, health: OutputHealth) -> None:
@@ -134,7 +134,7 @@ class Outputs:
         switch: str,
         settings: Settings,
     ) -> tuple[Any, Any] | None:
-        """Return a publisher of messages that not every installation has, and their classes."""
+        """Return a publisher of messages of an optional package, and their classes."""
         if not settings.node[switch]:
             return None
         types = installed()
@@ -143,7 +143,7 @@ class Outputs:
         return make(types[0], topic), types
 
     def destroy(self) -> None:
-        """Take the topics back."""
+        """Destroy all publishers."""
         while self._made:
             self._node.destroy_lifecycle_publisher(self._made.pop())
 
@@ -153,13 +153,13 @@ class Outputs:
         self._run = uuid.uuid4()
 
     def show_markers(self, shown: bool) -> None:
-        """Publish markers from now on, or take back those that were published."""
+        """Publish markers from now on, or delete those that were published."""
         if not shown:
             self.clear_markers()
         self._with_markers = shown
 
     def clear_markers(self) -> None:
-        """Take back the markers that were published: a late joiner would still get the last."""
+        """Delete the published markers; the topic is latched, so late joiners would get them."""
         if self._with_markers:
             clear = Marker(header=stamps.header(0, self._frame), action=Marker.DELETEALL)
             self._markers.publish(MarkerArray(markers=[clear]))
@@ -171,7 +171,7 @@ class Outputs:
             publisher.publish(poses.to_cdr(found, class_id, self._frame))
 
     def publish_filtered(self, found: Estimates) -> None:
-        """Publish everything that is made of a scan's filtered estimates."""
+        """Publish a scan's filtered estimates on all topics that show them."""
         self.publish_estimates(FILTERED, found)
         if self._with_markers:
             self._markers.publish(markers.to_cdr(found, self._frame, self._class_names))

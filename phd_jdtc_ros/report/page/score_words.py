@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A run's scores in the words, numbers and tables of the report's page, as HTML."""
+"""The scores of a run on the report's page: sentences, numbers, tables and definitions, as HTML."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from ..style import class_name
 
 NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
-# The localisation part is shown once, OSPA's.
+# Only the localisation part of OSPA is shown, not that of GOSPA.
 DISTANCES = (*OSPA, *(metric for metric in GOSPA if metric.key != "gospa_localization"))
 OTHERS = (*(metric for metric in OF_SETS if metric not in (*OSPA, *GOSPA)), *OF_ALL)
 
 
 def tables(summary: Mapping[str, Any]) -> str:
-    """Return the figures of all sets, nothing if there are none."""
+    """Return the tables of all sets' figures; empty if there are none."""
     if not _scored(summary):
         return ""
     gap = summary.get("long_gap_s")
-    over = "" if gap is None else f"A gap of more than {gap:g} s is a long one."
+    over = "" if gap is None else f"Gaps of more than {gap:g} s are long."
     return "\n".join(
         (
             "<h2>Scores</h2>",
             _table(summary, DISTANCES, "Means over all scans."),
-            "<details>\n<summary>Surveillance figures, classes taken for each other</summary>",
+            "<details>\n<summary>Surveillance figures and confusion of classes</summary>",
             _table(summary, OTHERS, over),
             _confusion(_score(summary, SMOOTHED, "all", "confusion")),
             "</details>",
@@ -48,7 +48,7 @@ def tables(summary: Mapping[str, Any]) -> str:
 
 
 def _table(summary: Mapping[str, Any], columns: Sequence[Metric], note: str) -> str:
-    """Return one table, without the columns that no set has a value for."""
+    """Return one table, without the columns in which no set has a value."""
     keys = _set_keys(summary)
     known = [
         metric
@@ -65,7 +65,7 @@ def _table(summary: Mapping[str, Any], columns: Sequence[Metric], note: str) -> 
 
 
 def _confusion(matrix: Sequence[Sequence[int]] | None) -> str:
-    """Return which class was taken for which, the last row false and the last column missed."""
+    """Return the confusion matrix; its last row is false estimates, its last column is missed."""
     if matrix is None:
         return ""
     classes = len(matrix) - 1
@@ -90,34 +90,34 @@ def _confusion(matrix: Sequence[Sequence[int]] | None) -> str:
 
 
 def number(value: float | None, decimals: int = 0, unit: str = "") -> str:
-    """Return `value` for a reader, a dash if it is None."""
+    """Return `value` as text, a dash if it is None."""
     return NO_VALUE if value is None else f"{value:.{decimals}f}{unit}"
 
 
 def percent(fraction: float | None, decimals: int = 0) -> str:
-    """Return `fraction` in per cent, a dash if it is None."""
+    """Return `fraction` as text in per cent, a dash if it is None."""
     return number(None if fraction is None else 100.0 * fraction, decimals, " %")
 
 
 def _score(summary: Mapping[str, Any], source: str, key: str, part: str) -> Any:
-    """Return one entry of the table; None where any level of it is missing."""
+    """Return one entry of the summary; None if any of its keys is missing."""
     value: Any = ((summary.get(source) or {}).get(key) or {}).get(part)
     return value
 
 
 def _scored(summary: Mapping[str, Any]) -> list[str]:
-    """Return the sources that there are scores of."""
+    """Return the sources with scores."""
     return [source for source in SOURCES if _score(summary, source, "all", "ospa") is not None]
 
 
 def _set_keys(summary: Mapping[str, Any]) -> list[str]:
-    """Return ``all`` and then the classes that any source has scores of."""
-    found = {key for source in SOURCES for key in summary.get(source) or {}}
-    return ["all", *sorted(found - {"all"}, key=lambda key: (len(key), key))]
+    """Return ``all`` and then the sets of the classes with scores of any source."""
+    keys = {key for source in SOURCES for key in summary.get(source) or {}}
+    return ["all", *sorted(keys - {"all"}, key=lambda key: (len(key), key))]
 
 
 def lead(summary: Mapping[str, Any]) -> str:
-    """Return the result in one sentence, nothing if there is none."""
+    """Return the result in one sentence; empty if there is none."""
     means = [f"{number(_score(summary, s, 'all', 'ospa'))} m {s}" for s in _scored(summary)]
     if not means:
         return ""
@@ -132,7 +132,7 @@ def _change(reduction: float) -> str:
 
 
 def tiles(summary: Mapping[str, Any]) -> str:
-    """Return the headline numbers that are known, each with its name."""
+    """Return the headline numbers that have a value, each with its name."""
     step_ms = summary.get("step_ms") or {}
     numbers = [
         ("OSPA reduction", percent(summary.get("reduction"))),
@@ -164,7 +164,7 @@ def _rows(summary: Mapping[str, Any], columns: Sequence[Metric], key: str) -> st
 
 
 def definitions(summary: Mapping[str, Any]) -> str:
-    """Return what the words mean, nothing if there are no scores to mean anything."""
+    """Return the definitions of the shown metrics and terms; empty if there are no scores."""
     if not _scored(summary):
         return ""
     metrics = (*DISTANCES, *OTHERS, CLASS_ACCURACY)
@@ -174,7 +174,7 @@ def definitions(summary: Mapping[str, Any]) -> str:
 
 
 def _parameters(summary: Mapping[str, Any]) -> str:
-    """Return what the definitions leave open, nothing if it is not known."""
+    """Return the order p and the cutoff c of the definitions; empty if they are not known."""
     order, cutoff = summary.get("p"), summary.get("c")
     if order is None or cutoff is None:
         return ""

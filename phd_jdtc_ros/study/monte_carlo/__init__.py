@@ -3,16 +3,16 @@
 
 """A Monte Carlo study: many seeded runs of several trackers on several scenarios, and their scores.
 
-A study's way through the package, with the module of each step::
+The path of a study, with the module of each step::
 
     study file (YAML, read elsewhere)
       |  resolve: all faults at once         document
     Study: cases x variants, goals           definition
       |  plan                                tasks
     Task ...                                 tasks
-      |  remaining: those not stored yet     store
+      |  remaining: tasks without scores     store
       |  run_on_processes, run_on_dask:      execution
-      |    lost workers' tasks again
+      |    tasks of dead workers again
       |  perform: simulate, track, score     tasks, kinds, scores
     Outcome                                  tasks
       |  write                               store
@@ -21,9 +21,9 @@ A study's way through the package, with the module of each step::
     results.csv, summary.json
 
 A task is a case, variants that share a filter, and a seed. The data of a run depend on case and
-seed alone, so that all variants of a case see the same scans and differences between them are
-paired. What a stored score depends on is part of its file's name, the code of its kind of tracker
-too (`kinds`).
+seed alone, so that all variants of a case have the same scans and differences between them are
+paired. The name of a file of scores contains a digest of all that the scores depend on, including
+the code of the tracker (`kinds`).
 """
 
 from phd_jdtc_ros.core.evaluation.scan_scores import ALL

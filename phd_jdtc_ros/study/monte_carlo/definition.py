@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a study is: cases, the variants that are run on each, and goals."""
+"""The definition of a study: cases, the variants that are run on each, and goals."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ OSPA_AFTER_5 = Metric(
     "m",
     ".1f",
     mean("ospa_after_5"),
-    "OSPA without the targets in the first five scans of their life and without the estimates that "
-    "they are paired with, its mean over the scans in which not all living targets are that young.",
+    "Mean OSPA without the targets in their first five scans and without the estimates that are "
+    "paired with them. Scans in which all existing targets are in their first five are left out.",
 )
 METRICS = {metric.key: metric for metric in (*OF_SETS, CLASS_ACCURACY, OSPA_AFTER_5)}
-# Of the mean OSPA, against lag 0.
+# Reduction of the mean OSPA against lag 0.
 REDUCTION = "reduction"
 FIGURES = (*METRICS, REDUCTION)
-# Parameters that the study says itself.
+# Parameters that the study sets itself.
 OWN = ("lag", "lag_s", "seed", "death_term", "extraction")
 
 
 @dataclass(frozen=True)
 class Case:
-    """What all variants are given.
+    """A scenario and the tracker's parameters for it, shared by all variants.
 
     Parameters
     ----------
     name : str
     scenario : Scenario
     parameters : dict
-        The tracker's, by dotted name; the radars of the scenario are theirs.
+        Parameters of the tracker by dotted name; they also define the scenario's radars.
     classes : int
     """
 
@@ -54,17 +54,17 @@ class Case:
 
 @dataclass(frozen=True)
 class Variant:
-    """One tracker.
+    """One tracker with its settings.
 
     Parameters
     ----------
     name : str
     kind : str
-        Of `KINDS`.
+        One of `KINDS`.
     reading : Reading or None
-        None for other kinds than the particle engine.
+        None for all kinds but the particle engine.
     parameters : dict
-        Over the case's, for the tracker; the data stay the case's.
+        Parameters of the tracker that replace the case's; the simulated data stay the same.
     cases : tuple of str
     lags : tuple of int
         Ascending.
@@ -87,12 +87,12 @@ class Goal:
     name, case, variant : str
     lag : int
     figure : str
-        Of `FIGURES`.
+        One of `FIGURES`.
     bound : float
     at_most : bool
-        Whether the bound is an upper one.
+        Whether it is an upper bound.
     relative_to : str or None
-        The variant whose figure the bound is a multiple of.
+        If given, `bound` is a multiple of this variant's figure.
     """
 
     name: str
@@ -115,7 +115,7 @@ class Study:
     variants : tuple of Variant
     goals : tuple of Goal
     assigned : dict
-        Parameters over all others.
+        Parameters that replace those of cases and variants.
     """
 
     cases: tuple[Case, ...]
@@ -124,16 +124,16 @@ class Study:
     assigned: dict[str, Any]
 
     def parameters(self, case: Case, variant: Variant) -> dict[str, Any]:
-        """Return the tracker's parameters of a variant at a case."""
+        """Return the tracker's parameters for a variant and a case."""
         return merged(case.parameters, variant.parameters, self.assigned)
 
     def select(self, cases: Sequence[str], variants: Sequence[str]) -> Study:
-        """Return the study of some cases and variants; of all where none is named.
+        """Return the study of the named cases and variants; an empty sequence selects all.
 
         Raises
         ------
         ConfigError
-            With every unknown name.
+            With all unknown names.
         """
         faults = _unknown("--case", cases, [case.name for case in self.cases])
         faults += _unknown("--variant", variants, [variant.name for variant in self.variants])
@@ -155,19 +155,19 @@ def _unknown(option: str, names: Sequence[str], known: Sequence[str]) -> list[st
 
 
 def merged(*layers: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of several layers, the later over the earlier ones.
+    """Return the parameters of several layers, in which later layers replace earlier ones.
 
-    A layer that names the radars, classes, motions or births anew also takes away what earlier
-    layers say of those that it leaves out.
+    If a layer lists the radars, classes, motions or births again, the parameters of those that it
+    leaves out are removed.
     """
     result: dict[str, Any] = {}
     for layer in layers:
         for group in GROUPS:
             kept = layer.get(group)
             if isinstance(kept, list):
-                left = result.get(group, _DEFAULT_NAMES[group])
-                gone = {str(name) for name in left if name not in kept}
-                result = {k: v for k, v in result.items() if k.split(".")[0] not in gone}
+                names = result.get(group, _DEFAULT_NAMES[group])
+                removed = {str(name) for name in names if name not in kept}
+                result = {k: v for k, v in result.items() if k.split(".")[0] not in removed}
         result.update(layer)
     return result
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The study document: from what a YAML file says to a checked study, with all faults at once."""
+"""The study document: the content of a YAML file is checked as a whole and turned into a study."""
 
 from __future__ import annotations
 
@@ -25,35 +25,35 @@ PARTICLES_ONLY = ("death_term", "extraction", "parameters")
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
 
-# A scenario file's parameters by dotted name, and its scenario given the radars.
+# Parameters in a scenario file by dotted name, and a function from radars to its scenario.
 Scene: TypeAlias = "tuple[Mapping[str, Any], Callable[[tuple[RadarModel, ...]], Scenario]]"
 
 
 def resolve(
     document: Any, load_scene: Callable[[str], Scene], assigned: Mapping[str, Any]
 ) -> Study:
-    """Check a study document and build what it describes.
+    """Check a study document and build the study.
 
     Parameters
     ----------
     document : mapping
         ``lags``, ``cases``, ``variants`` and ``goals``, as in `config/studies/published.yaml`.
     load_scene : callable of str
-        Reads a scenario file as the document names it.
+        Reads a scenario file, given its name in the document.
     assigned : mapping
-        Tracker parameters over all others.
+        Tracker parameters that replace all others.
 
     Raises
     ------
     ConfigError
-        With every fault.
+        With all faults.
     """
     if not isinstance(document, Mapping):
         raise ConfigError(["study: must be a mapping"])
     faults = _unknown_keys(document, "", ("lags", "cases", "variants", "goals"))
     faults += _own_faults("-p ", assigned)
     lags = _lags(document.get("lags"), "lags", faults)
-    found = [
+    checked = [
         _case(name, given, load_scene, assigned, faults)
         for name, given in _entries(document, "cases", faults)
     ]
@@ -66,7 +66,7 @@ def resolve(
         _goal(given, f"goals[{index}].", names, variants, faults)
         for index, given in enumerate(_list(document, "goals", faults))
     ]
-    cases = tuple(case for case in found if case is not None)
+    cases = tuple(case for case in checked if case is not None)
     study = Study(cases, tuple(variants), tuple(goals), dict(assigned))
     faults += _tracker_faults(study)
     if faults:
@@ -81,19 +81,20 @@ def _case(
     assigned: Mapping[str, Any],
     faults: list[str],
 ) -> Case | None:
-    """Return a checked case, or None after adding what is wrong to `faults`."""
+    """Return a case, or None after adding its faults to `faults`."""
     prefix = f"cases.{name}."
     faults += _unknown_keys(given, prefix, ("scenario", "parameters"))
-    own = _parameters(given, prefix, faults)
-    where = given.get("scenario")
-    if not isinstance(where, str):
+    of_case = _parameters(given, prefix, faults)
+    source = given.get("scenario")
+    if not isinstance(source, str):
         faults.append(
-            f"{prefix}scenario: {where!r} given, must be {BUILT_IN_SCENARIO} or a scenario file"
+            f"{prefix}scenario: {source!r} given, must be {BUILT_IN_SCENARIO} or a scenario file"
         )
         return None
     try:
-        in_file, build = ({}, paper_scenario) if where == BUILT_IN_SCENARIO else load_scene(where)
-        parameters = merged(in_file, own, assigned)
+        built_in = source == BUILT_IN_SCENARIO
+        in_file, build = ({}, paper_scenario) if built_in else load_scene(source)
+        parameters = merged(in_file, of_case, assigned)
         model = tracker_config.resolve(parameters).model
         scenario, classes = build(model.radars), len(model.modes.classes)
         highest = max((target.class_id for target in scenario.targets), default=0)
@@ -107,7 +108,7 @@ def _case(
                 f"-p {fault}"
                 if name in assigned
                 else f"{prefix}parameters.{fault}"
-                if name in own
+                if name in of_case
                 else f"{prefix}scenario: {fault}"
             )
         return None
@@ -120,7 +121,7 @@ def _variant(
     lags: tuple[int, ...],
     faults: list[str],
 ) -> Variant:
-    """Return a variant; add what is wrong to `faults`."""
+    """Return a variant; add its faults to `faults`."""
     prefix = f"variants.{name}."
     faults += _unknown_keys(given, prefix, ("kind", "cases", "lags", *PARTICLES_ONLY))
     kind = _choice(given, "kind", prefix, KINDS, None, faults)
@@ -150,7 +151,7 @@ def _variant(
 def _goal(
     given: Any, prefix: str, cases: Sequence[str], variants: Sequence[Variant], faults: list[str]
 ) -> Goal:
-    """Return a goal; add what is wrong to `faults`."""
+    """Return a goal; add its faults to `faults`."""
     if not isinstance(given, Mapping):
         faults.append(f"{prefix[:-1]}: must be a mapping")
         given = {}
@@ -179,7 +180,7 @@ def _goal(
 
 
 def _tracker_faults(study: Study) -> Iterator[str]:
-    """Yield what is wrong with the parameters of each variant at each of its cases."""
+    """Yield the faults of each variant's parameters at each of its cases."""
     for variant in study.variants:
         for case in study.cases:
             if variant.kind == PARTICLES and case.name in variant.cases and variant.parameters:
@@ -201,7 +202,7 @@ def _parameters(given: Mapping[str, Any], prefix: str, faults: list[str]) -> dic
 
 
 def _own_faults(prefix: str, parameters: Mapping[str, Any]) -> list[str]:
-    return [f"{prefix}{name}: the study says it itself" for name in OWN if name in parameters]
+    return [f"{prefix}{name}: is set by the study itself" for name in OWN if name in parameters]
 
 
 def _entries(

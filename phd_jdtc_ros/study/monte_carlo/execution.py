@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Many tasks at a time, on processes of this machine or on a Dask cluster."""
+"""Parallel execution of tasks, on processes of this machine or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 
 from .tasks import Outcome, Task, perform
 
-# How often a task may take its worker with it.
+# Number of times that a task's worker process may die before the task has failed.
 TRIES = 3
 DASK_TIMEOUT_S = 10
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -38,14 +38,14 @@ def run_on_processes(
     tasks : iterable of Task
     workers : int
     report : callable of Outcome
-        Called here, as the tasks end.
+        Called in this process whenever a task ends.
     work : callable
-        What a worker does with a task.
+        Called by a worker with a task.
 
     Notes
     -----
-    When a process dies, whatever ran at that time is run again, one by one so that the guilty task
-    is told from its neighbours; one that takes its process with it `TRIES` times has failed.
+    When a process dies, all tasks that ran at that time are run again, one at a time, to find the
+    task that causes it. A task whose process dies `TRIES` times has failed.
     """
     waiting = deque((task, 0) for task in tasks)
     suspects: deque[tuple[Task, int]] = deque()
@@ -62,7 +62,7 @@ def run_on_processes(
 
 @contextlib.contextmanager
 def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool whose processes compute in one thread each and end with it, whatever happens."""
+    """Yield a pool of single-threaded processes that end with the context, also after an error."""
     before = set(multiprocessing.active_children())
     settings = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, "1"))
@@ -89,9 +89,9 @@ def _feed(
     report: Report,
     work: Work,
 ) -> list[tuple[Task, int]]:
-    """Work through a queue until it is empty or a process dies; return what was lost with it.
+    """Run a queue until it is empty or a process dies; return the tasks that were lost with it.
 
-    No more is handed out than runs, so that little is suspected.
+    Only as many tasks are submitted as run at once, so that few are lost.
     """
     running: dict[Future[Outcome], tuple[Task, int]] = {}
     while queue or running:
@@ -115,7 +115,7 @@ def _feed(
 def _end(
     future: Future[Outcome], running: dict[Future[Outcome], tuple[Task, int]], report: Report
 ) -> tuple[Task, int] | None:
-    """Report how a future ended; return its entry if its process died."""
+    """Report the outcome of a future; return its entry if its process died."""
     entry = running.pop(future)
     try:
         outcome = future.result()
@@ -126,7 +126,7 @@ def _end(
 
 
 def _submit(pool: ProcessPoolExecutor, work: Work, task: Task) -> Future[Outcome]:
-    """Submit a task; a process that this starts never sees an interrupt from the keyboard."""
+    """Submit a task; processes that are started for it ignore keyboard interrupts."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         return pool.submit(work, task)
@@ -141,21 +141,21 @@ def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work 
     ----------
     tasks : sequence of Task
     address : str
-        Of the scheduler.
+        Address of the scheduler.
     report : callable of Outcome
-        Called here, as the tasks end.
+        Called in this process whenever a task ends.
     work : callable
-        What a worker does with a task.
+        Called by a worker with a task.
 
     Raises
     ------
     ConfigError
-        If Dask is not installed or nobody answers at the address.
+        If Dask is not installed or no scheduler answers at the address.
 
     Notes
     -----
-    The scheduler itself runs a lost worker's tasks again, and gives up on one that takes several
-    workers with it.
+    The scheduler itself runs the tasks of a dead worker again. It gives up on a task after several
+    workers have died.
     """
     try:
         from distributed import Client, as_completed
@@ -164,7 +164,7 @@ def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work 
     try:
         client = Client(address, timeout=DASK_TIMEOUT_S)
     except (OSError, ValueError) as error:
-        raise ConfigError([f"--dask: {address!r} given, nobody answers: {error}"]) from error
+        raise ConfigError([f"--dask: {address!r} given, no scheduler answers: {error}"]) from error
     with client:
         futures = {client.submit(work, task, pure=False): task for task in tasks}
         for future in as_completed(futures):
@@ -173,5 +173,5 @@ def run_on_dask(tasks: Sequence[Task], address: str, report: Report, work: Work 
             except Exception as error:
                 outcome = Outcome(futures[future], error=f"{type(error).__name__}: {error}")
             report(outcome)
-            # Lets the cluster forget the result.
+            # Frees the result on the cluster.
             future.release()

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The kinds of tracker that a study compares: where each is, whether it is here, and its code.
+"""The kinds of tracker that a study compares: module, availability and source files of each.
 
-A kind is a tracker as it is tuned: a peer with other settings is a kind of its own, named as the
-function of `peers` that runs it.
+A kind is a tracker with its settings. A peer with other settings is another kind, with the name of
+the function of `peers` that runs it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 PARTICLES, REFERENCE, GNN = "particles", "reference", "gnn"
-# These smooth too.
+# Peers that also smooth.
 NEAREST_NEIGHBOUR = (GNN, "gnn_loud", "gnn_anywhere")
 PEERS = ("gm_phd", *NEAREST_NEIGHBOUR, "jpda")
 KINDS = (PARTICLES, REFERENCE, *PEERS)
@@ -25,7 +25,7 @@ PEERS_PACKAGE = "stonesoup"
 
 
 def module_of(kind: str) -> Any:
-    """Return the module of a kind; the peers' one is not needed by the others."""
+    """Return the module of a kind; only a peer's kind imports `peers`."""
     return import_module(f"..{_module_name(kind)}", __package__)
 
 
@@ -34,23 +34,23 @@ def _module_name(kind: str) -> str:
 
 
 def missing(kind: str) -> str | None:
-    """Return why a kind cannot be run here, or None."""
+    """Return why a kind cannot be run on this machine, or None."""
     if kind in PEERS and importlib.util.find_spec(PEERS_PACKAGE) is None:
         return f"{PEERS_PACKAGE} is not installed"
     return None
 
 
 def sources_of(kind: str) -> list[Path]:
-    """Return the files that a kind's scores depend on: of its tracker, of tasks and of scoring."""
+    """Return the source files that a kind's scores depend on: tracker, tasks and scoring."""
     package = Path(__file__).parents[2]
     study = package / "study"
-    own = study / _module_name(kind)
+    tracker = study / _module_name(kind)
     return [
         *sorted((package / "core").rglob("*.py")),
         study / "runs.py",
         study / "monte_carlo" / "scores.py",
         study / "monte_carlo" / "tasks.py",
-        *(sorted(own.glob("*.py")) if own.is_dir() else [own.with_suffix(".py")]),
+        *(sorted(tracker.glob("*.py")) if tracker.is_dir() else [tracker.with_suffix(".py")]),
     ]
 
 

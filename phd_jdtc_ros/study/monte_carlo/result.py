@@ -27,7 +27,7 @@ class Result:
     variant : Variant
     seeds : tuple of int
     scores : Scores
-        With the runs as the first axis of its arrays.
+        The first axis of its arrays is the run.
     """
 
     case: str
@@ -50,7 +50,7 @@ class Result:
         return self.figures(lag, of_set)[name]
 
     def over_time(self, name: str, lag: int, of_set: str = ALL) -> FloatArray:
-        """Return one of `METRICS` of every scan alone, shape (runs, scans)."""
+        """Return one of `METRICS` per scan, shape (runs, scans)."""
         each_scan = self._values(lag, of_set)[..., None, :]
         return METRICS[name].of_run(Totals.of(VALUES, each_scan))
 
@@ -72,7 +72,7 @@ class Result:
         Returns
         -------
         array of shape (runs, C + 1, C + 1) or None
-            Counts over all scans; None for trackers that do not tell classes.
+            Counts over all scans; None for trackers without classes.
         """
         if self.scores.taken_for is None:
             return None
@@ -82,9 +82,9 @@ class Result:
         matrix = np.zeros((runs, classes + 1, classes + 1))
         matrix[:, :classes, :classes] = taken
         for k in range(classes):
-            true, found = (
+            true, estimated = (
                 self.value(n, lag, f"class_{k}").sum(axis=1) for n in ("n_true", "n_est")
             )
             matrix[:, k, classes] = true - taken[:, k].sum(axis=1)
-            matrix[:, classes, k] = found - taken[:, :, k].sum(axis=1)
+            matrix[:, classes, k] = estimated - taken[:, :, k].sum(axis=1)
         return matrix

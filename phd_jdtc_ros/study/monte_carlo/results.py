@@ -28,14 +28,14 @@ from .tasks import Outcome, Task
 
 
 class Mean(NamedTuple):
-    """A mean over runs and half the width of its 95 % interval; NaN where not known."""
+    """A mean over runs and half the width of its 95 % interval; NaN if not known."""
 
     mean: float
     half_width: float
 
     @staticmethod
     def of(runs: FloatArray | None) -> Mean:
-        """Return the mean of independent runs, by Student's t; NaNs do not count."""
+        """Return the mean of independent runs with Student's t interval; NaNs are left out."""
         known = np.zeros(0) if runs is None else runs[np.isfinite(runs)]
         count = len(known)
         if count < 2:
@@ -44,7 +44,7 @@ class Mean(NamedTuple):
         return Mean(float(known.mean()), float(stats.t.ppf(0.975, count - 1) * error))
 
     def as_json(self) -> dict[str, Any] | None:
-        """Return the mean and its interval; None stands for what is not known."""
+        """Return the mean and its interval for JSON; None for values that are not known."""
         if math.isnan(self.mean):
             return None
         low, high = self.mean - self.half_width, self.mean + self.half_width
@@ -53,7 +53,7 @@ class Mean(NamedTuple):
 
 
 def collect(tasks: Iterable[Task], store: Store) -> list[Result]:
-    """Return all stored results of a plan's tasks, by case and then variant."""
+    """Return all stored results of a plan's tasks, ordered by case and variant."""
     results = []
     for (case, _), entries in _stored(tasks).items():
         runs = [(task.seed, store.read(task, variant)) for task, variant in entries]
@@ -69,7 +69,7 @@ def collect(tasks: Iterable[Task], store: Store) -> list[Result]:
 
 
 def write_csv(path: Path, tasks: Iterable[Task], store: Store) -> None:
-    """Write all stored rows of a plan's tasks into one file, by case, variant and seed."""
+    """Write all stored rows of a plan's tasks to one file, ordered by case, variant and seed."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     with temporary.open("wb") as file:
         file.write((",".join(HEADER) + "\n").encode())
@@ -82,36 +82,36 @@ def write_csv(path: Path, tasks: Iterable[Task], store: Store) -> None:
 
 
 def _stored(tasks: Iterable[Task]) -> dict[tuple[str, str], list[tuple[Task, Variant]]]:
-    """Return what may be stored of a plan, by the names of case and variant."""
-    found: dict[tuple[str, str], list[tuple[Task, Variant]]] = {}
+    """Return the tasks and variants of a plan, by the names of case and variant."""
+    entries: dict[tuple[str, str], list[tuple[Task, Variant]]] = {}
     for task in tasks:
         for variant in task.variants:
-            found.setdefault((task.case, variant.name), []).append((task, variant))
-    return found
+            entries.setdefault((task.case, variant.name), []).append((task, variant))
+    return entries
 
 
 def summarise(
     study: Study, results: Sequence[Result], notes: Sequence[str], failures: Sequence[Outcome]
 ) -> dict[str, Any]:
-    """Return a study's figures, as `summary.json` holds them.
+    """Return a study's figures in the form of `summary.json`.
 
     Parameters
     ----------
     study : Study
     results : sequence of Result
     notes : sequence of str
-        What was left out.
+        Variants that were left out, and why.
     failures : sequence of Outcome
-        What failed.
+        Tasks that failed.
 
     Returns
     -------
     dict
         ``cases`` by case, variant, lag and set: the mean over runs of each of `FIGURES` with its
         95 % interval, None where it has no meaning. ``reduction`` is that of the mean OSPA against
-        lag 0 of the same variant and seed. ``confusion`` of a class says which share of its
-        targets were taken for each class or missed, that of all the mean over runs of the
-        confusion matrix, counted over the scans.
+        lag 0 of the same variant and seed. ``confusion`` of a class is the share of its targets
+        that were estimated as each class or missed; that of all targets is the mean over runs of
+        the confusion matrix, summed over the scans.
     """
     cases: dict[str, Any] = {}
     for result in results:
@@ -151,7 +151,7 @@ def summarise(
 
 
 def _confusion(result: Result, lag: int, of_set: str) -> Any:
-    """Return what a summary says of a set's row of the confusion matrix, or of all of it."""
+    """Return a class's row of the confusion matrix as shares, or the whole matrix for all."""
     matrix = result.confusion(lag)
     if matrix is None:
         return None
@@ -164,7 +164,7 @@ def _confusion(result: Result, lag: int, of_set: str) -> Any:
 
 
 def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
-    """Return a goal with what was reached; None where the study has no such figure."""
+    """Return a goal with the value that was reached; None if the study has no such figure."""
     value = _mean(goal, goal.variant, results)
     bound = goal.bound
     if goal.relative_to is not None:
@@ -182,7 +182,7 @@ def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
 
 def _mean(goal: Goal, variant: str, results: Sequence[Result]) -> float:
     for result in results:
-        here = (result.case, result.variant.name) == (goal.case, variant)
-        if here and goal.lag in result.scores.lags:
+        matches = (result.case, result.variant.name) == (goal.case, variant)
+        if matches and goal.lag in result.scores.lags:
             return Mean.of(result.figure(goal.figure, goal.lag)).mean
     return math.nan

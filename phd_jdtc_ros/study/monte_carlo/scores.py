@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scores of one run: what is compared with the truth, scan by scan and set by set."""
+"""The scores of one run: values per lag, scan and set."""
 
 from __future__ import annotations
 
@@ -29,30 +29,30 @@ from ..runs import SimulatedRun, Tracks
 from .definition import Variant
 from .kinds import PEERS
 
-# OSPA's and GOSPA's c (metres) and p; and OSPA's other ones, for all targets only.
+# Cut-off c (metres) and order p of OSPA and GOSPA, and other ones of OSPA for all targets only.
 CUTOFF, ORDER = 1000.0, 2.0
 OTHER_ORDER, OTHER_CUTOFF = 1.0, 300.0
-# In its first scans a target is young: a tracker that is not told where targets appear needs them.
+# A target is young in its first scans, which a tracker without known birth places needs to start a
+# track.
 YOUNG_SCANS = 5
-# Those of the table that need no labels of the estimates, and the study's own.
+# Values of the metric table that need no labels of the estimates, and further ones of the study.
 VALUES = (*PUBLISHED, *COUNTED, "ospa_p1", "ospa_c300", "ospa_after_5")
 
 
 class Scores(NamedTuple):
-    """One variant's scores of one run, or several.
+    """The scores of one variant in one or several runs.
 
     Parameters
     ----------
     lags : tuple of int
     sets : tuple of str
-        ``all`` and, for trackers that tell classes, one ``class_k`` a class.
+        ``all`` and, for trackers with classes, one ``class_k`` per class.
     time_s : array of shape (scans,)
-        From the first scan.
+        Time since the first scan, seconds.
     values : array of shape (..., lags, scans, sets, VALUES)
         NaN where there is no such value.
     taken_for : int array of shape (..., lags, scans, C, C) or None
-        How many targets of a class, the first of the two, have an estimate of a class, the
-        second. None for trackers that do not tell classes.
+        [true class, estimated class]: number of pairs. None for trackers without classes.
     """
 
     lags: tuple[int, ...]
@@ -63,41 +63,41 @@ class Scores(NamedTuple):
 
 
 def score(run: SimulatedRun, tracks: Tracks, variant: Variant, classes: int) -> Scores:
-    """Return the scores of those lags of a variant that its tracker has.
+    """Return the scores of a variant at those of its lags that its tracker has.
 
     Notes
     -----
-    Rounded to a thousandth, so that a file of them is short and reads back as it was.
+    Values are rounded to a thousandth, so that a file of them is short and reading is exact.
 
-    - The values of gaps are of those that ended with a scan; the last scan ends all.
+    - The values of gaps are of the gaps that ended in the scan; all gaps end in the last scan.
     - ``ospa_p1`` and ``ospa_c300`` are OSPA of all targets with `OTHER_ORDER` and `OTHER_CUTOFF`.
-    - ``ospa_after_5`` is OSPA without the targets in the first `YOUNG_SCANS` scans of their life
-      and without the estimates paired with them; NaN where all living targets are young.
+    - ``ospa_after_5`` is OSPA without the targets in their first `YOUNG_SCANS` scans and without
+      the estimates paired with them; NaN if all existing targets are young.
     """
     lags = tuple(lag for lag in variant.lags if lag in tracks)
     if not lags:
         raise ValueError(f"lags: {variant.lags} wanted, the tracker has {sorted(tracks)}")
-    told = 0 if variant.kind in PEERS else classes
-    sets = set_names(told)
+    estimated = 0 if variant.kind in PEERS else classes  # peers do not estimate classes
+    sets = set_names(estimated)
     values = np.full((len(lags), len(run.scans), len(sets), len(VALUES)), np.nan)
-    taken_for = np.zeros((len(lags), len(run.scans), told, told), dtype=np.int64)
+    taken_for = np.zeros((len(lags), len(run.scans), estimated, estimated), dtype=np.int64)
     young = _young(run)
     for row, lag in enumerate(lags):
-        comparer = ScanComparer(told, CUTOFF, ORDER)
-        for index, (truth, found) in enumerate(zip(run.truth, tracks[lag], strict=True)):
-            scan = PairedScan.of(truth.stamp_ns, PointSet.of(truth), found, CUTOFF)
+        comparer = ScanComparer(estimated, CUTOFF, ORDER)
+        for index, (truth, points) in enumerate(zip(run.truth, tracks[lag], strict=True)):
+            scan = PairedScan.of(truth.stamp_ns, PointSet.of(truth), points, CUTOFF)
             compared = comparer.compare(scan)
             if index == len(run.scans) - 1:
                 compared = comparer.ended(compared)
             values[row, index] = _scan_values(scan, compared, young[index])
-            matrix = confusion_matrix(scan.pairs, truth.class_id, found.class_id, told)
-            taken_for[row, index] = matrix[:told, :told]
+            matrix = confusion_matrix(scan.pairs, truth.class_id, points.class_id, estimated)
+            taken_for[row, index] = matrix[:estimated, :estimated]
     stamps = np.array([truth.stamp_ns - run.truth[0].stamp_ns for truth in run.truth])
-    return Scores(lags, sets, stamps * 1e-9, np.round(values, 3), taken_for if told else None)
+    return Scores(lags, sets, stamps * 1e-9, np.round(values, 3), taken_for if estimated else None)
 
 
 def _young(run: SimulatedRun) -> list[npt.NDArray[np.bool_]]:
-    """Return for every scan which of its targets are in the first scans of their life."""
+    """Return for every scan which of its targets are in their first `YOUNG_SCANS` scans."""
     first: dict[int, int] = {}
     young = []
     for scan, truth in enumerate(run.truth):
@@ -113,7 +113,7 @@ def _scan_values(
     positions = scan.truth.position, scan.estimate.position
     rows = {key: values_of(comparison) for key, comparison in compared.items()}
     if len(rows) == 1:
-        # The tracker tells no classes.
+        # The tracker does not estimate classes.
         rows[ALL]["right_class"] = None
     rows[ALL]["ospa_p1"] = ospa(*positions, CUTOFF, OTHER_ORDER).distance
     rows[ALL]["ospa_c300"] = ospa(*positions, OTHER_CUTOFF, ORDER).distance
@@ -127,12 +127,12 @@ def _ospa_without(scan: PairedScan, young: npt.NDArray[np.bool_], classes: int) 
     target, estimate = scan.pairs
     truth = scan.truth
     old = truth.only(np.flatnonzero(~young))
-    left = scan.estimate.only(np.delete(np.arange(len(scan.estimate)), estimate[young[target]]))
-    sets = [(truth, old, left)]
-    sets += [(truth.of_class(k), old.of_class(k), left.of_class(k)) for k in range(classes)]
+    rest = scan.estimate.only(np.delete(np.arange(len(scan.estimate)), estimate[young[target]]))
+    sets = [(truth, old, rest)]
+    sets += [(truth.of_class(k), old.of_class(k), rest.of_class(k)) for k in range(classes)]
     return {
         key: math.nan
-        if len(living) and not len(t)
+        if len(existing) and not len(t)
         else ospa(t.position, e.position, CUTOFF, ORDER).distance
-        for key, (living, t, e) in zip(set_names(classes), sets, strict=True)
+        for key, (existing, t, e) in zip(set_names(classes), sets, strict=True)
     }

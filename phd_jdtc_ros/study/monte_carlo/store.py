@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The scores on disk: a file of tidy rows for each case, variant and seed."""
+"""Scores on disk: a file of tidy rows for each case, variant and seed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from .definition import Variant
 from .scores import VALUES, Scores
 from .tasks import Task
 
-# The last column holds a class's row of `Scores.taken_for`, numbers with blanks between.
+# The last column is a class's row of `Scores.taken_for`: numbers separated by blanks.
 HEADER = ("case", "variant", "lag", "seed", "scan", "time_s", "set", *VALUES, "taken_for")
 
 
@@ -34,25 +34,25 @@ class Store:
     Parameters
     ----------
     directory : Path
-        Made if it does not exist.
+        Created if it does not exist.
     """
 
     directory: Path
 
     def path(self, task: Task, variant: Variant) -> Path:
-        """Return the file of a variant's scores; its name tells what they depend on."""
+        """Return the path of a variant's scores, which has a digest of all that they depend on."""
         digest = task.digests[variant.name]
         name = f"{slug(task.case)}.{slug(variant.name)}.{task.seed}.{digest}.csv.gz"
         return self.directory / name
 
     def write(self, task: Task, variant: Variant, scores: Scores) -> None:
-        """Write scores; a file is there as a whole or not at all."""
+        """Write scores atomically."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(HEADER)
         writer.writerows(_rows(task, variant, scores))
         self.directory.mkdir(parents=True, exist_ok=True)
-        # Without a time, so that equal scores are equal bytes.
+        # Without a time stamp, so that equal scores give equal bytes.
         write_atomically(
             self.path(task, variant), gzip.compress(text.getvalue().encode(), 6, mtime=0)
         )
@@ -82,12 +82,12 @@ def _rows(task: Task, variant: Variant, scores: Scores) -> Iterator[list[Any]]:
 
 
 def _cell(value: float) -> str:
-    """Return a value of three decimals so that it reads back as it was."""
+    """Return a value of three decimals as text from which the same value is read."""
     return "" if math.isnan(value) else f"{value:.15g}"
 
 
 def _scores(rows: Sequence[Sequence[str]]) -> Scores:
-    """Return what `_rows` made rows of."""
+    """Return the scores of rows from `_rows`."""
     lags = tuple(dict.fromkeys(int(row[2]) for row in rows))
     times = list(dict.fromkeys(row[5] for row in rows))
     sets = tuple(dict.fromkeys(row[6] for row in rows))
@@ -102,27 +102,27 @@ def _scores(rows: Sequence[Sequence[str]]) -> Scores:
 
 
 def remaining(tasks: Iterable[Task], store: Store) -> list[Task]:
-    """Return the tasks, each without the variants whose scores are stored."""
+    """Return the tasks that are left, each without the variants whose scores are stored."""
     rest = []
     for task in tasks:
-        todo = tuple(v for v in task.variants if store.read(task, v) is None)
-        if todo:
-            rest.append(replace(task, variants=todo))
+        unscored = tuple(v for v in task.variants if store.read(task, v) is None)
+        if unscored:
+            rest.append(replace(task, variants=unscored))
     return rest
 
 
 def slug(name: str) -> str:
-    """Return a name that any file system takes."""
+    """Return a name that is valid on all file systems."""
     return re.sub(r"[^\w]+", "_", name)
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that it is there as a whole or not at all."""
+    """Write a file through a temporary one, so that it is never incomplete."""
     descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
     try:
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)
-        # mkstemp keeps others out; a result is for all who may read the directory.
+        # mkstemp restricts access to the user; results shall be readable by others too.
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
     except BaseException:

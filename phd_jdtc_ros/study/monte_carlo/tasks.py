@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tasks of a study: what each depends on, and how one is run."""
+"""The tasks of a study: their plan, their digests, and how one is run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .definition import OWN, Case, Study, Variant
 from .kinds import NEAREST_NEIGHBOUR, PARTICLES, REFERENCE, code_of, missing, module_of
 from .scores import CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
-# A change of what a stored row means changes this.
+# Must be increased when the meaning of a stored row changes.
 FORMAT = 3
 
 
@@ -38,14 +38,14 @@ class Task:
     scenario : Scenario
     classes : int
     variants : tuple of Variant
-        Of one kind.
+        All of one kind.
     parameters : dict
-        The tracker's.
+        Parameters of the tracker.
     seed : int
     code : str
-        Digest of the code that is to run, see `code_of`.
+        Digest of the tracker's code, see `code_of`.
     digests : dict
-        By the name of the variant: of all that its scores depend on, but for the seed.
+        By name of the variant, a digest of all that its scores depend on except the seed.
     """
 
     case: str
@@ -59,26 +59,26 @@ class Task:
 
     @property
     def kind(self) -> str:
-        """The variants' kind."""
+        """The kind of the variants."""
         return self.variants[0].kind
 
     @property
     def label(self) -> str:
-        """What the task is, in words."""
+        """The case, variants and seed of the task, for messages."""
         return f"{self.case}, {' + '.join(v.name for v in self.variants)}, seed {self.seed}"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a task.
+    """The outcome of a task: scores or an error.
 
     Parameters
     ----------
     task : Task
     scores : dict
-        By the name of the variant; empty if it failed.
+        By name of the variant; empty if the task failed.
     error : str
-        Empty if it did not.
+        Empty if the task succeeded.
     """
 
     task: Task
@@ -87,14 +87,14 @@ class Outcome:
 
 
 class Plan(NamedTuple):
-    """What a study amounts to.
+    """The tasks of a study.
 
     Parameters
     ----------
     tasks : list of Task
-        Seed by seed, so that a study that is stopped has something of everything.
+        Ordered by seed, so that a study that is stopped early has results of all variants.
     notes : list of str
-        What is left out, and why.
+        Variants that are left out, and why.
     """
 
     tasks: list[Task]
@@ -102,17 +102,17 @@ class Plan(NamedTuple):
 
 
 def plan(study: Study, seeds: Sequence[int]) -> Plan:
-    """Return every task of a study."""
-    gone = {v.name: reason for v in study.variants if (reason := missing(v.kind)) is not None}
-    notes = [f"{name}: left out, {reason}" for name, reason in gone.items()]
+    """Return all tasks of a study."""
+    left_out = {v.name: reason for v in study.variants if (reason := missing(v.kind)) is not None}
+    notes = [f"{name}: left out, {reason}" for name, reason in left_out.items()]
     first_seed = []
     for case in study.cases:
         groups: dict[str, list[Variant]] = {}
         for variant in study.variants:
-            if case.name in variant.cases and variant.name not in gone:
-                # Other kinds have nothing to share.
-                own = "" if variant.kind == PARTICLES else variant.name
-                key = json.dumps([variant.kind, own, variant.parameters], sort_keys=True)
+            if case.name in variant.cases and variant.name not in left_out:
+                # Only variants of the particle engine can share a filter.
+                name = "" if variant.kind == PARTICLES else variant.name
+                key = json.dumps([variant.kind, name, variant.parameters], sort_keys=True)
                 groups.setdefault(key, []).append(variant)
         first_seed += [_task(study, case, tuple(group)) for group in groups.values()]
     return Plan([replace(task, seed=seed) for seed in seeds for task in first_seed], notes)
@@ -141,7 +141,7 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
 
 
 def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return every parameter that a tracker has, the defaults too."""
+    """Return all parameters of a tracker, given and default."""
     values = tracker_config.resolve(parameters).values
     return {name: value for name, value in values.items() if name not in OWN}
 
@@ -152,10 +152,10 @@ def _digest(definition: Mapping[str, Any]) -> str:
 
 
 def perform(task: Task) -> Outcome:
-    """Run a task; a failure is part of the outcome."""
+    """Run a task; an exception becomes part of the outcome."""
     try:
         if code_of(task.kind) != task.code:
-            raise RuntimeError("the worker has other code than the study; start the study anew")
+            raise RuntimeError("the worker has other code than the study; start the study again")
         run = simulated_run(task.scenario, task.seed)
         tracks = _tracks(task, run)
         scores = {
@@ -168,7 +168,7 @@ def perform(task: Task) -> Outcome:
 
 
 def _tracks(task: Task, run: SimulatedRun) -> dict[str, Tracks]:
-    """Return the estimates by the name of the variant."""
+    """Return the estimates by name of the variant."""
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
     if task.kind == PARTICLES:
         readings = [variant.reading for variant in task.variants if variant.reading is not None]

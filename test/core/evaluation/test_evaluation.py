@@ -271,7 +271,7 @@ def test_evaluation_counts_a_stamp_that_comes_again():
     assert found[FILTERED]["all"]["longest_gap_s"] == 6.0
 
 
-def test_summary_starts_ospa2_anew_when_time_goes_back():
+def test_summary_starts_ospa2_again_when_time_goes_back():
     one, renamed = labelled((0, 0, 0, 1)), labelled((0, 0, 0, 9))
     found = run_of((one, one), (one, renamed), stamps=[6, 0]).summary()
     assert found[FILTERED]["all"]["ospa2"] == 0.0

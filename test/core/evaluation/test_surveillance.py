@@ -220,7 +220,7 @@ def test_track_window_of_all_scans_is_ospa2():
     assert over_time(whole, broken, 4, 2.0)[-1] == pytest.approx(expected)
 
 
-def test_track_window_starts_anew_once_cleared():
+def test_track_window_starts_again_once_cleared():
     there = LabelledPoints(np.array([1]), np.zeros((1, 2)))
     nothing = LabelledPoints(np.array([], dtype=int), NONE)
     window = TrackWindow(4)
@@ -322,7 +322,7 @@ def test_gap_finder_ends_the_gap_of_a_target_that_has_gone():
     assert gaps_of(finder, 18.0, (1, 0, True)) == []
 
 
-def test_gap_finder_ends_all_lives_when_time_goes_back():
+def test_gap_finder_ends_all_targets_when_time_goes_back():
     finder = GapFinder()
     gaps_of(finder, 60.0, (1, 0, True))
     gaps_of(finder, 66.0, (1, 0, False))
@@ -334,4 +334,4 @@ def test_gap_finder_keeps_nothing_of_targets_that_have_gone():
     finder = GapFinder()
     for scan in range(100):
         gaps_of(finder, 6.0 * scan, (scan + 1, 0, scan % 2))
-    assert len(finder._lives) == 1
+    assert len(finder._targets) == 1

@@ -92,7 +92,7 @@ def wide_cloud():
 
 @pytest.fixture(scope="module", autouse=True)
 def every_partner():
-    """Keep all pairs, whatever their number; how few are drawn is the matter of test_partners."""
+    """Keep all pairs, whatever their number; thinning is tested in test_kernel_thinning."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernel_thinning, "MOST", 1_000_000)
         yield

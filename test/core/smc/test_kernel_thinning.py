@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Rows with many partners keep a fair draw of them."""
+"""Long rows of the backward kernel are thinned to an unbiased sample of their pairs."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ COUNT = 600
 
 
 def pairs_of(counts, seed=0):
-    """Return rows with so many partners each, of unequal kernel and weight."""
+    """Return rows with the given numbers of pairs, of unequal kernel and weight."""
     rng = np.random.default_rng(seed)
     row = np.repeat(np.flatnonzero(counts), np.array(counts)[np.flatnonzero(counts)])
     column = np.concatenate([rng.permutation(COUNT)[:count] for count in counts])
@@ -24,16 +24,16 @@ def pairs_of(counts, seed=0):
     return row, column, rng.exponential(1.0, len(row)), weight
 
 
-def test_drawn_leaves_rows_with_few_partners_alone():
+def test_thin_leaves_short_rows_alone():
     row, column, value, weight = pairs_of([kernel_thinning.MOST, 0, 3])
-    kept = kernel_thinning.drawn(row, column, value, weight[column])
+    kept = kernel_thinning.thin(row, column, value, weight[column])
     for found, given in zip(kept, (row, column, value), strict=True):
         np.testing.assert_array_equal(found, given)
 
 
-def test_drawn_keeps_the_sum_of_every_row_in_few_pairs():
+def test_thin_keeps_the_sum_of_every_row_in_few_pairs():
     row, column, value, weight = pairs_of([500, 4, 0, 90])
-    kept_row, kept_column, kept_value = kernel_thinning.drawn(row, column, value, weight[column])
+    kept_row, kept_column, kept_value = kernel_thinning.thin(row, column, value, weight[column])
     before = np.bincount(row, value * weight[column])
     np.testing.assert_allclose(
         np.bincount(kept_row, kept_value * weight[kept_column]), before, rtol=1e-12
@@ -43,48 +43,48 @@ def test_drawn_keeps_the_sum_of_every_row_in_few_pairs():
     np.testing.assert_array_equal(kept_value[kept_few], value[few])
 
 
-def test_drawn_does_not_depend_on_the_order_in_which_pairs_were_found():
+def test_thin_does_not_depend_on_the_order_of_pairs():
     row, column, value, weight = pairs_of([300])
     mixed = np.random.default_rng(1).permutation(len(row))
-    first = kernel_thinning.drawn(row, column, value, weight[column])
-    second = kernel_thinning.drawn(row, column[mixed], value[mixed], weight[column[mixed]])
+    first = kernel_thinning.thin(row, column, value, weight[column])
+    second = kernel_thinning.thin(row, column[mixed], value[mixed], weight[column[mixed]])
     for found in (first, second):
         order = np.argsort(found[1])
         np.testing.assert_array_equal(found[1][order], np.sort(first[1]))
         np.testing.assert_allclose(found[2][order], first[2][np.argsort(first[1])], rtol=1e-12)
 
 
-def test_drawn_is_fair_over_many_rows():
-    # The same partners for every row: only where the comb begins differs from row to row.
+def test_thin_is_unbiased_over_many_rows():
+    # All rows have the same pairs; only the offset of the comb differs from row to row.
     rows = 2000
     _, column, value, weight = pairs_of([200])
     row = np.repeat(np.arange(rows), 200)
-    kept_row, kept_column, kept_value = kernel_thinning.drawn(
+    kept_row, kept_column, kept_value = kernel_thinning.thin(
         row, np.tile(column, rows), np.tile(value, rows), np.tile(weight[column], rows)
     )
     assert len(kept_row) <= rows * kernel_thinning.MOST
     mean = np.bincount(kept_column, kept_value, COUNT)[column] / rows
-    # A comb's starts stand as evenly as the golden section puts them, so closer than by chance.
+    # Offsets by the golden section are more even than random ones, so the error is smaller.
     tooth = value @ weight[column] / kernel_thinning.MOST / weight[column]
     assert (np.abs(mean - value) <= 5.0 * tooth / np.sqrt(rows)).all()
 
 
 @pytest.mark.parametrize("size", [1, 7, 100, 10_000])
-def test_whole_rows_does_not_part_a_row(size):
+def test_complete_rows_does_not_split_a_row(size):
     row, column, value, _ = pairs_of([5, 0, 200, 1, 128])
     chunks = [
         (row[k : k + size], column[k : k + size], value[k : k + size])
         for k in range(0, len(row), size)
     ]
-    found = list(kernel_thinning.whole_rows(chunks))
+    found = list(kernel_thinning.complete_rows(chunks))
     for index, given in enumerate((row, column, value)):
         np.testing.assert_array_equal(np.concatenate([part[index] for part in found]), given)
-    rows = [one for part in found for one in np.unique(part[0])]
+    rows = [index for part in found for index in np.unique(part[0])]
     assert rows == sorted(set(rows))
 
 
 def dense_scene(interval):
-    """Return a model and two clouds of one target, the later so long after that all may be kin."""
+    """Return a model and two sets of one target, far enough apart in time that all rows pair."""
     model = small().model
     rng = np.random.default_rng(4)
     mode = np.arange(COUNT) % 2
@@ -102,7 +102,7 @@ def dense_scene(interval):
 
 @pytest.mark.usefixtures("backend")
 @pytest.mark.parametrize("interval", [24.0, 60.0])
-def test_a_dense_kernel_is_drawn_to_few_pairs_that_carry_the_same_weights(interval, monkeypatch):
+def test_a_thinned_dense_kernel_gives_the_same_weights(interval, monkeypatch):
     model, earlier, later = dense_scene(interval)
     few = backward_kernel.build(earlier, later, model, BERNOULLI, interval)
     limit = kernel_thinning.MOST
@@ -110,10 +110,10 @@ def test_a_dense_kernel_is_drawn_to_few_pairs_that_carry_the_same_weights(interv
     every = backward_kernel.build(earlier, later, model, BERNOULLI, interval)
     assert every.ratio.nnz > 100 * COUNT
     assert np.diff(few.ratio.indptr).max() <= limit
-    # Each later row is explained once, by both.
+    # Both kernels explain each later row exactly once.
     for link in (few, every):
         np.testing.assert_allclose(link.ratio.T @ earlier.weight, 1.0, rtol=1e-9)
-    # Moments of the smoothed cloud, in units of its spread: 128 draws of each of 600 rows.
+    # Moments of the smoothed set, in units of its standard deviation: 128 draws for 600 rows.
     full, drawn = (earlier.weight * (link.ratio @ later.weight) for link in (every, few))
     mean = full @ earlier.state / full.sum()
     std = np.sqrt(full @ (earlier.state - mean) ** 2 / full.sum())
@@ -125,7 +125,7 @@ def test_a_dense_kernel_is_drawn_to_few_pairs_that_carry_the_same_weights(interv
 
 
 @pytest.mark.parametrize("interval", [24.0, 60.0])
-def test_draws_do_not_depend_on_the_backend(interval, monkeypatch):
+def test_thinning_does_not_depend_on_the_backend(interval, monkeypatch):
     pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
     model, earlier, later = dense_scene(interval)
     ratios = []

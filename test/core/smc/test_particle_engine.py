@@ -50,7 +50,7 @@ def test_engine_gives_another_run_for_another_seed():
 
 
 @pytest.mark.parametrize("forget", ["reset", "flush"])
-def test_engine_starts_anew_after_a_reset(forget):
+def test_engine_starts_again_after_a_reset(forget):
     engine = new_engine(small({"lag": 2}))
     first = run(engine)  # ends with a flush
     for scan in SCANS[:5]:
