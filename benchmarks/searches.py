@@ -16,7 +16,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.pair_search import grid, kernels, sweep
 from phd_jdtc_ros.core.pair_search.candidates import Candidates, Pairs, near_chunks
-from phd_jdtc_ros.core.smc import backward_kernel
+from phd_jdtc_ros.core.smc import backward_kernel, transition_density
 
 from . import backends, recursion
 from .backends import NUMBA, NUMPY
@@ -62,10 +62,10 @@ def searching(search: str, place: str) -> Iterator[None]:
         with mock.patch.object(kernels, "chosen", return_value=loops):
             yield
     elif search == SWEEP and place == "within origins":
-        with mock.patch.object(backward_kernel, "within_groups", _sweep_within_groups):
+        with mock.patch.object(transition_density, "within_groups", _sweep_within_groups):
             yield
     elif search == GRID and place == "anywhere":
-        with mock.patch.object(backward_kernel, "candidates", _grid_candidates):
+        with mock.patch.object(transition_density, "candidates", _grid_candidates):
             yield
     else:
         yield

@@ -60,3 +60,10 @@ def factorize(value: IntArray) -> tuple[IntArray, IntArray]:
     distinct, run = np.unique(value[first], return_inverse=True)
     length = np.diff(np.append(first, len(value)))
     return distinct, run.ravel().repeat(length)
+
+
+def add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray | None) -> None:
+    """Add the sums of `weight` over ascending rows to `total`, in place; None counts pairs."""
+    if len(row):
+        part = np.bincount(row - row[0], weights=weight)
+        total[row[0] : row[0] + len(part)] += part

@@ -11,7 +11,8 @@ The path of one scan, with the module of each step::
       |    correct every origin              correction
       |  resample within (class, origin)     resampling, budget
     stored set t+1                           (filter: the four steps in order)
-      |  kernel from set t, cached           backward_kernel, kernel_thinning
+      |  kernel from set t, cached           backward_kernel, transition_density,
+      |                                      spawn_intensity, kernel_thinning
       |  backward over the lag window        smoother
     smoothed sets
       |  extract targets                     extraction

@@ -12,7 +12,7 @@ from scenes import gaussian_cloud, intensity, short_scenario, small
 from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.pair_search import kernels
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning
+from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning, spawn_intensity
 from phd_jdtc_ros.core.smc.correction import BERNOULLI, POISSON
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.prediction import predict
@@ -212,7 +212,7 @@ def test_build_spawn_stands_in_mu_and_not_in_the_numerator():
 def test_build_spawn_beyond_its_radius_is_within_the_tolerance(run, monkeypatch):
     (model, corrector), stored, intervals, links, _ = run
     with monkeypatch.context() as patch:
-        patch.setattr(backward_kernel, "SPAWN_TOLERANCE", 1e-300)  # then every radius is the gate
+        patch.setattr(spawn_intensity, "SPAWN_TOLERANCE", 1e-300)  # then every radius is the gate
         exact = [
             backward_kernel.build(a, b, model, corrector, dt)
             for a, b, dt in zip(stored[:-1], stored[1:], intervals, strict=True)
@@ -220,7 +220,7 @@ def test_build_spawn_beyond_its_radius_is_within_the_tolerance(run, monkeypatch)
     for link, full in zip(links, exact, strict=True):
         assert link.ratio.nnz == full.ratio.nnz
         left_out = link.ratio.toarray() / np.maximum(full.ratio.toarray(), 1e-300) - 1.0
-        assert left_out.max() <= backward_kernel.SPAWN_TOLERANCE
+        assert left_out.max() <= spawn_intensity.SPAWN_TOLERANCE
 
 
 def test_build_bounds_spawned_mass_in_little_memory_however_narrow_the_spawn():

@@ -12,7 +12,7 @@ from scenes import gaussian_cloud, intensity, small
 from phd_jdtc_ros.core.models.motion import sample
 from phd_jdtc_ros.core.pair_search import candidates, grid, kernels, sweep
 from phd_jdtc_ros.core.pair_search.gating import cell_lists
-from phd_jdtc_ros.core.smc import backward_kernel
+from phd_jdtc_ros.core.smc import backward_kernel, transition_density
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
 
 SPACING = 2500.0
@@ -57,7 +57,7 @@ def candidates_of_a_build(monkeypatch, *scene):
         return count
 
     with monkeypatch.context() as patch:
-        patch.setattr(backward_kernel, "candidates", counted(sweep.candidates))
+        patch.setattr(transition_density, "candidates", counted(sweep.candidates))
         patch.setattr(grid, "grid_candidates", counted(grid.grid_candidates))
         patch.setenv(kernels.VARIABLE, "numpy")
         link = backward_kernel.build(*case)
