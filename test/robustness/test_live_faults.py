@@ -48,7 +48,7 @@ def test_full_disk_ends_the_recording_and_not_the_tracking():
     assert figure.reached, (figure.measured, figure.details)
 
 
-def test_tracker_starts_anew_behind_long_gaps_alone_and_does_not_grow():
+def test_tracker_starts_again_only_after_long_gaps_and_does_not_grow():
     figure = stamps_and_time.measure_gap()
     assert figure.reached, (figure.measured, figure.details)
 
