@@ -226,7 +226,7 @@ LEGAL = {
 
 @st.composite
 def malformed(draw, kind):
-    """Draw a legal cloud with some of what it says of itself replaced."""
+    """Draw a valid cloud with some of its metadata replaced."""
     message = LEGAL[kind]()
     if draw(st.booleans()):
         message.width, message.row_step, message.data = 0, 0, b""

@@ -204,7 +204,7 @@ def test_tracker_counts_duplicate_and_late_scans(radars):
     assert len(radars.filtered) == 3
 
 
-def test_tracker_starts_anew_when_stamps_jump_back(radars):
+def test_tracker_starts_again_when_stamps_jump_back(radars):
     for index in range(5):
         radars.track(index)
     first = bytes(radars.filtered[0].data)
@@ -221,7 +221,7 @@ def epoch(radars):
     return int(diagnostics.values_of(line)["epoch"])
 
 
-def test_tracker_starts_anew_behind_a_long_gap_and_says_so(processes, peer):
+def test_tracker_starts_again_after_a_long_gap_and_says_so(processes, peer):
     tracker = processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
     radars = Radars(peer)
     radars.connect()

@@ -65,7 +65,7 @@ def page(tmp_path, summary, title="A run", record=None, notes=()):
 
 
 def without_library(text):
-    """Return a page without the plotting library, whose text is not ours to judge."""
+    """Return a page without the plotting library, whose text is not tested."""
     return re.sub(r"<script>(?!\n).*?</script>", "", text, flags=re.DOTALL)
 
 

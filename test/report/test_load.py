@@ -33,7 +33,7 @@ def bag(tmp_path_factory):
 
 
 def rewrite(source, out, drop=(), add=(), change=lambda entry: [entry]):
-    """Write a bag anew: without some topics, with more (topic, type, messages), or changed."""
+    """Write a copy of a bag: without some topics, with more (topic, type, messages), or changed."""
     reader = BagReader(source)
     with BagWriter(out) as written:
         for topic, kind in reader.types.items():

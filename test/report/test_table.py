@@ -120,7 +120,7 @@ def test_score_tables_shows_gospa_and_its_parts(evaluation):
     assert title == "means over the scans (GOSPA: p = 2, c = 1000 m)"
     assert rows == [
         ["all", "filter", "100.0 m", "100.0 m", "0.000", "0.000"],
-        # 20, 30 and, for half a target too many, 707.1 m.
+        # 20, 30 and, with one false estimate, 707.1 m.
         ["", "smoother", "252.4 m", "16.7 m", "0.000", "0.333"],
         ["class 0", "filter", "100.0 m", "100.0 m", "0.000", "0.000"],
         ["", "smoother", "16.7 m", "16.7 m", "0.000", "0.000"],

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The benchmark: its baselines are right and its summary says what it must; no time is tested."""
+"""The benchmark: its baselines and its summary are correct; no time is tested."""
 
 import io
 import json
@@ -156,7 +156,7 @@ def test_limit_goes_over_all_that_the_search_goes_over(window):
     earlier, later = window.stored[-2:]
     gathered = limit.whiten_sort_gather(earlier, later, window.model, window.dt)
 
-    # Two motions a class: every earlier particle may go into either of its class's.
+    # Two motions per class: every earlier particle may change to either motion of its class.
     assert sum(len(points) for points in gathered[0::2]) == 2 * len(earlier)
     assert sum(len(points) for points in gathered[1::2]) == len(later)
     assert all(np.all(np.diff(points[:, 0]) >= 0.0) for points in gathered)

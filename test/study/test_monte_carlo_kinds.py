@@ -20,7 +20,7 @@ every_kind = pytest.mark.parametrize("kind", kinds.KINDS)
 
 @pytest.fixture
 def package(tmp_path, monkeypatch):
-    """A copy of the package whose code is taken for that in force."""
+    """A copy of the package, used in place of the installed code."""
     copy = tmp_path / PACKAGE.name
     shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
     own = Path(kinds.__file__).relative_to(PACKAGE)

@@ -69,7 +69,7 @@ def track(tmp_path):
 
 @pytest.fixture
 def same_files():
-    """Return a function that says whether two directories hold the same bytes."""
+    """Return a function that compares the content of two directories."""
 
     def compare(one, other):
         contents = [

@@ -48,7 +48,7 @@ def test_simulate_writes_detections_that_nothing_is_dropped_of(short_bag):
         assert {cloud.header.frame_id for cloud in found} == {frame}
         reports = [detections.from_msg(cloud, radar) for cloud in found]
         assert not any(report.dropped for report in reports)
-        # 20 false ones a scan, and seldom less than one of the two targets.
+        # 20 false detections per scan, and usually at least one of the two targets.
         assert 120 < sum(len(report.detections) for report in reports) < 220
 
 

@@ -29,7 +29,7 @@ def found(path, topic):
 
 
 def rewrite(source, out, change=lambda entry: [entry], types=None):
-    """Write a bag anew, each message replaced by what `change` makes of it."""
+    """Write a copy of a bag with each message replaced by the result of `change`."""
     reader = BagReader(source)
     kinds = {**reader.types, **(types or {})}
     with BagWriter(out) as bag:
@@ -42,7 +42,7 @@ def rewrite(source, out, change=lambda entry: [entry], types=None):
 
 
 def foreign(file, topic, kind):
-    """Write an MCAP file whose topic is of a type that is installed nowhere."""
+    """Write an MCAP file whose topic has a type that is not installed."""
     with file.open("wb") as stream:
         writer = Writer(stream)
         writer.start("ros2")
@@ -209,7 +209,7 @@ def moved(entry, scan, by_s):
 
 
 @pytest.mark.parametrize(("gap_s", "resets"), [(84, 0), (3600, 1)])
-def test_track_bag_starts_anew_behind_a_long_gap(short_bag, track, tmp_path, gap_s, resets):
+def test_track_bag_starts_again_after_a_long_gap(short_bag, track, tmp_path, gap_s, resets):
     # With the usual 6 s it is 90 s from scan to scan, the 15 intervals that are allowed.
     rewrite(short_bag, tmp_path / "gap", lambda entry: [moved(entry, 4, gap_s)])
     status, out = track(tmp_path / "gap")
@@ -407,7 +407,7 @@ def test_track_bag_refuses_a_value_that_is_none_in_one_line(short_bag, track, fa
 
 
 def small_chunks(source, file):
-    """Write a bag anew with about one chunk a scan."""
+    """Write a copy of a bag with about one chunk per scan."""
     reader = BagReader(source)
     with file.open("wb") as stream:
         writer = Writer(stream, chunk_size=2000, compression=CompressionType.NONE)

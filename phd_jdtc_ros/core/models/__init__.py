@@ -8,9 +8,9 @@
     state_space            the layout of the state vector
     motion                 x' = mean(x, dt) + noise: constant velocity, coordinated turn
     modes                  the flat index over (class, motion) and its Markov chain
-    birth, sobol           targets that appear at known positions
+    birth, sobol           targets that appear at known places
     detection_birth        targets that appear anywhere, born at detections
-    spawn                  targets that split off other targets
+    spawn                  targets that appear beside their parents
     radar                  geometry, measurement noise, range, clutter
     amplitude_density      Rayleigh targets and clutter, SNR bands
     amplitude_model        use of amplitudes: band, memory, none

@@ -192,7 +192,7 @@ def test_summary_counts_the_gap_that_has_not_ended():
     scans = [(one, one), *[(one, labelled())] * 3]
     evaluation = run_of(*scans)
     assert evaluation.summary()[FILTERED]["all"]["longest_gap_s"] == 18.0
-    # Asking changes nothing.
+    # Reading the summary does not change it.
     assert evaluation.summary() == evaluation.summary()
 
 
@@ -267,7 +267,7 @@ def test_evaluation_counts_a_stamp_that_comes_again():
     found = evaluation.summary()
     assert evaluation.scored == {FILTERED: 3, SMOOTHED: 3}
     assert found[FILTERED]["all"]["ospa"] == pytest.approx(C / 3.0)
-    # The gap ended with the first life.
+    # The gap ended when the target ended for the first time.
     assert found[FILTERED]["all"]["longest_gap_s"] == 6.0
 
 

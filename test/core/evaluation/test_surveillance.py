@@ -47,7 +47,7 @@ def scans_of(tracks):
 
 
 def gathered(tracks):
-    """Return such tracks as a track set."""
+    """Return lists of positions as a track set."""
     scans = scans_of(tracks)
     return track_set([points.label for points in scans], [points.position for points in scans])
 
@@ -267,7 +267,7 @@ SECOND = 1_000_000_000
 
 
 def gaps_of(finder, time_s, *targets):
-    """Take in a scan of targets (label, class, whether found)."""
+    """Add a scan of targets (label, class, whether paired)."""
     label, number, found = np.array(targets, dtype=np.int64).reshape(-1, 3).T
     return finder.add(round(time_s * SECOND), label, number, found.astype(bool))
 
@@ -318,7 +318,7 @@ def test_gap_finder_ends_the_gap_of_a_target_that_has_gone():
     gaps_of(finder, 0.0, (1, 0, True))
     gaps_of(finder, 6.0, (1, 0, False))
     assert gaps_of(finder, 12.0) == [Gap(0, 6.0, 1)]
-    # Back again, it is another life.
+    # After its return it counts as another target.
     assert gaps_of(finder, 18.0, (1, 0, True)) == []
 
 

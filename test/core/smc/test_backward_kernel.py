@@ -104,7 +104,7 @@ def run(request):
     if request.param == "much-spawn":
         given = {"spawn.rate": 0.2}
     if request.param == "wide-cloud":
-        # Births among the cloud, so that they have their share of its rows.
+        # Births inside the set, so that they explain a share of its rows.
         given = {
             "start_1.velocity": [36.0, -44.0],
             "start_1.position_std": 20.0,
@@ -154,7 +154,7 @@ def test_backward_steps_equal_the_dense_equations(run, name):
     _, stored, _, links, dense = run
     found = expected = stored[-1].weight
     for earlier, link, (kernel, mu) in zip(stored[-2::-1], links[::-1], dense[::-1], strict=True):
-        # Both from the same later weights, so that a step's error is its own.
+        # Both from the same later weights, so that errors do not accumulate over steps.
         backward = kernel.T @ (found / np.where(mu > 0.0, mu, np.inf))
         parts = earlier.components.toarray()
         death = 1.0 - link.survival
@@ -172,8 +172,8 @@ def test_backward_steps_equal_the_dense_equations(run, name):
 
 
 def test_build_ratio_times_mu_is_the_kernel(run):
-    # Entry by entry, where an ancestor explains more than a millionth of the later row.
-    # What lies beyond the gate is less.
+    # Compare the entries in which an earlier row explains more than a millionth of the later row;
+    # entries beyond the gate are smaller.
     _, stored, _, links, dense = run
     for earlier, link, (kernel, mu) in zip(stored[:-1], links, dense, strict=True):
         expected = kernel * earlier.weight / np.where(mu > 0.0, mu, np.inf)[:, None]
@@ -200,7 +200,7 @@ def test_build_survival_is_that_of_the_true_interval(run):
 
 
 def test_build_spawn_stands_in_mu_and_not_in_the_numerator():
-    # A slow particle of the other class: only a spawn explains it.
+    # A slow particle of the other class, which only a spawn explains.
     model = replace(small({"spawn.rate": 0.5}).model, births=())
     earlier = intensity([[0.0, 0.0, 0.0, 0.0, 0.0]], [1.0], mode=np.array([0]))
     later = replace(earlier, mode=np.array([2]), parent=np.array([0]))
@@ -257,7 +257,7 @@ def test_build_gives_all_orphans_to_their_parents():
 
 
 def test_build_gives_orphans_among_many_rows_to_their_parents():
-    # Displaced rows keep nothing but their parent; their neighbours must not notice.
+    # Displaced rows keep only the pair with their parent; those of other rows must not change.
     model = replace(small().model, births=())
     rng = np.random.default_rng(5)
     count = 3000
@@ -295,8 +295,8 @@ def test_build_leaves_a_birth_out_of_reach_without_a_parent():
 @pytest.mark.parametrize("spread", [1.0, 50.0, 20e3])
 def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch):
     pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
-    # Clouds from a cell of the grid to far more than it may have cells; an origin of the later set
-    # without any past, and one of the earlier set without any future.
+    # Sets from the size of one grid cell to far more than the largest grid; an origin of the later
+    # set without earlier rows, and one of the earlier set without later rows.
     model = small().model
     rng = np.random.default_rng(3)
     mode = rng.integers(0, 4, 2000)

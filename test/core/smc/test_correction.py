@@ -10,7 +10,7 @@ from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS, POISSON, Cla
 
 
 def claims(likelihood, weight, other, p_d=0.9):
-    """Return claims of a dense (N, M) likelihood; p_D is one number or one a particle."""
+    """Return claims of a dense (N, M) likelihood; p_D is one number or one per particle."""
     row, column = np.nonzero(likelihood)
     p_d = np.broadcast_to(p_d, len(weight))
     mass = (p_d * weight)[row] * likelihood[row, column]
@@ -40,7 +40,7 @@ def test_bernoulli_single_target_is_the_exact_posterior():
     likelihood, weight = rng.exponential(1.0, (5, 3)), rng.uniform(0.05, 0.15, 5)
     other, p_d = np.array([0.3, 0.7, 0.1]), rng.uniform(0.5, 0.99, 5)
     phd, claimed = corrected(likelihood, weight, other, p_d)
-    # Hypotheses: not there, missed, or the source of one detection.
+    # Hypotheses: the target does not exist, is missed, or is the source of one detection.
     absent, missed = 1.0 - weight.sum(), weight * (1.0 - p_d)
     source = (weight * p_d)[:, None] * likelihood / other
     total = absent + missed.sum() + source.sum()
@@ -57,7 +57,7 @@ def test_bernoulli_target_between_two_detections_is_one_and_poisson_makes_it_two
 
 
 def test_bernoulli_of_small_masses_is_the_poisson_correction():
-    # With next to nothing at one place, one target at the most is no restriction.
+    # For a very small mass the limit of one target has no effect.
     rng = np.random.default_rng(1)
     likelihood, weight = rng.exponential(1.0, (6, 1)), rng.uniform(1e-7, 1e-6, 6)
     phds = [
@@ -72,7 +72,7 @@ def test_bernoulli_targets_do_not_both_take_one_detection():
         np.full((2, 1), 100.0), [0.999, 0.999], [1e-3], p_d=0.95, origin=np.array([3, 8])
     )
     assert claimed[0] == pytest.approx(1.0, abs=1e-3)
-    # One was detected and one missed, nobody knows which: both live on.
+    # One was detected and one missed, and it is not known which: both keep their mass.
     np.testing.assert_allclose(phd.weight, [0.99, 0.99], atol=0.01)
 
 

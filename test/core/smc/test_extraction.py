@@ -123,7 +123,7 @@ def test_extraction_finds_two_separated_targets(method, mode):
     order = np.argsort(found.state[:, 0])
     assert len(found) == 2
     expected = [phd.state[:200].mean(axis=0), phd.state[200:].mean(axis=0)]
-    # k-means sees 2000 systematic draws of 200 or 400 equal particles, which repeat them evenly.
+    # The input of k-means is 2000 systematic draws of 200 or 400 equal particles, evenly repeated.
     np.testing.assert_allclose(found.state[order], expected, atol=1e-6)
     np.testing.assert_array_equal(found.class_id[order], MODES.class_of[list(mode)])
     np.testing.assert_allclose(found.weight, 1.0)

@@ -60,7 +60,7 @@ def test_engine_starts_again_after_a_reset(forget):
 
 
 def test_engine_keeps_to_its_particles_when_targets_leave_all_coverage():
-    # Nobody sees that they are gone, nor what they might have spawned since.
+    # No detection shows that they no longer exist, or which targets they spawned.
     scene = short_scenario(120)
     targets = tuple(
         replace(target, turns=(), first_scan=0, last_scan=119) for target in scene.targets
@@ -71,7 +71,7 @@ def test_engine_keeps_to_its_particles_when_targets_leave_all_coverage():
     assert usual[-1].figures["particles"] > 2 * most
     steps = list(map(new_engine(small({**given, "max_particles": most})).step, scans))
     assert max(step.figures["particles"] for step in steps) <= 1.1 * most
-    # Targets, with more mass than guesses, keep theirs: they are tracked as without a limit.
+    # Targets have more mass than unconfirmed births and are tracked as without a limit.
     assert [len(step.filtered) for step in steps] == [len(step.filtered) for step in usual]
 
 
@@ -88,7 +88,7 @@ def test_engine_interrupted_gives_out_the_rest_and_new_numbers():
     again, smoothed, flushed = run(engine)
     highest = max(tracks([*filtered, *rest]))
     assert min(tracks([*again, *smoothed, *flushed])) == highest + 1
-    # As new but for the numbers.
+    # As a new engine except for the track numbers.
     for first, second in zip(filtered, again, strict=True):
         np.testing.assert_array_equal(first.state, second.state)
         shifted = np.where(first.track_id > 0, first.track_id + highest, 0)
@@ -207,7 +207,7 @@ def test_engine_goes_on_after_a_refused_stamp():
 
 
 def test_engine_does_not_update_with_a_radar_that_did_not_report():
-    # A silent radar is no evidence; a report of nothing is.
+    # A missing report is no evidence of absence, and a report without detections is.
     silent, empty = new_engine(small()), new_engine(small())
     for engine in (silent, empty):
         for scan in SCANS[:4]:

@@ -36,7 +36,7 @@ def test_systematic_copies_are_within_one_of_their_expectation(case):
     copies = resampling.systematic(weight, group, count, np.random.default_rng(seed))
     mass = np.bincount(group, weight, len(count))
     expected = weight * (count / mass)[group]
-    # A comb with one offset a group, so never a whole tooth off; 1e-9 is the rounding of sums.
+    # One offset per group, so the count is off by less than one; 1e-9 allows for rounding of sums.
     assert (np.abs(copies - expected) < 1.0 + 1e-9).all()
 
 
@@ -74,7 +74,7 @@ def test_systematic_gives_nothing_to_a_weightless_particle():
 @pytest.mark.parametrize("offset", [0.0, 0.5, np.nextafter(1.0, 0.0)])
 @pytest.mark.parametrize("size", [3, 7, 10, 49])
 def test_comb_loses_no_copy_by_rounding(offset, size):
-    # Sums of tenths and sevenths miss the whole number by a rounding: the last tooth is there.
+    # Sums of tenths and sevenths are rounded; the last tooth must be counted all the same.
     weight = np.tile(np.full(size, 1.0 / size), 3)
     group = np.repeat([0, 1, 2], size)
     copies = resampling.comb(weight, group, np.array([size, 1, 20]), np.full(3, offset))
@@ -110,7 +110,7 @@ def test_within_leaves_alone_what_fits():
 
 
 def test_within_takes_first_from_those_without_mass():
-    # Two targets, and a thousand places where there might be one.
+    # Two targets, and a thousand groups of small mass.
     mass = np.concatenate([[1.0, 1.0], np.full(1000, 0.01)])
     density, least = resampling.within(20_000, mass, 1000, 200)
     assert density == 1000
@@ -143,7 +143,7 @@ def test_allocate_keeps_the_mass_of_smaller_groups_in_expectation():
         assert count.max() <= 1
         kept[trial] = count * weight
     chance = mass * 100
-    # One particle of weight 1/100 with that chance.
+    # One particle of weight 1/100 with that probability.
     error = 4.5 * np.sqrt(chance * (1.0 - chance) / trials) / 100
     assert (np.abs(kept.mean(axis=0) - mass) < error).all()
 

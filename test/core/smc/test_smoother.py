@@ -27,7 +27,7 @@ DT = 6.0
 
 
 def single_target_model(given):
-    """Return a plain model of one target that is neither born nor splits, without clutter."""
+    """Return a plain model of one target without births, spawning and clutter."""
     config = plain({"spawn.rate": 0.0, "radar.clutter_rate": 0.0, **given})
     method = particle_filter(config)
     return replace(config.model, births=()), method
@@ -85,8 +85,8 @@ def bernoulli_paths(prior, motion, survival, likelihoods):
 @pytest.mark.parametrize("survival", [[0.99, 0.99, 0.99], [0.9, 0.5, 0.97], [1.0, 1.0, 1.0]])
 @pytest.mark.parametrize("death", [0.001, 0.5, 20.0])
 def test_bernoulli_step_is_exact_for_a_component_that_alone_feeds_mu(survival, death):
-    # A target of three states that may die; every scan is data about it. The last scans speak
-    # for death with the given likelihood.
+    # A target of three states that may not survive, with a likelihood in every scan. The last
+    # scans have the given likelihood of its absence.
     rng = np.random.default_rng(4)
     survival = np.array(survival)
     motion = rng.dirichlet(np.ones(3), size=3)
@@ -158,7 +158,7 @@ def test_backward_step_without_deaths_carries_only_the_survivors(term):
 
 
 def test_bernoulli_term_gives_a_vanished_component_its_existence_back():
-    # Nothing lives at t + 1, but the component was certain: it must have died in between.
+    # No target exists at t + 1, but the component was certain, so it did not survive.
     certain = PARTS / PARTS.sum(axis=0)
     _, smoothed = one_step(bernoulli_death_term, later=np.zeros(5), parts=certain)
     np.testing.assert_allclose(smoothed.components.toarray().sum(axis=0), [1.0, 1.0], rtol=1e-12)
@@ -182,7 +182,7 @@ def test_bernoulli_term_is_finite_for_a_component_rounded_above_one(excess):
         assert (factor >= 0.0).all()
 
 
-# --- Toy checks: one target that dies, one that lives ------------------------------------------
+# --- Small examples: a target that ends, one that exists -----------------------------------------
 
 
 def toy_masses(snr_db, seen, death_term, corrector="poisson"):
@@ -221,14 +221,14 @@ def test_toy_model_has_the_detection_probability(p_d):
 
 @pytest.mark.parametrize(("p_d", "bias"), [(0.98, 0.02), (0.88, 0.135)])
 def test_bernoulli_term_keeps_the_existence_before_a_death(p_d, bias):
-    # A PHD that detects with p_D holds 1 + (1 - p_D)/p_D targets at the most where there is one;
-    # smoothing may keep this bias of the filter but neither add to it nor lose the target.
+    # The mass of a PHD filter for one target is at most 1 + (1 - p_D)/p_D; smoothing may keep this
+    # bias of the filter, but must neither increase it nor lose the target.
     filtered, smoothed = toy_masses(SNR_OF_P_D[p_d], [1, 1, 1, 0, 0, 0], "bernoulli")
     assert 1.0 < max(filtered) < 1.0 + 1.03 * bias
     for mass in smoothed[:2]:
         assert 1.0 + 0.7 * bias < mass < 1.0 + 1.03 * bias
-    # At the last scan before the death the term stands alone: (1 - P_s) a / (1 - P_s a), which
-    # falls to 0.9 for a component that resampling has left at a = 0.999.
+    # At the target's last scan only the death term is left: (1 - P_s) a / (1 - P_s a), which is 0.9
+    # for a component with a = 0.999 after resampling.
     assert 0.9 < smoothed[2] < 1.0 + bias
     assert max(smoothed[3:]) < 0.01
 
@@ -257,7 +257,7 @@ def test_paper_term_loses_the_existence_before_a_death(p_d):
 
 def test_bernoulli_term_does_not_grow_a_living_target_with_the_lag():
     filtered, smoothed = toy_masses(SNR_OF_P_D[0.98], [1] * 6, "bernoulli")
-    # Only the poisson mass (1 - p_D = 0.02) takes 1 - P_s = 0.01 of itself a lag.
+    # Only the Poisson mass (1 - p_D = 0.02) grows, by 1 - P_s = 0.01 of itself per lag.
     assert np.abs(np.array(smoothed) - filtered[-1]).max() < 5 * 0.02 * 0.01 * 1.2
 
 
@@ -358,7 +358,7 @@ def test_smoothed_means_are_those_of_rauch_tung_striebel(rts_comparison, kind):
     # five of them because ten runs know it to a quarter only.
     error = means.std(axis=0, ddof=1) / np.sqrt(RTS_SEEDS)
     assert (np.abs(means.mean(axis=0) - expected) < 5.0 * error).all()
-    # The test has power: that error is small against what smoothing has to move.
+    # The test has power: that error is small against the effect of smoothing.
     std = np.array([np.sqrt(np.diag(covariance)) for _, covariance in kalman[kind]])
     assert (5.0 * error < 0.15 * std).all()
 
@@ -371,7 +371,7 @@ def test_smoothed_covariances_are_those_of_rauch_tung_striebel(rts_comparison):
         # A variance from n effective samples is good to sqrt(2/n); the smoothed sets of ten runs
         # hold more than 3000, and the fewer of one run bias its variance by 1/n.
         np.testing.assert_allclose(found, expected, rtol=0.06)
-    # And smoothing does reduce: by the ratio that the exact smoother promises.
+    # Smoothing reduces the variance by the ratio of the exact smoother.
     promised = np.diag(smoothed[0][1]) / np.diag(filtered[0][1])
     assert promised.max() < 0.8
     assert (variances[1, 0] < 0.9 * variances[0, 0]).all()

@@ -22,7 +22,7 @@ def equal(a, b):
 
 
 def stored_and_read(snapshot):
-    """Return a snapshot after a way through JSON and bytes."""
+    """Return a snapshot after conversion to JSON and bytes and back."""
     arrays = {
         name: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
         for name, array in snapshot.arrays.items()

@@ -18,12 +18,12 @@ from phd_jdtc_ros.core.smc.resampling import resample
 from phd_jdtc_ros.core.smc.update import update_scan
 from phd_jdtc_ros.core.types import Detections, Scan
 
-# The PHD filter itself; what the other corrector does is tested in test_correction.
+# The PHD filter's corrector; the other one is tested in test_correction.
 CONFIG = small({"corrector": "poisson"})
 FILTER = particle_filter(CONFIG)
 MODEL = CONFIG.model
 MODES = MODEL.modes
-# Much clutter, so that weak detections are in doubt.
+# Much clutter, so that the origin of detections of low amplitude is uncertain.
 RADARS = tuple(replace(radar, clutter_rate=200.0) for radar in MODEL.radars)
 RADAR = RADARS[1]  # at the world's origin
 
@@ -36,7 +36,7 @@ def update(phd, detections, radar, modes):
 
 
 def reports(amplitudes=(20.0, 5.0, 4.0, 4.0), radar=RADAR):
-    """Return one detection a target and one clutter point."""
+    """Return one detection per target and one false detection."""
     state = np.zeros((4, 5))
     state[:, [0, 2]] = [*TARGETS, [3e3, -12e3]]
     offset = np.array([[150.0, 0.01], [-200.0, 0.0], [50.0, 0.005], [0.0, 0.0]])
@@ -210,7 +210,7 @@ def group_mass(phd):
 def test_resample_keeps_the_mass_of_every_class_and_origin():
     phd = updated_set()
     before = group_mass(phd)
-    # Enough particles that no group has to survive by lot.
+    # Enough particles that no group is too small for one.
     budget = ParticleBudget(per_target=100_000, least=20, per_birth_term=64, most=10**6)
     after = group_mass(resample(phd, MODES, budget, np.random.default_rng(0)))
     assert len(before) == 6

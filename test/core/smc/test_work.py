@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How much is computed and allocated, counted and not timed."""
+"""The amount of computation and memory, counted and not timed."""
 
 import tracemalloc
 
@@ -26,7 +26,7 @@ def tracked(targets, per_target, corrector="poisson", spacing=SPACING):
     model = small().model
     rng = np.random.default_rng(targets)
     mode = np.repeat(np.arange(targets) % 4, per_target)
-    # In a square, so that a search over one coordinate only would find rows of strangers.
+    # In a square, so that a search over one coordinate only would find rows of other targets.
     side = int(np.ceil(np.sqrt(targets)))
     place = np.repeat(np.arange(targets), per_target)
     centre = np.zeros((len(place), 5))
@@ -70,7 +70,7 @@ def test_build_tests_as_many_candidates_a_row_whatever_the_number_of_targets(mon
     many, _ = candidates_of_a_build(monkeypatch, 256, 150)
     survival, spawn = many / few
     assert survival <= 1.05
-    # The axes that serve best change on the way; strangers in one strip would double it.
+    # The axes that serve best change on the way; other targets in one strip would double it.
     assert spawn <= 1.5
 
 
@@ -82,7 +82,7 @@ def test_build_tests_few_candidates_for_a_pair(monkeypatch):
 
 
 def test_build_within_origins_tests_no_strangers(monkeypatch):
-    # All targets in one place: without the origins every row would meet those of all targets.
+    # All targets in one place: without origins every row would be paired with those of all targets.
     (one,), pairs = candidates_of_a_build(monkeypatch, 4, 150, "bernoulli", 0.0)
     (many,), _ = candidates_of_a_build(monkeypatch, 64, 150, "bernoulli", 0.0)
     assert one <= 4.0 * pairs
@@ -103,7 +103,7 @@ def peak_bytes(call):
 def test_build_peak_memory_is_some_columns_a_row(targets, corrector):
     case = tracked(targets, 150, corrector)
     peak = peak_bytes(lambda: backward_kernel.build(*case))
-    # A dense kernel has 8 bytes for every pair of rows: 10 and 38 kB a row here.
+    # A dense kernel has 8 bytes for every pair of rows: 10 and 38 kB per row here.
     # Chunks of candidates are a constant part.
     assert peak <= 1100 * len(case[1]) + 80 * candidates.CHUNK_PAIRS
 
