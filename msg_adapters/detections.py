@@ -27,6 +27,8 @@ MAX_AMPLITUDE = 1e6
 # Some drivers send levels as whole decibels.
 NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 BoolArray = npt.NDArray[np.bool_]
+# The layout of the clouds that are written where no radar's own is asked for.
+OWN_LAYOUT = RadarInput(name="", topic="", frame="")
 
 
 @dataclass(frozen=True)
@@ -47,30 +49,70 @@ class Report:
     dropped: Counter[str]
 
 
-def to_msg(detections: Detections, stamp_ns: int, frame: str) -> PointCloud2:
-    """Return the cloud of a planar radar's detections.
+def to_msg(
+    detections: Detections, stamp_ns: int, frame: str, radar: RadarInput = OWN_LAYOUT
+) -> PointCloud2:
+    """Return the cloud of a planar radar's detections, as that radar's driver would publish it.
 
-    Fields are ``x y z range azimuth elevation amplitude``, FLOAT32, in the sensor's frame;
-    elevation is 0.
+    Parameters
+    ----------
+    detections : Detections
+    stamp_ns : int
+    frame : str
+    radar : RadarInput
+        Field names, units and conventions; by default those of the package.
+
+    Returns
+    -------
+    PointCloud2
+        Fields are ``x y z`` in the sensor's frame, then the radar's names for ``range azimuth
+        elevation amplitude``, FLOAT32. The elevation is 0. There is no amplitude where the radar
+        has none.
+
+    Raises
+    ------
+    ValueError
+        If the radar has amplitudes and the detections have none.
     """
     distance, azimuth = detections.measurement.T
-    amplitude = detections.amplitude
-    if amplitude is None:
-        raise ValueError("detections.amplitude: None given, the cloud needs amplitudes")
     zero = np.zeros(len(detections))
-    return point_cloud.encode(
-        stamp_ns,
-        frame,
-        {
-            "x": distance * np.cos(azimuth),
-            "y": distance * np.sin(azimuth),
-            "z": zero,
-            "range": distance,
-            "azimuth": azimuth,
-            "elevation": zero,
-            "amplitude": amplitude,
-        },
-    )
+    columns = {
+        "x": distance * np.cos(azimuth),
+        "y": distance * np.sin(azimuth),
+        "z": zero,
+        radar.range_field: distance,
+        radar.azimuth_field: sent_azimuth(azimuth, radar),
+    }
+    # A radar may call another field by the name that elevations have here.
+    columns.setdefault(radar.elevation_field or "elevation", zero)
+    if radar.amplitude_field:
+        columns[radar.amplitude_field] = sent_level(detections, radar)
+    return point_cloud.encode(stamp_ns, frame, columns)
+
+
+def sent_azimuth(azimuth: FloatArray, radar: RadarInput) -> FloatArray:
+    """Return azimuths, radians from the sensor's x axis, as the radar reports them."""
+    return np.mod(np.pi / 2.0 - azimuth, 2.0 * np.pi) if radar.compass else azimuth
+
+
+def sent_level(detections: Detections, radar: RadarInput) -> FloatArray:
+    """Return amplitudes as the radar reports them: the inverse of what `select` does.
+
+    Raises
+    ------
+    ValueError
+        If the detections have none.
+    """
+    if detections.amplitude is None:
+        raise ValueError("detections.amplitude: None given, the cloud needs amplitudes")
+    if radar.amplitude_in_db:
+        with np.errstate(divide="ignore"):  # an envelope of zero is -inf dB
+            snr_db = 10.0 * np.log10(detections.amplitude**2 / 2.0)
+        level: FloatArray = snr_db - radar.amplitude_offset_db
+        return level
+    # Nothing is computed without an offset, so that the numbers stay what they are.
+    scale = 10.0 ** (-radar.amplitude_offset_db / 20.0) if radar.amplitude_offset_db else 1.0
+    return detections.amplitude * scale
 
 
 def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:

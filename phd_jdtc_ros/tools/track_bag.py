@@ -10,14 +10,15 @@ estimates are equal to the live ones, and two runs write the same bytes.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters import doubts, estimates, interfaces, names
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
@@ -51,6 +52,7 @@ class OfflineTracker:
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self.scans = 0
         self.dropped: Counter[str] = Counter()
+        self._without_amplitude: set[int] = set()
 
     def add(self, entry: BagMessage) -> None:
         """Take in one recorded message of a radar."""
@@ -62,6 +64,8 @@ class OfflineTracker:
             self.dropped[error.reason] += 1
             return
         self.dropped.update(report.dropped)
+        if report.detections.amplitude is None:
+            self._without_amplitude.add(index)
         events = self._pipeline.add(index, report.stamp_ns, report.detections)
         if isinstance(events, Rejection):
             self.dropped[events.value] += 1
@@ -71,6 +75,12 @@ class OfflineTracker:
     def finish(self) -> None:
         """Close what is pending and write the estimates still held back."""
         self._write(self._pipeline.flush())
+
+    def warnings(self) -> Iterator[str]:
+        """Yield what of the radars' reports does not look as it is configured, each once."""
+        for index, radar in enumerate(self._config.inputs):
+            if index in self._without_amplitude:
+                yield doubts.no_amplitude(radar)
 
     def _write(self, events: Iterable[Event]) -> None:
         for event in events:
@@ -134,6 +144,8 @@ def main(argv: Sequence[str]) -> int:
             tracker = track_bag(BagReader(arguments.bag), config, arguments.out)
             drops = ", ".join(f"{reason} {n}" for reason, n in sorted(tracker.dropped.items()))
             print(f"{arguments.out}: {tracker.scans} scans tracked, dropped: {drops or 'none'}")
+            for warning in tracker.warnings():
+                print(f"track_bag: {warning}", file=sys.stderr)
         except BagError as error:
             if not (error.corrupt and arguments.out.exists()):
                 raise

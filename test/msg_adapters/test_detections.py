@@ -60,6 +60,33 @@ def test_detections_survive_the_message():
     assert not report.dropped
 
 
+LAYOUTS = {
+    "own": {},
+    "compass": {"compass": True},
+    "decibels": {"amplitude_in_db": True, "amplitude_offset_db": -17.0},
+    "offset": {"amplitude_offset_db": 6.0},
+    "renamed": {"range_field": "rho", "azimuth_field": "theta", "amplitude_field": "snr"},
+    "slant": {"elevation_field": "angle"},
+    "swapped": {"range_field": "elevation", "azimuth_field": "range"},
+    "without": {"amplitude_field": ""},
+}
+
+
+@pytest.mark.parametrize("changes", LAYOUTS.values(), ids=LAYOUTS)
+def test_to_msg_writes_what_from_msg_reads_in_the_layout_of_the_radar(changes):
+    given = Detections(
+        np.array([[100.0, np.pi / 2], [16e3, -np.pi / 4], [5.0, 3.0]]), np.array([3.75, 250, 9e5])
+    )
+    layout = radar(**changes)
+    report = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout)
+    assert not report.dropped
+    assert_allclose(report.detections.measurement, given.measurement, rtol=0.0, atol=1e-6)
+    if layout.amplitude_field:
+        assert_allclose(report.detections.amplitude, given.amplitude, rtol=1e-5)
+    else:
+        assert report.detections.amplitude is None
+
+
 def test_an_empty_scan_survives_the_message():
     empty = Detections(np.zeros((0, 2)), np.zeros(0))
     message = adapter.to_msg(empty, STAMP_NS, FRAME)

@@ -1,16 +1,17 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How one radar's messages are to be read."""
+"""The layout of one radar's messages: where they come, what they are called, their units."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class RadarInput:
-    """How one radar's clouds are to be read.
+    """The layout of one radar's messages, by default that of the package's own clouds.
 
     Parameters
     ----------
@@ -32,12 +33,12 @@ class RadarInput:
     name: str
     topic: str
     frame: str
-    message: str
-    range_field: str
-    azimuth_field: str
-    elevation_field: str
-    amplitude_field: str
-    amplitude_in_db: bool
-    amplitude_offset_db: float
-    compass: bool
-    max_range: float
+    message: str = "point_cloud"
+    range_field: str = "range"
+    azimuth_field: str = "azimuth"
+    elevation_field: str = ""
+    amplitude_field: str = "amplitude"
+    amplitude_in_db: bool = False
+    amplitude_offset_db: float = 0.0
+    compass: bool = False
+    max_range: float = math.inf

@@ -1,0 +1,16 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Warnings of reports that are used but do not look as they are configured, live and offline."""
+
+from __future__ import annotations
+
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+
+
+def no_amplitude(radar: RadarInput) -> str:
+    """Return the warning of a radar whose messages have no amplitudes."""
+    return (
+        f"{radar.topic}: no field {radar.amplitude_field!r}; "
+        "its amplitudes say nothing of the class"
+    )
