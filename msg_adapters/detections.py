@@ -24,6 +24,11 @@ from .errors import RejectedMessageError
 
 # 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
+FULL_TURN = 2.0 * np.pi
+# A compass azimuth just below a whole turn may be rounded to a float above it.
+A_TURN = FULL_TURN * (1.0 + 1e-6)
+# Of more turns, single precision leaves an angle of 0.03 degrees at the best, and soon none at all.
+MAX_TURNS = 1000.0
 # Some drivers send levels as whole decibels.
 NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 BoolArray = npt.NDArray[np.bool_]
@@ -41,12 +46,15 @@ class Report:
     detections : Detections
         `amplitude` is None where the cloud has no amplitude field.
     dropped : Counter
-        Points left out, by reason: ``not_finite``, ``range``, ``amplitude``.
+        Points left out, by reason: ``not_finite``, ``range``, ``azimuth``, ``amplitude``.
+    beyond_a_turn : int
+        Detections kept whose azimuths are beyond 2 pi in radians, and so probably are degrees.
     """
 
     stamp_ns: int
     detections: Detections
     dropped: Counter[str]
+    beyond_a_turn: int = 0
 
 
 def to_msg(
@@ -92,7 +100,8 @@ def to_msg(
 
 def sent_azimuth(azimuth: FloatArray, radar: RadarInput) -> FloatArray:
     """Return azimuths, radians from the sensor's x axis, as the radar reports them."""
-    return np.mod(np.pi / 2.0 - azimuth, 2.0 * np.pi) if radar.compass else azimuth
+    turned = np.mod(np.pi / 2.0 - azimuth, FULL_TURN) if radar.compass else azimuth
+    return np.degrees(turned) if radar.azimuth_in_degrees else turned
 
 
 def sent_level(detections: Detections, radar: RadarInput) -> FloatArray:
@@ -200,12 +209,15 @@ def select(
     distance : ndarray of shape (M,)
         Metres; slant ranges where there are elevations.
     azimuth : ndarray of shape (M,)
-        Radians.
+        As the radar reports them.
     elevation : ndarray of shape (M,) or None
         Radians above the sensor's plane.
     level : ndarray of shape (M,) or None
         Amplitudes as the radar reports them.
     """
+    if radar.azimuth_in_degrees:
+        azimuth = np.radians(azimuth)
+    turns = np.abs(azimuth)
     if radar.compass:
         azimuth = np.pi / 2.0 - azimuth
     angle = np.zeros(len(distance)) if elevation is None else elevation
@@ -220,10 +232,18 @@ def select(
     in_range = (distance >= 0.0) & (ground_range >= 0.0) & (ground_range <= radar.max_range)
     possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
 
-    kept, dropped = _sorted_out({"not_finite": finite, "range": in_range, "amplitude": possible})
+    kept, dropped = _sorted_out(
+        {
+            "not_finite": finite,
+            "range": in_range,
+            "azimuth": turns <= MAX_TURNS * FULL_TURN,
+            "amplitude": possible,
+        }
+    )
     measurement = np.stack([ground_range[kept], wrap_angle(azimuth[kept])], axis=1)
     found = Detections(measurement, None if level is None else amplitude[kept])
-    return Report(stamp_ns, found, dropped)
+    beyond = 0 if radar.azimuth_in_degrees else int(np.count_nonzero(turns[kept] > A_TURN))
+    return Report(stamp_ns, found, dropped, beyond)
 
 
 def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:

@@ -14,3 +14,13 @@ def no_amplitude(radar: RadarInput) -> str:
         f"{radar.topic}: no field {radar.amplitude_field!r}; "
         "its amplitudes say nothing of the class"
     )
+
+
+def beyond_a_turn(radar: RadarInput, count: int) -> str:
+    """Return the warning of `count` azimuths that are no angles of one turn in radians."""
+    cause = (
+        f"its definition has radians, {radar.message} in degrees needs another driver"
+        if radar.message == "radar_scan"
+        else f"degrees, set {radar.name}.azimuth_unit to deg"
+    )
+    return f"{radar.topic}: {count} azimuths beyond 2 pi rad; probably {cause}"

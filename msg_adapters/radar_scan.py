@@ -120,7 +120,7 @@ def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
 
 def _as_defined(radar: RadarInput) -> RadarInput:
     """Return a radar's input with the units and conventions that the message fixes."""
-    return replace(radar, amplitude_in_db=True, compass=False)
+    return replace(radar, amplitude_in_db=True, compass=False, azimuth_in_degrees=False)
 
 
 def _require_size(count: int) -> None:

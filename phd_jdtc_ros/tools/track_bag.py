@@ -53,6 +53,7 @@ class OfflineTracker:
         self.scans = 0
         self.dropped: Counter[str] = Counter()
         self._without_amplitude: set[int] = set()
+        self._beyond_a_turn: Counter[int] = Counter()
 
     def add(self, entry: BagMessage) -> None:
         """Take in one recorded message of a radar."""
@@ -66,6 +67,7 @@ class OfflineTracker:
         self.dropped.update(report.dropped)
         if report.detections.amplitude is None:
             self._without_amplitude.add(index)
+        self._beyond_a_turn[index] += report.beyond_a_turn
         events = self._pipeline.add(index, report.stamp_ns, report.detections)
         if isinstance(events, Rejection):
             self.dropped[events.value] += 1
@@ -81,6 +83,8 @@ class OfflineTracker:
         for index, radar in enumerate(self._config.inputs):
             if index in self._without_amplitude:
                 yield doubts.no_amplitude(radar)
+            if self._beyond_a_turn[index]:
+                yield doubts.beyond_a_turn(radar, self._beyond_a_turn[index])
 
     def _write(self, events: Iterable[Event]) -> None:
         for event in events:

@@ -101,6 +101,7 @@ parameters:
   own:
     message: {message}
     azimuth_convention: compass_cw
+    azimuth_unit: deg
     amplitude_unit: db
     amplitude_offset_db: -17.0
     fields: {{range: rho, azimuth: theta, amplitude: snr}}

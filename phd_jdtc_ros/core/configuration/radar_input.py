@@ -26,6 +26,8 @@ class RadarInput:
     amplitude_offset_db : float
     compass : bool
         Azimuth is from north, clockwise.
+    azimuth_in_degrees : bool
+        Azimuth is in degrees rather than radians.
     max_range : float
         Metres.
     """
@@ -41,4 +43,5 @@ class RadarInput:
     amplitude_in_db: bool = False
     amplitude_offset_db: float = 0.0
     compass: bool = False
+    azimuth_in_degrees: bool = False
     max_range: float = math.inf

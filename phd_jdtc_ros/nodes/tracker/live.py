@@ -190,6 +190,12 @@ class LiveTracker:
         if report.detections.amplitude is None and radar.name not in self._neutral:
             self._neutral.add(radar.name)
             self._node.get_logger().warning(doubts.no_amplitude(radar))
+        if report.beyond_a_turn:
+            health.doubt(report.beyond_a_turn, time.monotonic())
+            self._node.get_logger().warning(
+                doubts.beyond_a_turn(radar, report.beyond_a_turn),
+                throttle_duration_sec=WARNING_PERIOD_S,
+            )
         waiting = self._pipeline.waiting
         events = self._pipeline.add(index, report.stamp_ns, report.detections)
         if isinstance(events, Rejection):
