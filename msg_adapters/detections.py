@@ -24,9 +24,16 @@ from .errors import RejectedMessageError
 
 # 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
+FULL_TURN = 2.0 * np.pi
+# A compass azimuth just below a whole turn may be rounded to a float above it.
+A_TURN = FULL_TURN * (1.0 + 1e-6)
+# Of more turns, single precision leaves an angle of 0.03 degrees at the best, and soon none at all.
+MAX_TURNS = 1000.0
 # Some drivers send levels as whole decibels.
 NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 BoolArray = npt.NDArray[np.bool_]
+# The layout of the clouds that are written where no radar's own is asked for.
+OWN_LAYOUT = RadarInput(name="", topic="", frame="")
 
 
 @dataclass(frozen=True)
@@ -39,38 +46,82 @@ class Report:
     detections : Detections
         `amplitude` is None where the cloud has no amplitude field.
     dropped : Counter
-        Points left out, by reason: ``not_finite``, ``range``, ``amplitude``.
+        Points left out, by reason: ``not_finite``, ``range``, ``azimuth``, ``amplitude``.
+    beyond_a_turn : int
+        Detections kept whose azimuths are beyond 2 pi in radians, and so probably are degrees.
     """
 
     stamp_ns: int
     detections: Detections
     dropped: Counter[str]
+    beyond_a_turn: int = 0
 
 
-def to_msg(detections: Detections, stamp_ns: int, frame: str) -> PointCloud2:
-    """Return the cloud of a planar radar's detections.
+def to_msg(
+    detections: Detections, stamp_ns: int, frame: str, radar: RadarInput = OWN_LAYOUT
+) -> PointCloud2:
+    """Return the cloud of a planar radar's detections, as that radar's driver would publish it.
 
-    Fields are ``x y z range azimuth elevation amplitude``, FLOAT32, in the sensor's frame;
-    elevation is 0.
+    Parameters
+    ----------
+    detections : Detections
+    stamp_ns : int
+    frame : str
+    radar : RadarInput
+        Field names, units and conventions; by default those of the package.
+
+    Returns
+    -------
+    PointCloud2
+        Fields are ``x y z`` in the sensor's frame, then the radar's names for ``range azimuth
+        elevation amplitude``, FLOAT32. The elevation is 0. There is no amplitude where the radar
+        has none.
+
+    Raises
+    ------
+    ValueError
+        If the radar has amplitudes and the detections have none.
     """
     distance, azimuth = detections.measurement.T
-    amplitude = detections.amplitude
-    if amplitude is None:
-        raise ValueError("detections.amplitude: None given, the cloud needs amplitudes")
     zero = np.zeros(len(detections))
-    return point_cloud.encode(
-        stamp_ns,
-        frame,
-        {
-            "x": distance * np.cos(azimuth),
-            "y": distance * np.sin(azimuth),
-            "z": zero,
-            "range": distance,
-            "azimuth": azimuth,
-            "elevation": zero,
-            "amplitude": amplitude,
-        },
-    )
+    columns = {
+        "x": distance * np.cos(azimuth),
+        "y": distance * np.sin(azimuth),
+        "z": zero,
+        radar.range_field: distance,
+        radar.azimuth_field: sent_azimuth(azimuth, radar),
+    }
+    # A radar may call another field by the name that elevations have here.
+    columns.setdefault(radar.elevation_field or "elevation", zero)
+    if radar.amplitude_field:
+        columns[radar.amplitude_field] = sent_level(detections, radar)
+    return point_cloud.encode(stamp_ns, frame, columns)
+
+
+def sent_azimuth(azimuth: FloatArray, radar: RadarInput) -> FloatArray:
+    """Return azimuths, radians from the sensor's x axis, as the radar reports them."""
+    turned = np.mod(np.pi / 2.0 - azimuth, FULL_TURN) if radar.compass else azimuth
+    return np.degrees(turned) if radar.azimuth_in_degrees else turned
+
+
+def sent_level(detections: Detections, radar: RadarInput) -> FloatArray:
+    """Return amplitudes as the radar reports them: the inverse of what `select` does.
+
+    Raises
+    ------
+    ValueError
+        If the detections have none.
+    """
+    if detections.amplitude is None:
+        raise ValueError("detections.amplitude: None given, the cloud needs amplitudes")
+    if radar.amplitude_in_db:
+        with np.errstate(divide="ignore"):  # an envelope of zero is -inf dB
+            snr_db = 10.0 * np.log10(detections.amplitude**2 / 2.0)
+        level: FloatArray = snr_db - radar.amplitude_offset_db
+        return level
+    # Nothing is computed without an offset, so that the numbers stay what they are.
+    scale = 10.0 ** (-radar.amplitude_offset_db / 20.0) if radar.amplitude_offset_db else 1.0
+    return detections.amplitude * scale
 
 
 def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
@@ -158,12 +209,15 @@ def select(
     distance : ndarray of shape (M,)
         Metres; slant ranges where there are elevations.
     azimuth : ndarray of shape (M,)
-        Radians.
+        As the radar reports them.
     elevation : ndarray of shape (M,) or None
         Radians above the sensor's plane.
     level : ndarray of shape (M,) or None
         Amplitudes as the radar reports them.
     """
+    if radar.azimuth_in_degrees:
+        azimuth = np.radians(azimuth)
+    turns = np.abs(azimuth)
     if radar.compass:
         azimuth = np.pi / 2.0 - azimuth
     angle = np.zeros(len(distance)) if elevation is None else elevation
@@ -178,10 +232,18 @@ def select(
     in_range = (distance >= 0.0) & (ground_range >= 0.0) & (ground_range <= radar.max_range)
     possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
 
-    kept, dropped = _sorted_out({"not_finite": finite, "range": in_range, "amplitude": possible})
+    kept, dropped = _sorted_out(
+        {
+            "not_finite": finite,
+            "range": in_range,
+            "azimuth": turns <= MAX_TURNS * FULL_TURN,
+            "amplitude": possible,
+        }
+    )
     measurement = np.stack([ground_range[kept], wrap_angle(azimuth[kept])], axis=1)
     found = Detections(measurement, None if level is None else amplitude[kept])
-    return Report(stamp_ns, found, dropped)
+    beyond = 0 if radar.azimuth_in_degrees else int(np.count_nonzero(turns[kept] > A_TURN))
+    return Report(stamp_ns, found, dropped, beyond)
 
 
 def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:

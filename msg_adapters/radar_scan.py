@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Conversion of ``radar_msgs/RadarScan`` to `Detections`.
+"""Conversion of ``radar_msgs/RadarScan`` to and from `Detections`.
 
 radar_msgs is optional, and this module does not import it. A live tracker needs its message class;
-recorded bytes are read without it.
+recorded bytes are read and written without it.
 """
 
 from __future__ import annotations
@@ -19,12 +19,36 @@ from std_msgs.msg import Header
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.types import Detections
 
-from .detections import Report, require_frame, select, stamp_of
+from . import cdr
+from .detections import Report, require_frame, select, sent_level, stamp_of
 from .errors import RejectedMessageError
 from .point_cloud import MAX_POINTS
 
 TYPE_NAME = "radar_msgs/msg/RadarScan"
+TYPE_HASH = "RIHS01_9d270e9c9d9e2509e93e7c688fd8a813d75e43a6a37ef982e63e24e80e535cdc"
+_SEPARATOR = "=" * 80
+# As bags store it: the definition followed by those of all types that it contains.
+DEFINITION = f"""\
+std_msgs/Header header
+radar_msgs/RadarReturn[] returns
+{_SEPARATOR}
+MSG: radar_msgs/RadarReturn
+float32 range
+float32 azimuth
+float32 elevation
+float32 doppler_velocity
+float32 amplitude
+{_SEPARATOR}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{_SEPARATOR}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
 # Fields of a RadarReturn: range, azimuth, elevation, doppler_velocity, amplitude, all float32.
 RETURN_FIELDS = 5
 
@@ -80,6 +104,26 @@ def from_cdr(data: bytes, radar: RadarInput) -> Report:
     return _report(Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame), rows, radar)
 
 
+def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
+    """Return the serialised scan of a planar radar's detections.
+
+    Elevations and Doppler velocities are 0, and so are amplitudes without an `amplitude_field`.
+    """
+    returns = np.zeros((len(detections), RETURN_FIELDS), dtype="<f4")
+    returns[:, :2] = detections.measurement
+    if radar.amplitude_field:
+        returns[:, 4] = sent_level(detections, _as_defined(radar))
+    scan = cdr.Writer()
+    scan.header(stamp_ns, radar.frame)
+    scan.put("I", len(returns))
+    return cdr.ENCAPSULATION + bytes(scan.data) + returns.tobytes()
+
+
+def _as_defined(radar: RadarInput) -> RadarInput:
+    """Return a radar's input with the units and conventions that the message fixes."""
+    return replace(radar, amplitude_in_db=True, compass=False, azimuth_in_degrees=False)
+
+
 def _require_size(count: int) -> None:
     if count > MAX_POINTS:
         raise RejectedMessageError("oversize", f"{count} returns, at most {MAX_POINTS} are allowed")
@@ -90,7 +134,7 @@ def _report(header: Header, rows: FloatArray, radar: RadarInput) -> Report:
     require_frame(header.frame_id, radar)
     return select(
         stamp_of(header),
-        replace(radar, amplitude_in_db=True, compass=False),
+        _as_defined(radar),
         distance=rows[:, 0],
         azimuth=rows[:, 1],
         elevation=rows[:, 2],

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The readers of radar messages, by the name of the message type in a configuration."""
+"""The messages of radars, by their name in a configuration: how they are read and written."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.types import Detections
 
 from . import detections, interfaces, names, radar_scan
 from .detections import Report
@@ -27,11 +28,18 @@ class Reader:
         Converts a message, with the radar's input, to a `Report`; raises `RejectedMessageError`.
     from_cdr : callable
         As `from_msg`, for the bytes of a recorded message; its package need not be installed.
+    to_cdr : callable
+        Detections, a stamp and the radar's input to the bytes of the radar's message.
+    definition, type_hash : str
+        Of the type, for bags; empty where the installed package has them.
     """
 
     type_name: str
     from_msg: Callable[[Any, RadarInput], Report]
     from_cdr: Callable[[bytes, RadarInput], Report]
+    to_cdr: Callable[[Detections, int, RadarInput], bytes]
+    definition: str = ""
+    type_hash: str = ""
 
     def installed(self) -> Any:
         """Return the message class, or None if its package is not installed."""
@@ -45,12 +53,23 @@ def _cloud_from_cdr(data: bytes, radar: RadarInput) -> Report:
     return detections.from_msg(interfaces.decode(data, names.CLOUD), radar)
 
 
+def _cloud_to_cdr(found: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
+    return interfaces.encode(detections.to_msg(found, stamp_ns, radar.frame, radar))
+
+
 READERS = {
-    "point_cloud": Reader(names.CLOUD, detections.from_msg, _cloud_from_cdr),
-    "radar_scan": Reader(radar_scan.TYPE_NAME, radar_scan.from_msg, radar_scan.from_cdr),
+    "point_cloud": Reader(names.CLOUD, detections.from_msg, _cloud_from_cdr, _cloud_to_cdr),
+    "radar_scan": Reader(
+        radar_scan.TYPE_NAME,
+        radar_scan.from_msg,
+        radar_scan.from_cdr,
+        radar_scan.to_cdr,
+        radar_scan.DEFINITION,
+        radar_scan.TYPE_HASH,
+    ),
 }
 
 
 def reader_of(radar: RadarInput) -> Reader:
-    """Return the reader of a radar's messages."""
+    """Return what reads and writes a radar's messages."""
     return READERS[radar.message]

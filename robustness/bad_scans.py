@@ -201,6 +201,7 @@ def cases() -> list[BadScan]:
         _dropped("NaN amplitude", "not_finite", 900.0, 0.0, nan),
         _dropped("negative range", "range", -5.0, 0.0, 5.0),
         _dropped("beyond the range", "range", 1e6, 0.0, 5.0),
+        _dropped("an azimuth that is no angle", "azimuth", 900.0, 1e30, 5.0),
         _dropped("negative amplitude", "amplitude", 900.0, 0.0, -1.0),
         _dropped("absurd amplitude", "amplitude", 900.0, 0.0, 1e30),
     ]

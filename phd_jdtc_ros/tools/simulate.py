@@ -9,7 +9,8 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from msg_adapters import detections, interfaces, names, truth
+from msg_adapters import interfaces, names, truth
+from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.configuration.schema import ConfigError
@@ -26,18 +27,31 @@ DEPTH = 50
 def write_bag(
     directory: Path, run: Scenario, inputs: tuple[RadarInput, ...], world_frame: str, seed: int
 ) -> None:
-    """Simulate a scenario into a new bag; equal arguments give equal bytes."""
+    """Simulate a scenario into a new bag; equal arguments give equal bytes.
+
+    Every radar's messages have the layout that `inputs` says, so that the same parameters read
+    them.
+    """
     with BagWriter(directory) as bag:
         for radar in inputs:
-            bag.add_topic(Topic(radar.topic, names.CLOUD, DEPTH))
+            kind = reader_of(radar)
+            bag.add_topic(
+                Topic(
+                    radar.topic,
+                    kind.type_name,
+                    DEPTH,
+                    definition=kind.definition,
+                    type_hash=kind.type_hash,
+                )
+            )
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
         for targets, scan in simulate(run, seed):
             message = truth.to_msg(targets, world_frame)
             bag.write(names.TRUTH, interfaces.encode(message), targets.stamp_ns)
             for radar, report in zip(inputs, scan.detections, strict=True):
                 if report is not None:
-                    cloud = detections.to_msg(report, scan.stamp_ns, radar.frame)
-                    bag.write(radar.topic, interfaces.encode(cloud), scan.stamp_ns)
+                    data = reader_of(radar).to_cdr(report, scan.stamp_ns, radar)
+                    bag.write(radar.topic, data, scan.stamp_ns)
 
 
 def main(argv: Sequence[str]) -> int:

@@ -10,14 +10,15 @@ estimates are equal to the live ones. Two runs write the same bytes.
 from __future__ import annotations
 
 import argparse
+import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters import doubts, estimates, interfaces, names
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
@@ -51,6 +52,8 @@ class OfflineTracker:
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self.scans = 0
         self.dropped: Counter[str] = Counter()
+        self._without_amplitude: set[int] = set()
+        self._beyond_a_turn: Counter[int] = Counter()
 
     def add(self, entry: BagMessage) -> None:
         """Process one recorded message of a radar."""
@@ -62,6 +65,9 @@ class OfflineTracker:
             self.dropped[error.reason] += 1
             return
         self.dropped.update(report.dropped)
+        if report.detections.amplitude is None:
+            self._without_amplitude.add(index)
+        self._beyond_a_turn[index] += report.beyond_a_turn
         events = self._pipeline.add(index, report.stamp_ns, report.detections)
         if isinstance(events, Rejection):
             self.dropped[events.value] += 1
@@ -71,6 +77,14 @@ class OfflineTracker:
     def finish(self) -> None:
         """Close all scans and write the estimates that are held back."""
         self._write(self._pipeline.flush())
+
+    def warnings(self) -> Iterator[str]:
+        """Yield what of the radars' reports does not look as it is configured, each once."""
+        for index, radar in enumerate(self._config.inputs):
+            if index in self._without_amplitude:
+                yield doubts.no_amplitude(radar)
+            if self._beyond_a_turn[index]:
+                yield doubts.beyond_a_turn(radar, self._beyond_a_turn[index])
 
     def _write(self, events: Iterable[Event]) -> None:
         for event in events:
@@ -134,6 +148,8 @@ def main(argv: Sequence[str]) -> int:
             tracker = track_bag(BagReader(arguments.bag), config, arguments.out)
             drops = ", ".join(f"{reason} {n}" for reason, n in sorted(tracker.dropped.items()))
             print(f"{arguments.out}: {tracker.scans} scans tracked, dropped: {drops or 'none'}")
+            for warning in tracker.warnings():
+                print(f"track_bag: {warning}", file=sys.stderr)
         except BagError as error:
             if not (error.corrupt and arguments.out.exists()):
                 raise

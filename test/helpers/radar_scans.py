@@ -47,3 +47,13 @@ def cdr(stamp_ns, frame, rows, little_endian=True):
     ]
     message = of[TYPE](header=header, returns=returns)
     return bytes(_STORE.serialize_cdr(message, TYPE, little_endian=little_endian))
+
+
+def decoded(data):
+    """Return the message that CDR bytes contain."""
+    return _STORE.deserialize_cdr(data, TYPE)
+
+
+def type_hash():
+    """Return the RIHS01 hash of the type."""
+    return _STORE.hash_rihs01(TYPE)

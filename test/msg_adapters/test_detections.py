@@ -60,6 +60,35 @@ def test_detections_survive_the_message():
     assert not report.dropped
 
 
+LAYOUTS = {
+    "own": {},
+    "compass": {"compass": True},
+    "degrees": {"azimuth_in_degrees": True},
+    "compass_degrees": {"compass": True, "azimuth_in_degrees": True},
+    "decibels": {"amplitude_in_db": True, "amplitude_offset_db": -17.0},
+    "offset": {"amplitude_offset_db": 6.0},
+    "renamed": {"range_field": "rho", "azimuth_field": "theta", "amplitude_field": "snr"},
+    "slant": {"elevation_field": "angle"},
+    "swapped": {"range_field": "elevation", "azimuth_field": "range"},
+    "without": {"amplitude_field": ""},
+}
+
+
+@pytest.mark.parametrize("changes", LAYOUTS.values(), ids=LAYOUTS)
+def test_to_msg_writes_what_from_msg_reads_in_the_layout_of_the_radar(changes):
+    given = Detections(
+        np.array([[100.0, np.pi / 2], [16e3, -np.pi / 4], [5.0, 3.0]]), np.array([3.75, 250, 9e5])
+    )
+    layout = radar(**changes)
+    report = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout)
+    assert not report.dropped
+    assert_allclose(report.detections.measurement, given.measurement, rtol=0.0, atol=1e-6)
+    if layout.amplitude_field:
+        assert_allclose(report.detections.amplitude, given.amplitude, rtol=1e-5)
+    else:
+        assert report.detections.amplitude is None
+
+
 def test_an_empty_scan_survives_the_message():
     empty = Detections(np.zeros((0, 2)), np.zeros(0))
     message = adapter.to_msg(empty, STAMP_NS, FRAME)
@@ -107,6 +136,9 @@ def test_from_msg_rejects_a_cloud_without_a_coordinate(missing):
         ((17000.1, 0.1, 4.0), "range"),
         ((1e3, 0.1, -0.5), "amplitude"),
         ((1e3, 0.1, 1.1e6), "amplitude"),
+        ((1e3, 1e30, 4.0), "azimuth"),
+        ((1e3, -1e300, 4.0), "azimuth"),
+        ((1e3, 6300.0, 4.0), "azimuth"),
     ],
 )
 def test_from_msg_drops_a_bad_point_counts_it_and_keeps_the_others(bad, reason):
@@ -149,10 +181,35 @@ def test_from_msg_of_azimuths_whole_turns_off_matches_to_the_precision_sent(azim
 
 
 @settings(deadline=None)
-@given(st.floats(allow_nan=False, allow_infinity=False), st.booleans())
+@given(st.floats(-6000.0, 6000.0), st.booleans())
 def test_from_msg_azimuths_are_above_minus_pi_and_at_most_pi(azimuth, compass):
     (found,) = read([(1e3, azimuth, 4.0)], compass=compass).detections.measurement[:, 1]
     assert -np.pi < found <= np.pi
+
+
+def test_from_msg_counts_azimuths_beyond_a_turn_that_probably_are_degrees():
+    points = [(1e3, azimuth, 4.0) for azimuth in (-359.0, -6.3, -6.2, 0.0, 6.2, 6.3, 359.0, 1e30)]
+    report = read(points)
+    assert report.beyond_a_turn == 4
+    assert report.dropped == {"azimuth": 1}
+    assert read(points, azimuth_in_degrees=True).beyond_a_turn == 0
+
+
+@pytest.mark.parametrize("compass", [False, True])
+def test_from_msg_counts_no_azimuth_of_one_turn_whatever_its_rounding(compass):
+    points = [(1e3, azimuth, 4.0) for azimuth in (0.0, np.pi, 2.0 * np.pi, np.nextafter(0.0, -1.0))]
+    report = adapter.from_msg(polar(points), radar(compass=compass))
+    assert report.beyond_a_turn == 0
+    assert len(report.detections) == 4
+
+
+@pytest.mark.parametrize(
+    ("degrees", "compass", "expected"),
+    [(90.0, False, 90.0), (270.0, False, -90.0), (-450.0, False, -90.0), (300.0, True, 150.0)],
+)
+def test_from_msg_reads_azimuths_in_degrees(degrees, compass, expected):
+    report = read([(1e3, degrees, 4.0)], azimuth_in_degrees=True, compass=compass)
+    assert_allclose(report.detections.measurement[0, 1], np.radians(expected), atol=1e-12)
 
 
 def test_from_msg_takes_pi_itself_as_pi():

@@ -13,6 +13,7 @@ from samples import FRAME, STAMP_NS, radar
 from msg_adapters import radar_scan, stamps
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import READERS
+from phd_jdtc_ros.core.types import Detections
 
 
 def scan(*rows, frame=FRAME):
@@ -131,3 +132,23 @@ def test_from_cdr_rejects_a_count_that_lies_before_it_reads():
     with pytest.raises(RejectedMessageError) as caught:
         radar_scan.from_cdr(bytes(data), radar())
     assert caught.value.reason == "oversize"
+
+
+def test_to_cdr_writes_what_an_independent_decoder_and_the_own_one_read():
+    given = Detections(np.array([[1000.5, 0.5], [2e3, -3.0]]), np.array([4.0, 8.0]))
+    layout = radar(amplitude_offset_db=-17.0, compass=True, frame="mast_")
+    data = radar_scan.to_cdr(given, STAMP_NS, layout)
+    decoded = radar_scans.decoded(data)
+    assert [r.range for r in decoded.returns] == [1000.5, 2e3]
+    assert (decoded.header.frame_id, decoded.header.stamp.sec) == ("mast_", STAMP_NS // 10**9)
+    report = radar_scan.from_cdr(data, layout)
+    assert report.stamp_ns == STAMP_NS
+    assert_allclose(report.detections.measurement, given.measurement, rtol=1e-7)
+    assert_allclose(report.detections.amplitude, given.amplitude, rtol=1e-6)
+
+
+def test_definition_and_hash_are_those_of_the_type():
+    assert radar_scans.type_hash() == radar_scan.TYPE_HASH
+    assert [line.split() for line in radar_scan.DEFINITION.splitlines()] == [
+        line.split() for line in radar_scans.DEFINITION.splitlines()
+    ]

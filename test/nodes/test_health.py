@@ -105,6 +105,16 @@ def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
 
 
+def test_azimuths_that_probably_are_degrees_are_counted_and_a_warning_for_a_while():
+    health = radar(60.0)
+    health.doubt(3, 100.0)
+    health.doubt(4, 100.0)
+    found = status(health)
+    assert (found.level, found.message) == (WARN, "azimuths beyond 2 pi rad, probably degrees")
+    assert diagnostics.values_of(found)["azimuths_beyond_a_turn"] == "7"
+    assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
+
+
 def test_second_publisher_in_the_graph_is_a_warning_for_it_may_be_a_killed_one():
     found = status(radar(1.0), heard=TWO)
     assert found.level == WARN

@@ -179,6 +179,19 @@ def test_tracker_drops_bad_points_and_keeps_the_rest(processes, peer, radars):
     assert bytes(radars.filtered[-1].data) == with_poison
 
 
+def test_tracker_warns_of_azimuths_that_probably_are_degrees(radars):
+    found = SCANS[0].detections[0]
+    turned = Detections(found.measurement + np.array([0.0, 300.0]), found.amplitude)
+    radars.outputs[0].publish(detections.to_msg(turned, SCANS[0].stamp_ns, "radar_1"))
+    radars.track(0, radars=(1,))
+    status = radars.drops(1)
+
+    assert status.message == "azimuths beyond 2 pi rad, probably degrees"
+    values = diagnostics.values_of(status)
+    assert values["azimuths_beyond_a_turn"] == str(len(found))
+    assert not [name for name in values if name.startswith("dropped_")]
+
+
 def test_tracker_takes_an_empty_scan_as_a_scan(radars):
     empty = Detections(np.zeros((0, 2)), np.zeros(0))
     for radar in (0, 1):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msg_adapters import detections, interfaces, names, stamps, truth
+from msg_adapters import detections, estimates, interfaces, names, stamps, truth
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
@@ -93,6 +93,43 @@ def test_simulate_takes_radars_from_the_parameters(simulate):
     assert BagReader(out).counts == {"/front/plots": 8, names.TRUTH: 8}
     assert {cloud.header.frame_id for cloud in clouds(out, "/front/plots")} == {"mast"}
     assert {cloud.header.frame_id for cloud in clouds(out, names.TRUTH)} == {"odom"}
+
+
+OWN_LAYOUT = """
+parameters:
+  radars: [own]
+  own:
+    message: {message}
+    azimuth_convention: compass_cw
+    azimuth_unit: deg
+    amplitude_unit: db
+    amplitude_offset_db: -17.0
+    fields: {{range: rho, azimuth: theta, amplitude: snr}}
+"""
+
+
+@pytest.mark.parametrize("message", ["point_cloud", "radar_scan"])
+def test_simulate_writes_in_the_layout_of_the_radar_so_that_the_tracker_reads_it_right(
+    simulate, scenario_file, tmp_path, capsys, message
+):
+    plain, own = tmp_path / "plain.yaml", tmp_path / "own.yaml"
+    plain.write_text(scenario_file.read_text() + "parameters: {radars: [own]}\n")
+    own.write_text(scenario_file.read_text() + OWN_LAYOUT.format(message=message))
+    found = []
+    for path in (plain, own):
+        assert simulate(out=f"{path.stem}_bag", scenario=path)[0] == 0
+        arguments = ["--out", str(tmp_path / f"{path.stem}_tracked"), "--scenario", str(path)]
+        few = ["-p", "particles_per_target:=100", "-p", "particles_per_birth:=256"]
+        assert run("track_bag", [str(tmp_path / f"{path.stem}_bag"), *arguments, *few]) == 0
+        printed = capsys.readouterr()
+        assert "dropped: none" in printed.out
+        assert "track_bag: " not in printed.err
+        clouds_of = clouds(tmp_path / f"{path.stem}_tracked", names.estimates("smoothed"))
+        found.append([estimates.from_msg(cloud) for cloud in clouds_of])
+    assert sum(len(one) for one in found[0]) > 5
+    for one, other in zip(*found, strict=True):
+        # Of what differs in the last digit of a float, the same targets come.
+        np.testing.assert_allclose(one.state, other.state, rtol=0.0, atol=1.0)
 
 
 def test_simulate_of_nothing_writes_empty_scans(simulate, tmp_path):

@@ -303,6 +303,26 @@ def test_track_bag_counts_dropped_points(short_bag, track, tmp_path, capsys):
     assert "8 scans tracked, dropped: not_finite 1, range 1\n" in capsys.readouterr().out
 
 
+def test_track_bag_warns_of_a_missing_amplitude_once_a_radar(short_bag, track, faults):
+    status, _ = track(short_bag, "-p", "radar_2.fields.amplitude:=snr")
+    assert status == 0
+    assert faults() == [f"{RADARS[1]}: no field 'snr'; its amplitudes say nothing of the class"]
+
+
+def test_track_bag_warns_of_azimuths_in_degrees_with_the_likely_cause(
+    short_bag, simulate, track, faults
+):
+    _, bag = simulate("-p", "radar_1.azimuth_unit:=deg", out="degrees")
+    status, _ = track(bag)
+    assert status == 0
+    (fault,) = faults()
+    count, rest = fault.removeprefix(f"{RADARS[0]}: ").split(" ", 1)
+    assert int(count) > 100
+    assert rest == ("azimuths beyond 2 pi rad; probably degrees, set radar_1.azimuth_unit to deg")
+    assert track(bag, "-p", "radar_1.azimuth_unit:=deg", out="right")[0] == 0
+    assert faults() == []
+
+
 def test_track_bag_counts_duplicates(short_bag, track, tmp_path, capsys):
     rewrite(short_bag, tmp_path / "twice", lambda e: [e, e] if e[0] == RADARS[0] else [e])
     status, out = track(tmp_path / "twice")

@@ -237,5 +237,6 @@ def _input(values: Mapping[str, Any], name: str) -> RadarInput:
         amplitude_in_db=get["amplitude_unit"] == "db",
         amplitude_offset_db=get["amplitude_offset_db"],
         compass=get["azimuth_convention"] == "compass_cw",
+        azimuth_in_degrees=get["azimuth_unit"] == "deg",
         max_range=get["max_range"],
     )

@@ -265,6 +265,7 @@ RADAR = (
         "enu_ccw: from the sensor's x axis, counter-clockwise; compass_cw: from north, clockwise.",
         choices=("enu_ccw", "compass_cw"),
     ),
+    Parameter("azimuth_unit", "rad", "Unit of the azimuth: rad or deg.", choices=("rad", "deg")),
 )
 CLASS = (
     Parameter(

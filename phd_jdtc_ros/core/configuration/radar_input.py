@@ -1,16 +1,17 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The settings for decoding one radar's messages."""
+"""The layout of one radar's messages: topic, fields, units and conventions."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class RadarInput:
-    """The settings for decoding one radar's messages.
+    """The layout of one radar's messages, by default that of the package's own clouds.
 
     Parameters
     ----------
@@ -25,6 +26,8 @@ class RadarInput:
     amplitude_offset_db : float
     compass : bool
         Whether azimuths are clockwise from north.
+    azimuth_in_degrees : bool
+        Whether azimuths are in degrees and not in radians.
     max_range : float
         Metres; detections beyond it are dropped.
     """
@@ -32,12 +35,13 @@ class RadarInput:
     name: str
     topic: str
     frame: str
-    message: str
-    range_field: str
-    azimuth_field: str
-    elevation_field: str
-    amplitude_field: str
-    amplitude_in_db: bool
-    amplitude_offset_db: float
-    compass: bool
-    max_range: float
+    message: str = "point_cloud"
+    range_field: str = "range"
+    azimuth_field: str = "azimuth"
+    elevation_field: str = ""
+    amplitude_field: str = "amplitude"
+    amplitude_in_db: bool = False
+    amplitude_offset_db: float = 0.0
+    compass: bool = False
+    azimuth_in_degrees: bool = False
+    max_range: float = math.inf

@@ -21,6 +21,7 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
+from msg_adapters import doubts
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader, reader_of
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
@@ -194,9 +195,12 @@ class LiveTracker:
             self._drop(health, reason, f"{count} points dropped: {reason}", count)
         if report.detections.amplitude is None and radar.name not in self._neutral:
             self._neutral.add(radar.name)
+            self._node.get_logger().warning(doubts.no_amplitude(radar))
+        if report.beyond_a_turn:
+            health.doubt(report.beyond_a_turn, time.monotonic())
             self._node.get_logger().warning(
-                f"{radar.topic}: no field {radar.amplitude_field!r}; "
-                "its amplitudes say nothing of the class"
+                doubts.beyond_a_turn(radar, report.beyond_a_turn),
+                throttle_duration_sec=WARNING_PERIOD_S,
             )
         waiting = self._pipeline.waiting
         events = self._pipeline.add(index, report.stamp_ns, report.detections)
