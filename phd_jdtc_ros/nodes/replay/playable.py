@@ -64,6 +64,7 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         If a wanted topic is missing or cannot be published, if detections or the truth have a
         wrong type, or if there is nothing to play.
     """
+    bag.require({topic: "a ROS 2 message" for topic in wanted if topic in bag.foreign})
     missing = [topic for topic in wanted if topic not in bag.types]
     if missing:
         raise BagError(
@@ -78,7 +79,8 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         # A driver may publish its detections under another name.
         detections = [t for t in chosen if bag.types[t] in readable]
         detections = [topic for topic in detections if topic not in truth]
-    classes, skipped = {}, []
+    classes: dict[str, Any] = {}
+    skipped = [] if wanted else [f"{t}: is {what}, not played" for t, what in bag.foreign.items()]
     for topic in chosen:
         found = _message_class(bag.types[topic])
         if found is None:
