@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.models.radar import wrap_angle
 from phd_jdtc_ros.core.types import Detections
 
 from . import point_cloud, stamps
-from .errors import RejectedMessageError
+from .errors import RejectedMessageError, quoted
 
 # 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
@@ -187,7 +187,7 @@ def stamp_of(header: Header) -> int:
 def require_frame(frame: str, radar: RadarInput) -> None:
     """Raise `RejectedMessageError` if a message is in another frame than its radar's."""
     if frame != radar.frame:
-        raise RejectedMessageError("frame", f"frame_id {frame!r}, must be {radar.frame!r}")
+        raise RejectedMessageError("frame", f"frame_id {quoted(frame)}, must be {radar.frame!r}")
 
 
 def select(

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2, PointField
 
 from . import stamps
-from .errors import RejectedMessageError
+from .errors import RejectedMessageError, quoted
 
 # A larger cloud is refused before its data is read.
 MAX_POINTS = 100_000
@@ -126,7 +126,7 @@ def _checked_layout(cloud: PointCloud2, wanted: Mapping[str, Sequence[str]]) -> 
         field = by_name.get(name)
         if field is None:
             raise RejectedMessageError(
-                "schema", f"field {name!r} is missing; the cloud has {sorted(by_name)}"
+                "schema", f"field {name!r} is missing; the cloud has {quoted(sorted(by_name))}"
             )
         formats.append(order + _checked_code(field, allowed, cloud.point_step))
         offsets.append(field.offset)

@@ -5,9 +5,13 @@
 
 from __future__ import annotations
 
+from msg_adapters.errors import cut
+
 
 class BagError(Exception):
     """A bag that cannot be used; the message is one line that says which and why.
+
+    It is cut to a bounded length, because it may quote names that are in the bag.
 
     Attributes
     ----------
@@ -16,5 +20,5 @@ class BagError(Exception):
     """
 
     def __init__(self, message: str, corrupt: bool = False) -> None:
-        super().__init__(message)
+        super().__init__(cut(message))
         self.corrupt = corrupt

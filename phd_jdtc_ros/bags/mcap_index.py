@@ -6,7 +6,7 @@
 The mcap library's reader trusts a file's summary without verifying its checksum, reads nothing from
 a file without a summary, and ignores messages outside of chunks. Here a summary is used only if
 its checksum, where it has one, matches. What the summary does not list is read record by record;
-without a usable summary the whole file is.
+without a usable summary the whole file is. A file may leave its summary out, which is no damage.
 """
 
 from __future__ import annotations
@@ -27,6 +27,10 @@ MAGIC = b"\x89MCAP0\r\n"
 FOOTER = RECORD_HEAD + 20
 
 
+class _UnfinishedError(DamageError):
+    """The file ends without a footer."""
+
+
 def index(stream: BinaryIO) -> Index:
     """Return a file's index, from its summary if that is intact, else record by record."""
     size = stream.seek(0, io.SEEK_END)
@@ -35,22 +39,25 @@ def index(stream: BinaryIO) -> Index:
     except DamageError as error:
         found = Index(damage=str(error))
         walk(stream, len(MAGIC), size, found)
+        found.unfinished = isinstance(error, _UnfinishedError) and not found.lost_bytes
     stream.seek(0)
     if stream.read(len(MAGIC)) != MAGIC:
-        found.damage = "it does not begin as an MCAP file does"
+        found.damage, found.unfinished = "it does not begin as an MCAP file does", False
     return found
 
 
 def _from_summary(stream: BinaryIO, size: int) -> Index:
     if size < 2 * len(MAGIC) + FOOTER:
-        raise DamageError("it is truncated")
+        raise _UnfinishedError("it is truncated")
     footer_at = size - len(MAGIC) - FOOTER
     stream.seek(footer_at)
     tail = stream.read()
     if tail[-len(MAGIC) :] != MAGIC or tail[0] != Opcode.FOOTER:
-        raise DamageError("it is truncated")
+        raise _UnfinishedError("it is truncated")
     start = int.from_bytes(tail[9:17], "little")
     checksum = int.from_bytes(tail[25:29], "little")
+    if start == 0 and checksum in (0, zlib.crc32(tail[:25])):
+        return _without_summary(stream, footer_at)
     if not len(MAGIC) <= start < footer_at:
         raise DamageError("it has no summary")
     stream.seek(start)
@@ -65,6 +72,14 @@ def _from_summary(stream: BinaryIO, size: int) -> Index:
     except Exception as error:  # damaged records raise a dozen kinds of exception
         raise DamageError("its summary cannot be read") from error
     _add_unlisted(stream, start, parts, found)
+    return found
+
+
+def _without_summary(stream: BinaryIO, footer_at: int) -> Index:
+    """Return the index of a finished file that has no summary, read record by record."""
+    found = Index()
+    if walk(stream, len(MAGIC), footer_at, found) != footer_at:
+        found.damage = found.damage or "its data do not end where they should"
     return found
 
 

@@ -17,7 +17,7 @@ from mcap.records import Message
 
 from msg_adapters import stamps
 
-from . import chunks, mcap_index
+from . import chunks, foreign, mcap_index
 from .errors import BagError
 from .writer import Topic
 
@@ -60,10 +60,21 @@ class BagReader:
     ----------
     path : Path
 
+    Attributes
+    ----------
+    types : dict of topic to type
+        Of the topics that can be read.
+    foreign : dict of topic to str
+        What the other topics are and how to convert them.
+    counts : Counter
+        Messages by topic.
+    start_ns, end_ns : int
+        Log times of the first and the last message.
+
     Raises
     ------
     BagError
-        If there is no such bag, or no topic can be read from it.
+        If there is no such bag, it is of another kind, or it is damaged and has no topic.
     """
 
     def __init__(self, path: Path) -> None:
@@ -74,12 +85,15 @@ class BagReader:
         self.start_ns, self.end_ns = self._index.start_ns, self._index.end_ns
         self.types: dict[str, str] = {}
         self.counts: Counter[str] = Counter()
+        self.foreign: dict[str, str] = {}
         for channel in self._index.channels.values():
             schema = self._index.schemas.get(channel.schema_id)
-            if channel.message_encoding == "cdr" and schema is not None:
+            if fault := foreign.topic_fault(channel, schema):
+                self.foreign[channel.topic] = fault
+            elif schema is not None:
                 self.types[channel.topic] = schema.name
                 self.counts[channel.topic] += self._index.counts[channel.id]
-        if self._index.damage and not self.types:
+        if self._index.damage and not self.types and not self.foreign:
             raise BagError(f"{self._file}: is damaged: {self._index.damage}", corrupt=True)
 
     def topic(self, name: str, depth: int = 10) -> Topic:
@@ -100,12 +114,13 @@ class BagReader:
         Raises
         ------
         BagError
-            Naming every topic that does not, with its type.
+            Naming every topic that does not, with its type or what it is instead.
         """
+        found = {**dict.fromkeys(needed, "missing"), **self.foreign, **self.types}
         wrong = [
-            f"{topic} is {self.types.get(topic, 'missing')}, must be {wanted}"
+            f"{topic} is {found[topic]}, must be {wanted}"
             for topic, wanted in needed.items()
-            if self.types.get(topic) != wanted
+            if found[topic] != wanted
         ]
         if wrong:
             raise BagError(f"{self.path}: {'; '.join(wrong)}")
@@ -183,6 +198,14 @@ class BagReader:
             damage = damage or "its statistics do not match its messages"
         if not damage:
             return
+        if self._index.unfinished and not lost:
+            raise BagError(
+                f"{self._file}: was not finished, as when a recorder is killed: the "
+                f"{self._index.counts.total()} messages in it are intact, later ones are lost",
+                corrupt=True,
+            )
+        if self._index.lost_bytes:
+            damage += f"; {self._index.lost_bytes} of its bytes are lost"
         if lost:
             damage += f"; {len(lost)} of {len(self._index.chunks)} chunks are lost"
         if expected != read.total():
@@ -221,11 +244,20 @@ def _mcap_file(path: Path) -> Path:
     """Return the MCAP file of a bag."""
     if path.is_file():
         if path.suffix != ".mcap":
-            raise BagError(f"{path}: is not an MCAP file")
+            raise BagError(f"{path}: {_foreign_fault(path) or 'is not an MCAP file'}")
         return path
     if not path.is_dir():
         raise BagError(f"{path}: no such bag")
     files = sorted(path.glob("*.mcap"))
-    if len(files) != 1:
-        raise BagError(f"{path}: contains {len(files)} MCAP files, must contain one")
-    return files[0]
+    if len(files) == 1:
+        return files[0]
+    others = () if files else filter(Path.is_file, sorted(path.iterdir()))
+    for other in others:
+        if fault := _foreign_fault(other):
+            raise BagError(f"{other}: {fault}")
+    raise BagError(f"{path}: contains {len(files)} MCAP files, must contain one")
+
+
+def _foreign_fault(path: Path) -> str:
+    with _CorruptionGuard(path):
+        return foreign.file_fault(path)

@@ -71,6 +71,10 @@ class Index:
         Log times of the first and the last message.
     damage : str
         Why not everything can be read; empty if everything can.
+    unfinished : bool
+        The file ends too soon and what there is of it is intact, as after a recorder's kill.
+    lost_bytes : int
+        Bytes of records that could not be read when the file was read record by record.
     loose_channels : set of int
         Ids of the channels that are defined outside of chunks.
     """
@@ -84,6 +88,8 @@ class Index:
     start_ns: int = 0
     end_ns: int = 0
     damage: str = ""
+    unfinished: bool = False
+    lost_bytes: int = 0
     loose_channels: set[int] = field(default_factory=set)
 
     def define(self, record: Any) -> None:
@@ -126,7 +132,7 @@ class Index:
         self.counts[channel_id] += 1
 
 
-def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> None:
+def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> int:
     """Read the records from `begin` to `end` and add the intact ones to `found`.
 
     Parameters
@@ -135,14 +141,19 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> None:
     begin, end : int
         Bounds of the data section, or of a part of it.
     found : Index
-        Changed in place; also takes the first damage.
+        Changed in place; also takes the first damage and how many bytes are lost.
+
+    Returns
+    -------
+    int
+        Where the data end.
     """
     position, searches = begin, 0
     while position + RECORD_HEAD <= end:
         opcode, length = head(stream, position)
         after = position + length
         if opcode == Opcode.DATA_END and length == _DATA_END:
-            return
+            return after
         try:
             _take(stream, position, end, found)
         except DamageError as error:
@@ -150,11 +161,13 @@ def walk(stream: BinaryIO, begin: int, end: int, found: Index) -> None:
             # The damage may be in the length itself.
             if not _can_follow(stream, after, end):
                 searches += 1
-                position = _next_record(stream, position + 1, end, found)
-                if position == end or searches > _MOST_SEARCHES:
-                    return
-                continue
+                after = _next_record(stream, position + 1, end, found)
+                if searches > _MOST_SEARCHES:
+                    after = end
+            found.lost_bytes += after - position
         position = after
+    found.lost_bytes += max(0, end - position)
+    return position
 
 
 def head(stream: BinaryIO, position: int) -> tuple[int, int]:

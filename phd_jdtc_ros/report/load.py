@@ -18,7 +18,7 @@ from msg_adapters.detections import Report
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
@@ -27,7 +27,7 @@ from .record import Plot, RadarSite, Record
 
 
 def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> Record:
-    """Return the record of the run in a bag.
+    """Return the record of the run in a bag; of a damaged bag, of what is intact.
 
     Parameters
     ----------
@@ -41,20 +41,27 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     ------
     BagError
         If the bag cannot be read, or has none of the topics of a run.
+
+    Notes
+    -----
+    What is wrong with a damaged bag is the record's `damage`.
     """
     bag = BagReader(path)
     sources = {names.estimates(source, tracker): source for source in (FILTERED, SMOOTHED)}
     figures = names.cardinality(tracker)
     wanted = dict.fromkeys([*sources, names.TRUTH], names.CLOUD)
     wanted |= {radar.topic: reader_of(radar).type_name for radar in config.inputs}
-    if not wanted.keys() & bag.types.keys():
+    present = bag.types.keys() | bag.foreign.keys()
+    if not wanted.keys() & present:
         raise BagError(f"{path}: none of {', '.join(wanted)} is in it")
     wanted[figures] = names.FIGURES
-    bag.require({topic: kind for topic, kind in wanted.items() if topic in bag.types})
+    bag.require({topic: kind for topic, kind in wanted.items() if topic in present})
+    intact = _Intact(bag)
     parts: dict[str, list[Any]] = defaultdict(list)
     classes = 0
     try:
-        for topic, message in _decoded(bag, [*sources, names.TRUTH, figures]):
+        for entry in intact.messages([*sources, names.TRUTH, figures]):
+            topic, message = entry.topic, interfaces.decode(entry.data, bag.types[entry.topic])
             if topic == names.TRUTH:
                 parts["truth"].append(truth.from_msg(message))
             elif topic == figures:
@@ -64,7 +71,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
                 classes = max(classes, estimates.class_count(message))
                 parts[sources[topic]].append(estimates.from_msg(message))
         for radar, model in zip(config.inputs, config.model.radars, strict=True):
-            for entry in bag.messages([radar.topic] if radar.topic in bag.types else []):
+            for entry in intact.messages([radar.topic]):
                 # Messages that the tracker rejects and counts are not shown.
                 with contextlib.suppress(RejectedMessageError):
                     report = reader_of(radar).from_cdr(entry.data, radar)
@@ -79,15 +86,33 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         classes=classes or len(config.model.modes.classes),
         step_ms=np.array(parts["step_ms"], dtype=float),
         radars=tuple(RadarSite(radar.name, radar.position) for radar in config.model.radars),
+        damage=intact.damage,
     )
 
 
-def _decoded(bag: BagReader, topics: list[str]) -> Iterator[tuple[str, Any]]:
-    """Yield topic and decoded message, for those of the topics that the bag has."""
-    present = [topic for topic in topics if topic in bag.types]
-    if present:
-        for entry in bag.messages(present):
-            yield entry.topic, interfaces.decode(entry.data, bag.types[entry.topic])
+class _Intact:
+    """Reads the intact messages of a bag and remembers what is wrong with it.
+
+    Attributes
+    ----------
+    damage : BagError or None
+    """
+
+    def __init__(self, bag: BagReader) -> None:
+        self._bag = bag
+        self.damage: BagError | None = None
+
+    def messages(self, topics: list[str]) -> Iterator[BagMessage]:
+        """Yield the intact messages of those topics that the bag has."""
+        present = [topic for topic in topics if topic in self._bag.types]
+        if not present:
+            return
+        try:
+            yield from self._bag.messages(present)
+        except BagError as error:
+            if not error.corrupt:
+                raise
+            self.damage = error
 
 
 def _plot(report: Report, model: RadarModel) -> Plot:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
@@ -56,6 +57,8 @@ class Record:
     step_ms : array of shape (scans,)
         CPU time of each step, milliseconds; empty if it was not measured.
     radars : tuple of RadarSite
+    damage : BagError or None
+        What is wrong with the bag that the run was read from; the run is what is intact of it.
     """
 
     truth: tuple[Truth, ...]
@@ -65,6 +68,7 @@ class Record:
     classes: int
     step_ms: FloatArray
     radars: tuple[RadarSite, ...] = ()
+    damage: BagError | None = None
 
     def of_source(self, source: str) -> tuple[Estimates, ...]:
         """Return the ``filtered`` or the ``smoothed`` estimates."""

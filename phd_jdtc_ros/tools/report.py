@@ -15,7 +15,7 @@ from rich.console import Console
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.exit_status import FAILED, OK
+from phd_jdtc_ros.exit_status import FAILED, OK, fail
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.record import Record
@@ -30,6 +30,8 @@ def write(
     bag: Path, out: Path, config: TrackerConfig, title: str, summary: dict[str, Any] | None
 ) -> int:
     """Write a bag's report into a directory, print its table and return the exit status.
+
+    The report of a damaged bag shows what is intact.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def write(
         print("report: the page needs plotly: pip install plotly", file=sys.stderr)
         return FAILED
     console.print(f"report: {page}", soft_wrap=True, markup=False, highlight=False)
-    return OK
+    return OK if run.damage is None else fail("report", run.damage)
 
 
 def _write_page(

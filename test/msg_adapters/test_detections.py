@@ -113,6 +113,17 @@ def test_from_msg_rejects_another_frame(frame):
     assert str(caught.value) == f"frame_id {frame!r}, must be 'radar_1'"
 
 
+@pytest.mark.parametrize("frame", ["x" * 10**6, "\x1b[31m" * 10**5, "\n" * 10**6])
+def test_from_msg_quotes_little_of_a_long_frame(frame):
+    with pytest.raises(RejectedMessageError) as caught:
+        adapter.from_msg(polar(GOOD, frame=frame), radar())
+    text = str(caught.value)
+    assert len(text) < 300
+    assert text.isprintable()
+    assert text.startswith(f"frame_id '{repr(frame[:10])[1:-1]}")
+    assert text.endswith("', must be 'radar_1'")
+
+
 @pytest.mark.parametrize("missing", ["range", "azimuth"])
 def test_from_msg_rejects_a_cloud_without_a_coordinate(missing):
     names = [name for name in ("range", "azimuth", "amplitude") if name != missing]

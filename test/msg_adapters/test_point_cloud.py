@@ -125,6 +125,17 @@ def test_decode_rejects_a_missing_field_and_says_what_there_is():
     assert "['a', 'n']" in text
 
 
+@pytest.mark.parametrize(
+    "names", [["x" * 10**6], [f"field {k}" for k in range(10**4)]], ids=["long", "many"]
+)
+def test_decode_quotes_little_of_a_cloud_with_long_or_many_names(names):
+    message = cloud([(name, F4) for name in names], [(1.0,) * len(names)])
+    reason, text = rejection(message, {"missing": point_cloud.FLOATS})
+    assert reason == "schema"
+    assert "field 'missing' is missing; the cloud has [" in text
+    assert len(text) < 3000
+
+
 @pytest.mark.parametrize("datatype", [1, 2, 3, 4, 5, 6])
 def test_decode_rejects_an_integer_where_a_float_belongs(datatype):
     message = cloud([("a", datatype), ("n", U4)], [(1, 1)])

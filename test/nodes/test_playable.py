@@ -54,6 +54,17 @@ def test_choose_skips_a_type_that_is_not_installed_with_one_line(tmp_path, type_
     assert found.skipped == (f"/thing: type {type_name} is not installed, not played",)
 
 
+def test_choose_cuts_what_it_quotes_of_a_bag(tmp_path):
+    types = {RADAR: names.CLOUD, "/thing": "x" * 10**6}
+
+    (line,) = choose(tmp_path, types).skipped
+    with pytest.raises(BagError) as caught:
+        choose(tmp_path, types, ["/thing"])
+
+    assert max(len(line), len(str(caught.value))) < 5000
+    assert line.startswith("/thing: type xxx")
+
+
 def test_choose_imports_nothing_that_is_no_message_package(tmp_path, monkeypatch):
     package = tmp_path / "trap"
     package.mkdir()

@@ -213,16 +213,15 @@ def test_write_report_escapes_the_title(tmp_path):
     assert '<script>"' not in text
 
 
-def test_write_report_lets_no_name_end_the_script(tmp_path):
+@pytest.mark.parametrize("name", ["</script><b>", "<!--<script>", "<!--", "]]>&lt;"])
+def test_write_report_lets_no_name_end_or_swallow_the_script(tmp_path, name):
     record = record_of()
-    evil = type(record.plots[0])(**{**vars(record.plots[0]), "radar": "</script><b>"})
+    evil = type(record.plots[0])(**{**vars(record.plots[0]), "radar": name})
 
     text = page(tmp_path, summary_of(), record=record_of(plots=(evil,)))
 
-    assert "</script><b>" not in text
-    assert any(
-        "</script><b>" in t.get("name", "") for t in run_of(text)["charts"][0]["figure"]["data"]
-    )
+    assert "<" not in re.search(r'id="run">(.*?)</script>', text, re.DOTALL)[1]
+    assert any(name in t.get("name", "") for t in run_of(text)["charts"][0]["figure"]["data"])
 
 
 def test_parts_of_the_page_are_installed():

@@ -6,6 +6,7 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import pytest
 from records import SCANS, record_of, truth_of
@@ -99,6 +100,19 @@ def test_page_of_a_part_draws_and_complains_of_nothing(opened, parts):
     assert console == []
     assert 'data-drawn="yes"' in dom
     assert ('<svg class="main-svg"' in dom) == (len(parts) < 4 or bool(parts["truth"]))
+
+
+@pytest.mark.parametrize("name", ["<!--<script>", "</script><script>throw 1</script>"])
+def test_page_of_a_radar_with_a_hostile_name_draws_its_charts(opened, name):
+    record = record_of(3)
+    plots = tuple(replace(plot, radar=name) for plot in record.plots)
+    sites = tuple(replace(site, name=name) for site in record.radars)
+    dom, console = opened(replace(record, plots=plots, radars=sites))
+
+    assert console == []
+    assert 'data-drawn="yes"' in dom
+    for chart in ("map", "ospa", "numbers", "classes"):
+        assert '<svg class="main-svg"' in part(dom, chart)
 
 
 def test_page_opens_at_the_scan_asked_for(opened):

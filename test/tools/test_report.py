@@ -3,11 +3,18 @@
 
 """The report tool on a bag: the page and the pictures."""
 
+import contextlib
+import json
 import re
 import subprocess
 import sys
+from collections import Counter
 
+from msg_adapters import names
 from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+from robustness.small_chunks import rewritten
 
 
 def test_report_writes_a_page_and_pictures(tracked, tmp_path, capsys):
@@ -34,6 +41,39 @@ def test_report_refuses_a_missing_bag(tmp_path, capsys):
     assert run("report", [str(tmp_path / "none"), "--out", str(tmp_path / "out")]) == 2
     assert "no such bag" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_report_of_a_recording_cut_by_a_kill_shows_every_whole_chunk(tracked, tmp_path, capsys):
+    whole = rewritten(tracked, tmp_path / "whole.mcap")
+    killed = tmp_path / "killed.mcap"
+    killed.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    topics = {names.estimates("filtered"), names.TRUTH}
+    messages = salvaged(killed)
+    intact = Counter(message.topic for message in messages)
+    assert all(0 < intact[topic] < 8 for topic in topics)
+
+    assert run("report", [str(killed), "--out", str(tmp_path / "out")]) == 3
+
+    said = capsys.readouterr()
+    (line,) = said.err.splitlines()
+    assert re.fullmatch(
+        rf"report: {killed}: is damaged: it is truncated; \d+ of its bytes are lost", line
+    )
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert f"Only what is intact is shown. {line.removeprefix('report: ')}." in page
+    times = json.loads(re.search(r'id="run">(.*?)</script>', page, re.DOTALL)[1])["times"]
+    assert len(times) == len({message.stamp_ns for message in messages})
+    assert "report.html" in said.out
+    assert (tmp_path / "out" / "ospa.png").exists()
+
+
+def salvaged(path):
+    """Return the messages of a damaged bag that can be read."""
+    found = []
+    with contextlib.suppress(BagError):
+        for message in BagReader(path).messages():
+            found.append(message)
+    return found
 
 
 def test_report_refuses_a_directory_that_cannot_be_made(short_bag, tmp_path, capsys):

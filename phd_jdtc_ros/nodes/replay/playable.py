@@ -15,6 +15,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from msg_adapters import interfaces, names
+from msg_adapters.errors import cut
 from msg_adapters.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
@@ -64,6 +65,7 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         If a wanted topic is missing or cannot be published, if detections or the truth have a
         wrong type, or if there is nothing to play.
     """
+    bag.require({topic: "a ROS 2 message" for topic in wanted if topic in bag.foreign})
     missing = [topic for topic in wanted if topic not in bag.types]
     if missing:
         raise BagError(
@@ -78,7 +80,8 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         # A driver may publish its detections under another name.
         detections = [t for t in chosen if bag.types[t] in readable]
         detections = [topic for topic in detections if topic not in truth]
-    classes, skipped = {}, []
+    classes: dict[str, Any] = {}
+    skipped = [] if wanted else [f"{t}: is {what}, not played" for t, what in bag.foreign.items()]
     for topic in chosen:
         found = _message_class(bag.types[topic])
         if found is None:
@@ -91,7 +94,7 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         reason = "; ".join(skipped) or f"it has {', '.join(sorted(bag.types)) or 'no topic'}"
         raise BagError(f"{bag.path}: has nothing to play: {reason}")
     detections = [topic for topic in detections if topic in classes]
-    return Playable(classes, (*detections, *truth), tuple(detections), tuple(skipped))
+    return Playable(classes, (*detections, *truth), tuple(detections), tuple(map(cut, skipped)))
 
 
 def _is_left_out(topic: str) -> bool:

@@ -96,7 +96,11 @@ def _part(name: str) -> str:
 
 
 def _run_json(record: Record, charts: Sequence[Chart]) -> str:
-    """Return the script's data; ``</`` is escaped, so that it cannot end its own element."""
+    """Return the script's data, without ``<``.
+
+    A name with ``</script>`` would end the element, and one with ``<!--<script>`` would make it
+    swallow the rest of the page.
+    """
     clock = Clock.of(record)
     scans = scans_of(record)
     document = {
@@ -109,7 +113,7 @@ def _run_json(record: Record, charts: Sequence[Chart]) -> str:
             for c in charts
         ],
     }
-    return json.dumps(document, allow_nan=False, separators=(",", ":")).replace("</", "<\\/")
+    return json.dumps(document, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _chart(chart: Chart) -> str:

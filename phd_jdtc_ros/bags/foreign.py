@@ -1,0 +1,66 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a recording of another kind is, and the command that converts it.
+
+Read are MCAP files whose messages are CDR, as ROS 2 records them. Everything else is named, because
+"no such topic" or "no MCAP file" does not tell a user what to do.
+"""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+from mcap.records import Channel, Schema
+
+CDR = "cdr"
+_SQLITE, _ZSTD, _ROS1 = b"SQLite format 3\0", b"\x28\xb5\x2f\xfd", b"#ROSBAG V"
+_LONGEST = max(map(len, (_SQLITE, _ZSTD, _ROS1)))
+_NO_CONVERTER = "no command converts it; docs/offline_tools.md shows how a script does"
+# What is known of the encodings other than CDR, by MCAP's names.
+_ENCODINGS = {
+    "ros1": (
+        "a ROS 1 message",
+        "convert the .bag that it comes from: rosbags-convert --src FILE.bag --dst DIR "
+        "--dst-typestore ros2_jazzy --dst-storage mcap",
+    ),
+    "protobuf": ("a protobuf message", _NO_CONVERTER),
+    "json": ("a JSON message", _NO_CONVERTER),
+}
+
+
+def file_fault(path: Path) -> str:
+    """Return what a file is instead of MCAP and how to convert it; empty if that is not known."""
+    with path.open("rb") as stream:
+        begin = stream.read(_LONGEST)
+    name = shlex.quote(str(path))
+    if begin.startswith(_ZSTD):
+        unpacked = shlex.quote(str(path.with_suffix("")))
+        return f"is compressed as a file; unpack it: zstd -d {name} -o {unpacked}"
+    if begin.startswith(_ROS1):
+        out = shlex.quote(str(path.with_suffix("")))
+        return (
+            f"is a ROS 1 bag; convert it: rosbags-convert --src {name} --dst {out} "
+            "--dst-typestore ros2_jazzy --dst-storage mcap"
+        )
+    if begin == _SQLITE:
+        bag, out = path.parent, f"{path.parent.resolve().name}_mcap"
+        return (
+            f"is a bag in SQLite; convert it: echo 'output_bags: [{{uri: {out}, storage_id: mcap, "
+            f"all: true}}]' > convert.yaml && ros2 bag convert -i {shlex.quote(str(bag))} -o "
+            f"convert.yaml, or without ROS: rosbags-convert --src {shlex.quote(str(bag))} --dst "
+            f"{shlex.quote(out)} --dst-storage mcap"
+        )
+    return ""
+
+
+def topic_fault(channel: Channel, schema: Schema | None) -> str:
+    """Return what the messages of a channel are and how to convert them; empty if they are read."""
+    if channel.message_encoding == CDR and schema is not None:
+        return ""
+    kind = f"{channel.message_encoding or 'no'} encoding"
+    known, way = _ENCODINGS.get(channel.message_encoding, (f"of {kind}", _NO_CONVERTER))
+    if schema is None:
+        return f"{known} without a type; {way}"
+    return f"{known} ({schema.name}); {way}"
