@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import phd_jdtc_ros
+from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.simulation import scenario_file
@@ -76,7 +77,7 @@ def test_reference_parameters_are_the_defaults():
 
 def test_reference_scenario_file_is_the_built_in_one():
     radars = resolve({}).model.radars
-    document = params_file.load_yaml(ROOT / "config" / "scenarios" / "paper_scenario.yaml")
+    document = yaml_files.load(ROOT / "config" / "scenarios" / "paper_scenario.yaml")
 
     assert scenario_file.resolve(document, radars) == paper_scenario(radars)
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import ConfigError
@@ -56,7 +57,7 @@ def tracker_config(arguments: argparse.Namespace) -> TrackerConfig:
     """Return the configuration that the parameter arguments describe."""
     given: dict[str, Any] = {}
     if arguments.scenario is not None:
-        given = params_file.scenario_parameters(params_file.load_yaml(arguments.scenario))
+        given = params_file.scenario_parameters(yaml_files.load(arguments.scenario))
     paths: Sequence[Path] = arguments.params_file
     given |= params_file.from_arguments(paths, arguments.assignments)
     # The file may be a live tracker's, with the node's own parameters.

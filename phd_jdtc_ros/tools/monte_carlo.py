@@ -18,6 +18,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.exit_status import FAILED, OK
@@ -36,13 +37,11 @@ def published_study() -> Path:
 
 def load_study(path: Path, assigned: Mapping[str, Any]) -> Study:
     """Return a checked study; paths of scenario files are relative to the study's file."""
-    return monte_carlo.resolve(
-        params_file.load_yaml(path), partial(_load_scene, path.parent), assigned
-    )
+    return monte_carlo.resolve(yaml_files.load(path), partial(_load_scene, path.parent), assigned)
 
 
 def _load_scene(directory: Path, name: str) -> Scene:
-    document = params_file.load_yaml(directory / name)
+    document = yaml_files.load(directory / name)
     return params_file.scenario_parameters(document), partial(scenario_file.resolve, document)
 
 

@@ -5,35 +5,15 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.core.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.nodes.common import parameter_files
 
 _NODE = "tracker"
-# Regular expressions for the wildcards in a section's name, with the preceding slash.
-_WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
-
-
-def load_yaml(path: Path) -> Any:
-    """Return a YAML document.
-
-    Raises
-    ------
-    ConfigError
-        If the file cannot be read or is not YAML.
-    """
-    try:
-        return yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise ConfigError([f"{path}: cannot be read: {error.strerror}"]) from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error).split())
-        raise ConfigError([f"{path}: is not YAML: {reason}"]) from error
 
 
 def load(path: Path) -> dict[str, Any]:
@@ -48,40 +28,23 @@ def load(path: Path) -> dict[str, Any]:
     ConfigError
         If it is not such a file, or has sections for trackers in several namespaces.
     """
-    sections = list(_sections(load_yaml(path)))
-    trackers = {name for name, _ in sections if name.endswith(f"/{_NODE}") and "*" not in name}
+    file = parameter_files.read(path)
+    names = [name for name, _ in file.sections]
+    trackers = {name for name in names if name.endswith(f"/{_NODE}") and "*" not in name}
     if len(trackers) > 1:
         listed = ", ".join(sorted(trackers))
         raise ConfigError([f"{path}: has sections of several trackers, {listed}: must be one"])
+    if trackers:
+        return file.values(trackers.pop())
     found: dict[str, Any] = {}
-    for name, given in sections:
-        if _is_for(name, next(iter(trackers), None)):
-            found.update(flatten(given))
+    for name, given in file.sections:
+        if name.rpartition("/")[2] in (_NODE, "*", "**"):
+            found |= given
     if not found:
         raise ConfigError(
             [f"{path}: has no ros__parameters under {_NODE}, /NAMESPACE/{_NODE} or /**"]
         )
     return found
-
-
-def _sections(document: Any, prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield the full name and the parameters of every section; namespaces may be nested."""
-    for key, value in document.items() if isinstance(document, Mapping) else ():
-        name = f"{prefix}/{str(key).strip('/')}"
-        given = value.get("ros__parameters") if isinstance(value, Mapping) else None
-        if isinstance(given, Mapping):
-            yield name, given
-        else:
-            yield from _sections(value, name)
-
-
-def _is_for(section: str, tracker: str | None) -> bool:
-    """Return whether a section matches the tracker's full name, or any tracker if it is None."""
-    parts = section.split("/")[1:]
-    if tracker is None:
-        return parts[-1] in (_NODE, *_WILDCARDS)
-    pattern = "".join(_WILDCARDS.get(part, "/" + re.escape(part)) for part in parts)
-    return re.fullmatch(pattern, tracker) is not None
 
 
 def scenario_parameters(document: Any) -> dict[str, Any]:
@@ -119,9 +82,9 @@ def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[st
             faults.append(f"-p {assignment}: must be NAME:=VALUE")
             continue
         try:
-            found[name] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
-            faults.append(f"-p {assignment}: is not YAML: {' '.join(str(error).split())}")
+            found[name] = yaml_files.parse(value, f"-p {yaml_files.short(assignment)}")
+        except ConfigError as error:
+            faults += error.faults
     if faults:
         raise ConfigError(faults)
     return found

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from msg_adapters import interfaces, names, truth
 from msg_adapters.readers import reader_of
+from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.configuration.schema import ConfigError
@@ -19,7 +20,7 @@ from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.exit_status import OK
 
-from . import command, params_file
+from . import command
 
 DEPTH = 50
 
@@ -66,7 +67,7 @@ def main(argv: Sequence[str]) -> int:
         if arguments.seed < 0:
             raise ConfigError([f"--seed: {arguments.seed} given, must be at least 0"])
         path: Path | None = arguments.scenario
-        document = params_file.load_yaml(path) if path else None
+        document = yaml_files.load(path) if path else None
         config = command.tracker_config(arguments)
         radars = config.model.radars
         run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)

@@ -44,10 +44,13 @@ PARTS = {
     "msg_adapters": ("core",),
     "bags": ("msg_adapters",),
     "exit_status": ("bags", "core"),
+    "yaml_files": ("core",),
     "report": ("bags", "core", "msg_adapters"),
     "study": ("core", "report"),
-    "nodes": ("bags", "core", "exit_status", "msg_adapters", "report"),
-    "tools": ("bags", "core", "exit_status", "msg_adapters", "nodes", "report", "study"),
+    "nodes": ("bags", "core", "exit_status", "msg_adapters", "report", "yaml_files"),
+    "tools": (
+        *("bags", "core", "exit_status", "msg_adapters", "nodes", "report", "study", "yaml_files"),
+    ),
 }
 
 

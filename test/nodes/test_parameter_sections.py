@@ -6,7 +6,7 @@
 import pytest
 import rclpy
 
-from phd_jdtc_ros.nodes.common import parameters
+from phd_jdtc_ros.nodes.common import parameter_files, parameters
 from phd_jdtc_ros.tools import params_file
 
 pytestmark = pytest.mark.live
@@ -39,7 +39,7 @@ def test_tools_read_the_sections_that_a_node_reads(tmp_path, text):
     rclpy.init(context=context, args=["--ros-args", "--params-file", str(path)])
     node = rclpy.create_node("tracker", namespace="/north", context=context)
     try:
-        found = parameters.given(node)
+        found = parameters.given(node, [parameter_files.read(path)])
     finally:
         node.destroy_node()
         rclpy.shutdown(context=context)

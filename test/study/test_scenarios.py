@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from msg_adapters import names
+from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
@@ -16,7 +17,6 @@ from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.core.simulation.scenario import truth_at
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.tools import params_file
 from phd_jdtc_ros.tools.params_file import scenario_parameters
 
 ROOT = Path(__file__).parents[2]
@@ -26,7 +26,7 @@ LARGEST_BAG = 500_000
 
 def resolved(path, **changes):
     """Return a file's tracker configuration, changed, and its scenario."""
-    document = params_file.load_yaml(path)
+    document = yaml_files.load(path)
     config = resolve({**scenario_parameters(document), **changes})
     return config, scenario_file.resolve(document, config.model.radars)
 

@@ -165,7 +165,7 @@ def test_from_arguments_refuses_what_is_no_assignment(assignment):
 @pytest.mark.parametrize("assignment", ["lag:=[1,", "lag:={", "lag:=a: b: c", "lag:=\t"])
 def test_from_arguments_refuses_a_value_that_is_no_yaml(assignment):
     (fault,) = faults(params_file.from_arguments, [], [assignment])
-    assert fault.startswith(f"-p {assignment}")
+    assert fault.startswith(f"-p {assignment}".rstrip())
 
 
 def test_from_arguments_lists_every_fault(tmp_path):

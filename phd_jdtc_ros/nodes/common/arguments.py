@@ -1,22 +1,41 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The command line of a node that takes only ROS arguments."""
+"""A node's command line: ROS arguments with their parameter files, and what else there is."""
 
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Sequence
 
 from rclpy.utilities import remove_ros_args
 
+from phd_jdtc_ros import yaml_files
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.exit_status import fail
+
+from . import parameter_files
+from .parameter_files import ParameterFile
+
 _EXAMPLES = "--ros-args -p NAME:=VALUE, --params-file FILE, -r FROM:=TO, -r __ns:=/NAME"
+# What rcl calls an argument that it cannot parse, and what the argument must be.
+_FORMS = {
+    "parameter override rule": "-p NAME:=VALUE",
+    "remap rule": "-r FROM:=TO",
+    "log level": "--log-level LEVEL or --log-level LOGGER:=LEVEL",
+}
 
 
-def check(name: str, purpose: str, argv: Sequence[str]) -> None:
+def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, ...]:
     """Show the help if it is asked for, and refuse arguments that are not ROS arguments.
 
     rclpy ignores them silently: a parameter file without ``--ros-args`` before it has no effect.
+
+    Returns
+    -------
+    tuple of ParameterFile
+        The files among the ROS arguments.
 
     Raises
     ------
@@ -29,4 +48,34 @@ def check(name: str, purpose: str, argv: Sequence[str]) -> None:
         description=purpose,
         epilog=f"ROS arguments are, for instance: {_EXAMPLES}",
     )
-    parser.parse_args(remove_ros_args([name, *argv])[1:])
+    others, files = split(name, argv)
+    parser.parse_args(others)
+    return files
+
+
+def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFile, ...]]:
+    """Return the arguments that are not ROS arguments, and the parameter files of those that are.
+
+    Raises
+    ------
+    SystemExit
+        With status 2 after a line for each fault of the ROS arguments.
+    """
+    try:
+        # First, because rcl does not say what is wrong with a file.
+        files = parameter_files.given_in(argv)
+        return remove_ros_args([name, *argv])[1:], files
+    except ConfigError as error:
+        raise SystemExit(fail(name, error)) from error
+    except Exception as error:  # rclpy's own type for this is private
+        raise SystemExit(fail(name, ConfigError([_in_words(error)]))) from error
+
+
+def _in_words(error: Exception) -> str:
+    """Return what rcl says of an argument, without the lines of its source."""
+    text = re.sub(r", at \S+:\d+", "", " ".join(str(error).split()))
+    for kind, form in _FORMS.items():
+        found = re.search(f"Couldn't parse {kind}: '(.*)'", text)
+        if found:
+            return f"{yaml_files.short(found[1])}: must be {form}"
+    return yaml_files.short(text)

@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -15,22 +16,60 @@ from rclpy.node import Node
 
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
 
+from .parameter_files import ParameterFile
+
 # Parameters that rclpy declares for itself.
 _OWN = ("use_sim_time", "start_type_description_service")
 
 
-def given(node: Node) -> dict[str, Any]:
+def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
     """Return the parameters that the user set on the command line or in files, by dotted name.
 
     They are read from the arguments themselves, so that unknown names are included; rclpy would
     drop them.
+
+    Parameters
+    ----------
+    node : Node
+    files : sequence of ParameterFile
+        Those that the process was given.
+
+    Raises
+    ------
+    ConfigError
+        With every file that has no section for the node.
     """
+    _values_in(files, node)
     return {
         # An empty list has no type, and arrives as None.
         name: [] if parameter.value is None else parameter.value
         for name, parameter in node.handle.get_parameters(rclpy.Parameter).items()
-        if name not in _OWN and not name.startswith("qos_overrides.")
+        if is_ours(name)
     }
+
+
+def is_ours(name: str) -> bool:
+    """Return whether a parameter is none of those that rclpy declares for itself."""
+    return name not in _OWN and not name.startswith("qos_overrides.")
+
+
+def sources(node: Node, files: Sequence[ParameterFile]) -> list[Path]:
+    """Return the files that set parameters of the node, other than those of every node."""
+    values = _values_in(files, node)
+    return [file.path for file, own in zip(files, values, strict=True) if any(map(is_ours, own))]
+
+
+def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
+    """Return the node's parameters in each file."""
+    found, faults = [], []
+    for file in files:
+        try:
+            found.append(file.values(node.get_fully_qualified_name()))
+        except ConfigError as error:
+            faults += error.faults
+    if faults:
+        raise ConfigError(faults)
+    return found
 
 
 def declare(
@@ -59,7 +98,12 @@ def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[st
     return values, faults
 
 
-def resolve(node: Node, table: tuple[Parameter, ...], flags: Mapping[str, Any]) -> dict[str, Any]:
+def resolve(
+    node: Node,
+    table: tuple[Parameter, ...],
+    flags: Mapping[str, Any],
+    files: Sequence[ParameterFile],
+) -> dict[str, Any]:
     """Check a node's parameters against a plain table, declare them, return their values.
 
     Parameters
@@ -68,13 +112,15 @@ def resolve(node: Node, table: tuple[Parameter, ...], flags: Mapping[str, Any]) 
     table : tuple of Parameter
     flags : mapping of name to value
         From plain command-line flags, which override ROS arguments.
+    files : sequence of ParameterFile
+        Those that the process was given.
 
     Raises
     ------
     ConfigError
         With every fault.
     """
-    values, faults = check(table, {**given(node), **flags})
+    values, faults = check(table, {**given(node, files), **flags})
     if faults:
         raise ConfigError(faults)
     declare(node, {parameter.name: parameter for parameter in table}, values)

@@ -32,6 +32,7 @@ from phd_jdtc_ros.exit_status import FAILED, OK
 from phd_jdtc_ros.report.table import metrics, score_tables
 
 from ..common import arguments, overridable, parameters, runtime
+from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
 from .recorder import Recorder
 
@@ -71,9 +72,9 @@ TABLE = (
 class Evaluator(Node):
     """Pairs estimates with truth by stamp and publishes every score."""
 
-    def __init__(self) -> None:
+    def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("evaluator")
-        self._values = parameters.resolve(self, TABLE, {})
+        self._values = parameters.resolve(self, TABLE, {}, files)
         self.exit_status: int | None = None
         self._report = _report_path(self._values["report"])
         self._evaluation = Evaluation(
@@ -202,5 +203,5 @@ def _report_path(given: str) -> Path | None:
 
 def main(argv: Sequence[str]) -> int:
     """Run the evaluator node."""
-    arguments.check("evaluator", __doc__, argv)
-    return runtime.run("evaluator", Evaluator, argv)
+    files = arguments.check("evaluator", __doc__, argv)
+    return runtime.run("evaluator", lambda: Evaluator(files), argv)

@@ -23,7 +23,8 @@ from msg_adapters import stamps
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 
-from ..common import parameters, runtime
+from ..common import arguments, parameters, runtime
+from ..common.parameter_files import ParameterFile
 from . import playable, replay_parameters, seek_parameter
 from .bag_clock import BagClock
 from .lock_step import GIVE_UP_S, LockStep
@@ -60,9 +61,9 @@ class State(Enum):
 class SensorReplay(Node):
     """Publishes a bag's messages with the bytes that were recorded."""
 
-    def __init__(self, flags: dict[str, Any]) -> None:
+    def __init__(self, flags: dict[str, Any], files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("sensor_replay")
-        self._values = parameters.resolve(self, replay_parameters.AT_THE_START, flags)
+        self._values = parameters.resolve(self, replay_parameters.AT_THE_START, flags, files)
         replay_parameters.check(self._values)
         self.exit_status: int | None = None
         bag = BagReader(Path(self._values["bag"]))
@@ -304,5 +305,6 @@ def _done(response: Trigger.Response, text: str) -> Trigger.Response:
 
 def main(argv: Sequence[str]) -> int:
     """Run the replay node."""
-    flags = replay_parameters.flags(argv)
-    return runtime.run("sensor_replay", lambda: SensorReplay(flags), argv)
+    others, files = arguments.split("sensor_replay", argv)
+    flags = replay_parameters.flags(others)
+    return runtime.run("sensor_replay", lambda: SensorReplay(flags, files), argv)

@@ -9,8 +9,6 @@ import argparse
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rclpy.utilities import remove_ros_args
-
 from msg_adapters import names
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
 
@@ -83,7 +81,7 @@ def check(values: Mapping[str, Any]) -> None:
 
 
 def flags(argv: Sequence[str]) -> dict[str, Any]:
-    """Return the parameters that are set by plain command-line flags."""
+    """Return the parameters that are set by plain command-line flags, without ROS arguments."""
     parser = argparse.ArgumentParser("sensor_replay", description=_PURPOSE)
     parser.add_argument("bag", nargs="?", help="rosbag2 directory or MCAP file")
     parser.add_argument("--rate", type=float, help="speed; 0 is lock-step")
@@ -91,5 +89,5 @@ def flags(argv: Sequence[str]) -> dict[str, Any]:
     parser.add_argument("--duration", type=float, dest="duration_s", help="play this much, s")
     parser.add_argument("--loop", action="store_true", default=None)
     parser.add_argument("--start-paused", action="store_true", default=None)
-    given = vars(parser.parse_args(remove_ros_args(["sensor_replay", *argv])[1:]))
+    given = vars(parser.parse_args(argv))
     return {name: value for name, value in given.items() if value is not None}

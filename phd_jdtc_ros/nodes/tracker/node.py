@@ -9,7 +9,8 @@ A managed node. Its lifecycle and its parameters are here; the processing of sca
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -24,11 +25,14 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import USAGE
 
 from ..common import arguments, parameters, runtime
+from ..common.parameter_files import ParameterFile
 from . import endpoints, settings
 from .live import LiveTracker
 from .name_claim import NameClaim
 
 HEALTH_PERIOD_S = 1.0
+# The file in `config` that has the defaults.
+DEFAULT_PROFILE = "paper_scenario"
 # How often radars are checked for silence.
 WATCH_PERIOD_S = 0.1
 
@@ -40,12 +44,14 @@ class Tracker(LifecycleNode):
     tracks. Deactivating publishes the scans that are still held back; activating begins a new run.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("tracker")
         self.exit_status: int | None = None
         # First, so that others are discovered in the background while the rest is made.
         self._claim = NameClaim(self, self._give_way)
-        self._settings = settings.resolve(parameters.given(self))
+        given = parameters.given(self, files)
+        self._source = _source(given, parameters.sources(self, files))
+        self._settings = settings.resolve(given)
         parameters.declare(
             self, self._settings.table, self._settings.values, self._settings.mutable
         )
@@ -131,11 +137,19 @@ class Tracker(LifecycleNode):
         """Track from now on."""
         done = super().on_activate(state)
         self._live.start()
-        modes = self._settings.config.model.modes
-        self.get_logger().info(
-            f"tracking {len(modes.classes)} classes with {len(self._settings.config.inputs)} radars"
-        )
+        self.get_logger().info(self._what_is_tracked())
         return done
+
+    def _what_is_tracked(self) -> str:
+        config = self._settings.config
+        classes = [kind.name for kind in config.model.modes.classes]
+        radars = [
+            f"{radar.name} on {self.resolve_topic_name(radar.topic)}" for radar in config.inputs
+        ]
+        return (
+            f"tracking {_counted('class', 'classes', classes)} with "
+            f"{_counted('radar', 'radars', radars)}, {self._source}"
+        )
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish the scans held back, then stop receiving and publishing."""
@@ -243,7 +257,19 @@ class Tracker(LifecycleNode):
         ]
 
 
+def _counted(one: str, several: str, names: Sequence[str]) -> str:
+    return f"{len(names)} {one if len(names) == 1 else several} ({', '.join(names)})"
+
+
+def _source(given: Collection[str], files: Sequence[Path]) -> str:
+    """Say where the parameters are from."""
+    if files:
+        return f"parameters from {', '.join(map(str, files))}"
+    others = f" except {', '.join(given)}" if given else ""
+    return f"by the defaults (profile {DEFAULT_PROFILE}){others}: no parameter file is given"
+
+
 def main(argv: Sequence[str]) -> int:
     """Run the tracker node."""
-    arguments.check("tracker", __doc__, argv)
-    return runtime.run("tracker", Tracker, argv)
+    files = arguments.check("tracker", __doc__, argv)
+    return runtime.run("tracker", lambda: Tracker(files), argv)

@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Faults of the ROS arguments and of parameter files: one line each, and exit status 2."""
+
+import pytest
+from test_tracker import FAST
+
+NODES = ("tracker", "evaluator", "sensor_replay")
+ARGUMENTS = {
+    "no value": (("-p", "foo"), "-p foo: must be -p NAME:=VALUE"),
+    "empty value": (("-p", "lag:="), "-p lag:=: must be -p NAME:=VALUE"),
+    "broken value": (("-p", "lag:=[1,"), "-p lag:=[1,: must be -p NAME:=VALUE"),
+    "broken remap": (("-r", "foo"), "-r foo: must be -r FROM:=TO"),
+    "log level": (("--log-level", "loud"), "--log-level loud: must be --log-level LEVEL or"),
+    "no file": (("--params-file", "/nope.yaml"), "/nope.yaml: cannot be read: No such file or"),
+    "no path": (("--params-file",), "Failed to parse ROS arguments: Couldn't parse trailing"),
+}
+SECTIONS = ("/s2/tracker", "tracker", "/evaluator", "sensor_replay")
+
+
+@pytest.mark.parametrize("case", ARGUMENTS)
+@pytest.mark.parametrize("name", NODES)
+def test_fault_of_a_ros_argument_is_one_line(processes, name, case):
+    words, expected = ARGUMENTS[case]
+    status, text = processes.run(name, "--ros-args", *words)
+
+    assert status == 2
+    assert text.startswith(f"{name}: {expected}")
+    assert len(text.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_broken_parameter_file_is_one_line(processes, tmp_path, name):
+    path = tmp_path / "p.yaml"
+    path.write_text(f"{name}:\n  ros__parameters:\n    lag: [1,\n")
+    status, text = processes.run(name, "--ros-args", "--params-file", path)
+
+    assert status == 2
+    assert text.startswith(f"{name}: {path}: is not YAML: ")
+    assert len(text.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_key_given_twice_ends_a_node(processes, tmp_path, name):
+    path = tmp_path / "p.yaml"
+    path.write_text(f"{name}:\n  ros__parameters:\n    lag: 1\n    lag: 2\n")
+    status, text = processes.run(name, "--ros-args", "--params-file", path)
+
+    assert (status, text) == (2, f"{name}: {path}: line 4: lag is given twice, first in line 3\n")
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_file_without_a_section_for_the_node_ends_it(processes, tmp_path, name):
+    path = tmp_path / "site.yaml"
+    path.write_text("".join(f"{s}: {{ros__parameters: {{lag: 2}}}}\n" for s in SECTIONS))
+    status, text = processes.run(name, "--ros-args", "-r", "__ns:=/s1", "--params-file", path)
+
+    assert (status, text) == (
+        2,
+        f"{name}: {path}: has no section for this node, /s1/{name}; "
+        "it has /s2/tracker, /tracker, /evaluator, /sensor_replay\n",
+    )
+
+
+def test_file_of_another_name_is_not_for_a_renamed_tracker(processes, tmp_path):
+    path, good = tmp_path / "north.yaml", tmp_path / "good.yaml"
+    path.write_text("/**/tracker: {ros__parameters: {lag: 2}}\n")
+    good.write_text("/**: {ros__parameters: {lag: 3}}\n")
+    status, text = processes.run(
+        "tracker", "--ros-args", "-r", "__node:=t2", "--params-file", good, "--params-file", path
+    )
+
+    assert (status, text) == (
+        2,
+        f"tracker: {path}: has no section for this node, /t2; it has /**/tracker\n",
+    )
+
+
+@pytest.mark.parametrize("section", ["/**", "/*/tracker", "/s1/tracker", "s1/tracker"])
+def test_file_with_a_section_for_the_tracker_is_named_at_activation(
+    processes, peer, tmp_path, section
+):
+    path = tmp_path / "site.yaml"
+    path.write_text(
+        f"{section}:\n  ros__parameters:\n    radars: [north]\n"
+        "    north: {topic: plots, max_range: 1e4}\n    particles_per_target: 100\n"
+    )
+    tracker = processes.start(
+        "tracker", "--ros-args", "-r", "__ns:=/s1", "--params-file", path, *FAST
+    )
+
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text(), 20.0)
+    text = tracker.log.read_text()
+    assert (
+        "tracking 2 classes (class_0, class_1) with 1 radar (north on /s1/plots), "
+        f"parameters from {path}\n"
+    ) in text
+
+
+@pytest.mark.parametrize("given", [(), ("-p", "lag:=2", "-p", "use_sim_time:=false")])
+def test_tracker_without_a_file_says_that_it_goes_by_the_defaults(processes, peer, given):
+    tracker = processes.start("tracker", "--ros-args", *given)
+
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text(), 20.0)
+    (line,) = [row for row in tracker.log.read_text().splitlines() if "tracking " in row]
+    assert line.endswith(
+        "tracking 2 classes (class_0, class_1) with 2 radars (radar_1 on /radar_1/detections, "
+        "radar_2 on /radar_2/detections), by the defaults (profile paper_scenario)"
+        + (" except lag" if given else "")
+        + ": no parameter file is given"
+    )
