@@ -103,13 +103,13 @@ class ForwardFilter:
         earlier, dt = self._earlier(scan.stamp_ns)
         predicted = predict(earlier, model, corrector, self.budget, dt, index, rng)
         self.done("predict")
-        updated, found = update_scan(predicted, scan, model, corrector, dt, index, rng)
+        updated, newborns = update_scan(predicted, scan, model, corrector, dt, index, rng)
         self.done("update")
         stored = resample(updated, model.modes, self.budget, rng)
         self.done("resample")
         link = None
         if linked and self._latest is not None:
-            link = backward_kernel.build(earlier, stored, model, corrector, dt, found)
+            link = backward_kernel.build(earlier, stored, model, corrector, dt, newborns)
             self.done("transition")
         self._latest, self._scan_index = (scan.stamp_ns, stored), index + 1
         return Filtered(updated, stored, link)

@@ -92,11 +92,11 @@ class LiveTracker:
         return self._node.create_timer(seconds, self._on_overdue, clock=clock, autostart=False)
 
     def _make_checkpoints(self) -> Checkpoints | None:
-        own = self._settings.node
-        if not own["checkpoint.path"]:
+        values = self._settings.node
+        if not values["checkpoint.path"]:
             return None
         # os.path returns False where pathlib raises for lack of permission.
-        path = Path(os.path.expanduser(own["checkpoint.path"]))
+        path = Path(os.path.expanduser(values["checkpoint.path"]))
         if not os.path.isdir(path.parent):
             raise ConfigError([f"checkpoint.path: {path} given, {path.parent} is no directory"])
         if os.path.isdir(path):
@@ -108,9 +108,9 @@ class LiveTracker:
         }
         return Checkpoints(
             path,
-            own["checkpoint.every"],
+            values["checkpoint.every"],
             # The time of a restart is a gap, and the limit of gaps applies to it too.
-            min(own["checkpoint.max_age_s"], self._settings.config.max_gap_s),
+            min(values["checkpoint.max_age_s"], self._settings.config.max_gap_s),
             fixed,
             self._node.get_logger(),
         )

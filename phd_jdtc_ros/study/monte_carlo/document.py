@@ -160,7 +160,9 @@ def _goal(
     names = [variant.name for variant in variants]
     bounds = [key for key in ("at_most", "at_least") if key in given]
     if len(bounds) != 1 or BOUND.coerce(given[bounds[0]]) is None:
-        faults.append(f"{prefix}at_most: must be a number, or at_least be one, not both")
+        faults.append(
+            f"{prefix}at_most: exactly one of at_most and at_least must be given, a number"
+        )
     lag = LAG.coerce(given.get("lag"))
     if lag is None:
         faults.append(f"{prefix}lag: {given.get('lag')!r} given, must be {LAG.allowed}")
