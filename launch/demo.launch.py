@@ -7,6 +7,7 @@ Replay the shipped bag through the tracker and score it.
 ros2 launch phd_jdtc_ros demo.launch.py [bag:=PATH] [rate:=0.0] [out:=DIR] [rviz:=true] ...
 """
 
+from functools import partial
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -28,13 +29,15 @@ from launch_ros.parameter_descriptions import ParameterValue
 from launch import LaunchDescription
 from msg_adapters import names
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.tools import tracker_params
+from phd_jdtc_ros.tools import launching
 
 PACKAGE = "phd_jdtc_ros"
 # The arguments of the tracker's launch file, with the demo's defaults.
 TRACKER_ARGUMENTS = {
-    "params_file": ("{share}/config/paper_scenario.yaml", "ROS parameter file of the tracker"),
+    "params_file": ("", "ROS parameter file of the tracker; the defaults if empty"),
     "namespace": ("", "namespace of the tracker and the evaluator; none if empty"),
+    "node_name": ("tracker", "name of the tracker"),
+    "log_level": ("info", "log level of the tracker: debug, info, warn, error or fatal"),
     "use_sim_time": ("false", "take the time from the replay's /clock"),
     "rviz": ("false", "start RViz too"),
     "frames": ("true", "publish the radars' frames"),
@@ -63,9 +66,7 @@ def generate_launch_description():
                 "out", default_value="out/launch", description="directory of metrics.json"
             ),
             *(
-                DeclareLaunchArgument(
-                    name, default_value=value.format(share=share), description=description
-                )
+                DeclareLaunchArgument(name, default_value=value, description=description)
                 for name, (value, description) in TRACKER_ARGUMENTS.items()
             ),
             OpaqueFunction(function=_nodes, args=[share]),
@@ -76,9 +77,13 @@ def generate_launch_description():
 def _nodes(context, share):
     given = {name: LaunchConfiguration(name).perform(context) for name in TRACKER_ARGUMENTS}
     out, bag = (LaunchConfiguration(name).perform(context) for name in ("out", "bag"))
-    config = tracker_params.load(Path(given["params_file"]))
+    flags = launching.booleans({name: given[name] for name in ("use_sim_time", "respawn")})
+    namespace = launching.full_namespace(
+        context.launch_configurations.get("ros_namespace"), given["namespace"]
+    )
+    tracker_name = launching.full_name(namespace, given["node_name"])
+    config = launching.load(given["params_file"], tracker_name)
     topics = [source.topic for source in config.inputs]
-    tracker_name = "/".join(["", *filter(None, [given["namespace"].strip("/")]), "tracker"])
     tracker = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(f"{share}/launch/tracker.launch.py"),
         # Nothing may be lost between two nodes that wait for each other.
@@ -88,7 +93,7 @@ def _nodes(context, share):
         package=PACKAGE,
         executable="evaluator",
         name="evaluator",
-        namespace=given["namespace"],
+        namespace=namespace,
         output="screen",
         parameters=[
             {
@@ -97,9 +102,7 @@ def _nodes(context, share):
                 "radar_topics": topics,
                 "report": f"{out}/metrics.json",
                 "exit_after_scans": BagReader(Path(bag)).counts[names.TRUTH],
-                "use_sim_time": ParameterValue(
-                    LaunchConfiguration("use_sim_time"), value_type=bool
-                ),
+                "use_sim_time": flags["use_sim_time"],
             },
         ],
     )
@@ -121,7 +124,7 @@ def _nodes(context, share):
     )
     # The evaluator ends by itself once it has seen everything.
     finished = OnProcessExit(target_action=evaluator, on_exit=[EmitEvent(event=Shutdown())])
-    ended = OnProcessExit(on_exit=_end_after)
+    ended = OnProcessExit(on_exit=partial(_end_after, flags["respawn"]))
     handlers = [RegisterEventHandler(h) for h in (finished, ended, _once_heard(replay))]
     # The tracker's launch file sets the environment for all nodes that follow it.
     return [*handlers, tracker, evaluator]
@@ -145,16 +148,16 @@ def _once_heard(replay):
     return OnProcessIO(on_stdout=listen, on_stderr=listen)
 
 
-def _end_after(event, context):
+def _end_after(respawn, event, context):
     """Shut down soon after the replay ends, and at once if it or the tracker failed.
 
-    With `respawn`, a failed tracker is started again instead.
+    With `respawn`, a failed tracker is started again instead, if that can be of use.
     """
     name = event.process_name.rsplit("-", 1)[0]
     if name == "sensor_replay" and not event.returncode:
         end = EmitEvent(event=Shutdown(reason="the bag has been played"))
         return [TimerAction(period=FINISH_S, actions=[end])]
-    again = name == "tracker" and LaunchConfiguration("respawn").perform(context) == "true"
+    again = name == "tracker" and respawn and launching.respawns(event.returncode)
     if not event.returncode or again or name not in ("tracker", "sensor_replay"):
         return []
     return [EmitEvent(event=Shutdown(reason=f"{name} failed"))]

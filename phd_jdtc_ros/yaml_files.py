@@ -68,6 +68,8 @@ class _Loader(yaml.SafeLoader):
             _PREFIX + kind: yaml.SafeLoader.yaml_constructors[_PREFIX + kind]
             for kind in ("null", "str", "seq", "map")
         },
+        # Launch files write lists like this, and rcl does not look at the tag.
+        _PREFIX + "python/tuple": yaml.SafeLoader.yaml_constructors[_PREFIX + "seq"],
     }
 
     def __init__(self, text: str) -> None:

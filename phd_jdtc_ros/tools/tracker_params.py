@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.nodes.common import parameter_files
 from phd_jdtc_ros.nodes.tracker import settings
-
-from . import params_file
 
 # Parameters that rclpy gives every node.
 _OF_EVERY_NODE = ("use_sim_time", "start_type_description_service")
@@ -38,12 +37,13 @@ def config(given: Mapping[str, Any]) -> TrackerConfig:
     )
 
 
-def load(path: Path) -> TrackerConfig:
-    """Return the configuration of the tracker that a parameter file describes.
+def load(path: Path, tracker: str) -> TrackerConfig:
+    """Return the configuration that a parameter file gives the tracker of that full name.
 
     Raises
     ------
     ConfigError
-        If it is not a parameter file, or with every fault of the parameters.
+        If it is not a parameter file or has no section for the tracker, or with every fault of the
+        parameters.
     """
-    return config(params_file.load(path))
+    return config(parameter_files.read(path).values(tracker))

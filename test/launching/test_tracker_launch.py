@@ -14,7 +14,7 @@ from ament_index_python.packages import get_package_share_directory
 launch = pytest.importorskip("launch", reason="launch is not installed")
 actions = pytest.importorskip("launch.actions", reason="launch is not installed")
 sources = pytest.importorskip("launch.launch_description_sources")
-pytest.importorskip("launch_ros", reason="launch_ros is not installed")
+ros_actions = pytest.importorskip("launch_ros.actions", reason="launch_ros is not installed")
 
 try:
     SHARE = Path(get_package_share_directory("phd_jdtc_ros"))
@@ -49,6 +49,8 @@ def said(tmp_path, monkeypatch):
         monkeypatch.setenv(name, "")
         monkeypatch.delenv(name)
 
+    ends_with = [0]
+
     def install(package, executable):
         marker = prefix / "share" / "ament_index" / "resource_index" / "packages" / package
         marker.parent.mkdir(parents=True, exist_ok=True)
@@ -59,10 +61,12 @@ def said(tmp_path, monkeypatch):
             f"#!{sys.executable}\nimport json, os, sys\n"
             f"with open(f'{notes}/{executable}_{{os.getpid()}}', 'w') as file:\n"
             "    json.dump({'arguments': sys.argv[1:], 'environment': dict(os.environ)}, file)\n"
+            f"sys.exit({ends_with[0]})\n"
         )
         script.chmod(0o755)
 
-    def run(packages, **arguments):
+    def run(packages, status=0, pushed=None, **arguments):
+        ends_with[0] = arguments.pop("ends_with", 0)
         for package in packages:
             install(package, EXECUTABLES[package])
         # The package's own files, under the prefix of the test.
@@ -70,17 +74,13 @@ def said(tmp_path, monkeypatch):
         monkeypatch.setenv("AMENT_PREFIX_PATH", f"{prefix}:{os.environ['AMENT_PREFIX_PATH']}")
         path = str(SHARE / "launch" / "tracker.launch.py")
         service = launch.LaunchService()
-        service.include_launch_description(
-            launch.LaunchDescription(
-                [
-                    actions.IncludeLaunchDescription(
-                        sources.PythonLaunchDescriptionSource(path),
-                        launch_arguments={"respawn": "false", **arguments}.items(),
-                    )
-                ]
-            )
+        included = actions.IncludeLaunchDescription(
+            sources.PythonLaunchDescriptionSource(path),
+            launch_arguments={"respawn": "false", **arguments}.items(),
         )
-        assert service.run() == 0
+        first = [ros_actions.PushRosNamespace(pushed)] if pushed else []
+        service.include_launch_description(launch.LaunchDescription([*first, included]))
+        assert service.run() == status
         return {
             executable: [
                 json.loads(file.read_text()) for file in sorted(notes.glob(f"{executable}_*"))
@@ -98,7 +98,7 @@ def test_the_tracker_gets_its_parameters_and_its_name(said):
     arguments = started["arguments"]
     assert "__node:=tracker" in arguments
     assert "__ns:=/alpha" in arguments
-    assert any(entry.endswith("config/paper_scenario.yaml") for entry in arguments)
+    assert not any(entry.endswith("paper_scenario.yaml") for entry in arguments)
     assert found["rviz2"] == []
 
 
@@ -165,3 +165,68 @@ def test_a_dds_profile_of_the_users_stays_in_force(said, monkeypatch):
 
     assert started["environment"][PROFILE_VARIABLES[0]] == "/etc/site.xml"
     assert PROFILE_VARIABLES[1] not in started["environment"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"params_file": "/nope.yaml", "frames": "false"},
+        {"rviz": "yes"},
+        {"respawn": "TRUE"},
+        {"autostart": "2"},
+        {"respawn_max_retries": "-1"},
+    ],
+    ids=lambda wrong: next(iter(wrong)),
+)
+def test_nothing_is_started_with_a_wrong_argument(said, wrong):
+    found = said([*EXECUTABLES], status=1, **wrong)
+
+    assert not any(found.values())
+
+
+@pytest.mark.parametrize("text", ["tracker: {ros__parameters: {lag: 2}}", MINE + "    lak: 2\n"])
+def test_nothing_is_started_with_a_file_that_the_tracker_refuses(said, tmp_path, text):
+    path = tmp_path / "site.yaml"
+    path.write_text(text)
+    found = said([*EXECUTABLES], status=1, params_file=str(path), namespace="s1")
+
+    assert not any(found.values())
+
+
+@pytest.mark.parametrize("yes", ["true", "True", "1"])
+def test_booleans_follow_one_rule(said, yes):
+    found = said([*EXECUTABLES], rviz=yes, frames=yes, localhost_only=yes, use_sim_time=yes)
+
+    assert [len(found[name]) for name in EXECUTABLES.values()] == [1, 2, 1]
+
+
+def test_pushed_namespace_reaches_rviz_and_the_file(said, tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("/site/alpha/t2: {ros__parameters: {lag: 2}}")
+    found = said(
+        ["phd_jdtc_ros", "rviz2"],
+        pushed="site",
+        namespace="alpha",
+        node_name="t2",
+        params_file=str(path),
+        rviz="true",
+    )
+
+    (tracker,), (rviz,) = found["tracker"], found["rviz2"]
+    assert {"__node:=t2", "__ns:=/site/alpha"} <= {*tracker["arguments"]}
+    assert "/tracker/markers:=/site/alpha/t2/markers" in rviz["arguments"]
+
+
+def test_log_level_and_enclave_reach_the_tracker(said):
+    (started,) = said(["phd_jdtc_ros"], log_level="debug", enclave="/s1")["tracker"]
+
+    words = " ".join(started["arguments"])
+    assert "--log-level debug" in words
+    assert "--enclave /s1" in words
+
+
+@pytest.mark.parametrize(("status", "starts"), [(2, 1), (1, 2)])
+def test_respawn_is_bounded_and_not_after_status_2(said, status, starts):
+    found = said(["phd_jdtc_ros"], respawn="True", respawn_max_retries="1", ends_with=status)
+
+    assert len(found["tracker"]) == starts

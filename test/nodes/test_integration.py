@@ -262,7 +262,7 @@ def test_tracker_lives_and_tracks_as_its_operator_says(processes, peer, tmp_path
     result = operator.set(existence_threshold=0.9, north__clutter_rate=-1.0, lag=9)
     assert not result.successful
     assert "north.clutter_rate: -1.0 given, must be a finite number, at least 0" in result.reason
-    assert "lag: cannot change while the tracker runs" in result.reason
+    assert "lag: cannot change while the tracker is configured" in result.reason
     assert operator.get("existence_threshold", "north.clutter_rate") == [0.6, 5.0]
 
     # An accepted one holds from the next scan on: nothing is that likely.

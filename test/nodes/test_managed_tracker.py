@@ -339,7 +339,8 @@ def test_tracker_refuses_an_impossible_qos(processes, wrong):
 
 
 def test_single_parameters_are_set_and_refused_one_by_one(processes, peer):
-    start(processes, *options(autostart=False))
+    start(processes)
+    assert peer.spin_until(lambda: state(peer) == "active")
     wanted = {"radar_1.clutter_rate": 30, "lag": 4, "use_sim_time": True, "survival": 1.0}
     request = SetParameters.Request(
         parameters=[Parameter(n, value=v).to_parameter_msg() for n, v in wanted.items()]
@@ -347,14 +348,15 @@ def test_single_parameters_are_set_and_refused_one_by_one(processes, peer):
     results = peer.call(SetParameters, "/tracker/set_parameters", request).results
     assert [(r.successful, r.reason) for r in results] == [
         (True, ""),
-        (False, "lag: cannot change while the tracker runs, restart it with another value"),
+        (False, "lag: cannot change while the tracker is configured, clean it up before"),
         (True, ""),
         (False, "survival: unknown parameter"),
     ]
 
 
 def test_parameters_are_described_ranged_and_read_only_where_they_are_structure(processes, peer):
-    start(processes, *options(autostart=False))
+    start(processes)
+    assert peer.spin_until(lambda: state(peer) == "active")
     asked = ["existence_threshold", "lag", "publish_path"]
     request = DescribeParameters.Request(names=asked)
     reply = peer.call(DescribeParameters, "/tracker/describe_parameters", request)
@@ -362,6 +364,53 @@ def test_parameters_are_described_ranged_and_read_only_where_they_are_structure(
     assert [d.read_only for d in reply.descriptors] == [False, True, True]
     assert (threshold.floating_point_range[0].to_value, lag.integer_range[0].to_value) == (1.0, 100)
     assert path.description == "Publish ~/tracks/path, one message per track."
+
+
+def set_one_by_one(peer, **values):
+    request = SetParameters.Request(
+        parameters=[
+            Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+            for name, value in values.items()
+        ]
+    )
+    return peer.call(SetParameters, "/tracker/set_parameters", request).results
+
+
+def test_every_parameter_may_change_after_a_cleanup(processes, peer):
+    start(processes)
+    group = connected(peer)
+    group.track(0)
+    assert change(peer, Transition.TRANSITION_DEACTIVATE)
+    (refused,) = set_one_by_one(peer, lag=3)
+    assert not refused.successful
+    assert change(peer, Transition.TRANSITION_CLEANUP)
+
+    # One by one they do not fit together for a while, in whatever order they come.
+    results = set_one_by_one(
+        peer,
+        lag=3,
+        radars=["radar_1", "north"],
+        north__topic="/north/plots",
+        detection_births__rates=[0.1],
+        births=[],
+        publish_path=True,
+    )
+    assert [result.successful for result in results] == [True] * 6
+    assert "detection_births.rates" in results[3].reason
+    (wrong,) = set_one_by_one(peer, radar_2__topic="/gone")
+    assert (wrong.successful, wrong.reason) == (False, "radar_2.topic: unknown parameter")
+    assert not change(peer, Transition.TRANSITION_CONFIGURE)
+    assert state(peer) == "unconfigured"
+
+    (right,) = set_one_by_one(peer, detection_births__rates=[])
+    assert right.successful
+    assert change(peer, Transition.TRANSITION_CONFIGURE)
+    assert change(peer, Transition.TRANSITION_ACTIVATE)
+    assert peer.spin_until(lambda: peer.node.count_subscribers("/north/plots"))
+    assert not peer.node.count_subscribers("/radar_2/detections")
+    assert peer.spin_until(lambda: peer.node.count_publishers("/tracker/tracks/path"))
+    (locked,) = set_one_by_one(peer, lag=4)
+    assert locked.reason == "lag: cannot change while the tracker is configured, clean it up before"
 
 
 def test_health_is_reported_while_simulated_time_stands_still(processes, peer):

@@ -9,7 +9,7 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.nodes.tracker.settings import NAMES, TABLE, changed, resolve
+from phd_jdtc_ros.nodes.tracker.settings import NAMES, TABLE, changed, edited, resolve
 
 USUAL = resolve({})
 SMALL = {"particles_per_target": 100, "particles_per_birth": 64, "lag": 2}
@@ -56,10 +56,30 @@ def test_changed_gives_what_a_start_with_it_gives():
     assert USUAL.values["radar_2.clutter_rate"] == 20.0
 
 
+def test_edited_checks_every_value_and_not_yet_the_whole():
+    table, values = edited(USUAL.values, {"classes": ["a", "b", "c"], "lag": 9})
+    assert (values["classes"], values["lag"], table["c.motions"].name) == (
+        ["a", "b", "c"],
+        9,
+        "c.motions",
+    )
+    assert values["start_1.rates"] == [0.005, 0.005]  # too few, which `resolve` says
+    assert not {name for name in values if name.startswith("class_")}
+    assert any(fault.startswith("start_1.rates: ") for fault in faults(resolve, values))
+
+
+def test_edited_lists_every_fault():
+    assert faults(edited, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "radars": "x"}) == [
+        "radars: 'x' given, must be a list of distinct names",
+        "lag: -1 given, must be a whole number, at least 0, at most 100",
+        "class_0.survival: unknown parameter",
+    ]
+
+
 def test_changed_lists_every_fault_in_the_words_of_the_start():
     change = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "existence_threshold": 2.0}
     assert faults(changed, USUAL, change) == [
-        "lag: cannot change while the tracker runs, restart it with another value",
+        "lag: cannot change while the tracker is configured, clean it up before",
         "survival: unknown parameter",
         *faults(resolve, {"radar_1.clutter_rate": -1.0, "existence_threshold": 2.0}),
     ]

@@ -80,6 +80,10 @@ def test_tags_that_do_not_fit_are_refused(text):
     assert fault(text).startswith("it: ")
 
 
+def test_list_is_read_as_launch_files_write_it():
+    assert yaml_files.parse("topics: !!python/tuple\n- a\n- b\n", "it") == {"topics": ["a", "b"]}
+
+
 def test_key_given_twice_is_named_with_its_line():
     text = "tracker:\n  ros__parameters:\n    lag: 3\n    seed: 1\n    lag: 4\n"
     assert fault(text) == "it: line 5: lag is given twice, first in line 3"

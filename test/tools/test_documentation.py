@@ -61,12 +61,12 @@ def test_a_nodes_page_has_the_usual_sections(name):
 
 
 def launch_arguments(name):
-    """Return the arguments that a launch file declares; some of the demo's are in a table."""
+    """Return the arguments that a launch file declares, by themselves or in tables."""
     text = (ROOT / "launch" / name).read_text()
-    passed_on = re.search(r"^TRACKER_ARGUMENTS = \{(.*?)^\}", text, re.DOTALL | re.MULTILINE)
+    tables = re.findall(r"^(?:\w*ARGUMENTS|FLAGS) = \{(.*?)^\}", text, re.DOTALL | re.MULTILINE)
     return {
         *re.findall(r'DeclareLaunchArgument\(\s*"(\w+)"', text),
-        *re.findall(r'^    "(\w+)":', passed_on[1] if passed_on else "", re.MULTILINE),
+        *re.findall(r'^    "(\w+)":', "".join(tables), re.MULTILINE),
     }
 
 

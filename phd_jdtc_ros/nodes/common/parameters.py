@@ -85,6 +85,38 @@ def declare(
         node.declare_parameter(name, values[name], descriptor, ignore_override=True)
 
 
+def redeclare(
+    node: Node, table: Mapping[str, Parameter], values: Mapping[str, Any], changed: Iterable[str]
+) -> None:
+    """Replace the values of a node's parameters that may all change, and what there is of them.
+
+    Parameters
+    ----------
+    node : Node
+    table : mapping of name to Parameter
+        What there shall be; a parameter of the node's that is not in it is removed.
+    values : mapping of name to value
+        Checked.
+    changed : iterable of str
+        Names of those that have another value.
+    """
+    own = {name for name in node.get_parameters_by_prefix("") if is_ours(name)}
+    # Declared again and not set, because an empty list has another type than one of numbers.
+    for name in own.difference(table).union(own.intersection(changed)):
+        node.undeclare_parameter(name)
+    new = {name: entry for name, entry in table.items() if not node.has_parameter(name)}
+    declare(node, new, values, frozenset(new))
+
+
+def set_read_only(node: Node, names: Iterable[str], read_only: bool) -> None:
+    """Set whether parameters may change.
+
+    rclpy lets nobody replace the descriptor of a read-only parameter, but gives out its own one.
+    """
+    for name in names:
+        node.describe_parameter(name).read_only = read_only
+
+
 def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Return the values of a plain table's parameters, and every fault of the given ones."""
     by_name = {parameter.name: parameter for parameter in table}

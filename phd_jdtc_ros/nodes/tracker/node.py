@@ -52,9 +52,9 @@ class Tracker(LifecycleNode):
         given = parameters.given(self, files)
         self._source = _source(given, parameters.sources(self, files))
         self._settings = settings.resolve(given)
-        parameters.declare(
-            self, self._settings.table, self._settings.values, self._settings.mutable
-        )
+        # While the tracker is not configured, these may differ from the settings, and not fit.
+        self._values = self._settings.values
+        parameters.declare(self, self._settings.table, self._values, frozenset(self._values))
         self._live: LiveTracker | None = None
         self._fault: Exception | None = None
         self._summary = "never configured"
@@ -121,11 +121,13 @@ class Tracker(LifecycleNode):
         """Make the engine and all topics; if that fails, stay unconfigured."""
         self._fault = None
         try:
+            self._settings = settings.resolve(self._values)
             self._live = LiveTracker(self, self._settings)
         except Exception as error:  # the transition's response has no room for the reason
             self._fault = error
             self.get_logger().error(f"not configured: {error}")
             return TransitionCallbackReturn.FAILURE
+        parameters.set_read_only(self, self._structure(), True)
         model = self._settings.config.model
         if not model.births and not model.detection_births.enabled:
             self.get_logger().warning(
@@ -178,19 +180,28 @@ class Tracker(LifecycleNode):
             self._summary = self._live.summary()
             self._live.destroy()
             self._live = None
+            parameters.set_read_only(self, self._structure(), False)
+
+    def _structure(self) -> frozenset[str]:
+        """Return the parameters that may change only while the tracker is not configured."""
+        return frozenset(self._settings.table) - self._settings.mutable
 
     def set_parameters_atomically(
         self, parameter_list: list[rclpy.Parameter]
     ) -> SetParametersResult:
         """Check a change as a whole, and apply it from the next scan on.
 
-        rclpy would check one parameter after the other and report only the first fault.
+        While the tracker is not configured, every parameter may change, and the change is applied
+        by the next configure. rclpy would check one parameter after the other and report only the
+        first fault.
         """
-        table = self._settings.table
+        table = self._values
         others = [p for p in parameter_list if p.name not in table and self.has_parameter(p.name)]
         changes = {p.name: p.value for p in parameter_list if p not in others}
         if not changes:
             return super().set_parameters_atomically(parameter_list)
+        if self._live is None:
+            return self._edit(others, changes)
         try:
             changed = settings.changed(self._settings, changes)
         except ConfigError as error:
@@ -199,12 +210,32 @@ class Tracker(LifecycleNode):
         checked = [rclpy.Parameter(name, value=changed.values[name]) for name in changes]
         result = super().set_parameters_atomically([*others, *checked])
         if result.successful:
-            self._settings = changed
-            if self._live is not None:
-                self._live.retune(changed)
+            self._settings, self._values = changed, changed.values
+            self._live.retune(changed)
             summary = ", ".join(f"{parameter.name} {parameter.value}" for parameter in checked)
             self.get_logger().info(f"changed: {summary}")
         return result
+
+    def _edit(self, others: list[rclpy.Parameter], changes: dict[str, Any]) -> SetParametersResult:
+        """Change parameters for the next configure; the answer says what does not fit yet."""
+        try:
+            table, values = settings.edited(self._values, changes)
+        except ConfigError as error:
+            return SetParametersResult(successful=False, reason="; ".join(error.faults))
+        if others:
+            result = super().set_parameters_atomically(others)
+            if not result.successful:
+                return result
+        parameters.redeclare(self, table, values, changes)
+        self._values = values
+        summary = ", ".join(f"{name} {values[name]}" for name in changes)
+        self.get_logger().info(f"changed for the next configure: {summary}")
+        try:
+            self._settings = settings.resolve(values)
+        except ConfigError as error:
+            reason = f"to be completed before the next configure: {'; '.join(error.faults)}"
+            return SetParametersResult(successful=True, reason=reason)
+        return SetParametersResult(successful=True)
 
     @property
     def _phase(self) -> str:

@@ -3,8 +3,9 @@
 
 """A live tracker's settings: the tracker's parameters and the node's own.
 
-All are checked together, at the start and at every change while the tracker runs, by the same
-checks and with the same messages.
+All are checked together, when the tracker is configured and at every change from then on, by the
+same checks and with the same messages. While it is not configured, every value is checked by
+itself.
 """
 
 from __future__ import annotations
@@ -118,12 +119,39 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         raise ConfigError([*faults, *error.faults]) from error
     if faults:
         raise ConfigError(faults)
-    table = {**schema(of_tracker), **{parameter.name: parameter for parameter in TABLE}}
-    return Settings(table, tracker, node)
+    return Settings(_table(of_tracker), tracker, node)
+
+
+def _table(given: Mapping[str, Any]) -> dict[str, Parameter]:
+    return {**schema(given), **{parameter.name: parameter for parameter in TABLE}}
+
+
+def edited(
+    values: Mapping[str, Any], changes: Mapping[str, Any]
+) -> tuple[dict[str, Parameter], dict[str, Any]]:
+    """Return the table and the values after a change while the tracker is not configured.
+
+    Every value is checked by itself, and not yet whether they fit together: they may come one by
+    one. A name that comes to a list such as ``radars`` brings its parameters, and one that goes
+    takes them along.
+
+    Raises
+    ------
+    ConfigError
+        With every fault: unknown parameters, and values that are not allowed.
+    """
+    wanted = {**values, **changes}
+    table = _table(wanted)
+    found = {name: wanted.get(name, parameter.default) for name, parameter in table.items()}
+    checked, faults = check(table.values(), found)
+    faults += [f"{name}: unknown parameter" for name in changes if name not in table]
+    if faults:
+        raise ConfigError(faults)
+    return table, checked
 
 
 def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
-    """Return the settings with some parameters changed while the tracker runs.
+    """Return the settings with some parameters changed while the tracker is configured.
 
     Raises
     ------
@@ -131,7 +159,7 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
         With every fault: parameters that cannot change, and values that are not allowed.
     """
     faults = [
-        f"{name}: cannot change while the tracker runs, restart it with another value"
+        f"{name}: cannot change while the tracker is configured, clean it up before"
         if name in settings.table
         else f"{name}: unknown parameter"
         for name in changes

@@ -1,0 +1,85 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Code that the launch files share and that needs no launch: arguments, names, when to respawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.exit_status import USAGE
+
+from . import tracker_params
+
+_BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
+
+
+def booleans(given: Mapping[str, str]) -> dict[str, bool]:
+    """Return the values of launch arguments that are true or false.
+
+    Raises
+    ------
+    ConfigError
+        With every argument that is neither.
+    """
+    faults = [
+        f"{name}: {text!r} given, must be one of {', '.join(_BOOLEANS)}"
+        for name, text in given.items()
+        if text not in _BOOLEANS
+    ]
+    if faults:
+        raise ConfigError(faults)
+    return {name: _BOOLEANS[text] for name, text in given.items()}
+
+
+def whole(name: str, text: str) -> int:
+    """Return the value of a launch argument that is a whole number.
+
+    Raises
+    ------
+    ConfigError
+        If it is none, or negative.
+    """
+    if not (text.isascii() and text.isdigit() and len(text) < 10):
+        raise ConfigError([f"{name}: {text!r} given, must be a whole number, at least 0"])
+    return int(text)
+
+
+def full_namespace(pushed: str | None, given: str) -> str:
+    """Return the full namespace of a node, ``/`` for the root.
+
+    Parameters
+    ----------
+    pushed : str or None
+        That of the group that the launch file is in (PushRosNamespace).
+    given : str
+        Relative to it, unless it begins with a slash.
+    """
+    names = given.split("/") if given.startswith("/") else f"{pushed or ''}/{given}".split("/")
+    return "/" + "/".join(filter(None, names))
+
+
+def full_name(namespace: str, node: str) -> str:
+    """Return the full name of a node in a full namespace."""
+    return f"{namespace.rstrip('/')}/{node}"
+
+
+def load(params_file: str, tracker: str) -> TrackerConfig:
+    """Return the configuration of the tracker of that full name; without a file the defaults.
+
+    Raises
+    ------
+    ConfigError
+        If the file has no section for the tracker, or with every fault.
+    """
+    if not params_file:
+        return tracker_params.config({})
+    return tracker_params.load(Path(params_file), tracker)
+
+
+def respawns(status: int) -> bool:
+    """Return whether a node that ended with that exit status may run if it is started again."""
+    return status != USAGE

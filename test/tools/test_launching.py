@@ -1,0 +1,78 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the launch files work out; `test/launching` runs them where launch is installed."""
+
+from pathlib import Path
+
+import pytest
+
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.exit_status import CORRUPT, FAILED, OK, USAGE
+from phd_jdtc_ros.tools import launching
+
+ROOT = Path(__file__).parents[2]
+
+
+def faults(function, *arguments):
+    with pytest.raises(ConfigError) as caught:
+        function(*arguments)
+    return list(caught.value.faults)
+
+
+def test_booleans_follow_one_rule():
+    given = {"a": "true", "b": "True", "c": "1", "d": "false", "e": "False", "f": "0"}
+    assert launching.booleans(given) == {name: name in "abc" for name in given}
+
+
+def test_booleans_lists_every_fault():
+    assert faults(launching.booleans, {"rviz": "yes", "frames": "1", "respawn": ""}) == [
+        "rviz: 'yes' given, must be one of true, True, 1, false, False, 0",
+        "respawn: '' given, must be one of true, True, 1, false, False, 0",
+    ]
+
+
+@pytest.mark.parametrize("text", ["", "-1", "2.5", "many", "9" * 5000])
+def test_whole_refuses_what_is_none(text):
+    assert launching.whole("retries", "10") == 10
+    assert len(faults(launching.whole, "retries", text)) == 1
+
+
+@pytest.mark.parametrize(
+    ("pushed", "given", "tracker"),
+    [
+        (None, "", "/tracker"),
+        (None, "s1", "/s1/tracker"),
+        (None, "/s1/", "/s1/tracker"),
+        ("/site", "", "/site/tracker"),
+        ("/site", "s1", "/site/s1/tracker"),
+        ("/site", "/s1", "/s1/tracker"),
+        ("/site", "/", "/tracker"),
+        ("/", "a/b", "/a/b/tracker"),
+    ],
+)
+def test_names_are_those_of_the_group_that_the_launch_file_is_in(pushed, given, tracker):
+    assert launching.full_name(launching.full_namespace(pushed, given), "tracker") == tracker
+
+
+def test_load_takes_the_file_for_the_tracker_alone(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("/s1/tracker: {ros__parameters: {lag: 2, path_length: 9}}\n")
+
+    assert launching.load(str(path), "/s1/tracker").lag.scans == 2
+    assert faults(launching.load, str(path), "/tracker") == [
+        f"{path}: has no section for this node, /tracker; it has /s1/tracker"
+    ]
+    assert launching.load("", "/tracker").lag.scans == 5
+
+
+@pytest.mark.parametrize(
+    ("status", "again"), [(OK, True), (FAILED, True), (USAGE, False), (CORRUPT, True), (-9, True)]
+)
+def test_tracker_is_not_started_again_after_a_fault_of_its_arguments(status, again):
+    assert launching.respawns(status) is again
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.py")), ids=lambda path: path.stem)
+def test_launch_files_compile(path):
+    compile(path.read_text(), str(path), "exec")
