@@ -17,8 +17,11 @@ from typing import Any
 
 from rclpy.serialization import deserialize_message
 
+from . import plain_cdr
 from .errors import RejectedMessageError
 
+# Messages to reproducible bytes; `decode` is the inverse.
+encode = plain_cdr.encode
 _SEPARATOR = "=" * 80
 
 
@@ -68,40 +71,6 @@ def definition(type_name: str) -> str:
         package, _, short = name.split("/")
         parts.append(f"MSG: {package}/{short}\n{_share_file(name, '.msg').read_text()}")
     return f"\n{_SEPARATOR}\n".join(part.rstrip("\n") for part in parts) + "\n"
-
-
-@cache
-def _encoder(type_name: str) -> Any:
-    # Imported at the first use: a tracker that records nothing starts sooner without it.
-    from mcap_ros2._dynamic import serialize_dynamic
-
-    return serialize_dynamic(type_name, definition(type_name))[type_name]
-
-
-def encode(message: Any) -> bytes:
-    """Return a message as CDR, the same bytes every time.
-
-    The middleware's own serialisation leaves padding uninitialised, so equal messages may differ
-    in their bytes. Files that must be reproducible are written with this function.
-    """
-    encoded: bytes = _encoder(type_name(type(message)))(_numbers(message))
-    return encoded
-
-
-def _numbers(message: Any) -> Any:
-    """Return a message as the encoder expects it: fields of type ``byte`` as numbers."""
-    types = message.get_fields_and_field_types()
-    if not any(kind == "octet" or "/" in kind for kind in types.values()):
-        return message
-    return {name: _number(getattr(message, name)) for name in types}
-
-
-def _number(value: Any) -> Any:
-    if isinstance(value, bytes) and len(value) == 1:
-        return value[0]
-    if isinstance(value, list):
-        return [_number(entry) for entry in value]
-    return _numbers(value) if hasattr(value, "get_fields_and_field_types") else value
 
 
 def decode(data: bytes, type_name: str) -> Any:

@@ -17,13 +17,14 @@ MANIFEST = ElementTree.parse(ROOT / "package.xml").getroot()
 KEYS = {
     "lz4": "mcap-ros2-support",
     "mcap": "mcap-ros2-support",
-    "mcap-ros2-support": "mcap-ros2-support",
     "plotly": None,
     "pyyaml": "python3-yaml",
-    "rosbags": "python3-rosbags-pip",
+    "rosbags": None,  # for the tests alone, and a pip key keeps a package out of an apt release
     "setuptools": None,  # every Python build of colcon has it
     "zstandard": "mcap-ros2-support",
 }
+# Imported where they are installed.
+OPTIONAL = {"dask", "distributed", "numba", "stonesoup"}
 
 
 def declared(*tags):
@@ -78,6 +79,26 @@ def test_what_the_tests_cannot_do_without_is_declared():
     foreign = imported - own - sys.stdlib_module_names - ros
 
     assert {"hypothesis", "rosbags"} <= foreign
-    assert {KEYS.get(name, f"python3-{name}") for name in foreign} <= declared(
-        "exec_depend", "test_depend"
-    )
+    keys = {KEYS.get(name, f"python3-{name}") for name in foreign} - {None}
+    assert keys <= declared("exec_depend", "test_depend")
+
+
+def test_everything_that_is_imported_is_a_dependency_of_its_own():
+    imported = set()
+    for path in (
+        p for part in ("phd_jdtc_ros", "msg_adapters") for p in (ROOT / part).rglob("*.py")
+    ):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                imported |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                imported.add(node.module.split(".")[0])
+    own = {"phd_jdtc_ros", "msg_adapters"}
+    foreign = imported - own - sys.stdlib_module_names - declared("depend", "exec_depend")
+
+    assert {"mcap", "lz4", "zstandard"} <= foreign
+    assert foreign - OPTIONAL <= {name.replace("pyyaml", "yaml") for name in requirements()}
+
+
+def test_no_test_needs_a_key_that_keeps_the_package_out_of_an_apt_release():
+    assert not [key for key in declared("test_depend") if key.endswith("-pip")]
