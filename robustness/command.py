@@ -18,6 +18,7 @@ from . import (
     bad_scans,
     bags,
     clutter,
+    crowd,
     decoders,
     network,
     overload,
@@ -55,6 +56,7 @@ def faults(_: argparse.Namespace) -> Iterator[Measure]:
     yield bags.measure_bomb
     yield overload.measure
     yield clutter.measure
+    yield crowd.measure
     yield stamps_and_time.measure_silence
     yield publishers.measure
     yield restarts.measure_kills

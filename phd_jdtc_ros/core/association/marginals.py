@@ -24,6 +24,8 @@ from .exact_marginals import exact_marginals
 LEAST_CLUTTER = 1e-9
 # For clusters with more detections belief propagation is used.
 EXACT_DETECTIONS = 7
+# Each takes a millisecond; there are some hundreds where hundreds of targets are in clutter.
+MOST_EXACT = 1000
 
 
 def marginals(
@@ -84,6 +86,11 @@ def _small_loops(target: IntArray, detection: IntArray, targets: int, size: int)
     members = np.bincount(cluster, minlength=count)
     detections = np.bincount(cluster[targets:], minlength=count)
     chosen = np.flatnonzero((edges >= members) & (detections <= EXACT_DETECTIONS))
+    if len(chosen) > MOST_EXACT:
+        largest = np.argsort(-edges[chosen], kind="stable")[:MOST_EXACT]
+        chosen = np.sort(chosen[largest])
+    # By cluster, and within it by target.
     of = cluster[target]
-    found = [np.flatnonzero(of == c) for c in chosen]
-    return [own[np.argsort(target[own], kind="stable")] for own in found]
+    order = np.lexsort((target, of))
+    first = np.searchsorted(of[order], chosen)
+    return [order[f : f + n] for f, n in zip(first, edges[chosen], strict=True)]

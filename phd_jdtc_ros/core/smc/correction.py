@@ -23,6 +23,8 @@ from .particle_set import ParticleSet
 
 # Some probability to be missed is always left.
 LEAST_MISSED = 1e-6
+# Above this many a table of all cells would take more memory than the pairs that are sorted.
+LARGEST_TABLE = 1 << 23
 
 
 @dataclass(frozen=True)
@@ -146,6 +148,9 @@ def _edges(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
 
     As `numpy.unique`, which would sort all pairs: half of the update for many targets.
     """
+    if cells > LARGEST_TABLE:
+        found, place = np.unique(cell, return_inverse=True)
+        return found, place.ravel()
     table = np.zeros(cells, dtype=np.int64)
     table[cell] = 1
     distinct: IntArray = np.flatnonzero(table)

@@ -19,6 +19,7 @@ from ..models.radar import RadarModel
 from ..models.tracker_model import TrackerModel
 from ..types import Detections, Scan
 from .correction import Claims, Corrector
+from .overload import thinned
 from .particle_set import ParticleSet
 
 
@@ -60,6 +61,7 @@ def update(
     predicted = radar.measure(particles.state)
     in_range = predicted[:, 0] <= radar.max_range
     predicted[~in_range, 0] = np.inf  # near no detection
+    detections, radar, share = thinned(predicted, detections, radar)
     row, column, log_likelihood = radar.gated_pairs(predicted, detections)
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
@@ -79,7 +81,8 @@ def update(
         other=other.sum(axis=0),
         detection_probability=np.where(
             in_range,
-            model.amplitudes.detection_probability(
+            share
+            * model.amplitudes.detection_probability(
                 particles.mode, particles.log_snr, radar, model.modes
             ),
             0.0,
@@ -113,7 +116,8 @@ def update_scan(
         if detections is not None:
             particles, one = update(particles, detections, radar, model, corrector, dt)
             if one is not None:
-                particles = _joined(particles, one, model, corrector, origin, rng)
+                one, count = detection_birth.affordable(one, model.detection_births)
+                particles = _joined(particles, one, count, model, corrector, origin, rng)
                 origin += len(one)
                 found.append(one)
     return particles, tuple(found)
@@ -122,14 +126,15 @@ def update_scan(
 def _joined(
     particles: ParticleSet,
     found: Newborn,
+    each: int,
     model: TrackerModel,
     corrector: Corrector,
     origin: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Return the intensity with newborn targets, each a component of its own."""
+    """Return the intensity with newborn targets, components of `each` particles."""
     state, mode, weight, detection = detection_birth.sample(
-        found, model.detection_births, model.modes, rng
+        found, model.detection_births, model.modes, each, rng
     )
     count = len(weight)
     amplitude = None if found.amplitude is None else found.amplitude.take(detection)
