@@ -20,6 +20,7 @@ from . import (
     clutter,
     crowd,
     decoders,
+    forgeries,
     network,
     overload,
     publishers,
@@ -61,6 +62,7 @@ def faults(_: argparse.Namespace) -> Iterator[Measure]:
     yield publishers.measure
     yield restarts.measure_kills
     yield warm_restart.measure
+    yield forgeries.measure
     yield restarts.measure_stops
     yield stamps_and_time.measure_time_faults
     yield network.measure
