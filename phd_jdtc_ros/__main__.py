@@ -30,10 +30,41 @@ EXECUTABLES = {
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
 
+# What a ROS installation has, and the extra `ros` installs.
+ROS_PACKAGES = frozenset(
+    {
+        "ament_index_python",
+        "builtin_interfaces",
+        "diagnostic_msgs",
+        "geometry_msgs",
+        "lifecycle_msgs",
+        "nav_msgs",
+        "rcl_interfaces",
+        "rclpy",
+        "rosgraph_msgs",
+        "sensor_msgs",
+        "std_msgs",
+        "std_srvs",
+        "visualization_msgs",
+    }
+)
+
 
 def run(name: str, argv: Sequence[str] | None = None) -> int:
     """Run an executable and return its exit status; `argv` without its name."""
-    status: int = _module(name).main(sys.argv[1:] if argv is None else argv)
+    try:
+        module = _module(name)
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").split(".")[0]
+        if missing not in ROS_PACKAGES:
+            raise
+        print(
+            f"{name}: {missing} is not installed; source a ROS 2 installation, or install the "
+            "parts of it that are needed with the package: pip install '.[ros]'",
+            file=sys.stderr,
+        )
+        return 2
+    status: int = module.main(sys.argv[1:] if argv is None else argv)
     return status
 
 

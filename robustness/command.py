@@ -18,7 +18,9 @@ from . import (
     bad_scans,
     bags,
     clutter,
+    crowd,
     decoders,
+    forgeries,
     network,
     overload,
     publishers,
@@ -55,10 +57,12 @@ def faults(_: argparse.Namespace) -> Iterator[Measure]:
     yield bags.measure_bomb
     yield overload.measure
     yield clutter.measure
+    yield crowd.measure
     yield stamps_and_time.measure_silence
     yield publishers.measure
     yield restarts.measure_kills
     yield warm_restart.measure
+    yield forgeries.measure
     yield restarts.measure_stops
     yield stamps_and_time.measure_time_faults
     yield network.measure

@@ -10,6 +10,24 @@ from typing import Any
 
 import numpy.typing as npt
 
+# The latest stamp that a ROS message can have.
+MOST_STAMP_NS = (1 << 31) * 1_000_000_000 - 1
+
+
+def whole(name: str, value: Any, low: int, high: int) -> int:
+    """Return a fact that must be a whole number in [low, high].
+
+    Raises
+    ------
+    ValueError
+        If it is something else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise ValueError(
+            f"{name}: {str(value)[:40]} given, must be a whole number in [{low}, {high}]"
+        )
+    return value
+
 
 @dataclass(frozen=True)
 class Snapshot:

@@ -76,6 +76,42 @@ def test_code_in_a_checkpoint_is_not_executed(tmp_path):
     assert not ran.exists()
 
 
+def test_write_follows_no_link_that_was_put_in_its_way(path):
+    victim = path.parent / "victim"
+    victim.write_text("kept")
+    for name in (f".{path.name}.{os.getpid()}.tmp", path.name):
+        (path.parent / name).unlink(missing_ok=True)
+        (path.parent / name).symlink_to(victim)
+    checkpoint.write(path, snapshot(), CONFIGURATION)
+    assert victim.read_text() == "kept"
+    assert not path.is_symlink()
+    assert checkpoint.read(path, CONFIGURATION).stamp_ns == 42
+
+
+@pytest.mark.parametrize("kind", ["pipe", "directory", "large"])
+def test_what_is_no_file_of_a_sane_size_is_refused_and_not_waited_for(tmp_path, kind):
+    path = tmp_path / "x"
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "directory":
+        path.mkdir()
+    else:
+        path.touch()
+        os.truncate(path, 1 << 40)
+    with pytest.raises(CheckpointError, match=r"not a regular file|at most 120 MB"):
+        checkpoint.read(path, CONFIGURATION)
+
+
+def test_what_a_killed_tracker_left_half_written_is_deleted_after_a_while(path):
+    old, young = (path.parent / f".{path.name}.{name}.tmp" for name in ("old", "young"))
+    for rest in (old, young):
+        rest.touch()
+    os.utime(old, (0, 0))
+    checkpoint.Checkpoints(path, 1, 60.0, CONFIGURATION, Log())
+    assert not old.exists()
+    assert young.exists()
+
+
 def test_a_failed_write_leaves_the_one_before_and_no_rest(path, monkeypatch):
     before = path.read_bytes()
 

@@ -9,7 +9,7 @@ import random
 import pytest
 
 from msg_adapters import interfaces, names, stamps
-from robustness import bags, command, decoders, figures, raw_bytes, report, scans
+from robustness import bags, command, crowd, decoders, figures, forgeries, raw_bytes, report, scans
 
 
 def test_bags_are_recovered():
@@ -20,6 +20,16 @@ def test_bags_are_recovered():
 def test_a_bomb_is_refused_within_its_memory():
     figure = bags.measure_bomb()
     assert figure.reached, figure.measured
+
+
+def test_a_scan_of_very_many_detections_takes_bounded_time_and_memory_and_spoils_no_later_one():
+    figure = crowd.measure(10_000)
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_forged_checkpoints_are_cold_starts_with_a_reason():
+    figure = forgeries.measure()
+    assert figure.reached, (figure.measured, figure.details)
 
 
 def test_decoders_refuse_or_understand_random_clouds():

@@ -15,6 +15,9 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, sum_by
 
 ITERATIONS = 200
+# Edges times iterations, so that a graph of millions of edges takes no minutes.
+MOST_WORK = 1 << 25
+LEAST_ITERATIONS = 10
 TOLERANCE = 1e-6
 
 
@@ -32,7 +35,8 @@ def propagate(
     """
     rival = clutter[detection]
     free = 1.0 / rival  # message to the target: how available the detection is
-    for _ in range(ITERATIONS):
+    affordable = max(MOST_WORK // max(len(odds), 1), LEAST_ITERATIONS)
+    for _ in range(min(ITERATIONS, affordable)):
         taken = odds * free
         others = np.bincount(target, taken, targets).take(target) - taken
         wanted = odds / (1.0 + np.maximum(others, 0.0))  # message to the detection

@@ -24,6 +24,8 @@ from .exact_marginals import exact_marginals
 LEAST_CLUTTER = 1e-9
 # For clusters with more detections belief propagation is used.
 EXACT_DETECTIONS = 7
+# Each takes a millisecond; there are some hundreds where hundreds of targets are in clutter.
+MOST_EXACT = 1000
 
 
 def marginals(
@@ -86,6 +88,11 @@ def _small_loops(target: IntArray, detection: IntArray, targets: int, size: int)
     members = np.bincount(cluster, minlength=count)
     detections = np.bincount(cluster[targets:], minlength=count)
     chosen = np.flatnonzero((edges >= members) & (detections <= EXACT_DETECTIONS))
+    if len(chosen) > MOST_EXACT:
+        largest = np.argsort(-edges[chosen], kind="stable")[:MOST_EXACT]
+        chosen = np.sort(chosen[largest])
+    # By cluster, and within it by target.
     cluster_of_edge = cluster[target]
-    loops = [np.flatnonzero(cluster_of_edge == c) for c in chosen]
-    return [loop[np.argsort(target[loop], kind="stable")] for loop in loops]
+    order = np.lexsort((target, cluster_of_edge))
+    first = np.searchsorted(cluster_of_edge[order], chosen)
+    return [order[f : f + n] for f, n in zip(first, edges[chosen], strict=True)]

@@ -126,6 +126,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
             velocity_std=values["detection_births.velocity_std"],
             turn_rate_std=values["detection_births.turn_rate_std"],
             particles=values["detection_births.particles"],
+            most=values["max_particles"],
         ),
         spawn=_spawn(values, modes),
         amplitudes=_amplitudes(values),

@@ -30,6 +30,10 @@ GATE_SIGMA = 8.0
 LEAST_MASS = 1e-4
 # At its own position a radar measures no azimuth; the Jacobian 1/r is bounded at this range.
 LEAST_RANGE = 1.0
+# With fewer particles a detection is no target to go on with; detections are left out instead.
+LEAST_PARTICLES = 16
+# Rows times detections that are compared at once.
+CHUNK_PRODUCT = 1 << 25
 
 
 @dataclass(frozen=True)
@@ -46,12 +50,15 @@ class DetectionBirthModel:
         Radians per second.
     particles : int
         Per detection; a power of two.
+    most : int
+        Particles at the detections of one radar in one scan; at most.
     """
 
     rate: FloatArray
     velocity_std: float
     turn_rate_std: float
     particles: int
+    most: int = 1 << 24
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rate", read_only(self.rate))
@@ -108,10 +115,29 @@ def newborn(radar: RadarModel, detections: Detections, mass: FloatArray) -> Newb
     return Newborn(radar, detections.measurement[kept], mass[kept], amplitude)
 
 
+def affordable(found: Newborn, model: DetectionBirthModel) -> tuple[Newborn, int]:
+    """Return the newborn targets that the model's `most` allows, and the particles of each.
+
+    Every detection gets fewer particles first; then those with the least newborn mass get none.
+    """
+    count = model.particles
+    least = min(LEAST_PARTICLES, count)
+    while count > least and len(found) * count > model.most:
+        count //= 2
+    kept = max(model.most // count, 1)
+    if len(found) <= kept:
+        return found, count
+    order = np.argsort(-found.mass.sum(axis=1), kind="stable")
+    rows = np.sort(order[:kept])
+    amplitude = None if found.amplitude is None else found.amplitude[rows]
+    return Newborn(found.radar, found.measurement[rows], found.mass[rows], amplitude), count
+
+
 def sample(
     found: Newborn,
     model: DetectionBirthModel,
     modes: ModeSpace,
+    count: int,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
     """Draw the newborn targets of one radar.
@@ -122,19 +148,21 @@ def sample(
         J detections.
     model : DetectionBirthModel
     modes : ModeSpace
+    count : int
+        Particles per detection; a power of two.
     rng : numpy.random.Generator
 
     Returns
     -------
     state : array of shape (N, D)
-        In the world frame; N is J times the particles per detection.
+        In the world frame; N is J times `count`.
     mode : int array of shape (N,)
     weight : array of shape (N,)
         Expected targets per particle.
     detection : int array of shape (N,)
         The row of `found` that each particle comes from.
     """
-    count, space = model.particles, modes.space
+    space = modes.space
     size = len(space)
     shift = rng.random((len(found), 1, size + 1))
     uniform = shifted(sobol_points(size + 1, count), shift)
@@ -164,11 +192,29 @@ def intensity(
 ) -> FloatArray:
     """Return the intensity that `sample` draws from, over each mode's own support; shape (N,).
 
+    Rows are taken in chunks, because in one scan of many detections all pairs would not fit the
+    memory.
+
     Notes
     -----
     The measurement has a density over range and azimuth; dividing it by the range gives the density
     over the plane.
     """
+    size = max(CHUNK_PRODUCT // max(len(found), 1), 1)
+    parts = [
+        _intensity(found, model, modes, state[first : first + size], mode[first : first + size])
+        for first in range(0, len(state), size)
+    ]
+    return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def _intensity(
+    found: Newborn,
+    model: DetectionBirthModel,
+    modes: ModeSpace,
+    state: FloatArray,
+    mode: IntArray,
+) -> FloatArray:
     velocity, turn_rate = list(modes.space.velocity), modes.space.turn_rate
     slow = np.abs(state[:, velocity]).max(axis=1) <= GATE_SIGMA * model.velocity_std
     slow &= np.abs(state[:, turn_rate]) <= GATE_SIGMA * model.turn_rate_std

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..pair_search import kernels
-from ..pair_search.gating import cell_lists
+from ..pair_search.gating import CellLists, cell_lists
 from ..state_space import PLANAR, StateSpace
 from ..types import Detections
 from . import amplitude_density
@@ -157,12 +157,21 @@ class RadarModel:
         -----
         The cost grows with the number of pairs found and not with N x M; see `gating`.
         """
-        gate = min(GATE_SIGMA * self.azimuth_std, np.pi)
-        measured = detections.measurement.copy()
-        measured[:, 1] = wrap_angle(measured[:, 1])
-        lists = cell_lists(measured, GATE_SIGMA * self.range_std, gate)
+        lists, gate = self._lists(detections)
         log_norm = -np.log(2.0 * np.pi * self.range_std * self.azimuth_std)
         particle, detection, square = kernels.chosen().near_detections(
             lists, predicted, self.noise_std, GATE_SIGMA, gate
         )
         return particle, detection, log_norm - 0.5 * square
+
+    def candidates(self, predicted: FloatArray, detections: Detections) -> int:
+        """Return how many pairs `gated_pairs` would look at; about twice those that it finds."""
+        lists, _ = self._lists(detections)
+        return int(np.diff(lists.start).take(lists.cell_of(predicted)).sum())
+
+    def _lists(self, detections: Detections) -> tuple[CellLists, float]:
+        """Return the detections by cell, and the half width of the gate in azimuth."""
+        gate = min(GATE_SIGMA * self.azimuth_std, np.pi)
+        measured = detections.measurement.copy()
+        measured[:, 1] = wrap_angle(measured[:, 1])
+        return cell_lists(measured, GATE_SIGMA * self.range_std, gate), gate

@@ -23,6 +23,8 @@ from .particle_set import ParticleSet
 
 # Lower bound of the probability that a target is missed; odds are divided by it.
 LEAST_MISSED = 1e-6
+# Above this many a table of all cells would take more memory than the pairs that are sorted.
+LARGEST_TABLE = 1 << 23
 
 
 @dataclass(frozen=True)
@@ -148,6 +150,9 @@ def _edges(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     A table of all cells replaces the sort of `numpy.unique`, which takes half of the time of an
     update with many targets.
     """
+    if cells > LARGEST_TABLE:
+        found, place = np.unique(cell, return_inverse=True)
+        return found, place.ravel()
     table = np.zeros(cells, dtype=np.int64)
     table[cell] = 1
     distinct: IntArray = np.flatnonzero(table)

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ..engine import Lag, Step
 from ..models.tracker_model import TrackerModel
-from ..snapshot import Snapshot
+from ..snapshot import MOST_STAMP_NS, Snapshot, whole
 from ..track_numbers import TrackNumbers
 from ..types import Estimates, Scan
 from . import snapshot
@@ -24,6 +25,8 @@ from .smoother import DeathTerm, backward_pass
 
 # Second word of the seed of extraction; the filter's is `filter.FILTER_STREAM`.
 EXTRACTION_STREAM = 1
+# Messages have 32 bits for a track's number; half of them are left for what is still to come.
+MOST_TRACKS = 1 << 31
 
 
 @dataclass
@@ -131,24 +134,30 @@ class ParticleEngine:
         self.reset()
         try:
             self._take(snapshot)
-        except (KeyError, TypeError, ValueError) as error:
+        except Exception as error:  # of any kind: nobody knows what a foreign one holds
             self.reset()
-            raise ValueError(f"snapshot: {error}") from error
+            raise ValueError(f"snapshot: {type(error).__name__}: {error}") from error
 
     def _take(self, held: Snapshot) -> None:
         facts = held.facts["smoother"]
+        stamps = [whole("stamps_ns", stamp, 0, MOST_STAMP_NS) for stamp in facts["stamps_ns"]]
+        if any(b <= a for a, b in itertools.pairwise(stamps)):
+            raise ValueError("stamps_ns: must increase")
+        if stamps and stamps[-1] != held.stamp_ns:
+            raise ValueError(f"stamps_ns: end at {stamps[-1]}, expected {held.stamp_ns}")
+        modes, most = self.forward.model.modes, self.forward.budget.most
         stored = [
-            snapshot.take_particles(held, f"stored.{k}") for k in range(len(facts["stamps_ns"]))
+            snapshot.take_particles(held, f"stored.{k}", modes, most) for k in range(len(stamps))
         ]
         links = [
             snapshot.take_transition(held, f"link.{k}", earlier, later)
             for k, (earlier, later) in enumerate(itertools.pairwise(stored))
         ]
-        tracks = facts["tracks"]
+        tracks = _track_numbers(facts["tracks"])
         self.forward.take(held)
         self._rng.bit_generator.state = facts["rng"]
-        self._tracks = TrackNumbers({int(k): int(n) for k, n in tracks["number"]}, tracks["count"])
-        self._stamps, self._stored, self._links = list(facts["stamps_ns"]), stored, links
+        self._tracks = tracks
+        self._stamps, self._stored, self._links = stamps, stored, links
 
     def _smooth_rest(self) -> tuple[Estimates, ...]:
         """Smooth all stored sets with the scans that the window holds, and empty it."""
@@ -171,3 +180,13 @@ class ParticleEngine:
         estimates = self.extraction(particles, modes, stamp_ns, lag, threshold, self._rng)
         self.forward.done("extraction")
         return self._tracks.numbered(estimates)
+
+
+def _track_numbers(facts: Any) -> TrackNumbers:
+    """Return stored track numbers; raises ValueError if they are none."""
+    count = whole("tracks.count", facts["count"], 0, MOST_TRACKS)
+    number = {
+        whole("label", label, 0, snapshot.MOST_INDEX + 1): whole("track", given, 1, count)
+        for label, given in facts["number"]
+    }
+    return TrackNumbers(number, count)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..models.tracker_model import TrackerModel
-from ..snapshot import Snapshot
+from ..snapshot import MOST_STAMP_NS, Snapshot, whole
 from ..types import Scan
 from . import backward_kernel, snapshot
 from .backward_kernel import Transition
@@ -25,6 +25,8 @@ from .update import update_scan
 # Second word of the seed, so that the filter's stream is independent of all others. With a shared
 # stream, a simulation with the same seed would be correlated with the filter.
 FILTER_STREAM = 2
+# Origins are numbered by scan and must fit 64 bits: 6000 years of a scan a second.
+MOST_SCANS = 1 << 37
 
 
 def _ignore(part: str) -> None:
@@ -136,13 +138,23 @@ class ForwardFilter:
             snapshot.put_particles(into, "latest", self._latest[1])
 
     def take(self, stored: Snapshot) -> None:
-        """Restore the filter's state from a snapshot."""
+        """Restore the filter's state from a snapshot.
+
+        Raises
+        ------
+        ValueError
+            If the snapshot is not of such a filter.
+        """
         facts = stored.facts["filter"]
         latest = None
         if stored.stamp_ns is not None:
-            latest = (stored.stamp_ns, snapshot.take_particles(stored, "latest"))
+            latest = (
+                whole("stamp_ns", stored.stamp_ns, 0, MOST_STAMP_NS),
+                snapshot.take_particles(stored, "latest", self.model.modes, self.budget.most),
+            )
+        index = whole("scan_index", facts["scan_index"], 0, MOST_SCANS)
         self._rng.bit_generator.state = facts["rng"]
-        self._latest, self._scan_index = latest, int(facts["scan_index"])
+        self._latest, self._scan_index = latest, index
 
     def _earlier(self, stamp_ns: int) -> tuple[ParticleSet, float]:
         """Return the stored set of the previous scan and the interval since, in seconds."""

@@ -57,7 +57,7 @@ def predict(
     origin = origins.first_predicted(scan_index)
     parts = [
         _survivors(particles, model, dt, rng),
-        _spawned(particles, model, corrector, dt, origin + len(model.births), rng),
+        _spawned(particles, model, corrector, budget, dt, origin + len(model.births), rng),
     ]
     for index, term in enumerate(model.births):
         parts.append(_born(term, model, budget.per_birth_term, dt, origin + index, rng))
@@ -132,6 +132,7 @@ def _spawned(
     particles: ParticleSet,
     model: TrackerModel,
     corrector: Corrector,
+    budget: ParticleBudget,
     dt: float,
     origin: int,
     rng: np.random.Generator,
@@ -139,7 +140,8 @@ def _spawned(
     """Return the spawned mass; with a labelled corrector, each parent's has a new origin."""
     spawn = model.spawn
     mass = float(particles.weight.sum())
-    count = int(np.ceil(spawn.particles_per_target * mass)) if spawn.rate > 0.0 else 0
+    wanted = int(np.ceil(spawn.particles_per_target * mass)) if spawn.rate > 0.0 else 0
+    count = min(wanted, budget.most)
     group = np.zeros(len(particles), dtype=np.int64)
     copies = resampling.systematic(particles.weight, group, np.array([count]), rng)
     parent = np.repeat(np.arange(len(particles)), copies)

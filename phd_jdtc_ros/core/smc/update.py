@@ -19,6 +19,7 @@ from ..models.radar import RadarModel
 from ..models.tracker_model import TrackerModel
 from ..types import Detections, Scan
 from .correction import Claims, Corrector
+from .overload import thinned
 from .particle_set import ParticleSet
 
 
@@ -60,6 +61,7 @@ def update(
     predicted = radar.measure(particles.state)
     in_range = predicted[:, 0] <= radar.max_range
     predicted[~in_range, 0] = np.inf  # outside the gate of every detection
+    detections, radar, share = thinned(predicted, detections, radar)
     row, column, log_likelihood = radar.gated_pairs(predicted, detections)
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
@@ -79,7 +81,8 @@ def update(
         other=other.sum(axis=0),
         detection_probability=np.where(
             in_range,
-            model.amplitudes.detection_probability(
+            share
+            * model.amplitudes.detection_probability(
                 particles.mode, particles.log_snr, radar, model.modes
             ),
             0.0,
@@ -119,7 +122,8 @@ def update_scan(
         if detections is not None:
             particles, newborn = update(particles, detections, radar, model, corrector, dt)
             if newborn is not None:
-                particles = _with_newborn(particles, newborn, model, corrector, origin, rng)
+                newborn, count = detection_birth.affordable(newborn, model.detection_births)
+                particles = _with_newborn(particles, newborn, count, model, corrector, origin, rng)
                 origin += len(newborn)
                 newborns.append(newborn)
     return particles, tuple(newborns)
@@ -128,14 +132,15 @@ def update_scan(
 def _with_newborn(
     particles: ParticleSet,
     newborn: Newborn,
+    each: int,
     model: TrackerModel,
     corrector: Corrector,
     origin: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Return the intensity with newborn targets added, each as a component."""
+    """Return the intensity with newborn targets added, components of `each` particles."""
     state, mode, weight, detection = detection_birth.sample(
-        newborn, model.detection_births, model.modes, rng
+        newborn, model.detection_births, model.modes, each, rng
     )
     count, births = len(weight), len(newborn)
     amplitude = None if newborn.amplitude is None else newborn.amplitude.take(detection)

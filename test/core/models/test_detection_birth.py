@@ -36,16 +36,48 @@ def one_detection(mass=(0.3, 0.6), place=(6000.0, 0.5)):
 
 def test_sample_carries_the_newborn_mass():
     _, mode, weight, _ = detection_birth.sample(
-        one_detection(), BIRTHS, MODES, np.random.default_rng(0)
+        one_detection(), BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(0)
     )
     by_class = np.bincount(MODES.class_of[mode], weights=weight)
 
     np.testing.assert_allclose(by_class, [0.3, 0.6], rtol=2e-3)
 
 
+def test_affordable_gives_fewer_particles_first_and_then_leaves_out_the_least_mass():
+    model = replace(BIRTHS, particles=64, most=640)
+    mass = np.stack([np.linspace(0.01, 0.5, 100), np.zeros(100)], axis=1)
+    every = Newborn(RADAR, np.ones((100, 2)), mass, np.arange(100.0))
+
+    few, count = detection_birth.affordable(
+        Newborn(RADAR, every.measurement[:10], mass[:10]), model
+    )
+    assert (len(few), count) == (10, 64)
+    some, count = detection_birth.affordable(
+        Newborn(RADAR, every.measurement[:25], mass[:25]), model
+    )
+    assert (len(some), count) == (25, 16)
+    kept, count = detection_birth.affordable(every, model)
+    assert (len(kept), count) == (40, 16)
+    np.testing.assert_array_equal(kept.mass, mass[60:])
+    np.testing.assert_array_equal(kept.amplitude, np.arange(60.0, 100.0))
+
+
+def test_intensity_is_the_same_in_chunks(monkeypatch):
+    found = Newborn(
+        RADAR, np.array([[6e3, 0.5], [6.2e3, 0.52]]), np.array([[0.3, 0.6], [0.1, 0.2]])
+    )
+    rng = np.random.default_rng(0)
+    state, mode, _, _ = detection_birth.sample(found, BIRTHS, MODES, 64, rng)
+    whole = detection_birth.intensity(found, BIRTHS, MODES, state, mode)
+    monkeypatch.setattr(detection_birth, "CHUNK_PRODUCT", 14)
+    np.testing.assert_array_equal(
+        detection_birth.intensity(found, BIRTHS, MODES, state, mode), whole
+    )
+
+
 def test_sample_is_about_the_detection():
     state, mode, _, detection = detection_birth.sample(
-        one_detection(), BIRTHS, MODES, np.random.default_rng(0)
+        one_detection(), BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(0)
     )
     measured = RADAR.measure(state)
 
@@ -62,7 +94,9 @@ def test_intensity_equals_the_density_written_out():
     found = Newborn(
         RADAR, np.array([[6000.0, 0.5], [9000.0, np.pi]]), np.array([[0.3, 0.6], [0.2, 0.1]])
     )
-    state, mode, _, _ = detection_birth.sample(found, BIRTHS, MODES, np.random.default_rng(1))
+    state, mode, _, _ = detection_birth.sample(
+        found, BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(1)
+    )
     chosen = np.arange(0, len(state), 97)
     state, mode = state[chosen], mode[chosen]
     measured = RADAR.measure(state)

@@ -1,0 +1,102 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An installed package, away from its checkout."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SOURCES = (
+    "phd_jdtc_ros",
+    "msg_adapters",
+    "launch",
+    "rviz",
+    "foxglove",
+    "config",
+    "bags",
+    "resource",
+)
+FILES = ("setup.py", "setup.cfg", "pyproject.toml", "package.xml", "README.md")
+
+
+@pytest.fixture(scope="session")
+def installed(tmp_path_factory):
+    """Return a directory that the package is installed into; not editable."""
+    home = tmp_path_factory.mktemp("installed")
+    # Of a copy, because a build leaves files among its sources.
+    for name in SOURCES:
+        shutil.copytree(ROOT / name, home / "source" / name)
+    for name in FILES:
+        shutil.copy(ROOT / name, home / "source" / name)
+    # What pip does with a target directory, whether it has the package `wheel` to do it or not.
+    target = home / "target"
+    subprocess.run(
+        [
+            *(sys.executable, "setup.py", "--quiet"),
+            *("install_lib", "-d", target, "install_data", "-d", target),
+        ],
+        cwd=home / "source",
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    shutil.rmtree(home / "source")
+    return target
+
+
+def run(installed, directory, *arguments, **environment):
+    """Run Python with the installed package from another directory."""
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=directory,
+        env={**os.environ, "PYTHONPATH": str(installed), **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_an_installed_package_finds_its_files_from_any_directory(installed, tmp_path):
+    text = (
+        "from phd_jdtc_ros.tools import demo, monte_carlo, resources\n"
+        "import phd_jdtc_ros\n"
+        "print(phd_jdtc_ros.__file__, demo.shipped_bag(), *resources.isolation().values(),"
+        " resources.find(monte_carlo.PUBLISHED))\n"
+    )
+    status, out, err = run(installed, tmp_path, "-c", text)
+    assert (status, err) == (0, "")
+    package, bag, *others = map(Path, out.split())
+    assert package.is_relative_to(installed)
+    assert (bag / "metadata.yaml").is_file()
+    assert len(others) == 3
+    assert all(
+        path.is_relative_to(installed) and path.is_file() for path in [bag / "x", *others][1:]
+    )
+
+
+@pytest.mark.parametrize("name", ["demo", "monte_carlo"])
+def test_an_installed_tool_starts_from_any_directory(installed, tmp_path, name):
+    status, out, err = run(installed, tmp_path, "-m", "phd_jdtc_ros", name, "--help")
+    assert (status, err) == (0, "")
+    assert out.startswith(f"usage: {name}")
+
+
+def test_without_ros_a_node_names_the_extra_in_one_line(installed, tmp_path):
+    blocked = "import sys\nsys.modules['rclpy'] = None\n"
+    (tmp_path / "sitecustomize.py").write_text(blocked)
+    path = f"{tmp_path}{os.pathsep}{installed}"
+    status, out, err = run(
+        installed, tmp_path, "-m", "phd_jdtc_ros", "tracker", "--help", PYTHONPATH=path
+    )
+    assert (status, out) == (2, "")
+    assert err == (
+        "tracker: rclpy is not installed; source a ROS 2 installation, or install the parts of it "
+        "that are needed with the package: pip install '.[ros]'\n"
+    )
