@@ -53,7 +53,7 @@ def test_every_package_of_a_launch_file_is_declared(path):
     text = path.read_text()
     started = set(re.findall(r'package="(\w+)"', text))
     imported = set(re.findall(r"^from (\w+)[\w.]* import", text, re.MULTILINE))
-    own = {"phd_jdtc_ros", "msg_adapters", "pathlib"}
+    own = {"phd_jdtc_ros", "msg_adapters", *sys.stdlib_module_names}
 
     assert "launch_ros" in imported
     assert (started | imported) - own <= declared("exec_depend")

@@ -16,7 +16,8 @@ from phd_jdtc_ros.tools.reference_pages import PAGES, main, metrics, parameters
 ROOT = Path(__file__).parents[2]
 BAG = str(ROOT / "bags" / "paper_scenario")
 NODES = {
-    "tracker": (Tracker, ["-p", "autostart:=false"]),
+    # Configured: before that every parameter may change.
+    "tracker": (Tracker, []),
     "sensor_replay": (lambda: SensorReplay({"bag": BAG}), []),
     "evaluator": (Evaluator, []),
 }
