@@ -16,7 +16,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from msg_adapters import names
@@ -80,7 +81,7 @@ class Processes:
         line = [sys.executable, "-m", "phd_jdtc_ros", name, *arguments, "--ros-args"]
         for key, value in parameters.items():
             line += ["-p", f"{key}:={value}"]
-        with (self._logs / f"{name}.log").open("wb") as log:
+        with (self._logs / f"{name}.log").open("wb") as log, _interrupts_deferred():
             self._running[name] = subprocess.Popen(
                 line, stdout=None if shown else log, stderr=log, env=self._environment
             )
@@ -139,6 +140,23 @@ def run_nodes(bag: Path, out: Path) -> bool:
             return False
         nodes.start("sensor_replay", [str(bag), "--rate", "0"], flushing, shown=True)
         return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
+
+
+@contextmanager
+def _interrupts_deferred() -> Iterator[None]:
+    """Raise KeyboardInterrupt only at the end, so that no process starts without being recorded."""
+    received: list[int] = []
+    before = {
+        number: signal.signal(number, lambda caught, _: received.append(caught))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if received:
+        raise KeyboardInterrupt
 
 
 def shipped_bag() -> Path:

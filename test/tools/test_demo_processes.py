@@ -1,0 +1,34 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The demo's processes: none is left behind."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from phd_jdtc_ros.tools.demo import Processes
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_node_that_starts_while_the_demo_is_interrupted_is_ended(number, tmp_path, monkeypatch):
+    started, start = [], subprocess.Popen
+
+    def interrupted(*_, **__):
+        started.append(start([sys.executable, "-c", "import time; time.sleep(60.0)"]))
+        signal.raise_signal(number)
+        return started[0]
+
+    monkeypatch.setattr(subprocess, "Popen", interrupted)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), Processes(tmp_path) as processes:
+            processes.start("tracker", [], {})
+        status = started[0].poll()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        started[0].kill()
+
+    assert status is not None
