@@ -63,12 +63,14 @@ class Processes:
     def __exit__(self, *_: object) -> None:
         for process in self._running.values():
             if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+                # A job that a script starts in the background ignores SIGINT, and so would they.
+                process.terminate()
         for process in self._running.values():
             try:
                 process.wait(STOP_S)
             except subprocess.TimeoutExpired:
                 process.kill()
+                process.wait()
 
     def start(
         self,
@@ -144,7 +146,7 @@ def run_nodes(bag: Path, out: Path) -> bool:
 
 @contextmanager
 def _interrupts_deferred() -> Iterator[None]:
-    """Raise KeyboardInterrupt only at the end, so that no process starts without being recorded."""
+    """Handle signals to end only afterwards, so that no process starts without being recorded."""
     received: list[int] = []
     before = {
         number: signal.signal(number, lambda caught, _: received.append(caught))
@@ -155,8 +157,8 @@ def _interrupts_deferred() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    if received:
-        raise KeyboardInterrupt
+    for number in received:
+        signal.raise_signal(number)
 
 
 def shipped_bag() -> Path:

@@ -149,9 +149,11 @@ def alive_in_group(group):
 def test_main_keeps_what_is_done_when_interrupted(study_file, tmp_path):
     out = tmp_path / "out"
     arguments = ["--study", str(study_file()), "--out", str(out), "--runs", "2000"]
+    # A job in the background of a script ignores SIGINT, and so would what it starts.
     script = f"""
-        import sys
+        import signal, sys
         from phd_jdtc_ros.tools.monte_carlo import main
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         sys.exit(main({[*arguments, "--workers", "1"]!r}))
     """
     process = subprocess.Popen(

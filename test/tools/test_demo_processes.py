@@ -22,13 +22,15 @@ def test_node_that_starts_while_the_demo_is_interrupted_is_ended(number, tmp_pat
         return started[0]
 
     monkeypatch.setattr(subprocess, "Popen", interrupted)
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    handled = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(one, signal.default_int_handler) for one in handled]
     try:
         with pytest.raises(KeyboardInterrupt), Processes(tmp_path) as processes:
             processes.start("tracker", [], {})
         status = started[0].poll()
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for one, handler in zip(handled, before, strict=True):
+            signal.signal(one, handler)
         started[0].kill()
 
     assert status is not None
