@@ -1,11 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run all tests: each file of live ones in a pytest of its own, three at a time, beside the rest.
+"""Run all tests: each file of live ones in a pytest of its own, three at a time, beside the others.
 
 Live tests wait for other processes most of the time, so several take hardly longer than one. Each
 process has a ROS domain of its own (see conftest.py), and one that crashes takes nothing else with
-it. Arguments go to every pytest. The last line is the sum of all of theirs, in pytest's form.
+it. The others run in two processes. Arguments go to every pytest. The last line is the sum of all
+of theirs, in pytest's form.
 """
 
 import re
@@ -17,8 +18,10 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-# With the rest beside them these keep two processors busy; more would only wait for one another.
+# With the others beside them these keep two processors busy; more would only wait for one another.
 LIVE_AT_A_TIME = 3
+# Two halves that take about as long as each other.
+HALF = ("test/core", "test/study")
 LIMIT_S = 1200.0
 # The exit status of a pytest that has nothing to run.
 NOTHING = 5
@@ -52,6 +55,16 @@ def live_files(arguments):
     return sorted(set(re.findall(r"^(\S+\.py)::", text, re.MULTILINE)), reverse=True)
 
 
+def others(arguments):
+    """Return the arguments of each pytest of what is not live, by its name."""
+    if arguments:  # which may name files of both halves
+        return {"all that is not live": arguments}
+    return {
+        f"not live, in {' and '.join(HALF)}": HALF,
+        "not live, elsewhere": [f"--ignore={folder}" for folder in HALF],
+    }
+
+
 def counts(status, text):
     """Return how many tests had each outcome; a process that was cut off is an error."""
     last = text.rstrip().rpartition("\n")[2]
@@ -82,8 +95,11 @@ def summary(found, seconds):
 
 def main(arguments):
     begin, found, failed = time.monotonic(), Counter(), False
-    with ThreadPoolExecutor(1) as beside, ThreadPoolExecutor(LIVE_AT_A_TIME) as pool:
-        running = {beside.submit(pytest, "-m", "not live", *arguments): "all that is not live"}
+    with ThreadPoolExecutor(2) as beside, ThreadPoolExecutor(LIVE_AT_A_TIME) as pool:
+        running = {
+            beside.submit(pytest, "-m", "not live", *own): name
+            for name, own in others(arguments).items()
+        }
         for file in live_files(arguments):
             running[pool.submit(pytest, "-m", "live", file, *arguments)] = file
         try:
