@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import resource
-import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -28,7 +27,7 @@ from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.tools import params_file, tracker_params
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Figure, in_own_process, measured_or_why
 
 NAME = "a scan of very many detections"
 GOAL = "100,000: at most 5 s and 1 GB; OSPA of the scans from the second after it within 10 %"
@@ -44,17 +43,7 @@ def measure(detections: int = DETECTIONS) -> Figure:
 
 
 def _measure(detections: int) -> tuple[str, bool, Mapping[str, Any]]:
-    done = subprocess.run(
-        [sys.executable, "-m", "robustness.crowd", str(detections)],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        cwd=Path(__file__).parents[1],
-    )
-    if done.returncode:
-        raise RuntimeError(done.stderr[-500:])
-    found = json.loads(done.stdout)
+    found = in_own_process("robustness.crowd", str(detections))
     ratio = found["ospa_after"] / found["ospa_without"]
     text = (
         f"{detections:,} of both radars: {found['step_s']:.1f} s, {found['peak_mb']:.0f} MB; OSPA "

@@ -5,9 +5,16 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
+
+# Seconds after which a measurement in a process of its own has failed.
+PROCESS_S = 300.0
 
 
 @dataclass(frozen=True)
@@ -69,6 +76,27 @@ def measured_or_why(
     except Exception as error:  # of any kind, also a fault of the measurement itself
         return Figure(name, goal, f"failed: {type(error).__name__}: {error}", False)
     return Figure(name, goal, text, reached, details=details)
+
+
+def in_own_process(module: str, *arguments: str) -> Any:
+    """Run a module of this folder in a process of its own, and return the JSON that it prints.
+
+    Raises
+    ------
+    RuntimeError
+        If it fails, with the end of its error output.
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=PROCESS_S,
+        check=False,
+        cwd=Path(__file__).parents[1],
+    )
+    if done.returncode:
+        raise RuntimeError(done.stderr[-500:])
+    return json.loads(done.stdout)
 
 
 def all_reached(figures: Sequence[Figure]) -> bool:

@@ -14,7 +14,6 @@ import io
 import json
 import os
 import resource
-import subprocess
 import sys
 import tempfile
 import zipfile
@@ -30,7 +29,7 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.nodes.tracker import checkpoint
 
 from . import scans
-from .figures import Figure, measured_or_why
+from .figures import Figure, in_own_process, measured_or_why
 
 NAME = "forged checkpoints"
 GOAL = "cold start with a reason each, 0 errors, 0 estimates that are not finite, at most 256 MB"
@@ -57,17 +56,7 @@ def measure() -> Figure:
 
 
 def _measure() -> tuple[str, bool, Mapping[str, Any]]:
-    done = subprocess.run(
-        [sys.executable, "-m", "robustness.forgeries"],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-        cwd=Path(__file__).parents[1],
-    )
-    if done.returncode:
-        raise RuntimeError(done.stderr[-500:])
-    found = json.loads(done.stdout)
+    found = in_own_process("robustness.forgeries")
     wrong = {name: what for name, what in found["outcomes"].items() if what != "cold"}
     text = f"{len(found['outcomes'])} kinds: {len(wrong)} wrong, {found['memory_mb']:.0f} MB"
     return text, not wrong and found["memory_mb"] <= 256.0, {**found, "wrong": wrong}
