@@ -56,7 +56,7 @@ def thinned(
     draw = np.arange(size) * GOLDEN % 1.0
     if detections.amplitude is None:
         rows = np.sort(np.argsort(draw, kind="stable")[:kept])
-        return Detections(detections.measurement[rows], None), radar, kept / size
+        return detections.take(rows), radar, kept / size
     rows = np.sort(np.lexsort((draw, -detections.amplitude))[:kept])
     amplitude = detections.amplitude[rows]
     threshold = max(float(amplitude.min()), radar.threshold)

@@ -110,7 +110,8 @@ def test_memory_likelihood_integrates_to_its_detection_probability():
 
     mass, _ = quad(density, RADAR.threshold, 200.0)
     assert mass == pytest.approx(
-        model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)[0], rel=1e-6
+        model.detection_probability(phd.mode, phd.log_snr, np.full(len(phd), 5e3), RADAR, MODES)[0],
+        rel=1e-6,
     )
 
 
