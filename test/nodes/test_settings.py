@@ -116,5 +116,5 @@ def test_retuned_engine_steps_like_one_that_was_always_so():
     engine, fresh = new_engine(small.config), new_engine(other.config)
     engine.retune(other.config.model, other.config.existence_threshold)
     for scan in scans:
-        ours, theirs = engine.step(scan).filtered, fresh.step(scan).filtered
+        (ours,), (theirs,) = engine.step(scan).filtered, fresh.step(scan).filtered
         np.testing.assert_array_equal(ours.state, theirs.state)

@@ -26,6 +26,7 @@ from ..models.radar import RadarModel
 from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
 from ..models.visibility import Visibility
+from ..reporting import Schedule
 from ..scans import ScanGrouper
 from ..types import FULL_TURN, Coverage
 from .checks import CHECKS, name_or, square
@@ -52,6 +53,8 @@ class TrackerConfig:
     engine : str
         One of `engines.ENGINES`.
     lag : Lag
+    schedule : Schedule
+        When estimates go out.
     existence_threshold : float
         Existence probability above which a target is reported.
     seed : int
@@ -67,6 +70,7 @@ class TrackerConfig:
     model: TrackerModel
     engine: str
     lag: Lag
+    schedule: Schedule
     existence_threshold: float
     seed: int
     max_gap_s: float
@@ -142,6 +146,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         model=model,
         engine=values["engine"],
         lag=Lag(values["lag"], values["lag_s"] or None),
+        schedule=Schedule(round(values["estimates_period_s"] * 1e9)),
         existence_threshold=values["existence_threshold"],
         seed=values["seed"],
         max_gap_s=values["max_gap_scans"] * values["interval_s"],

@@ -180,9 +180,9 @@ def test_tracker_finds_targets_without_known_birth_places():
     for _, scan in run:
         step = engine.step(scan)
     truth = run[-1][0]
-    distance = np.hypot(
-        *(step.filtered.state[:, None, [0, 2]] - truth.state[None][:, :, [0, 2]]).transpose(2, 0, 1)
-    )
+    (found,) = step.filtered
+    offset = found.position[:, None] - truth.position[None]
+    distance = np.hypot(*offset.transpose(2, 0, 1))
 
-    assert len(step.filtered) == 3
+    assert len(step.filtered[0]) == 3
     assert distance.min(axis=0).max() < 600.0
