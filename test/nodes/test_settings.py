@@ -105,7 +105,7 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
     engine.retune(found.config.model, found.config.existence_threshold)
     for scan in scans[3:]:
         step = engine.step(scan)
-        assert np.isfinite(step.filtered.state).all()
+        assert np.isfinite(step.filtered[0].state).all()
         assert np.isfinite(step.class_mass).all()
 
 

@@ -247,8 +247,8 @@ def _visibility(get: Mapping[str, Any]) -> Visibility:
             _sector(begin, end, compass)
             for begin, end in np.reshape(get["blind_sectors_deg"], (-1, 2))
         ),
-        ranges=table[:, 0],
-        probabilities=table[:, 1],
+        ranges=tuple(table[:, 0].tolist()),
+        probabilities=tuple(table[:, 1].tolist()),
     )
 
 
