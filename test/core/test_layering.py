@@ -20,7 +20,7 @@ BASE = ("arrays", "state_space", "types", "origins", "track_numbers")
 # What each room of the core, or module beside the rooms, may import of the others.
 ROOMS = {
     "arrays": (),
-    "origins": (),
+    "origins": ("arrays",),
     "snapshot": (),
     "state_space": ("arrays",),
     "types": ("arrays", "state_space"),
