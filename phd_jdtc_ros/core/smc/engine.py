@@ -95,14 +95,14 @@ class ParticleEngine:
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
         self._tracks.forget_all_but([entry.stored.label for entry in self._window])
-        others = [rows.particles for rows in self.forward.current[:-1]]
         figures = {
             "particles": len(step.entry.stored),
             "effective_sample_size": step.entry.stored.effective_sample_size,
             "orphans": step.entry.link.orphans if step.entry.link else 0,
         }
         classes = modes.class_of, len(modes.classes)
-        mass = [part.class_mass(*classes) for part in (step.updated, *others)]
+        mass = [rows.class_mass(*classes) for rows in self.forward.current[:-1]]
+        mass.append(step.updated.class_mass(*classes))
         return Step(tuple(filtered), tuple(smoothed), np.sum(mass, axis=0), figures)
 
     def retune(self, model: TrackerModel, existence_threshold: float) -> None:

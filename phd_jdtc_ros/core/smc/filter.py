@@ -112,7 +112,7 @@ class ForwardFilter:
             raise ValueError(f"scan.stamp_ns: {scan.stamp_ns} is not later than {self.stamp_ns}")
         touched, others = parted(self.current, scan, model, corrector)
         touched = informed(touched, scan, model, rng) if corrector.labelled else touched
-        budget = self.budget.beside(sum(int(rows.particles.multiplicity.sum()) for rows in others))
+        budget = self.budget.beside(sum(rows.copies for rows in others))
         earlier = [
             Aged(rows.particles, self._since(rows.entry.stamp_ns, scan.stamp_ns))
             for rows in touched

@@ -62,13 +62,12 @@ def predict(
     spawned = origin + len(model.births)
     parts, first = [], 0
     for particles, dt in earlier:
-        moved = [
-            _survivors(particles, model, dt, rng),
-            _spawned(particles, model, corrector, budget, dt, spawned, rng),
-        ]
+        moved = [_survivors(particles, model, dt, rng)]
+        if model.spawn.rate > 0.0:
+            moved.append(_spawned(particles, model, corrector, budget, dt, spawned, rng))
+            spawned = max(spawned, int(moved[1].origin.max(initial=0)) + 1)
         parts += [replace(part, parent=part.parent + first) for part in moved]
         first += len(particles)
-        spawned = max(spawned, int(moved[1].origin.max(initial=0)) + 1)
     for index, dt in births:
         term = model.births[index]
         parts.append(_born(term, model, budget.per_birth_term, dt, origin + index, rng))
@@ -153,7 +152,7 @@ def _spawned(
     """Return the spawned mass; with a labelled corrector, each parent's has a new origin."""
     spawn = model.spawn
     mass = float(particles.weight.sum())
-    wanted = int(np.ceil(spawn.particles_per_target * mass)) if spawn.rate > 0.0 else 0
+    wanted = int(np.ceil(spawn.particles_per_target * mass))
     count = min(wanted, budget.most)
     group = np.zeros(len(particles), dtype=np.int64)
     copies = resampling.systematic(particles.weight, group, np.array([count]), rng)
