@@ -5,7 +5,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
+
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+
+
+def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
+    """Yield a warning for each doubt about a radar's reports that was counted."""
+    for what, count in counts.items():
+        yield _TEXTS[what](radar, count)
 
 
 def no_amplitude(radar: RadarInput) -> str:
@@ -16,11 +24,41 @@ def no_amplitude(radar: RadarInput) -> str:
     )
 
 
-def beyond_a_turn(radar: RadarInput, count: int) -> str:
-    """Return the warning of `count` azimuths that are no angles of one turn in radians."""
+def _beyond_a_turn(radar: RadarInput, count: int) -> str:
+    """Return the doubt of azimuths that are no angles of one turn in radians."""
     cause = (
         f"its definition has radians, {radar.message} in degrees needs another driver"
         if radar.message == "radar_scan"
         else f"degrees, set {radar.name}.azimuth_unit to deg"
     )
-    return f"{radar.topic}: {count} azimuths beyond 2 pi rad; probably {cause}"
+    return f"{count} azimuths beyond 2 pi rad; probably {cause}"
+
+
+def _missing(parameter: str, consequence: str) -> Callable[[RadarInput, int], str]:
+    """Return what makes the doubt of clouds without a field that a parameter names."""
+
+    def text(radar: RadarInput, count: int) -> str:
+        return f"no field as {radar.name}.{parameter} names it; {consequence}"
+
+    return text
+
+
+_TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
+    "azimuths_beyond_a_turn": _beyond_a_turn,
+    "heights_unknown": lambda radar, count: (
+        f"{count} detections of unknown height; their slant ranges are used as ground ranges"
+    ),
+    "deviations_unusable": lambda radar, count: (
+        f"{count} deviations that are zero, negative or absurd; {radar.name}.range_std and "
+        "azimuth_std_deg are used for them"
+    ),
+    "sectors_unusable": lambda radar, count: (
+        f"{count} clouds whose sector is not one whole number from 0 to "
+        f"{max(radar.sectors - 1, 0)}; it is derived from their detections"
+    ),
+    "time_missing": _missing("fields.time", "all its detections count as at the stamp"),
+    "sector_missing": _missing("fields.sector", "the sector is derived from the detections"),
+    "height_missing": _missing("fields.height", "slant ranges are used as ground ranges"),
+    "range_std_missing": _missing("fields.range_std", "range_std is used"),
+    "azimuth_std_missing": _missing("fields.azimuth_std", "azimuth_std_deg is used"),
+}

@@ -53,7 +53,7 @@ class OfflineTracker:
         self.scans = 0
         self.dropped: Counter[str] = Counter()
         self._without_amplitude: set[int] = set()
-        self._beyond_a_turn: Counter[int] = Counter()
+        self._doubts: list[Counter[str]] = [Counter() for _ in config.inputs]
 
     def add(self, entry: BagMessage) -> None:
         """Process one recorded message of a radar."""
@@ -67,7 +67,7 @@ class OfflineTracker:
         self.dropped.update(report.dropped)
         if report.detections.amplitude is None:
             self._without_amplitude.add(index)
-        self._beyond_a_turn[index] += report.beyond_a_turn
+        self._doubts[index] += report.doubts
         events = self._pipeline.add(index, report.stamp_ns, report.detections)
         if isinstance(events, Rejection):
             self.dropped[events.value] += 1
@@ -83,8 +83,8 @@ class OfflineTracker:
         for index, radar in enumerate(self._config.inputs):
             if index in self._without_amplitude:
                 yield doubts.no_amplitude(radar)
-            if self._beyond_a_turn[index]:
-                yield doubts.beyond_a_turn(radar, self._beyond_a_turn[index])
+            for doubt in doubts.of(radar, self._doubts[index]):
+                yield f"{radar.topic}: {doubt}"
 
     def _write(self, events: Iterable[Event]) -> None:
         for event in events:
