@@ -61,4 +61,32 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     "height_missing": _missing("fields.height", "slant ranges are used as ground ranges"),
     "range_std_missing": _missing("fields.range_std", "range_std is used"),
     "azimuth_std_missing": _missing("fields.azimuth_std", "azimuth_std_deg is used"),
+    "clouds_missing": lambda radar, count: (
+        f"{count} clouds missing by the stamps; lost, or the driver sends none where it sees "
+        "nothing; no target there counts as missed"
+    ),
+    "sectors_repeated": lambda radar, count: (
+        f"{count} clouds of azimuths that the antenna cannot have passed again; is "
+        f"{radar.name}.rotation_s right, and sectors?"
+    ),
+    "sector_numbers_wrong": lambda radar, count: (
+        f"{count} clouds whose detections are not in the sector that they name; sectors are "
+        f"numbered from 0, from azimuth zero on, {max(radar.sectors, 1)} to a turn"
+    ),
+    "antenna_unclear": lambda radar, count: (
+        f"{count} clouds whose detections are not where one antenna was at their times; are "
+        f"{radar.name}.rotation_s and its fields.time right?"
+    ),
+    "antenna_slipped": lambda radar, count: (
+        f"{count} clouds that do not go on where the one before ended; the antenna stopped, or "
+        f"{radar.name}.sectors is wrong"
+    ),
+    "times_repaired": lambda radar, count: (
+        f"{count} detections whose times do not go with their azimuths; the antenna's times are "
+        "used for them"
+    ),
+    "slices_late": lambda radar, count: (
+        f"{count} parts of turns came after their scans were closed; set reorder_s to the longest "
+        "rotation_s of the radars"
+    ),
 }

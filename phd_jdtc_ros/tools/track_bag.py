@@ -67,8 +67,8 @@ class OfflineTracker:
         self.dropped.update(report.dropped)
         if report.detections.amplitude is None:
             self._without_amplitude.add(index)
-        self._doubts[index] += report.doubts
-        events = self._pipeline.add(index, report.stamp_ns, report.detections)
+        events = self._pipeline.add(index, report.stamp_ns, report.detections, report.sector)
+        self._doubts[index] += report.doubts + self._pipeline.take_doubts(index)
         if isinstance(events, Rejection):
             self.dropped[events.value] += 1
         else:

@@ -26,6 +26,9 @@ ROOMS = {
     "types": ("arrays", "state_space"),
     "track_numbers": ("arrays", "types"),
     "scans": ("types",),
+    "sectors": ("types",),
+    "antenna": ("arrays", "types"),
+    "turns": ("antenna", "arrays", "scans", "sectors", "types"),
     "association": BASE,
     "pair_search": BASE,
     "models": (*BASE, "pair_search"),
@@ -33,10 +36,10 @@ ROOMS = {
     "smc": (*BASE, "association", "engine", "models", "pair_search", "snapshot"),
     "gaussian": (*BASE, "association", "engine", "models", "pair_search", "snapshot"),
     "evaluation": BASE,
-    "configuration": (*BASE, "engine", "models", "scans", "smc"),
+    "configuration": (*BASE, "engine", "models", "scans", "smc", "turns"),
     "simulation": (*BASE, "configuration", "models"),
     "engines": ("configuration", "engine", "pair_search", "smc"),
-    "pipeline": ("configuration", "engine", "engines", "scans", "types"),
+    "pipeline": ("configuration", "engine", "engines", "scans", "turns", "types"),
 }
 # What each part of the project may import of the others.
 PARTS = {

@@ -27,6 +27,7 @@ from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
 from ..models.visibility import Visibility
 from ..scans import ScanGrouper
+from ..turns import Turns
 from ..types import FULL_TURN, Coverage
 from .checks import CHECKS, name_or, square
 from .parameters import BIRTH, MOTION, RADAR, schema
@@ -59,6 +60,8 @@ class TrackerConfig:
         Longest time between consecutive scans of one run, seconds.
     reorder_scans : int
         Number of the newest scans that are held back for late reports.
+    reorder_s : float
+        Longest time that scans are held back for radars that are behind, seconds.
     """
 
     values: dict[str, Any]
@@ -71,6 +74,7 @@ class TrackerConfig:
     seed: int
     max_gap_s: float
     reorder_scans: int
+    reorder_s: float = 0.0
 
     @property
     def reset_threshold_s(self) -> float:
@@ -84,6 +88,14 @@ class TrackerConfig:
             self.reset_threshold_s,
             self.max_gap_s,
             self.reorder_scans,
+            self.reorder_s,
+        )
+
+    def turns(self) -> tuple[Turns, ...]:
+        """Return what cuts each radar's reports, in the configured order; all new."""
+        return tuple(
+            Turns(radar.rotation_s, radar.sectors, radar.compass, self.reset_threshold_s)
+            for radar in self.inputs
         )
 
 
@@ -146,6 +158,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         seed=values["seed"],
         max_gap_s=values["max_gap_scans"] * values["interval_s"],
         reorder_scans=values["reorder_scans"],
+        reorder_s=values["reorder_s"],
     )
 
 

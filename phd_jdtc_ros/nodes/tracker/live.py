@@ -199,9 +199,9 @@ class LiveTracker:
         if report.detections.amplitude is None and radar.name not in self._neutral:
             self._neutral.add(radar.name)
             self._node.get_logger().warning(doubts.no_amplitude(radar))
-        self._doubt(index, report.doubts)
         waiting = self._pipeline.waiting
-        events = self._pipeline.add(index, report.stamp_ns, report.detections)
+        events = self._pipeline.add(index, report.stamp_ns, report.detections, report.sector)
+        self._doubt(index, report.doubts + self._pipeline.take_doubts(index))
         if isinstance(events, Rejection):
             self._drop(health, events.value, f"scan rejected: {events.value} stamp")
             return
