@@ -38,8 +38,8 @@ EVIDENCE = 4.0
 HALF_AGE, OLDEST = 0.5, 2.2
 # Detections of a cloud that are looked at; a regular choice of them if there are more.
 MOST = 1000
-# Of so many detections it must be clear in which direction the antenna turns.
-MANY_PLOTS = 20
+# So many detections in nearly a turn must say how the antenna turns.
+MANY_PLOTS, MOST_OF_A_TURN = 20, 0.8
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -168,22 +168,28 @@ class AntennaEstimator:
     def _followed(self, own: _Plots) -> Antenna | None:
         """Return the motion that fits a cloud and those before it, and count it if none does."""
         turn_s = FULL_TURN / (self._rate if self.antenna is None else self.antenna.rate)
-        plots = own.with_earlier(self._earlier, turn_s)
+        rich = len(own) >= MANY_PLOTS and np.ptp(own.time_s) > MOST_OF_A_TURN * turn_s
+        # The speed may have changed, and a whole turn tells all.
+        plots = own if rich else own.with_earlier(self._earlier, turn_s)
         found = self._fitted(plots)
         if found is None:
-            clear = len(plots) < MANY_PLOTS
-        else:
-            clear = len(own) < LEAST_PLOTS or (
-                self.fits(found, own.time_s, own.azimuth).mean() >= LEAST_FIT
-            )
-        if not clear:
+            span_s = np.ptp(plots.time_s) if len(plots) else 0.0
+            # In a whole turn it must become clear in which direction the antenna turns.
+            lost = len(plots) >= MANY_PLOTS and span_s > MOST_OF_A_TURN * turn_s
+            self.unclear = self.unclear + 1 if lost else 0
+        elif len(own) >= LEAST_PLOTS and self._share(found, own) < LEAST_FIT:
             self.unclear += 1
             return None
-        self.unclear = 0
+        else:
+            self.unclear = 0
+            self.antenna = found
         if len(own):
             self._earlier = plots
-        self.antenna = found
         return found
+
+    def _share(self, antenna: Antenna, plots: _Plots) -> float:
+        """Return the share of detections that are where the antenna was."""
+        return float(self.fits(antenna, plots.time_s, plots.azimuth).mean())
 
     def _fitted(self, plots: _Plots) -> Antenna | None:
         """Return the motion that fits some detections best; the latest if they are too few."""

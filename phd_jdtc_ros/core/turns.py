@@ -39,6 +39,8 @@ LARGEST_SHIFT = 0.3
 LEAST_MARGIN = math.radians(20.0)
 # So few detections beside a sector do not say that its number is wrong.
 LEAST_NEAR = 3
+# A report of a turn may be longer than the turn by this part of it.
+LONGER_TURN = 0.15
 # Phases less turns than this from what is expected are of the same turn.
 SAME_TURN = 0.75
 # Of detections on an arc smaller than this the antenna may have stood still.
@@ -335,18 +337,37 @@ class Turns:
         if 2 * len(inside) < len(own):
             self.doubts["antenna_slipped"] += 1
             return self._anchored(cloud, antenna, own)
-        shift = _shift(float(inside.max()) - start - self._width, start - float(inside.min()))
-        return start + min(shift, 0.0), start + self._width + shift
+        first, last = _densest(inside, self._longest)
+        return self._moved(start, last - start - self._width, start - first)
+
+    @property
+    def _longest(self) -> float:
+        """The most that the detections of a report extend over, radians."""
+        return self._width + (LONGER_TURN * FULL_TURN if self._per_turn == 1 else self._margin)
+
+    def _moved(self, start: float, over: float, under: float) -> tuple[float, float]:
+        """Return what a report covers whose detections are beyond its end and before its start.
+
+        Beyond both, a turn was longer than a turn. Sectors overlap then, and are centred on their
+        detections, so that no target is missed twice.
+        """
+        end = start + self._width
+        if over > TOLERANCE and under > TOLERANCE:
+            if self._per_turn == 1:
+                return start - under, end + over
+            shift = 0.5 * (over - under)
+            return start + min(shift, 0.0), end + shift
+        if over > TOLERANCE:
+            return start, end + over
+        return (start - under, end - under) if under > TOLERANCE else (start, end)
 
     def _anchored(self, cloud: _Cloud, antenna: Antenna, own: FloatArray) -> tuple[float, float]:
         """Return the phases that a report covers by its detections' phases alone."""
-        middle = float(antenna.phase_at(np.array(cloud.stamp_s)))
+        middle, half = float(antenna.phase_at(np.array(cloud.stamp_s))), 0.5 * self._width
         if cloud.timed and len(own):
-            ordered = np.sort(own)
-            last = np.searchsorted(ordered, ordered + self._width + TOLERANCE, side="right") - 1
-            first = int(np.argmax(last - np.arange(len(ordered))))
-            middle = 0.5 * float(ordered[first] + ordered[last[first]])
-        return middle - 0.5 * self._width, middle + 0.5 * self._width
+            first, last = _densest(own, self._longest)
+            middle, half = 0.5 * (first + last), max(half, 0.5 * (last - first))
+        return middle - half, middle + half
 
     def _cut(self, cloud: _Cloud, antenna: Antenna, start: float, end: float) -> list[Piece]:
         """Return the slices of what a report covers, in the order in which they were passed."""
@@ -373,7 +394,7 @@ class Turns:
         """
         phase = antenna.phase_of(cloud.azimuth, cloud.time_s)
         wrong = ~self._estimator(True).fits(antenna, cloud.time_s, cloud.azimuth)
-        wrong |= (phase < start - self._margin) | (phase > end + self._margin)
+        wrong |= (phase < start - TOLERANCE) | (phase > end + TOLERANCE)
         passed = start + np.mod(antenna.direction * cloud.azimuth - start, FULL_TURN)
         wrong &= passed <= end
         if not wrong.any():
@@ -401,16 +422,12 @@ class Turns:
         return stamp_ns, replace(part, time_s=time_s, coverage=coverage)
 
 
-def _shift(over: float, under: float) -> float:
-    """Return how far to move an end that detections are beyond by `over`, and a start by `under`.
-
-    Where both are, the report covers more than it should, and is centred on them.
-    """
-    if over > TOLERANCE and under > TOLERANCE:
-        return 0.5 * (over - under)
-    if over > TOLERANCE:
-        return over
-    return -under if under > TOLERANCE else 0.0
+def _densest(phase: FloatArray, width: float) -> tuple[float, float]:
+    """Return the first and the last phase of the interval of a width with the most of them."""
+    ordered = np.sort(phase)
+    last = np.searchsorted(ordered, ordered + width, side="right") - 1
+    first = int(np.argmax(last - np.arange(len(ordered))))
+    return float(ordered[first]), float(ordered[last[first]])
 
 
 def _coverage(start: float, end: float, direction: int) -> Coverage:

@@ -7,30 +7,33 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from phd_jdtc_ros.core.models.visibility import within
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 START_NS = 1_700_000_000_000_000_000
+# No azimuth is the edge of a sector.
+GRID = np.linspace(-np.pi, np.pi, 720, endpoint=False) + 1e-4
 
 
 @dataclass(frozen=True)
 class Sent:
     """A report as a radar sends it, and the azimuths that the antenna passed for it.
 
-    `passed` are the phases from which and to which it covers, radians in the direction of turning.
+    `passed` says which azimuths of `GRID` they are.
     """
 
     stamp_ns: int
     detections: Detections
     sector: int
-    passed: tuple
+    passed: np.ndarray
 
 
 @dataclass(frozen=True)
 class TurningRadar:
     """An antenna and how it reports.
 
-    `rotation_s` is a turn's length, or a function of the time in seconds; `stamp_at` is the place
-    of the stamp in what a report covers, from 0 to 1; `cut` is the phase at which reports begin.
+    `stamp_at` is the place of the stamp in what a report covers, from 0 to 1; `cut` is the phase
+    at which reports begin; `seen` is the part of the turn in which there is anything to detect.
     """
 
     rotation_s: float = 4.0
@@ -42,39 +45,57 @@ class TurningRadar:
     plots: int = 80
     noise: float = 0.002
     time_step_s: float = 1.0 / 128.0
+    seen: tuple = (0.0, 1.0)
 
-    def reports(self, turns, seed=0, plots=None, rotations=None):
-        """Return the reports of some turns; `rotations` gives the length of each turn."""
+    @property
+    def per_turn(self):
+        return max(self.sectors, 1)
+
+    def reports(self, turns, seed=0, lengths=None):
+        """Return the reports of some turns, of the given lengths in seconds."""
         rng = np.random.default_rng(seed)
-        per_turn = max(self.sectors, 1)
-        lengths = [self.rotation_s] * turns if rotations is None else rotations
+        lengths = [self.rotation_s] * turns if lengths is None else lengths
         begins = np.concatenate([[0.0], np.cumsum(lengths)])
         sent = []
-        for k in range(turns * per_turn):
-            turn, part = divmod(k, per_turn)
-            each = lengths[turn] / per_turn
-            begin_s = begins[turn] + part * each
-            many = self.plots if plots is None else plots
-            share = np.sort(rng.uniform(0.0, 1.0, rng.poisson(many / per_turn) if many else 0))
-            sent.append(self._report(k, begin_s, each, share, rng))
+        for turn, length in enumerate(lengths):
+            share = rng.uniform(*self.seen, rng.poisson(self.plots))
+            for part in range(self.per_turn):
+                inside = np.sort(share[(share * self.per_turn).astype(int) == part])
+                sent.append(self._report(turn, part, begins[turn], length, inside, rng))
         return sent
 
-    def _report(self, k, begin_s, length_s, share, rng):
-        width = FULL_TURN / max(self.sectors, 1)
-        first = self.cut + k * width
+    def _report(self, turn, part, begin_s, length_s, share, rng):
         time_s = begin_s + length_s * share
         if self.time_step_s:
             time_s = np.round(time_s / self.time_step_s) * self.time_step_s
-        phase = first + width * share + self.noise * rng.standard_normal(len(share))
-        azimuth = -phase if self.clockwise else phase
-        stamp_s = begin_s + length_s * self.stamp_at
-        measurement = np.stack(
-            [
-                1000.0 * (1.0 + np.arange(len(share))),
-                np.remainder(azimuth + np.pi, FULL_TURN) - np.pi,
-            ],
-            axis=1,
+        phase = self.cut + FULL_TURN * share + self.noise * rng.standard_normal(len(share))
+        stamp_s = begin_s + length_s * (part + self.stamp_at) / self.per_turn
+        distance = 1000.0 + 100.0 * np.arange(len(share)) + turn
+        measurement = np.stack([distance, self.azimuth(phase)], axis=1)
+        first = self.cut + FULL_TURN * part / self.per_turn
+        return Sent(
+            START_NS + round(stamp_s * 1e9),
+            Detections(measurement, None, time_s - stamp_s if self.timed else None),
+            part,
+            np.mod(self.phase(GRID) - first, FULL_TURN) < FULL_TURN / self.per_turn,
         )
-        detections = Detections(measurement, None, time_s - stamp_s if self.timed else None)
-        number = k % max(self.sectors, 1)
-        return Sent(START_NS + round(stamp_s * 1e9), detections, number, (first, first + width))
+
+    def azimuth(self, phase):
+        """Return the azimuths of phases, in [-pi, pi)."""
+        return np.mod((-phase if self.clockwise else phase) + np.pi, FULL_TURN) - np.pi
+
+    def phase(self, azimuth):
+        return -azimuth if self.clockwise else azimuth
+
+
+def covered(pieces):
+    """Return how often each azimuth of `GRID` is covered by pieces."""
+    times = np.zeros(len(GRID))
+    for _, piece in pieces:
+        times += 1.0 if piece.coverage is None else within(GRID, piece.coverage)
+    return times
+
+
+def degrees_off(sent, pieces):
+    """Return how many degrees are covered too often or too rarely by a report's pieces."""
+    return float(np.abs(covered(pieces) - sent.passed).sum()) * 360.0 / len(GRID)

@@ -79,7 +79,7 @@ class TrackerConfig:
     @property
     def reset_threshold_s(self) -> float:
         """Smallest jump of the stamps back that begins a new run, seconds."""
-        return RESET_THRESHOLD_SCANS * self.model.modes.interval_s
+        return RESET_THRESHOLD_SCANS * _slowest_s(self.values)
 
     def grouper(self) -> ScanGrouper:
         """Return a new grouper of the radars' reports into scans."""
@@ -156,10 +156,16 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         lag=Lag(values["lag"], values["lag_s"] or None),
         existence_threshold=values["existence_threshold"],
         seed=values["seed"],
-        max_gap_s=values["max_gap_scans"] * values["interval_s"],
+        max_gap_s=values["max_gap_scans"] * _slowest_s(values),
         reorder_scans=values["reorder_scans"],
         reorder_s=values["reorder_s"],
     )
+
+
+def _slowest_s(values: Mapping[str, Any]) -> float:
+    """Return the nominal interval or the longest turn, seconds: until all has been seen again."""
+    turns = [values[f"{name}.rotation_s"] for name in values["radars"]]
+    return float(max([values["interval_s"], *turns]))
 
 
 def _amplitudes(values: Mapping[str, Any]) -> AmplitudeModel:
