@@ -24,6 +24,15 @@ def no_amplitude(radar: RadarInput) -> str:
     )
 
 
+def nothing_reported(scans: int) -> str:
+    """Return the warning of a tracker that reports no target for a while."""
+    return (
+        f"no target in {scans} scans with detections; if there are any, check "
+        "detection_probability (the SNR bands without it) and sectors, detection_births.rates or "
+        "births, clutter_rate, the noise, and whether the stamps go with interval_s"
+    )
+
+
 def _beyond_a_turn(radar: RadarInput, count: int) -> str:
     """Return the doubt of azimuths that are no angles of one turn in radians."""
     cause = (
@@ -88,5 +97,18 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     "slices_late": lambda radar, count: (
         f"{count} parts of turns came after their scans were closed; set reorder_s to the longest "
         "rotation_s of the radars"
+    ),
+    "sectors_not_configured": lambda radar, count: (
+        "each cloud is of a part of the turn, and together they are of all of it; set "
+        f"{radar.name}.rotation_s and {radar.name}.sectors, or what the antenna did not pass "
+        "counts as missed"
+    ),
+    "fov_not_configured": lambda radar, count: (
+        f"all its detections are within a part of the turn; if it sees no more, set "
+        f"{radar.name}.fov_deg, or targets elsewhere count as missed"
+    ),
+    "slant_ranges": lambda radar, count: (
+        "ranges are used as ranges over ground; an aircraft 10 km up at 15 km is 3.8 km off: set "
+        f"{radar.name}.fields.height or fields.elevation"
     ),
 }

@@ -10,6 +10,7 @@ tracker writes them.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -21,14 +22,24 @@ from .engines import new_engine
 from .scans import Rejection, Reset, ScanGrouper
 from .turns import Turns
 from .types import Detections, Estimates, Scan
+from .watch import ReportWatch, ResultWatch
 
 
 @dataclass(frozen=True)
 class Stepped:
-    """The engine has stepped through a scan."""
+    """The engine has stepped through a scan.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    step : Step
+    overdue : int
+        Number of scans with detections since there was a target, when that is worth a warning.
+    """
 
     stamp_ns: int
     step: Step
+    overdue: int = 0
 
 
 @dataclass(frozen=True)
@@ -70,6 +81,9 @@ class Pipeline:
         may restore the engine.
     turns : sequence of Turns
         What cuts each radar's reports, in the configured order; empty if nothing is to be cut.
+    watches : sequence of ReportWatch
+        What watches each radar's reports, in the configured order; empty for nothing.
+    results : ResultWatch or None
     """
 
     def __init__(
@@ -78,9 +92,13 @@ class Pipeline:
         engine: Engine,
         begin: Callable[[Engine, int], None] = _start_cold,
         turns: Sequence[Turns] = (),
+        watches: Sequence[ReportWatch] = (),
+        results: ResultWatch | None = None,
     ) -> None:
         self.engine = engine
         self._turns = tuple(turns) or tuple(Turns() for _ in range(grouper.radars))
+        self._watches = tuple(watches) or tuple(ReportWatch() for _ in range(grouper.radars))
+        self._results = results or ResultWatch(math.inf)
         self._grouper = grouper
         self._begin = begin
         self._begun = False
@@ -111,6 +129,7 @@ class Pipeline:
             If no part of the report is part of any scan.
         """
         turns = self._turns[radar]
+        turns.doubts += self._watches[radar].add(detections)
         pieces = turns.split(stamp_ns, detections, sector)
         if isinstance(pieces, Rejection):
             return pieces
@@ -128,7 +147,7 @@ class Pipeline:
         return self._events(closed)
 
     def take_doubts(self, radar: int) -> Counter[str]:
-        """Return what was bridged in a radar's reports since the last call, by what it is."""
+        """Return what was bridged or noticed in a radar's reports since the last call, counted."""
         doubts = self._turns[radar].doubts
         taken = +doubts
         doubts.clear()
@@ -163,7 +182,9 @@ class Pipeline:
             if not self._begun:
                 self._begin(self.engine, event.stamp_ns)
                 self._begun = True
-            yield Stepped(event.stamp_ns, self.engine.step(event))
+            step = self.engine.step(event)
+            overdue = self._results.stepped(event, len(step.filtered))
+            yield Stepped(event.stamp_ns, step, self._results.scans if overdue else 0)
 
     def _end(self, reset: Reset | None) -> RunEnded:
         """End the run; after a jump ahead, no track number is used a second time."""
@@ -177,4 +198,11 @@ def new_pipeline(
     config: TrackerConfig, begin: Callable[[Engine, int], None] = _start_cold
 ) -> Pipeline:
     """Return a pipeline with a new engine; `begin` is that of `Pipeline`."""
-    return Pipeline(config.grouper(), new_engine(config), begin, config.turns())
+    return Pipeline(
+        config.grouper(),
+        new_engine(config),
+        begin,
+        config.turns(),
+        config.watches(),
+        ResultWatch(config.model.modes.interval_s),
+    )

@@ -11,6 +11,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from .arrays import FloatArray
 from .types import FULL_TURN, Coverage
 
 
@@ -37,3 +40,17 @@ def sector_of(coverage: Coverage, sectors: int, compass: bool) -> int:
     middle = coverage.start + 0.5 * coverage.width
     counted = math.pi / 2.0 - middle if compass else middle
     return int(counted % FULL_TURN / FULL_TURN * sectors) % sectors
+
+
+def smallest_arc(azimuth: FloatArray) -> tuple[float, float]:
+    """Return where the smallest arc with all azimuths begins, and its width, radians.
+
+    Parameters
+    ----------
+    azimuth : array of shape (M,)
+        At least one; the arc is counter-clockwise.
+    """
+    ordered = np.sort(np.mod(azimuth, FULL_TURN))
+    gaps = np.diff(np.append(ordered, ordered[0] + FULL_TURN))
+    widest = int(np.argmax(gaps))
+    return float(ordered[(widest + 1) % len(ordered)]), FULL_TURN - float(gaps[widest])

@@ -24,7 +24,7 @@ import numpy as np
 from .antenna import Antenna, AntennaEstimator, BoolArray, wrapped
 from .arrays import FloatArray
 from .scans import Rejection
-from .sectors import coverage_of
+from .sectors import coverage_of, smallest_arc
 from .types import FULL_TURN, Coverage, Detections
 
 # Into so many slices a turn is cut; a target's motion during half of one is as good as straight.
@@ -306,7 +306,7 @@ class Turns:
         """Return what a report covers while the antenna's motion is not known."""
         if not len(cloud):
             return None if self._per_turn == 1 else NOTHING
-        start, width = _arc(cloud.azimuth)
+        start, width = smallest_arc(cloud.azimuth)
         if self._per_turn == 1:
             still = unclear and len(cloud) >= LEAST_STILL and width < STILL
             return Coverage(start, max(width, TOLERANCE)) if still else None
@@ -435,11 +435,3 @@ def _coverage(start: float, end: float, direction: int) -> Coverage:
     first = start if direction > 0 else -end
     width = min(max(end - start, NOTHING.width), FULL_TURN)
     return Coverage(math.remainder(first, FULL_TURN), width)
-
-
-def _arc(azimuth: FloatArray) -> tuple[float, float]:
-    """Return where the smallest arc with all azimuths begins, counter-clockwise, and its width."""
-    ordered = np.sort(np.mod(azimuth, FULL_TURN))
-    gaps = np.diff(np.append(ordered, ordered[0] + FULL_TURN))
-    widest = int(np.argmax(gaps))
-    return float(ordered[(widest + 1) % len(ordered)]), FULL_TURN - float(gaps[widest])

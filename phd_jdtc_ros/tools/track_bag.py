@@ -52,6 +52,8 @@ class OfflineTracker:
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self.scans = 0
         self.dropped: Counter[str] = Counter()
+        self._targets_seen = False
+        self._overdue = 0
         self._without_amplitude: set[int] = set()
         self._doubts: list[Counter[str]] = [Counter() for _ in config.inputs]
 
@@ -85,6 +87,8 @@ class OfflineTracker:
                 yield doubts.no_amplitude(radar)
             for doubt in doubts.of(radar, self._doubts[index]):
                 yield f"{radar.topic}: {doubt}"
+        if self._overdue and not self._targets_seen:
+            yield doubts.nothing_reported(self._overdue)
 
     def _write(self, events: Iterable[Event]) -> None:
         for event in events:
@@ -92,6 +96,8 @@ class OfflineTracker:
                 self._write_estimates(SMOOTHED, event.smoothed)
                 continue
             self.scans += 1
+            self._targets_seen |= len(event.step.filtered) > 0
+            self._overdue = event.overdue or self._overdue
             self._write_estimates(FILTERED, (event.step.filtered,))
             self._write_estimates(SMOOTHED, event.step.smoothed)
 

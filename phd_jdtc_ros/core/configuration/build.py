@@ -25,10 +25,11 @@ from ..models.motion import MOTIONS, MotionModel
 from ..models.radar import RadarModel
 from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
-from ..models.visibility import Visibility
+from ..models.visibility import TURN_TOLERANCE, Visibility
 from ..scans import ScanGrouper
 from ..turns import Turns
 from ..types import FULL_TURN, Coverage
+from ..watch import FAR, SLOW_TURN, ReportWatch
 from .checks import CHECKS, name_or, square
 from .parameters import BIRTH, MOTION, RADAR, schema
 from .radar_input import RadarInput
@@ -98,6 +99,10 @@ class TrackerConfig:
             for radar in self.inputs
         )
 
+    def watches(self) -> tuple[ReportWatch, ...]:
+        """Return what watches each radar's reports, in the configured order; all new."""
+        return tuple(map(_watch, self.inputs, self.model.radars))
+
 
 def resolve(given: Mapping[str, Any]) -> TrackerConfig:
     """Check a configuration and build the tracker's models and settings.
@@ -166,6 +171,16 @@ def _slowest_s(values: Mapping[str, Any]) -> float:
     """Return the nominal interval or the longest turn, seconds: until all has been seen again."""
     turns = [values[f"{name}.rotation_s"] for name in values["radars"]]
     return float(max([values["interval_s"], *turns]))
+
+
+def _watch(radar: RadarInput, model: RadarModel) -> ReportWatch:
+    whole = model.visibility.fov.width > FULL_TURN - TURN_TOLERANCE
+    ground_known = radar.height_field or radar.elevation_field or radar.message != "point_cloud"
+    return ReportWatch(
+        by_sectors=radar.sectors > 1,
+        whole_turn=whole and not model.visibility.blind and not radar.rotation_s,
+        slant_ranges=radar.rotation_s > SLOW_TURN and radar.max_range > FAR and not ground_known,
+    )
 
 
 def _amplitudes(values: Mapping[str, Any]) -> AmplitudeModel:

@@ -15,7 +15,7 @@ from statistics import median
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics
+from msg_adapters import diagnostics, doubts
 
 from .sequence_numbers import SequenceNumbers
 
@@ -209,10 +209,14 @@ class StepHealth:
     scans: int = 0
     epoch: int = 0
     closed_by_wait: int = 0
+    overdue: int = 0
+    _targets_seen: bool = False
 
-    def stepped(self, stamp_ns: int, step_ms: float) -> None:
-        """Record a step: its scan's stamp, and the CPU time from receipt to publication."""
+    def stepped(self, stamp_ns: int, step_ms: float, targets: int = 0) -> None:
+        """Record a step: stamp, CPU time from receipt to publication, number of targets."""
         self.scans += 1
+        if targets:
+            self._targets_seen, self.overdue = True, 0
         self.rhythm.beat(stamp_ns * 1e-9)
         self.step_ms = step_ms
 
@@ -224,12 +228,16 @@ class StepHealth:
             level, text = DiagnosticStatus.STALE, "no scan yet"
         elif self.step_ms > limit * interval_ms:
             level, text = DiagnosticStatus.WARN, "too slow for the scan interval"
+        elif self.overdue and not self._targets_seen:
+            # Once there were targets, it may well be that there are none now.
+            level, text = DiagnosticStatus.WARN, doubts.nothing_reported(self.overdue)
         values = {
             **({} if self.step_ms is None else {"step_ms": self.step_ms}),
             "scan_interval_ms": interval_ms,
             "scans": self.scans,
             "epoch": self.epoch,
             "closed_by_wait": self.closed_by_wait,
+            **({"scans_without_targets": self.overdue} if self.overdue else {}),
         }
         return diagnostics.status(f"{node}: step time", values, level, text, hardware_id)
 

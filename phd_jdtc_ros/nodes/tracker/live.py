@@ -260,7 +260,10 @@ class LiveTracker:
         now = time.thread_time()
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
-        self._pace.stepped(event.stamp_ns, step_ms)
+        self._pace.stepped(event.stamp_ns, step_ms, len(step.filtered))
+        if event.overdue:
+            self._pace.overdue = event.overdue
+            self._node.get_logger().warning(doubts.nothing_reported(event.overdue))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
         self._outputs.publish_cardinality(step, step_ms)
