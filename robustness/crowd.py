@@ -79,7 +79,7 @@ def _run(detections: int) -> dict[str, float]:
                 message = to_msg(joined, scan.stamp_ns, "")
                 reports[place] = from_msg(message, OWN_LAYOUT).detections
         begin = time.perf_counter()
-        found = engine.step(Scan(scan.stamp_ns, tuple(reports))).filtered
+        (found,) = engine.step(Scan(scan.stamp_ns, tuple(reports))).filtered
         if index == CROWDED:
             step_s = time.perf_counter() - begin
         if index >= CROWDED + 2:

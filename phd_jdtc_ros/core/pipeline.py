@@ -183,7 +183,7 @@ class Pipeline:
                 self._begin(self.engine, event.stamp_ns)
                 self._begun = True
             step = self.engine.step(event)
-            overdue = self._results.stepped(event, len(step.filtered))
+            overdue = self._results.stepped(event, step)
             yield Stepped(event.stamp_ns, step, self._results.scans if overdue else 0)
 
     def _end(self, reset: Reset | None) -> RunEnded:

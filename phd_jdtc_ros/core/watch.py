@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .arrays import FloatArray
+from .engine import Step
 from .sectors import smallest_arc
 from .types import FULL_TURN, Detections, Scan
 
@@ -129,13 +130,12 @@ class ResultWatch:
     scans: int = field(init=False, default=0)
     _since_ns: int | None = field(init=False, default=None)
 
-    def stepped(self, scan: Scan, targets: int) -> bool:
+    def stepped(self, scan: Scan, step: Step) -> bool:
         """Return whether targets are overdue, once in `PATIENCE` intervals with detections."""
         found = any(report is not None and len(report) > 0 for report in scan.detections)
-        if targets:
+        if step.targets:
             self.scans, self._since_ns = 0, None
-            return False
-        if not found:
+        if step.targets or not step.filtered or not found:
             return False
         if self._since_ns is None or scan.stamp_ns < self._since_ns:
             self._since_ns = scan.stamp_ns

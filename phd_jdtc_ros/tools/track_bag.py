@@ -96,9 +96,9 @@ class OfflineTracker:
                 self._write_estimates(SMOOTHED, event.smoothed)
                 continue
             self.scans += 1
-            self._targets_seen |= len(event.step.filtered) > 0
+            self._targets_seen |= event.step.targets > 0
             self._overdue = event.overdue or self._overdue
-            self._write_estimates(FILTERED, (event.step.filtered,))
+            self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
 
     def _write_estimates(self, source: str, by_stamp: Iterable[Estimates]) -> None:

@@ -8,6 +8,7 @@ import pytest
 from antennas import TurningRadar
 
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.core.watch import (
     FIELD_DETECTIONS,
@@ -94,26 +95,36 @@ def test_slant_ranges_are_no_matter_where_the_height_is_known_or_small(changes):
     assert not noticed(watch_of(**{**FAR, **changes}), uniform(30, 10))
 
 
+def step(targets, due=True):
+    """Return a step with so many targets in the estimates that are due."""
+    return Step(((None,) * targets,) if due else (), (), np.zeros(2), {})
+
+
 def scans(count, size, interval_s=4.0, first=0):
     return [Scan(round((first + k) * interval_s * S), (at(np.zeros(size)),)) for k in range(count)]
 
 
 def test_targets_are_overdue_after_scans_with_detections_and_again():
     watch = ResultWatch(4.0)
-    overdue = [watch.stepped(scan, 0) for scan in scans(2 * PATIENCE, 5)]
+    overdue = [watch.stepped(scan, step(0)) for scan in scans(2 * PATIENCE, 5)]
     assert np.flatnonzero(overdue).tolist() == [PATIENCE - 1, 2 * (PATIENCE - 1)]
     assert watch.scans == 2 * PATIENCE
 
 
 def test_targets_are_not_overdue_without_detections_or_after_a_target():
     watch = ResultWatch(4.0)
-    assert not any(watch.stepped(scan, 0) for scan in scans(3 * PATIENCE, 0))
-    overdue = [watch.stepped(scan, k == PATIENCE - 1) for k, scan in enumerate(scans(50, 5))]
+    assert not any(watch.stepped(scan, step(0)) for scan in scans(3 * PATIENCE, 0))
+    overdue = [watch.stepped(scan, step(k == PATIENCE - 1)) for k, scan in enumerate(scans(50, 5))]
     assert not any(overdue[:PATIENCE])
     assert watch.scans == 50 - PATIENCE
 
 
 def test_slices_of_a_turn_are_not_counted_as_scans_of_a_turn():
     watch = ResultWatch(4.0)
-    overdue = [watch.stepped(scan, 0) for scan in scans(PATIENCE * 16, 5, 0.25)]
+    overdue = [watch.stepped(scan, step(0)) for scan in scans(PATIENCE * 16, 5, 0.25)]
     assert sum(overdue) == 1
+
+
+def test_scans_without_estimates_that_are_due_say_nothing_of_targets():
+    watch = ResultWatch(4.0)
+    assert not any(watch.stepped(scan, step(0, due=False)) for scan in scans(3 * PATIENCE, 5))

@@ -26,6 +26,7 @@ from ..models.radar import RadarModel
 from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
 from ..models.visibility import TURN_TOLERANCE, Visibility
+from ..reporting import Schedule
 from ..scans import ScanGrouper
 from ..turns import Turns
 from ..types import FULL_TURN, Coverage
@@ -54,6 +55,8 @@ class TrackerConfig:
     engine : str
         One of `engines.ENGINES`.
     lag : Lag
+    schedule : Schedule
+        When estimates go out.
     existence_threshold : float
         Existence probability above which a target is reported.
     seed : int
@@ -71,6 +74,7 @@ class TrackerConfig:
     model: TrackerModel
     engine: str
     lag: Lag
+    schedule: Schedule
     existence_threshold: float
     seed: int
     max_gap_s: float
@@ -159,6 +163,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         model=model,
         engine=values["engine"],
         lag=Lag(values["lag"], values["lag_s"] or None),
+        schedule=Schedule(round(values["estimates_period_s"] * 1e9)),
         existence_threshold=values["existence_threshold"],
         seed=values["seed"],
         max_gap_s=values["max_gap_scans"] * _slowest_s(values),
@@ -276,8 +281,8 @@ def _visibility(get: Mapping[str, Any]) -> Visibility:
             _sector(begin, end, compass)
             for begin, end in np.reshape(get["blind_sectors_deg"], (-1, 2))
         ),
-        ranges=table[:, 0],
-        probabilities=table[:, 1],
+        ranges=tuple(table[:, 0].tolist()),
+        probabilities=tuple(table[:, 1].tolist()),
     )
 
 

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtr
 
-from ..arrays import FloatArray, read_only
+from ..arrays import FloatArray
 from ..types import FULL_TURN, Coverage
 
 WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
@@ -53,7 +53,7 @@ class Visibility:
         The azimuths that it sees.
     blind : tuple of Coverage
         The azimuths in its field of view that are hidden.
-    ranges, probabilities : arrays of shape (K,)
+    ranges, probabilities : tuples of K floats
         The detection probability by range, metres, linear between the entries and constant
         outside. Empty if it follows from the classes' signal-to-noise ratios.
     """
@@ -62,12 +62,8 @@ class Visibility:
     min_range: float = 0.0
     fov: Coverage = WHOLE_TURN
     blind: tuple[Coverage, ...] = ()
-    ranges: FloatArray = field(default_factory=lambda: np.zeros(0))
-    probabilities: FloatArray = field(default_factory=lambda: np.zeros(0))
-
-    def __post_init__(self) -> None:
-        for name in ("ranges", "probabilities"):
-            object.__setattr__(self, name, read_only(getattr(self, name)))
+    ranges: tuple[float, ...] = ()
+    probabilities: tuple[float, ...] = ()
 
     @property
     def given(self) -> bool:

@@ -254,19 +254,20 @@ class LiveTracker:
             self._end_run(event)
             return start
         step = event.step
-        self._outputs.publish_filtered(step.filtered)
+        for filtered in step.filtered:
+            self._outputs.publish_filtered(filtered)
         for smoothed in step.smoothed:
             self._outputs.publish_estimates(SMOOTHED, smoothed)
         now = time.thread_time()
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
-        self._pace.stepped(event.stamp_ns, step_ms, len(step.filtered))
+        self._pace.stepped(event.stamp_ns, step_ms, step.targets)
         if event.overdue:
             self._pace.overdue = event.overdue
             self._node.get_logger().warning(doubts.nothing_reported(event.overdue))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
-        self._outputs.publish_cardinality(step, step_ms)
+        self._outputs.publish_cardinality(event.stamp_ns, step, step_ms)
         return now
 
     def _end_run(self, event: RunEnded) -> None:

@@ -135,6 +135,7 @@ def test_likelihood_without_amplitudes_is_the_detection_probability(model):
     report = Detections(np.ones((2, 2)), None)
     pairs = every_pair(phd, report)
     likelihood = np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))
-    expected = model.detection_probability(phd.mode, phd.log_snr, RADAR, MODES)
+    near = np.full(len(phd), 5e3)
+    expected = model.detection_probability(phd.mode, phd.log_snr, near, RADAR, MODES)
 
     np.testing.assert_allclose(likelihood, np.repeat(expected, 2))
