@@ -37,6 +37,11 @@ class Step:
     class_mass: FloatArray
     figures: Mapping[str, float]
 
+    @property
+    def targets(self) -> int:
+        """Number of filtered targets in the estimates that are due."""
+        return sum(map(len, self.filtered))
+
 
 class Engine(Protocol):
     """A filter and a smoother behind one interface."""

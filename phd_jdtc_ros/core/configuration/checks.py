@@ -164,6 +164,8 @@ def _check_visibility(values: Mapping[str, Any]) -> list[str]:
             )
         if values[f"{name}.sectors"] and not values[f"{name}.rotation_s"]:
             faults.append(f"{name}.rotation_s: 0 given, must be above 0 with sectors")
+        if values[f"{name}.fields.sector"] and not values[f"{name}.sectors"]:
+            faults.append(f"{name}.sectors: 0 given, must be above 0 with fields.sector")
     return faults
 
 
