@@ -40,7 +40,7 @@ TRACKER_ARGUMENTS = {
     "log_level": ("info", "log level of the tracker: debug, info, warn, error or fatal"),
     "use_sim_time": ("false", "take the time from the replay's /clock"),
     "rviz": ("false", "start RViz too"),
-    "frames": ("true", "publish the radars' frames"),
+    "frames": ("", "publish the radars' frames; as in the file if empty"),
     "respawn": ("false", "start the tracker again if it ends"),
     "localhost_only": ("true", "keep DDS on this machine, with a profile for Fast DDS"),
 }

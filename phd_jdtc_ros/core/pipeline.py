@@ -24,7 +24,7 @@ from .types import Detections, Estimates, Scan
 class Stepped:
     """The engine has stepped through a scan."""
 
-    stamp_ns: int
+    scan: Scan
     step: Step
 
 
@@ -126,7 +126,7 @@ class Pipeline:
             if not self._begun:
                 self._begin(self.engine, event.stamp_ns)
                 self._begun = True
-            yield Stepped(event.stamp_ns, self.engine.step(event))
+            yield Stepped(event, self.engine.step(event))
 
     def _end(self, reset: Reset | None) -> RunEnded:
         """End the run; after a jump ahead, no track number is used a second time."""

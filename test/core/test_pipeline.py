@@ -32,7 +32,7 @@ def states(events):
 def test_add_steps_the_engine_through_complete_scans():
     engine = new_engine(CONFIG)
     events = fed(new_pipeline(CONFIG), SCANS)
-    assert [event.stamp_ns for event in events] == [scan.stamp_ns for scan in SCANS]
+    assert [event.scan.stamp_ns for event in events] == [scan.stamp_ns for scan in SCANS]
     for event, scan in zip(events, SCANS, strict=True):
         np.testing.assert_array_equal(event.step.filtered.state, engine.step(scan).filtered.state)
 

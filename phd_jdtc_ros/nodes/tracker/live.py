@@ -37,6 +37,7 @@ from .checkpoint import Checkpoints
 from .health import InputHealth, OutputHealth, Rhythm, StepHealth
 from .outputs import Outputs
 from .settings import Settings
+from .static_frames import StaticFrames
 
 
 class LiveTracker:
@@ -68,6 +69,7 @@ class LiveTracker:
         self._cpu_s = 0.0
         self._subscriptions: list[Subscription] = []
         self._outputs = Outputs(node, settings, self._served)
+        self._frames = StaticFrames(node, settings)
         self._patience = self._make_patience(settings.node["max_wait_s"])
         try:
             self._checkpoints = self._make_checkpoints()
@@ -122,6 +124,7 @@ class LiveTracker:
         if self._patience is not None:
             self._node.destroy_timer(self._patience)
             self._patience = None
+        self._frames.destroy()
         self._outputs.destroy()
 
     def start(self) -> None:
@@ -246,10 +249,11 @@ class LiveTracker:
         self._outputs.publish_filtered(step.filtered)
         for smoothed in step.smoothed:
             self._outputs.publish_estimates(SMOOTHED, smoothed)
+        self._outputs.publish_detections(event.scan)
         now = time.thread_time()
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
-        self._pace.stepped(event.stamp_ns, step_ms)
+        self._pace.stepped(event.scan.stamp_ns, step_ms)
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
         self._outputs.publish_cardinality(step, step_ms)
