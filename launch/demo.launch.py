@@ -99,6 +99,7 @@ def _nodes(context, share):
             {
                 "tracker": tracker_name,
                 "classes": len(config.model.modes.classes),
+                "class_names": [kind.name for kind in config.model.modes.classes],
                 "radar_topics": topics,
                 "report": f"{out}/metrics.json",
                 "exit_after_scans": BagReader(Path(bag)).counts[names.TRUTH],

@@ -3,6 +3,7 @@
 
 """The tracker's launch file, run with executables that only say how they were started."""
 
+import itertools
 import json
 import os
 import sys
@@ -38,7 +39,7 @@ PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES
 def parameters(arguments):
     """Return the parameters that launch writes into files of its own."""
     values = {}
-    for word, path in zip(arguments, arguments[1:], strict=False):
+    for word, path in itertools.pairwise(arguments):
         if word == "--params-file":
             for section in yaml.safe_load(Path(path).read_text()).values():
                 values |= section["ros__parameters"]
