@@ -37,6 +37,19 @@ def cardinality(tracker: str = TRACKER) -> str:
     return f"{tracker}/cardinality"
 
 
+def health(line: str, tracker: str = TRACKER) -> str:
+    """Return the name of a status of the tracker's health: of a radar, or ``step time``.
+
+    It begins with the node's full name, because ``/diagnostics`` is one topic for all namespaces.
+    """
+    return f"{tracker}: {line}"
+
+
+def hardware(radar: str, tracker: str = TRACKER) -> str:
+    """Return the hardware id of a tracker's radar; that of the tracker is its full name."""
+    return f"{tracker}/{radar}"
+
+
 def published(classes: int, tracker: str = TRACKER, scores: str = OSPA) -> dict[str, str]:
     """Return every topic that the tracker and the evaluator publish, with its type."""
     sources = ("filtered", "smoothed")

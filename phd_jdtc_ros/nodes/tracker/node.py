@@ -20,7 +20,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
-from msg_adapters import diagnostics
+from msg_adapters import diagnostics, names
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import USAGE
 
@@ -155,12 +155,16 @@ class Tracker(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish the scans held back, then stop receiving and publishing."""
-        self._live.stop()
+        published = self._live.stop()
+        self.get_logger().info(
+            f"deactivated, {published} smoothed estimates published; {self._live.summary()}"
+        )
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Remove all topics."""
         self._tear_down()
+        self.get_logger().info("cleaned up; every parameter may change until the next configure")
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -168,6 +172,7 @@ class Tracker(LifecycleNode):
         if state.label == "active":
             self._live.stop()
         self._tear_down()
+        self.get_logger().info(f"shut down from {state.label}; {self._summary}")
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -266,7 +271,7 @@ class Tracker(LifecycleNode):
     def _watch(self) -> None:
         """Publish the health every second, and at once when a radar becomes silent or returns."""
         now = time.monotonic()
-        state = self._phase, self._live.silent() if self._phase == "active" else None
+        state = self._phase, self._live.look() if self._phase == "active" else None
         before, published = self._shown
         if state == before and now - published < HEALTH_PERIOD_S:
             return
@@ -277,14 +282,13 @@ class Tracker(LifecycleNode):
     def _statuses(self) -> list[DiagnosticStatus]:
         if self._phase == "active":
             return self._live.statuses()
-        name, text = self.get_name(), f"the tracker is {self._phase}"
-        lines = [
-            *((radar.name, radar.name) for radar in self._settings.config.inputs),
-            ("step time", self.get_fully_qualified_name()),
-        ]
+        name, text = self.get_fully_qualified_name(), f"the tracker is {self._phase}"
+        lines = {r.name: names.hardware(r.name, name) for r in self._settings.config.inputs}
         return [
-            diagnostics.status(f"{name}: {line}", {}, DiagnosticStatus.STALE, text, hardware_id)
-            for line, hardware_id in lines
+            diagnostics.status(
+                names.health(line, name), {}, DiagnosticStatus.STALE, text, hardware_id
+            )
+            for line, hardware_id in {**lines, "step time": name, "outputs": name}.items()
         ]
 
 
