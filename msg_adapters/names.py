@@ -5,16 +5,20 @@
 
 from __future__ import annotations
 
+from . import quantities
+
 DETECTIONS_SUFFIX = "/detections"
 TRUTH = "/ground_truth/targets"
 TRACKER = "/tracker"
-OSPA = "/evaluator/ospa"
+EVALUATOR = "/evaluator"
+OSPA = f"{EVALUATOR}/ospa"
 DIAGNOSTICS = "/diagnostics"
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 POSES = "geometry_msgs/msg/PoseArray"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 FIGURES = "diagnostic_msgs/msg/DiagnosticArray"
+NUMBER = "std_msgs/msg/Float64"
 
 
 def detections(radar: str) -> str:
@@ -37,6 +41,11 @@ def cardinality(tracker: str = TRACKER) -> str:
     return f"{tracker}/cardinality"
 
 
+def plot(quantity: str, node: str = TRACKER) -> str:
+    """Return the topic of a number that a node publishes for plots; `quantities` has them."""
+    return f"{node}/plot/{quantity}"
+
+
 def health(line: str, tracker: str = TRACKER) -> str:
     """Return the name of a status of the tracker's health: of a radar, or ``step time``.
 
@@ -50,14 +59,21 @@ def hardware(radar: str, tracker: str = TRACKER) -> str:
     return f"{tracker}/{radar}"
 
 
-def published(classes: int, tracker: str = TRACKER, scores: str = OSPA) -> dict[str, str]:
+def published(
+    classes: int, tracker: str = TRACKER, scores: str = OSPA, evaluator: str = EVALUATOR
+) -> dict[str, str]:
     """Return every topic that the tracker and the evaluator publish, with its type."""
     sources = ("filtered", "smoothed")
     clouds = {estimates(source, tracker): CLOUD for source in sources}
     arrays = {poses(s, k, tracker): POSES for s in sources for k in range(classes)}
+    numbers = [
+        *(plot(quantity, tracker) for quantity in quantities.of_tracker(classes)),
+        *(plot(quantity, evaluator) for quantity in quantities.of_evaluator(classes)),
+    ]
     return {
         **clouds,
         **arrays,
+        **dict.fromkeys(numbers, NUMBER),
         f"{tracker}/markers": MARKERS,
         cardinality(tracker): FIGURES,
         DIAGNOSTICS: FIGURES,

@@ -89,6 +89,7 @@ class ParticleEngine:
             figures={
                 "particles": len(step.stored),
                 "effective_sample_size": step.stored.effective_sample_size,
+                "effective_share": step.updated.effective_share,
                 "orphans": step.link.orphans if step.link else 0,
             },
         )

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The publishers of the tracker: estimates, poses, markers, tracks and cardinality."""
+"""The publishers of the tracker: estimates, poses, markers, tracks, cardinality and plots."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry, Path
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import (
     diagnostics,
     estimates,
     markers,
+    plots,
     poses,
+    quantities,
     radar_tracks,
     stamps,
     tracks,
@@ -111,6 +114,11 @@ class Outputs:
             }
             self._markers = make(MarkerArray, "~/markers", endpoints.latched_qos)
             self._cardinality = make(DiagnosticArray, "~/cardinality")
+            self._plots = {
+                quantity: make(Float64, f"~/plot/{quantity}")
+                for quantity in quantities.of_tracker(len(self._class_names))
+                if settings.node["publish_plots"]
+            }
             self._path = make(Path, "~/tracks/path") if settings.node["publish_path"] else None
             self._odometry = (
                 make(Odometry, "~/odometry") if settings.node["publish_odometry"] else None
@@ -203,3 +211,6 @@ class Outputs:
                 step.filtered.stamp_ns, [diagnostics.status("tracker/cardinality", values)]
             )
         )
+        if self._plots:
+            for quantity, message in plots.step_to_msgs(step, step_ms).items():
+                self._plots[quantity].publish(message)
