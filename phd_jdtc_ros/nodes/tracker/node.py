@@ -26,8 +26,9 @@ from phd_jdtc_ros.exit_status import USAGE
 
 from ..common import arguments, parameters, runtime
 from ..common.parameter_files import ParameterFile
-from . import endpoints, settings
+from . import endpoints, manager_bond, settings
 from .live import LiveTracker
+from .manager_bond import ManagerBond
 from .name_claim import NameClaim
 
 HEALTH_PERIOD_S = 1.0
@@ -56,6 +57,7 @@ class Tracker(LifecycleNode):
         self._values = self._settings.values
         parameters.declare(self, self._settings.table, self._values, frozenset(self._values))
         self._live: LiveTracker | None = None
+        self._bond: ManagerBond | None = None
         self._fault: Exception | None = None
         self._summary = "never configured"
         self._shown: tuple[Any, float] = (None, 0.0)
@@ -109,6 +111,7 @@ class Tracker(LifecycleNode):
         Neither is done if another node has the name, and so the checkpoint, or if a step has
         failed.
         """
+        self._release()
         if self.exit_status is not None:
             return
         if self._live is not None:
@@ -140,6 +143,9 @@ class Tracker(LifecycleNode):
         done = super().on_activate(state)
         self._live.start()
         self.get_logger().info(self._what_is_tracked())
+        # One that starts by itself has no manager that would wait for a bond.
+        if not self._settings.node["autostart"]:
+            self._bond = manager_bond.form(self)
         return done
 
     def _what_is_tracked(self) -> str:
@@ -155,6 +161,7 @@ class Tracker(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish the scans held back, then stop receiving and publishing."""
+        self._release()
         published = self._live.stop()
         self.get_logger().info(
             f"deactivated, {published} smoothed estimates published; {self._live.summary()}"
@@ -180,7 +187,14 @@ class Tracker(LifecycleNode):
         self._tear_down()
         return super().on_error(state)
 
+    def _release(self) -> None:
+        """Tell a lifecycle manager that the tracker stops by intention."""
+        if self._bond is not None:
+            self._bond.end()
+            self._bond = None
+
     def _tear_down(self) -> None:
+        self._release()
         if self._live is not None:
             self._summary = self._live.summary()
             self._live.destroy()
