@@ -52,7 +52,7 @@ class LiveTracker:
     Raises
     ------
     ConfigError
-        If a topic's QoS override is not valid.
+        If a radar's topic is no possible name, or a topic's QoS override is not valid.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
@@ -61,7 +61,7 @@ class LiveTracker:
         config = settings.config
         nominal_s = config.model.modes.interval_s
         self._inputs = [
-            InputHealth(radar.name, node.resolve_topic_name(radar.topic), Rhythm(nominal_s))
+            InputHealth(radar.name, _full_name(node, radar), Rhythm(nominal_s))
             for radar in config.inputs
         ]
         self._pace = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s))
@@ -330,6 +330,17 @@ class LiveTracker:
             for reason, count in sorted(health.dropped.items())
         ]
         return f"{received} clouds received, dropped: {', '.join(drops) or 'none'}"
+
+
+def _full_name(node: LifecycleNode, radar: RadarInput) -> str:
+    """Return the name of a radar's topic after remapping."""
+    try:
+        full: str = node.resolve_topic_name(radar.topic)
+    except RuntimeError as error:  # rcl's own, whose type is private
+        raise ConfigError(
+            [f"{radar.name}.topic: {radar.topic!r} given, must be a topic's name"]
+        ) from error
+    return full
 
 
 def _message_class(radar: RadarInput, reader: Reader) -> Any:
