@@ -61,7 +61,8 @@ def update(
     predicted = radar.measure(particles.state)
     in_range = predicted[:, 0] <= radar.max_range
     predicted[~in_range, 0] = np.inf  # outside the gate of every detection
-    detections, radar, share = thinned(predicted, detections, radar)
+    targets = float(particles.weight.sum())
+    detections, radar, share = thinned(predicted, targets, detections, radar)
     row, column, log_likelihood = radar.gated_pairs(predicted, detections)
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
