@@ -21,6 +21,7 @@ BASE = ("arrays", "state_space", "types", "origins", "track_numbers")
 ROOMS = {
     "arrays": (),
     "origins": (),
+    "quoting": (),
     "snapshot": (),
     "state_space": ("arrays",),
     "types": ("arrays", "state_space"),
@@ -33,7 +34,7 @@ ROOMS = {
     "smc": (*BASE, "association", "engine", "models", "pair_search", "snapshot"),
     "gaussian": (*BASE, "association", "engine", "models", "pair_search", "snapshot"),
     "evaluation": BASE,
-    "configuration": (*BASE, "engine", "models", "scans", "smc"),
+    "configuration": (*BASE, "engine", "models", "quoting", "scans", "smc"),
     "simulation": (*BASE, "configuration", "models"),
     "engines": ("configuration", "engine", "pair_search", "smc"),
     "pipeline": ("configuration", "engine", "engines", "scans", "types"),
@@ -42,7 +43,7 @@ ROOMS = {
 PARTS = {
     "core": (),
     "msg_adapters": ("core",),
-    "bags": ("msg_adapters",),
+    "bags": ("core", "msg_adapters"),
     "exit_status": ("bags", "core"),
     "yaml_files": ("core",),
     "report": ("bags", "core", "msg_adapters"),
