@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.correction import Corrector
+from phd_jdtc_ros.core.smc.entry import Entry, Source
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.types import Scan
 
@@ -108,6 +110,16 @@ class Window:
         ]
 
 
+def chain(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> list[Entry]:
+    """Return the entries of consecutive sets, each the only source of the next."""
+    entries = [Entry(0, stored[0])]
+    for index, (earlier, later, link) in enumerate(
+        zip(stored[:-1], stored[1:], links, strict=True)
+    ):
+        entries.append(Entry(index + 1, later, (Source(index, None, len(earlier)),), link))
+    return entries
+
+
 def window(
     targets: int, per_target: int, lag: int, seed: int, corrector: str = "bernoulli"
 ) -> Window:
@@ -118,5 +130,5 @@ def window(
     forward = particle_filter(config)
     start = scenes.clouds(scene, config, np.random.default_rng(seed))
     forward.start_from(scene.start_ns - round(scene.interval_s * 1e9), start)
-    stored = [forward.step(scan, linked=False).stored for _, scan in simulate(scene, seed)]
+    stored = [forward.step(scan, linked=False).entry.stored for _, scan in simulate(scene, seed)]
     return Window(tuple(stored[-(lag + 1) :]), config.model, forward.corrector, scene.interval_s)

@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_pass, bernoulli_death_term
 
 from . import backends, forms, recursion
-from .recursion import Window
+from .recursion import Window, chain
 from .timing import Case, interleaved, peak_bytes, spread
 
 LAG = 5
@@ -125,7 +125,7 @@ def _build(window: Window, backend: str) -> Callable[[], Transition]:
 
 def _backward(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> None:
     """Smooth the weights backward over the whole window."""
-    deque(backward_pass(stored, links, DEATH_TERM), maxlen=0)
+    deque(backward_pass(chain(stored, links), DEATH_TERM), maxlen=0)
 
 
 def gate_error(window: Window, dense: ParticleSet, backend: str) -> dict[str, float]:
@@ -147,7 +147,7 @@ def gate_error(window: Window, dense: ParticleSet, backend: str) -> dict[str, fl
     """
     with backends.using(backend):
         links = window.links()
-    *_, smoothed = backward_pass(window.stored, links, DEATH_TERM)
+    *_, smoothed = backward_pass(chain(window.stored, links), DEATH_TERM)
     row = np.repeat(np.arange(len(smoothed)), smoothed.multiplicity)
     exact: FloatArray = np.bincount(row, dense.weight, minlength=len(smoothed))
     counted = exact > LEAST_SHARE * exact.sum()

@@ -32,8 +32,8 @@ from .figures import Figure, in_own_process, measured_or_why
 
 NAME = "scans of very many detections"
 GOAL = (
-    "2 scans of 100,000: at most 5 s of CPU and 1 GB each; OSPA of the scans from the second after them "
-    "within 10 %"
+    "2 scans of 100,000: at most 5 s of CPU and 1 GB each; OSPA of the scans from the second after "
+    "them within 10 %"
 )
 DETECTIONS = 100_000
 PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
@@ -93,7 +93,7 @@ def _crowded(
 
 
 def _run(detections: int, amplitudes: str, corrector: str) -> tuple[float, float]:
-    """Return the longest step of a crowded scan (CPU), and the mean OSPA of the scans after them."""
+    """Return the most CPU time of a crowded scan, and the mean OSPA of the scans after them."""
     amplitude = "none" if amplitudes == "none" else "band"
     values = {**params_file.load(PROFILE), "corrector": corrector, "amplitude": amplitude}
     config = tracker_params.config(values)
@@ -108,7 +108,7 @@ def _run(detections: int, amplitudes: str, corrector: str) -> tuple[float, float
                 for given, radar in zip(reports, config.model.radars, strict=True)
             )
         begin = time.process_time()
-        found = engine.step(Scan(scan.stamp_ns, reports)).filtered
+        (found,) = engine.step(Scan(scan.stamp_ns, reports)).filtered
         if crowded:
             step_s = max(step_s, time.process_time() - begin)
         if index > CROWDED + CROWDS:

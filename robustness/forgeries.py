@@ -113,9 +113,9 @@ def contents() -> dict[str, Change]:
         "states as text": lambda s: s.arrays.update(
             {f"{set_}.state": s.arrays[f"{set_}.state"].astype("i8")}
         ),
-        "survival above one": _put("link.0.survival", 1.5),
-        "a kernel that is not finite": _put("link.0.ratio.data", nan),
-        "a kernel that explodes": _put("link.0.ratio.data", 1e250),
+        "survival above one": _put("stored.1.link.survival", 1.5),
+        "a kernel that is not finite": _put("stored.1.link.ratio.data", nan),
+        "a kernel that explodes": _put("stored.1.link.ratio.data", 1e250),
     }
     return {**arrays, **facts, **others}
 
@@ -185,7 +185,7 @@ def outcome(path: Path) -> str:
         found.resume(engine, following[0].stamp_ns)
         for scan in following:
             step = engine.step(scan)
-            for estimates in (step.filtered, *step.smoothed):
+            for estimates in (*step.filtered, *step.smoothed):
                 if not np.isfinite(estimates.state).all():
                     return "not finite"
     except Exception as error:  # any of them would end the node

@@ -13,6 +13,7 @@ The data's path, with the room or module of each step::
       |    gating                              pair_search
       |    association probabilities           association
       |------------- extract ---------------> Estimates (filtered), numbered by track_numbers
+      |                                        and brought to one stamp by reporting
       |  backward over the lag window          the engine
       |------------- extract ---------------> Estimates (smoothed)
 

@@ -21,7 +21,8 @@ class Step:
 
     Parameters
     ----------
-    filtered : Estimates
+    filtered : tuple of Estimates
+        Those that are due: at the scan's stamp, or at the stamps of the schedule until then.
     smoothed : tuple of Estimates
         Those whose lag is reached. With a lag in scans these are none while the window fills, and
         then one per step.
@@ -31,7 +32,7 @@ class Step:
         Diagnostics of the engine.
     """
 
-    filtered: Estimates
+    filtered: tuple[Estimates, ...]
     smoothed: tuple[Estimates, ...]
     class_mass: FloatArray
     figures: Mapping[str, float]
@@ -105,6 +106,11 @@ class Lag:
 
     scans: int
     seconds: float | None = None
+
+    @property
+    def positive(self) -> bool:
+        """Whether smoothed estimates take later scans into account."""
+        return self.scans > 0 or self.seconds is not None
 
     def reached(self, stamps_ns: list[int]) -> bool:
         """Return whether the lag of the first of the window's ascending stamps is reached."""

@@ -40,6 +40,7 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
     return ParticleEngine(
         forward=particle_filter(config),
         lag=config.lag,
+        schedule=config.schedule,
         death_term=DEATH_TERMS[str(values["death_term"])],
         extraction=EXTRACTIONS[str(values["extraction"])],
         existence_threshold=config.existence_threshold,

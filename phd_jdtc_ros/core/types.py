@@ -13,12 +13,38 @@ T targets, O modes, C classes, D state, Z measurement.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .arrays import FloatArray, IntArray, read_only
 from .state_space import PLANAR, StateSpace
+
+FULL_TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """The azimuths that a radar's antenna passed for one report.
+
+    Parameters
+    ----------
+    start : float
+        Where it begins, in the radar's frame, radians counter-clockwise from the x axis.
+    width : float
+        Its extent counter-clockwise from there, radians; more than 0 and at most 2 pi. An antenna
+        that turns clockwise passes it from its end to its start.
+    """
+
+    start: float
+    width: float
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.start) and 0.0 < self.width <= FULL_TURN):
+            raise ValueError(
+                f"coverage: start {self.start}, width {self.width}, expected a finite start and a "
+                "width above 0 and at most 2 pi"
+            )
 
 
 @dataclass(frozen=True)
@@ -31,28 +57,58 @@ class Detections:
         For the polar radar Z = 2: range in metres, azimuth in radians counter-clockwise from the
         sensor's x axis.
     amplitude : array of shape (M,) or None
-        Linear envelope in units of the noise's per-quadrature standard deviation. None when the
-        radar reports no amplitude: the class likelihood is then neutral.
+        Linear envelope in units of the noise's per-quadrature standard deviation. NaN where it is
+        unknown. None when the radar reports no amplitude: the class likelihood is then neutral.
+    time_s : array of shape (M,) or None
+        Time of each detection relative to the scan's stamp, seconds; None if all are at the stamp.
+    noise_std : array of shape (M, Z) or None
+        Standard deviations of each detection, in the units of the measurement; None for the radar
+        model's.
+    coverage : Coverage or None
+        The azimuths that the antenna passed; None for the radar's whole field.
     """
 
     measurement: FloatArray
     amplitude: FloatArray | None
+    time_s: FloatArray | None = None
+    noise_std: FloatArray | None = None
+    coverage: Coverage | None = None
 
     def __post_init__(self) -> None:
         measurement = read_only(self.measurement)
         if measurement.ndim != 2:
             raise ValueError(f"measurement: expected shape (M, Z), got {measurement.shape}")
         object.__setattr__(self, "measurement", measurement)
-        if self.amplitude is not None:
-            amplitude = read_only(self.amplitude)
-            if amplitude.shape != measurement.shape[:1]:
-                raise ValueError(
-                    f"amplitude: expected shape {measurement.shape[:1]}, got {amplitude.shape}"
-                )
-            object.__setattr__(self, "amplitude", amplitude)
+        shapes = {
+            "amplitude": measurement.shape[:1],
+            "time_s": measurement.shape[:1],
+            "noise_std": measurement.shape,
+        }
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value is None:
+                continue
+            value = read_only(value)
+            if value.shape != shape:
+                raise ValueError(f"{name}: expected shape {shape}, got {value.shape}")
+            object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
         return len(self.measurement)
+
+    def take(self, rows: IntArray) -> Detections:
+        """Return the detections of these rows, in this order; the coverage stays the same."""
+
+        def chosen(column: FloatArray | None) -> FloatArray | None:
+            return None if column is None else column[rows]
+
+        return replace(
+            self,
+            measurement=self.measurement[rows],
+            amplitude=chosen(self.amplitude),
+            time_s=chosen(self.time_s),
+            noise_std=chosen(self.noise_std),
+        )
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ import numpy as np
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.smc.entry import Entry
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
-from phd_jdtc_ros.core.smc.filter import Filtered
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 
@@ -66,22 +66,21 @@ def track(
     longest = max(lags)
     forward = particle_filter(replace(config, seed=run.seed))
     readers = [_Reader(reading, run, lags, config) for reading in readings]
-    window: list[Filtered] = []
+    window: list[Entry] = []
     for index, scan in enumerate(run.scans):
-        window = [*window, forward.step(scan, linked=longest > 0)][-(longest + 1) :]
+        step = forward.step(scan, linked=longest > 0)
+        window = [*window, step.entry][-(longest + 1) :]
         for reader in readers:
-            reader.read_filtered(index, window[-1].updated)
+            reader.read_filtered(index, step.updated)
         if longest:
             _read_window(window, index, readers)
     return {reader.reading.label: reader.tracks() for reader in readers}
 
 
-def _read_window(window: Sequence[Filtered], newest: int, readers: Sequence[_Reader]) -> None:
+def _read_window(window: Sequence[Entry], newest: int, readers: Sequence[_Reader]) -> None:
     """Smooth a window whose newest scan has the index `newest`, and extract the estimates."""
-    stored = [filtered.stored for filtered in window]
-    links = [filtered.link for filtered in window[1:] if filtered.link is not None]
     for name in dict.fromkeys(reader.reading.death_term for reader in readers):
-        for lag, smoothed in enumerate(backward_pass(stored, links, DEATH_TERMS[name])):
+        for lag, smoothed in enumerate(backward_pass(window, DEATH_TERMS[name])):
             for reader in readers:
                 if reader.reading.death_term == name:
                     reader.read_smoothed(newest - lag, lag, smoothed)

@@ -91,7 +91,7 @@ class OfflineTracker:
                 self._write_estimates(SMOOTHED, event.smoothed)
                 continue
             self.scans += 1
-            self._write_estimates(FILTERED, (event.step.filtered,))
+            self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
 
     def _write_estimates(self, source: str, by_stamp: Iterable[Estimates]) -> None:

@@ -38,7 +38,7 @@ def test_every_engine_does_what_the_seam_asks_for(name):
     engine.retune(config.model, 0.5)
     other.retune(config.model, 0.5)
     for scan in scans[4:]:
-        one, two = engine.step(scan).filtered, other.step(scan).filtered
+        (one,), (two,) = engine.step(scan).filtered, other.step(scan).filtered
         assert (one.state == two.state).all()
     assert [found.lag for found in engine.flush()] == [1, 0]
     assert engine.flush() == ()

@@ -30,7 +30,7 @@ def statistics(given, make, scans):
         engine = new_engine(make({**given, "seed": seed}))
         steps = [engine.step(scan) for scan in scans]
         smoothed = [e for step in steps for e in step.smoothed] + list(engine.flush())
-        last, middle = steps[-1].filtered, smoothed[2]
+        last, middle = steps[-1].filtered[0], smoothed[2]
         assert len(last) == len(middle) == 1
         figures.append(
             [

@@ -26,7 +26,7 @@ def fed(pipeline, scans, later_ns=0):
 
 
 def states(events):
-    return [event.step.filtered.state for event in events]
+    return [event.step.filtered[0].state for event in events]
 
 
 def test_add_steps_the_engine_through_complete_scans():
@@ -34,7 +34,9 @@ def test_add_steps_the_engine_through_complete_scans():
     events = fed(new_pipeline(CONFIG), SCANS)
     assert [event.stamp_ns for event in events] == [scan.stamp_ns for scan in SCANS]
     for event, scan in zip(events, SCANS, strict=True):
-        np.testing.assert_array_equal(event.step.filtered.state, engine.step(scan).filtered.state)
+        np.testing.assert_array_equal(
+            event.step.filtered[0].state, engine.step(scan).filtered[0].state
+        )
 
 
 def test_add_refuses_a_report_that_came_before():
@@ -85,7 +87,7 @@ def test_a_jump_of_the_stamps_ends_the_run_before_the_scan_behind_it(intervals, 
     for one, other in zip(states(first), states(second), strict=True):
         np.testing.assert_array_equal(one, other)
     numbers = [
-        {number for event in run for number in event.step.filtered.track_id.tolist()}
+        {number for event in run for number in event.step.filtered[0].track_id.tolist()}
         for run in (first, second)
     ]
     # Where time goes on, no number means two targets.

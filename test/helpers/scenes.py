@@ -10,7 +10,8 @@ from scipy import sparse
 
 from phd_jdtc_ros.core.configuration import build
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.smc.particle_set import ParticleSet
+from phd_jdtc_ros.core.smc import prediction
+from phd_jdtc_ros.core.smc.particle_set import Aged, ParticleSet
 from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.types import Detections
 
@@ -106,4 +107,12 @@ def scattered(seed=0, count=300, mass=2.0):
     weight = rng.exponential(1.0, count)
     return intensity(
         state, weight * mass / weight.sum(), mode=mode, origin=rng.integers(0, 3, count)
+    )
+
+
+def predict(particles, model, corrector, budget, dt, scan_index, rng):
+    """Predict one stored set and all births `dt` seconds ahead."""
+    births = [(index, dt) for index in range(len(model.births))]
+    return prediction.predict(
+        [Aged(particles, dt)], births, model, corrector, budget, scan_index, rng
     )

@@ -59,7 +59,7 @@ def test_evaluator_records_as_on_the_page_without_truth_and_tracker(processes, p
     assert peer.spin_until(lambda: driver.outputs[0].get_subscription_count() == 1)
     for index in range(3):
         driver.send(index)
-    assert peer.spin_until(lambda: driver.outputs[0].wait_for_all_acked())
+    assert peer.spin_until(driver.outputs[0].wait_for_all_acked)
     evaluator.send_signal(signal.SIGINT)
 
     assert evaluator.wait(20.0) == 0

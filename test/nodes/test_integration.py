@@ -141,7 +141,7 @@ def offline(changes):
         report = detections.from_msg(cloud, config.inputs[index])
         events = grouper.add(index, report.stamp_ns, report.detections)
         assert not isinstance(events, Rejection)
-        found += [engine.step(scan).filtered for scan in events]
+        found += [estimates for scan in events for estimates in engine.step(scan).filtered]
     return found
 
 

@@ -105,7 +105,7 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
     engine.retune(found.config.model, found.config.existence_threshold)
     for scan in scans[3:]:
         step = engine.step(scan)
-        assert np.isfinite(step.filtered.state).all()
+        assert np.isfinite(step.filtered[0].state).all()
         assert np.isfinite(step.class_mass).all()
 
 
@@ -116,5 +116,5 @@ def test_retuned_engine_steps_like_one_that_was_always_so():
     engine, fresh = new_engine(small.config), new_engine(other.config)
     engine.retune(other.config.model, other.config.existence_threshold)
     for scan in scans:
-        ours, theirs = engine.step(scan).filtered, fresh.step(scan).filtered
+        (ours,), (theirs,) = engine.step(scan).filtered, fresh.step(scan).filtered
         np.testing.assert_array_equal(ours.state, theirs.state)

@@ -64,7 +64,7 @@ def dense(window, death_term=smoothing.DEATH_TERM):
 def test_weights_are_those_of_the_dense_form_within_the_gate(window, death_term, backend):
     exact = of_rows(dense(window, death_term), window.stored[0])
     with backends.using(backend):
-        *_, smoothed = backward_pass(window.stored, window.links(), death_term)
+        *_, smoothed = backward_pass(recursion.chain(window.stored, window.links()), death_term)
 
     assert_allclose(smoothed.weight, exact, rtol=1e-3, atol=1e-9 * exact.sum())
     assert np.abs(smoothed.weight - exact).sum() < 1e-5 * exact.sum()

@@ -97,7 +97,7 @@ def test_a_scenario_is_tracked_with_its_parameters(path):
     engine = new_engine(config)
     numbers = []
     for truth, scan in simulate(found, 1)[:25]:
-        numbers.append(len(engine.step(scan).filtered) - len(truth.state))
+        numbers.append(len(engine.step(scan).filtered[0]) - len(truth.state))
     # Births take a few scans; after them few targets are missed and few invented.
     assert abs(np.mean(numbers[12:])) < 0.7
 

@@ -25,12 +25,16 @@ from ..models.motion import MOTIONS, MotionModel
 from ..models.radar import RadarModel
 from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
+from ..models.visibility import Visibility
+from ..reporting import Schedule
 from ..scans import ScanGrouper
+from ..types import FULL_TURN, Coverage
 from .checks import CHECKS, name_or, square
 from .parameters import BIRTH, MOTION, RADAR, schema
 from .radar_input import RadarInput
 from .schema import ConfigError
 
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 # A jump of the stamps back by more than this begins a new run.
 RESET_THRESHOLD_SCANS = 3.0
 
@@ -49,6 +53,8 @@ class TrackerConfig:
     engine : str
         One of `engines.ENGINES`.
     lag : Lag
+    schedule : Schedule
+        When estimates go out.
     existence_threshold : float
         Existence probability above which a target is reported.
     seed : int
@@ -64,6 +70,7 @@ class TrackerConfig:
     model: TrackerModel
     engine: str
     lag: Lag
+    schedule: Schedule
     existence_threshold: float
     seed: int
     max_gap_s: float
@@ -139,6 +146,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         model=model,
         engine=values["engine"],
         lag=Lag(values["lag"], values["lag_s"] or None),
+        schedule=Schedule(round(values["estimates_period_s"] * 1e9)),
         existence_threshold=values["existence_threshold"],
         seed=values["seed"],
         max_gap_s=values["max_gap_scans"] * values["interval_s"],
@@ -217,11 +225,40 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         yaw=math.radians(get["yaw_deg"]),
         range_std=get["range_std"],
         azimuth_std=math.radians(get["azimuth_std_deg"]),
-        max_range=get["max_range"],
+        visibility=_visibility(get),
         clutter_rate=get["clutter_rate"],
         clutter_max_range=get["clutter_max_range"],
         threshold=amplitude_density.threshold_for(get["false_alarm_probability"]),
+        range_growth=get["range_std_growth"],
+        rotation_s=get["rotation_s"],
     )
+
+
+def _visibility(get: Mapping[str, Any]) -> Visibility:
+    table = np.reshape(get["detection_probability_over_range"], (-1, 2))
+    if get["detection_probability"]:
+        table = np.array([[0.0, get["detection_probability"]]])
+    compass = get["azimuth_convention"] == "compass_cw"
+    return Visibility(
+        max_range=get["max_range"],
+        min_range=get["min_range"],
+        fov=_sector(get["fov_deg"][0], get["fov_deg"][1], compass),
+        blind=tuple(
+            _sector(begin, end, compass)
+            for begin, end in np.reshape(get["blind_sectors_deg"], (-1, 2))
+        ),
+        ranges=tuple(table[:, 0].tolist()),
+        probabilities=tuple(table[:, 1].tolist()),
+    )
+
+
+def _sector(begin_deg: float, end_deg: float, compass: bool) -> Coverage:
+    """Return the azimuths from one to another, as the radar counts them."""
+    width = end_deg - begin_deg
+    if width != 360.0:
+        width %= 360.0
+    start = 90.0 - begin_deg - width if compass else begin_deg
+    return Coverage(math.radians(start), min(math.radians(width), FULL_TURN))
 
 
 def _input(values: Mapping[str, Any], name: str) -> RadarInput:
@@ -240,4 +277,14 @@ def _input(values: Mapping[str, Any], name: str) -> RadarInput:
         compass=get["azimuth_convention"] == "compass_cw",
         azimuth_in_degrees=get["azimuth_unit"] == "deg",
         max_range=get["max_range"],
+        time_field=get["fields.time"],
+        time_unit_s=TIME_UNITS[get["time_unit"]],
+        time_since_epoch=get["time_reference"] == "epoch",
+        sector_field=get["fields.sector"],
+        height_field=get["fields.height"],
+        height=get["height"],
+        range_std_field=get["fields.range_std"],
+        azimuth_std_field=get["fields.azimuth_std"],
+        rotation_s=get["rotation_s"],
+        sectors=get["sectors"],
     )

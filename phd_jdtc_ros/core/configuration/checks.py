@@ -19,6 +19,9 @@ from ..models import amplitude_density
 from ..models.modes import markov_generator
 from .parameters import GROUPS, TOP
 
+# A target that cannot be missed would be lost for good with its first miss.
+MOST_PROBABILITY = 0.999
+
 
 def square(flat: list[float]) -> FloatArray | None:
     """Return a row-major flat list as a square matrix, or None."""
@@ -126,11 +129,50 @@ def _check_rest(values: Mapping[str, Any]) -> list[str]:
     return faults
 
 
+def _check_visibility(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for name in values["radars"]:
+        key = f"{name}.fov_deg"
+        begin, end = values[key]
+        if begin == end or abs(end - begin) > 360.0:
+            faults.append(
+                f"{key}: [{begin}, {end}] given, must be two azimuths at most a turn apart"
+            )
+        key = f"{name}.blind_sectors_deg"
+        edges = np.array(values[key])
+        if len(edges) % 2 or (edges[::2] == edges[1::2]).any():
+            faults.append(f"{key}: {values[key]} given, must be pairs of two different azimuths")
+        key = f"{name}.detection_probability_over_range"
+        table = np.array(values[key])
+        if len(table) % 2:
+            faults.append(
+                f"{key}: {len(table)} numbers given, must be pairs of range and probability"
+            )
+        elif (np.diff(table[::2]) <= 0.0).any():
+            faults.append(f"{key}: ranges {table[::2].tolist()} given, must rise")
+        elif not ((table[1::2] > 0.0) & (table[1::2] <= MOST_PROBABILITY)).all():
+            faults.append(
+                f"{key}: probabilities {table[1::2].tolist()} given, must be above 0 and at most "
+                f"{MOST_PROBABILITY}"
+            )
+        elif len(table) and values[f"{name}.detection_probability"]:
+            faults.append(f"{key}: given beside detection_probability, must be one of the two")
+        if values[f"{name}.min_range"] >= values[f"{name}.max_range"]:
+            faults.append(
+                f"{name}.min_range: {values[f'{name}.min_range']} given, must be below max_range, "
+                f"{values[f'{name}.max_range']}"
+            )
+        if values[f"{name}.sectors"] and not values[f"{name}.rotation_s"]:
+            faults.append(f"{name}.rotation_s: 0 given, must be above 0 with sectors")
+    return faults
+
+
 CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_names,
     _check_classes,
     _check_spawn,
     _check_rest,
+    _check_visibility,
 )
 
 

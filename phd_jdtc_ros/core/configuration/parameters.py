@@ -67,6 +67,22 @@ TOP = (
         2,
     ),
     Parameter(
+        "reorder_s",
+        0.0,
+        "Longest time that detections are held back for those of other radars that are as old, s; "
+        "0 for none. For radars that report whole turns and are not synchronous: their rotation_s.",
+        0.0,
+        1e3,
+    ),
+    Parameter(
+        "estimates_period_s",
+        0.0,
+        "Time between estimates, s: all targets are predicted to one stamp. 0: estimates with "
+        "every scan, at its stamp.",
+        0.0,
+        1e4,
+    ),
+    Parameter(
         "engine",
         "particles",
         "What represents the targets: particles.",
@@ -219,7 +235,66 @@ RADAR = (
         mutable=True,
     ),
     Parameter(
+        "range_std_growth",
+        0.0,
+        "What the standard deviation of the range grows by with the range, m per m; the two are "
+        "added as squares.",
+        0.0,
+        1.0,
+        mutable=True,
+    ),
+    Parameter(
         "max_range", 17e3, "Range beyond which targets and detections are ignored, m.", SMALL
+    ),
+    Parameter(
+        "min_range", 0.0, "Range below which targets are not detected, m.", 0.0, mutable=True
+    ),
+    Parameter(
+        "fov_deg",
+        [0.0, 360.0],
+        "Field of view: from this azimuth to that one, in the direction in which the radar counts "
+        "azimuths, degrees.",
+        -360.0,
+        720.0,
+        length=2,
+    ),
+    Parameter(
+        "blind_sectors_deg",
+        [],
+        "Hidden azimuths in the field of view, from and to, from and to, and so on, counted as in "
+        "fov_deg; empty for none.",
+        -360.0,
+        720.0,
+    ),
+    Parameter(
+        "detection_probability",
+        0.0,
+        "Probability to detect a target in a scan or a turn; 0: it follows from the classes' SNR "
+        "bands and false_alarm_probability.",
+        0.0,
+        0.999,
+        mutable=True,
+    ),
+    Parameter(
+        "detection_probability_over_range",
+        [],
+        "The same as a table: range (m) and probability, range and probability, and so on, with "
+        "rising ranges; linear in between. Empty for none.",
+        0.0,
+    ),
+    Parameter(
+        "rotation_s",
+        0.0,
+        "Time of one turn of the antenna, s; 0 for one that does not turn.",
+        0.0,
+        1e3,
+    ),
+    Parameter(
+        "sectors",
+        0,
+        "Number of clouds that the radar publishes in a turn; 0 if a cloud is a whole turn.",
+        0,
+        256,
     ),
     Parameter("clutter_rate", 20.0, "Expected false detections per scan.", 0.0, 1e6, mutable=True),
     Parameter(
@@ -249,6 +324,44 @@ RADAR = (
         "fields.amplitude",
         "amplitude",
         "Name of the cloud's amplitude field; empty if it has none.",
+    ),
+    Parameter(
+        "fields.time",
+        "",
+        "Name of the cloud's field with the time of each detection; empty if it has none and all "
+        "are at the stamp.",
+    ),
+    Parameter("time_unit", "s", "Unit of the detections' times.", choices=("s", "ms", "us", "ns")),
+    Parameter(
+        "time_reference",
+        "stamp",
+        "stamp: the detections' times are relative to the cloud's stamp; epoch: they count from "
+        "the zero of the stamps.",
+        choices=("stamp", "epoch"),
+    ),
+    Parameter(
+        "fields.sector",
+        "",
+        "Name of the cloud's field with the number of the sector, from 0; empty if it has none.",
+    ),
+    Parameter(
+        "fields.height",
+        "",
+        "Name of the cloud's field with each target's height above the world's zero, m; its ranges "
+        "are then slant ranges. Empty if it has none.",
+    ),
+    Parameter("height", 0.0, "Height of the antenna above the world's zero, m.", -1e4, 1e5),
+    Parameter(
+        "fields.range_std",
+        "",
+        "Name of the cloud's field with the standard deviation of each range, m; empty if it has "
+        "none.",
+    ),
+    Parameter(
+        "fields.azimuth_std",
+        "",
+        "Name of the cloud's field with the standard deviation of each azimuth, in the azimuth's "
+        "unit; empty if it has none.",
     ),
     Parameter(
         "amplitude_unit",

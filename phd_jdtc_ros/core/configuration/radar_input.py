@@ -30,6 +30,26 @@ class RadarInput:
         Whether azimuths are in degrees and not in radians.
     max_range : float
         Metres; detections beyond it are dropped.
+    time_field : str
+        Name of the field with each detection's own time; empty if there is none.
+    time_unit_s : float
+        Unit of that field, seconds.
+    time_since_epoch : bool
+        Whether times are since the epoch and not relative to the stamp.
+    sector_field : str
+        Name of the field with the number of the sector; empty if there is none.
+    height_field : str
+        Name of the field with each target's height above the world's zero, metres; empty if there
+        is none. Where there is one, ranges are slant ranges.
+    height : float
+        Of the antenna above the world's zero, metres.
+    range_std_field, azimuth_std_field : str
+        Names of the fields with each detection's own deviations, in metres and in the unit of the
+        azimuth; empty if there are none.
+    rotation_s : float
+        Time of one turn of the antenna, seconds; 0 if it does not turn.
+    sectors : int
+        Number of clouds to a turn; 0 if a cloud is a whole turn.
     """
 
     name: str
@@ -45,3 +65,13 @@ class RadarInput:
     compass: bool = False
     azimuth_in_degrees: bool = False
     max_range: float = math.inf
+    time_field: str = ""
+    time_unit_s: float = 1.0
+    time_since_epoch: bool = False
+    sector_field: str = ""
+    height_field: str = ""
+    height: float = 0.0
+    range_std_field: str = ""
+    azimuth_std_field: str = ""
+    rotation_s: float = 0.0
+    sectors: int = 0

@@ -58,9 +58,14 @@ class AmplitudeModel(Protocol):
         ...
 
     def detection_probability(
-        self, mode: IntArray, log_snr: FloatArray, radar: RadarModel, modes: ModeSpace
+        self,
+        mode: IntArray,
+        log_snr: FloatArray,
+        distance: FloatArray,
+        radar: RadarModel,
+        modes: ModeSpace,
     ) -> FloatArray:
-        """Return p_D of every hypothesis inside the radar's range, shape (N,)."""
+        """Return p_D of every hypothesis at these ranges in the field of view, shape (N,)."""
         ...
 
     def log_likelihood(
@@ -106,9 +111,16 @@ class Band:
         return log_snr
 
     def detection_probability(
-        self, mode: IntArray, log_snr: FloatArray, radar: RadarModel, modes: ModeSpace
+        self,
+        mode: IntArray,
+        log_snr: FloatArray,
+        distance: FloatArray,
+        radar: RadarModel,
+        modes: ModeSpace,
     ) -> FloatArray:
-        """Return p_D of each mode's class, shape (N,)."""
+        """Return the radar's given p_D, or that of each mode's class, shape (N,)."""
+        if radar.visibility.given:
+            return radar.visibility.probability(distance)
         per_class = radar.class_detection_probability(modes.classes)
         probability: FloatArray = per_class[modes.class_of[mode]]
         return probability
@@ -182,7 +194,8 @@ class Memory:
         half = 0.5 * np.maximum(amplitude, SMALLEST_AMPLITUDE) ** 2
         least, most = half * np.exp(-high), half * np.exp(-low)
         exponential = least - np.log1p(uniform * np.expm1(least - most))
-        return np.clip(np.log(half / exponential), low, high)
+        told = np.clip(np.log(half / exponential), low, high)
+        return np.where(np.isnan(amplitude), low + (high - low) * uniform, told)
 
     def moved(
         self,
@@ -202,9 +215,16 @@ class Memory:
         return inside
 
     def detection_probability(
-        self, mode: IntArray, log_snr: FloatArray, radar: RadarModel, modes: ModeSpace
+        self,
+        mode: IntArray,
+        log_snr: FloatArray,
+        distance: FloatArray,
+        radar: RadarModel,
+        modes: ModeSpace,
     ) -> FloatArray:
-        """Return exp(-tau^2 / 2(1 + d)), the Rayleigh target's p_D, shape (N,)."""
+        """Return the given p_D, or the Rayleigh target's, exp(-tau^2 / 2(1 + d)), shape (N,)."""
+        if radar.visibility.given:
+            return radar.visibility.probability(distance)
         probability: FloatArray = np.exp(-0.5 * radar.threshold**2 * np.exp(-log_snr))
         return probability
 
@@ -217,14 +237,22 @@ class Memory:
         radar: RadarModel,
         modes: ModeSpace,
     ) -> FloatArray:
-        """Return log a - ln(1 + d) - a^2 / 2(1 + d) of each pair, shape (P,)."""
+        """Return log a - ln(1 + d) - a^2 / 2(1 + d) of each pair, shape (P,).
+
+        Where the amplitude is unknown it is log p_D; a given p_D replaces that of d.
+        """
         row, column = pairs
         own = log_snr[row]
+        log_p_d = log_own = -0.5 * radar.threshold**2 * np.exp(-own)
+        if radar.visibility.given:
+            log_p_d = np.log(radar.visibility.probability(detections.measurement[column, 0]))
         if detections.amplitude is None:
-            return -0.5 * radar.threshold**2 * np.exp(-own)
+            return log_p_d
         a = np.maximum(detections.amplitude[column], SMALLEST_AMPLITUDE)
-        density: FloatArray = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
-        return density
+        density = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
+        if radar.visibility.given:
+            density += log_p_d - log_own
+        return np.where(np.isnan(density), log_p_d, density)
 
 
 def _band_edges(mode: IntArray, modes: ModeSpace) -> tuple[FloatArray, FloatArray]:

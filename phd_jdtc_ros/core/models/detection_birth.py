@@ -20,7 +20,7 @@ from ..arrays import FloatArray, IntArray, read_only, sum_by
 from ..types import Detections
 from .birth import shifted
 from .modes import ModeSpace
-from .radar import RadarModel
+from .radar import LEAST_RANGE, RadarModel
 from .sobol import sobol_points
 
 # The newborn intensity is taken as zero beyond this many standard deviations of velocity and turn
@@ -28,8 +28,6 @@ from .sobol import sobol_points
 GATE_SIGMA = 8.0
 # Detections that are newborn targets with a lower probability than this get no particles.
 LEAST_MASS = 1e-4
-# At its own position a radar measures no azimuth; the Jacobian 1/r is bounded at this range.
-LEAST_RANGE = 1.0
 # With fewer particles a detection is no target to go on with; detections are left out instead.
 LEAST_PARTICLES = 16
 # Rows times detections that are compared at once.
@@ -73,11 +71,13 @@ class DetectionBirthModel:
     ) -> FloatArray:
         """Return log of the unknown targets' intensity at each detection, shape (C, M).
 
-        It covers targets that appeared in the preceding `dt` seconds. It is the counterpart of the
-        clutter intensity: uniform over azimuth and range, times p_D g^tau of each class.
+        It covers targets that appeared in the preceding `dt` seconds, or since the antenna passed
+        last if the detections are those of a sector. It is the counterpart of the clutter
+        intensity: uniform over azimuth and range, times p_D g^tau of each class.
         """
+        since = dt if detections.coverage is None else radar.rotation_s or dt
         with np.errstate(divide="ignore"):  # a class that is never born has intensity zero
-            appeared = self.rate * dt / modes.interval_s
+            appeared = self.rate * since / modes.interval_s
             log_rate = np.log(appeared / (2.0 * np.pi * radar.max_range))
         likelihood = radar.log_class_likelihood(detections, modes.classes)
         intensity: FloatArray = log_rate[:, None] + likelihood
@@ -91,28 +91,28 @@ class Newborn:
     Parameters
     ----------
     radar : RadarModel
-    measurement : array of shape (J, 2)
-        Detections with a newborn mass of at least `LEAST_MASS`.
+    detections : Detections
+        J of them.
     mass : array of shape (J, C)
         Probability that each detection is a new target of each class.
-    amplitude : array of shape (J,) or None
-        Amplitudes of the detections, if they have any.
     """
 
     radar: RadarModel
-    measurement: FloatArray
+    detections: Detections
     mass: FloatArray
-    amplitude: FloatArray | None = None
 
     def __len__(self) -> int:
-        return len(self.measurement)
+        return len(self.detections)
+
+    def take(self, rows: IntArray) -> Newborn:
+        """Return the newborn targets of these rows."""
+        return Newborn(self.radar, self.detections.take(rows), self.mass[rows])
 
 
 def newborn(radar: RadarModel, detections: Detections, mass: FloatArray) -> Newborn:
     """Return the detections with a newborn mass, shape (M, C), of at least `LEAST_MASS`."""
-    kept = mass.sum(axis=1) >= LEAST_MASS
-    amplitude = None if detections.amplitude is None else detections.amplitude[kept]
-    return Newborn(radar, detections.measurement[kept], mass[kept], amplitude)
+    kept = np.flatnonzero(mass.sum(axis=1) >= LEAST_MASS)
+    return Newborn(radar, detections, mass).take(kept)
 
 
 def affordable(found: Newborn, model: DetectionBirthModel) -> tuple[Newborn, int]:
@@ -129,8 +129,7 @@ def affordable(found: Newborn, model: DetectionBirthModel) -> tuple[Newborn, int
         return found, count
     order = np.argsort(-found.mass.sum(axis=1), kind="stable")
     rows = np.sort(order[:kept])
-    amplitude = None if found.amplitude is None else found.amplitude[rows]
-    return Newborn(found.radar, found.measurement[rows], found.mass[rows], amplitude), count
+    return found.take(rows), count
 
 
 def sample(
@@ -171,11 +170,16 @@ def sample(
     share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
     mode = (uniform[..., :1] >= share[:, None, :-1]).sum(axis=2).ravel()
 
-    measured = found.measurement[:, None, :] + normal[..., :2] * found.radar.noise_std
+    std = found.radar.detection_noise(found.detections)
+    noise = normal[..., :2] * (found.radar.noise_std if std is None else std[:, None, :])
+    measured = found.detections.measurement[:, None, :] + noise
     measured[..., 0] = np.abs(measured[..., 0])
     state = np.zeros((len(found) * count, size))
     state[:, list(space.velocity)] = model.velocity_std * normal[..., 2:4].reshape(-1, 2)
     state[:, list(space.position)] = found.radar.to_world(measured.reshape(-1, 2))
+    if found.detections.time_s is not None:  # back to where it was at the scan's stamp
+        since = found.detections.time_s.repeat(count)[:, None]
+        state[:, list(space.position)] -= since * state[:, list(space.velocity)]
     turning = np.array([space.turn_rate in motion.support for motion in modes.motions])[mode]
     state[:, space.turn_rate] = np.where(turning, model.turn_rate_std * normal[..., 4].ravel(), 0.0)
     detection = np.repeat(np.arange(len(found)), count)
@@ -221,8 +225,10 @@ def _intensity(
     rows = np.flatnonzero(slow)
     slow_state = state[rows]
     predicted = found.radar.measure(slow_state)
-    report = Detections(found.measurement, None)
-    row, column, log_density = found.radar.gated_pairs(predicted, report)
+    rate = None
+    if found.detections.time_s is not None:
+        rate = found.radar.measurement_rate(slow_state)
+    row, column, log_density = found.radar.gated_pairs(predicted, found.detections, rate)
     scaled = slow_state[row][:, velocity] / model.velocity_std
     log_density -= 0.5 * (scaled**2).sum(axis=1)
     log_density -= np.log(2.0 * np.pi * model.velocity_std**2)
@@ -231,8 +237,8 @@ def _intensity(
     turn = slow_state[row, turn_rate] / model.turn_rate_std
     log_turn = -0.5 * turn**2 - np.log(model.turn_rate_std * np.sqrt(2.0 * np.pi))
     log_density += np.where(turning, log_turn, 0.0)
-    rate = _mode_mass(found, modes)[column, mode[rows[row]]]
-    return sum_by(rows[row], rate * np.exp(log_density), len(state))
+    mass = _mode_mass(found, modes)[column, mode[rows[row]]]
+    return sum_by(rows[row], mass * np.exp(log_density), len(state))
 
 
 def _mode_mass(found: Newborn, modes: ModeSpace) -> FloatArray:

@@ -10,7 +10,7 @@ The path of one scan, with the module of each step::
       |  update, radar by radar              update
       |    correct every origin              correction
       |  resample within (class, origin)     resampling, budget
-    stored set t+1                           (filter: the four steps in order)
+    stored set t+1                           (filter: the four steps in order; entry, touch)
       |  kernel from set t, cached           backward_kernel, transition_density,
       |                                      spawn_intensity, kernel_thinning
       |  backward over the lag window        smoother

@@ -11,8 +11,8 @@ with 7.5 by less than 1e-4. Rows with many pairs are thinned (`kernel_thinning`)
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ from ..pair_search import kernels
 from ..pair_search.rows import Points, Queries
 from . import kernel_thinning
 from .correction import Corrector
-from .particle_set import ParticleSet
+from .particle_set import Aged, ParticleSet
 from .spawn_intensity import spawn_intensity
 from .transition_density import TransitionDensity, gated_density, transition_density, whitened
 
@@ -138,6 +138,63 @@ def build(
         ratio=sparse.csc_array((ratio, column, start), shape=(len(earlier), len(later))),
         survival=survival,
         orphans=len(orphan),
+    )
+
+
+def build_joint(
+    earlier: Sequence[Aged],
+    later: ParticleSet,
+    model: TrackerModel,
+    corrector: Corrector,
+    found: tuple[Newborn, ...] = (),
+) -> Transition:
+    """Return the cached transition from stored sets to the set of a later scan.
+
+    Parameters
+    ----------
+    earlier : sequence of Aged
+        Stored sets, and their times before the later one; several only with a labelled corrector.
+    later : ParticleSet
+        Its parents are rows of the earlier sets, one set after the other.
+    model : TrackerModel
+    corrector : Corrector
+        With a labelled one, only rows of one origin are paired.
+    found : tuple of Newborn
+        Targets born at the detections of the later scan, by radar.
+
+    Returns
+    -------
+    Transition
+        Its earlier rows are those of all sets, one set after the other.
+    """
+    if len(earlier) == 1:
+        return build(earlier[0].particles, later, model, corrector, earlier[0].dt, found)
+    parts, first = [], 0
+    for particles, dt in earlier:
+        # Each origin comes from one set, so a set explains all of its own origins' later rows.
+        columns = np.flatnonzero(np.isin(later.origin, factorize(particles.origin)[0]))
+        continued = later.take(columns)
+        own = replace(continued, parent=np.maximum(continued.parent - first, -1))
+        parts.append((columns, build(particles, own, model, corrector, dt)))
+        first += len(particles)
+    return _joined(parts, len(later))
+
+
+def _joined(parts: Sequence[tuple[IntArray, Transition]], size: int) -> Transition:
+    """Return the transitions to parts of a later set of `size` rows as one."""
+    if not parts:
+        return Transition(sparse.csc_array((0, size)), np.zeros(0), 0)
+    placed, first = [], 0
+    rows = sum(part.ratio.shape[0] for _, part in parts)
+    for columns, part in parts:
+        block = part.ratio.tocoo()
+        placed.append((block.data, block.row + first, columns[block.col]))
+        first += part.ratio.shape[0]
+    data, row, column = (np.concatenate(side) for side in zip(*placed, strict=True))
+    return Transition(
+        ratio=sparse.csc_array((data, (row, column)), shape=(rows, size)),
+        survival=np.concatenate([part.survival for _, part in parts]),
+        orphans=sum(part.orphans for _, part in parts),
     )
 
 

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -28,3 +28,7 @@ class ParticleBudget:
     least: int
     per_birth_term: int
     most: int
+
+    def beside(self, held: int) -> ParticleBudget:
+        """Return the budget of a set that is held beside others of `held` copies together."""
+        return self if held == 0 else replace(self, most=max(self.most - held, self.least))

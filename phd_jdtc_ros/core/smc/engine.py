@@ -6,20 +6,23 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from ..arrays import IntArray
 from ..engine import Lag, Step
 from ..models.tracker_model import TrackerModel
+from ..reporting import Schedule, at_stamp, chosen, joined, predicted
 from ..snapshot import MOST_STAMP_NS, Snapshot, whole
 from ..track_numbers import TrackNumbers
 from ..types import Estimates, Scan
 from . import snapshot
-from .backward_kernel import Transition
+from .entry import Entry
 from .extraction import Extraction
-from .filter import ForwardFilter
+from .filter import MOST_SCANS, ForwardFilter
 from .particle_set import ParticleSet
 from .smoother import DeathTerm, backward_pass
 
@@ -27,6 +30,7 @@ from .smoother import DeathTerm, backward_pass
 EXTRACTION_STREAM = 1
 # Messages have 32 bits for a track's number; half of them are left for what is still to come.
 MOST_TRACKS = 1 << 31
+NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
 @dataclass
@@ -37,6 +41,7 @@ class ParticleEngine:
     ----------
     forward : ForwardFilter
     lag : Lag
+    schedule : Schedule
     death_term : DeathTerm
     extraction : Extraction
     existence_threshold : float
@@ -49,13 +54,15 @@ class ParticleEngine:
 
     forward: ForwardFilter
     lag: Lag
+    schedule: Schedule
     death_term: DeathTerm
     extraction: Extraction
     existence_threshold: float
     _tracks: TrackNumbers = field(init=False, repr=False)
-    _stamps: list[int] = field(init=False, repr=False)
-    _stored: list[ParticleSet] = field(init=False, repr=False)
-    _links: list[Transition] = field(init=False, repr=False)  # between consecutive stored sets
+    _window: list[Entry] = field(init=False, repr=False)
+    # The filtered targets of each scan with rows that no later one has touched, by stamp.
+    _filtered: dict[int, Estimates] = field(init=False, repr=False)
+    _stamps: list[int] = field(init=False, repr=False)  # whose smoothed estimates are to come
     _rng: np.random.Generator = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -65,33 +72,36 @@ class ParticleEngine:
         """Return to the initial state; the random generators start from the seed again."""
         self.forward.reset()
         self._tracks = TrackNumbers()
-        self._stamps, self._stored, self._links = [], [], []
+        self._window, self._filtered, self._stamps = [], {}, []
         # A generator of its own, so that the filter's draws do not depend on the extraction.
         self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
 
     def step(self, scan: Scan) -> Step:
         """Filter one scan and smooth the stamps whose lag is reached; see `Engine.step`."""
         modes = self.forward.model.modes
-        step = self.forward.step(scan, linked=bool(self._stored))
-        filtered = self._targets(step.updated, scan.stamp_ns, 0)
-        if step.link is not None:
-            self._links.append(step.link)
-        self._stamps.append(scan.stamp_ns)
-        self._stored.append(step.stored)
+        filtered = []
+        if self.forward.stamp_ns is not None:
+            due = self.schedule.between(self.forward.stamp_ns, scan.stamp_ns)
+            filtered = [self._filtered_at(stamp_ns) for stamp_ns in due]
+        step = self.forward.step(scan, linked=self.lag.positive)
+        self._window.append(step.entry)
+        self._note_filtered(step.updated, scan.stamp_ns)
+        if not self.schedule.period_ns:
+            filtered.append(self._filtered_at(scan.stamp_ns))
+        self._stamps += [estimates.stamp_ns for estimates in filtered]
         smoothed = []
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
-        self._tracks.forget_all_but([step.stored.label, *(kept.label for kept in self._stored)])
-        return Step(
-            filtered=filtered,
-            smoothed=tuple(smoothed),
-            class_mass=step.updated.class_mass(modes.class_of, len(modes.classes)),
-            figures={
-                "particles": len(step.stored),
-                "effective_sample_size": step.stored.effective_sample_size,
-                "orphans": step.link.orphans if step.link else 0,
-            },
-        )
+        self._tracks.forget_all_but([entry.stored.label for entry in self._window])
+        others = [rows.particles for rows in self.forward.current[:-1]]
+        figures = {
+            "particles": len(step.entry.stored),
+            "effective_sample_size": step.entry.stored.effective_sample_size,
+            "orphans": step.entry.link.orphans if step.entry.link else 0,
+        }
+        classes = modes.class_of, len(modes.classes)
+        mass = [part.class_mass(*classes) for part in (step.updated, *others)]
+        return Step(tuple(filtered), tuple(smoothed), np.sum(mass, axis=0), figures)
 
     def retune(self, model: TrackerModel, existence_threshold: float) -> None:
         """Use another model and threshold from the next scan on; see `Engine.retune`.
@@ -120,13 +130,14 @@ class ParticleEngine:
         self.forward.put(held)
         held.facts["smoother"] = {
             "stamps_ns": list(self._stamps),
+            "entries": len(self._window),
             "tracks": self._tracks.facts,
             "rng": self._rng.bit_generator.state,
         }
-        for index, stored in enumerate(self._stored):
-            snapshot.put_particles(held, f"stored.{index}", stored)
-        for index, link in enumerate(self._links):
-            snapshot.put_transition(held, f"link.{index}", link)
+        for index, entry in enumerate(self._window):
+            snapshot.put_entry(held, f"stored.{index}", entry)
+        for stamp_ns, estimates in self._filtered.items():
+            snapshot.put_estimates(held, f"filtered.{stamp_ns}", estimates)
         return held
 
     def restore(self, snapshot: Snapshot) -> None:
@@ -143,43 +154,133 @@ class ParticleEngine:
         stamps = [whole("stamps_ns", stamp, 0, MOST_STAMP_NS) for stamp in facts["stamps_ns"]]
         if any(b <= a for a, b in itertools.pairwise(stamps)):
             raise ValueError("stamps_ns: must increase")
-        if stamps and stamps[-1] != held.stamp_ns:
-            raise ValueError(f"stamps_ns: end at {stamps[-1]}, expected {held.stamp_ns}")
         modes, most = self.forward.model.modes, self.forward.budget.most
-        stored = [
-            snapshot.take_particles(held, f"stored.{k}", modes, most) for k in range(len(stamps))
-        ]
-        links = [
-            snapshot.take_transition(held, f"link.{k}", earlier, later)
-            for k, (earlier, later) in enumerate(itertools.pairwise(stored))
-        ]
+        window: dict[int, Entry] = {}
+        for index in range(whole("entries", facts["entries"], 0, MOST_SCANS)):
+            entry = snapshot.take_entry(held, f"stored.{index}", window, modes, most)
+            if window and entry.stamp_ns <= max(window):
+                raise ValueError(f"stored.{index}.stamp_ns: must increase")
+            window[entry.stamp_ns] = entry
+        if stamps and (held.stamp_ns is None or stamps[-1] > held.stamp_ns):
+            raise ValueError(f"stamps_ns: end at {stamps[-1]}, after {held.stamp_ns}")
         tracks = _track_numbers(facts["tracks"])
-        self.forward.take(held)
+        self.forward.take(held, window)
         self._rng.bit_generator.state = facts["rng"]
-        self._tracks = tracks
-        self._stamps, self._stored, self._links = stamps, stored, links
+        self._tracks, self._stamps, self._window = tracks, stamps, list(window.values())
+        self._filtered = {
+            rows.entry.stamp_ns: snapshot.take_estimates(
+                held, f"filtered.{rows.entry.stamp_ns}", rows.entry.stamp_ns, modes
+            )
+            for rows in self.forward.current
+        }
+
+    def _note_filtered(self, updated: ParticleSet, stamp_ns: int) -> None:
+        """Keep the targets of a scan, and forget those of scans that later ones have replaced."""
+        self._filtered[stamp_ns] = self._extracted(updated, stamp_ns, 0, self.existence_threshold)
+        current = {rows.entry.stamp_ns for rows in self.forward.current}
+        self._filtered = {stamp: kept for stamp, kept in self._filtered.items() if stamp in current}
+
+    def _filtered_at(self, stamp_ns: int) -> Estimates:
+        """Return the targets as known now, predicted to a stamp."""
+        parts = []
+        for rows in self.forward.current:
+            targets = self._filtered[rows.entry.stamp_ns]
+            if rows.rows is not None:
+                alive = np.isin(targets.track_id - 1, rows.particles.origin)
+                targets = chosen(targets, np.flatnonzero(alive))
+            parts.append(predicted(targets, stamp_ns, self.forward.model.modes))
+        whole = parts[0] if len(parts) == 1 else joined(parts, stamp_ns, 0)
+        return self._tracks.numbered(whole)
 
     def _smooth_rest(self) -> tuple[Estimates, ...]:
-        """Smooth all stored sets with the scans that the window holds, and empty it."""
+        """Smooth all stamps that are held back with the scans that the window holds."""
         rest = []
-        while self._stored:
+        while self._stamps:
             rest.append(self._smooth_oldest())
         return tuple(rest)
 
     def _smooth_oldest(self) -> Estimates:
-        """Smooth the oldest stored set with all later ones, and remove it from the window."""
-        *_, smoothed = backward_pass(self._stored, self._links, self.death_term)
-        self.forward.done("backward")
-        stamp_ns, lag = self._stamps[0], len(self._stored) - 1
-        del self._stamps[0], self._stored[0], self._links[:1]
-        return self._targets(smoothed, stamp_ns, lag)
+        """Return the targets at the oldest stamp that is held back, smoothed with all later scans.
 
-    def _targets(self, particles: ParticleSet, stamp_ns: int, lag: int) -> Estimates:
-        """Extract the targets of an intensity and number their tracks."""
+        Entries that no later stamp needs are then removed from the window.
+        """
+        stamp_ns, lag = self._stamps[0], len(self._stamps) - 1
         modes, threshold = self.forward.model.modes, self.existence_threshold
+        alive = self._alive_at(stamp_ns)
+        backward = list(backward_pass(self._window, self.death_term))[::-1]
+        self.forward.done("backward")
+        smoothed = dict(zip((entry.stamp_ns for entry in self._window), backward, strict=True))
+        if alive.keys() == {stamp_ns}:
+            found = self._extracted(smoothed[stamp_ns], stamp_ns, lag, threshold)
+        else:
+            parts = [
+                self._extracted_of(smoothed[part_ns], alive.get(part_ns), part_ns, lag)
+                for part_ns in self._held(stamp_ns, alive)
+            ]
+            found = at_stamp(parts, stamp_ns, lag, threshold, modes)
+        del self._stamps[0]
+        self._trim()
+        return self._tracks.numbered(found)
+
+    def _alive_at(self, stamp_ns: int) -> dict[int, IntArray | None]:
+        """Return the entries that hold the targets at a stamp, with the rows that do.
+
+        These rows are continued after the stamp, or not yet; None is for all rows.
+        """
+        sources = [rows.source for rows in self.forward.current]
+        for entry in self._window:
+            if entry.stamp_ns > stamp_ns:
+                sources += entry.sources
+        alive: dict[int, IntArray | None] = {}
+        earlier = {entry.stamp_ns for entry in self._window if entry.stamp_ns <= stamp_ns}
+        for source in sources:
+            if source.stamp_ns in earlier:
+                others, rows = alive.get(source.stamp_ns, NO_ROWS), source.rows
+                some = None if others is None or rows is None else np.append(others, rows)
+                alive[source.stamp_ns] = some
+        return alive
+
+    def _held(self, stamp_ns: int, alive: Collection[int]) -> list[int]:
+        """Return the stamps of the entries to interpolate between, ascending."""
+        return [
+            entry.stamp_ns
+            for entry in self._window
+            if entry.stamp_ns in alive
+            or (
+                entry.stamp_ns > stamp_ns
+                and any(source.stamp_ns in alive for source in entry.sources)
+            )
+        ]
+
+    def _extracted_of(
+        self, particles: ParticleSet, rows: IntArray | None, stamp_ns: int, lag: int
+    ) -> Estimates:
+        """Extract all targets of an intensity, or those of these rows."""
+        found = self._extracted(particles, stamp_ns, lag, 0.0)
+        if rows is None:
+            return found
+        alive = np.isin(found.track_id - 1, particles.origin[rows])
+        return chosen(found, np.flatnonzero(alive))
+
+    def _trim(self) -> None:
+        """Remove what neither the filter nor a stamp that is held back needs."""
+        following = self._stamps[0] if self._stamps else MOST_STAMP_NS
+        needed = {*self._alive_at(following)}
+        needed |= {entry.stamp_ns for entry in self._window if entry.stamp_ns >= following}
+        self._window = [
+            entry if any(source.stamp_ns in needed for source in entry.sources) else entry.unlinked
+            for entry in self._window
+            if entry.stamp_ns in needed
+        ]
+
+    def _extracted(
+        self, particles: ParticleSet, stamp_ns: int, lag: int, threshold: float
+    ) -> Estimates:
+        """Extract the targets of an intensity; their tracks are labels."""
+        modes = self.forward.model.modes
         estimates = self.extraction(particles, modes, stamp_ns, lag, threshold, self._rng)
         self.forward.done("extraction")
-        return self._tracks.numbered(estimates)
+        return estimates
 
 
 def _track_numbers(facts: Any) -> TrackNumbers:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,12 +14,13 @@ from ..models.tracker_model import TrackerModel
 from ..snapshot import MOST_STAMP_NS, Snapshot, whole
 from ..types import Scan
 from . import backward_kernel, snapshot
-from .backward_kernel import Transition
 from .budget import ParticleBudget
 from .correction import Corrector
-from .particle_set import ParticleSet
+from .entry import Current, Entry
+from .particle_set import Aged, ParticleSet
 from .prediction import predict
 from .resampling import resample
+from .touch import births_passed, parted
 from .update import update_scan
 
 # Second word of the seed, so that the filter's stream is independent of all others. With a shared
@@ -41,21 +42,17 @@ class Filtered:
     ----------
     updated : ParticleSet
         After the update with all radars; the filtered targets are extracted from it.
-    stored : ParticleSet
-        After resampling.
-    link : Transition or None
-        Backward kernel to the stored set of the previous scan; None on the first scan and without
-        smoothing.
+    entry : Entry
+        What is kept: the set after resampling, and its link to earlier sets.
     """
 
     updated: ParticleSet
-    stored: ParticleSet
-    link: Transition | None
+    entry: Entry
 
 
 @dataclass
 class ForwardFilter:
-    """The filter over scans; keeps the last stored set and the random generator.
+    """The filter over scans; keeps the sets that later scans continue and the random generator.
 
     Parameters
     ----------
@@ -72,7 +69,9 @@ class ForwardFilter:
     budget: ParticleBudget
     seed: int
     done: Callable[[str], None] = _ignore
-    _latest: tuple[int, ParticleSet] | None = field(init=False, repr=False)
+    current: list[Current] = field(init=False, repr=False)
+    stamp_ns: int | None = field(init=False, repr=False)
+    _born_ns: dict[int, int] = field(init=False, repr=False)
     _rng: np.random.Generator = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
 
@@ -81,16 +80,18 @@ class ForwardFilter:
 
     def reset(self) -> None:
         """Return to the initial state; the random generator starts from the seed again."""
-        self._latest = None
+        self.current, self.stamp_ns, self._born_ns = [], None, {}
         self._rng = np.random.default_rng([self.seed, FILTER_STREAM])
         self._scan_index = 0
 
     def start_from(self, stamp_ns: int, stored: ParticleSet) -> None:
         """Use `stored` as the set of an earlier scan."""
-        self._latest = (stamp_ns, stored)
+        self.stamp_ns, self.current = stamp_ns, [Current(Entry(stamp_ns, stored))]
 
     def step(self, scan: Scan, linked: bool) -> Filtered:
         """Predict, update with every radar and resample; if `linked`, build the backward kernel.
+
+        Origins that no antenna passed in this scan are left as they are.
 
         Raises
         ------
@@ -102,43 +103,58 @@ class ForwardFilter:
         Sec. IV-C, Steps 1 to 3, and the kernel of Step 4.
         """
         model, corrector, index, rng = self.model, self.corrector, self._scan_index, self._rng
-        earlier, dt = self._earlier(scan.stamp_ns)
-        predicted = predict(earlier, model, corrector, self.budget, dt, index, rng)
+        dt = self._since(self.stamp_ns, scan.stamp_ns)
+        if dt <= 0.0:
+            raise ValueError(f"scan.stamp_ns: {scan.stamp_ns} is not later than {self.stamp_ns}")
+        touched, others = parted(self.current, scan, model, corrector)
+        budget = self.budget.beside(sum(int(rows.particles.multiplicity.sum()) for rows in others))
+        earlier = [
+            Aged(rows.particles, self._since(rows.entry.stamp_ns, scan.stamp_ns))
+            for rows in touched
+        ]
+        births = self._births(scan)
+        predicted = predict(earlier, births, model, corrector, budget, index, rng)
         self.done("predict")
         updated, newborns = update_scan(predicted, scan, model, corrector, dt, index, rng)
         self.done("update")
-        stored = resample(updated, model.modes, self.budget, rng)
+        stored = resample(updated, model.modes, budget, rng)
         self.done("resample")
         link = None
-        if linked and self._latest is not None:
-            link = backward_kernel.build(earlier, stored, model, corrector, dt, newborns)
+        if linked and earlier:
+            link = backward_kernel.build_joint(earlier, stored, model, corrector, newborns)
             self.done("transition")
-        self._latest, self._scan_index = (scan.stamp_ns, stored), index + 1
-        return Filtered(updated, stored, link)
-
-    @property
-    def stamp_ns(self) -> int | None:
-        """Stamp of the last scan; None before the first."""
-        return None if self._latest is None else self._latest[0]
+        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
+        self.current = [*others, Current(entry)]
+        self.stamp_ns, self._scan_index = scan.stamp_ns, index + 1
+        return Filtered(updated, entry)
 
     @property
     def stored(self) -> ParticleSet:
-        """The last stored set; empty before the first scan."""
-        if self._latest is None:
+        """The set of the last scan; empty before the first."""
+        if not self.current:
             return ParticleSet.empty(len(self.model.modes.space))
-        return self._latest[1]
+        return self.current[-1].entry.stored
 
     def put(self, into: Snapshot) -> None:
-        """Store the filter's state in a snapshot."""
+        """Store the filter's state, except for the sets themselves, in a snapshot."""
         into.facts["filter"] = {
             "scan_index": self._scan_index,
             "rng": self._rng.bit_generator.state,
+            "born_ns": [list(pair) for pair in self._born_ns.items()],
+            "current_ns": [rows.entry.stamp_ns for rows in self.current],
         }
-        if self._latest is not None:
-            snapshot.put_particles(into, "latest", self._latest[1])
+        for rows in self.current:
+            if rows.rows is not None:
+                into.arrays[f"current.{rows.entry.stamp_ns}"] = rows.rows
 
-    def take(self, stored: Snapshot) -> None:
+    def take(self, stored: Snapshot, entries: Mapping[int, Entry]) -> None:
         """Restore the filter's state from a snapshot.
+
+        Parameters
+        ----------
+        stored : Snapshot
+        entries : mapping of stamp to Entry
+            The sets that the snapshot holds.
 
         Raises
         ------
@@ -146,20 +162,36 @@ class ForwardFilter:
             If the snapshot is not of such a filter.
         """
         facts = stored.facts["filter"]
+        current = []
+        for stamp_ns in facts["current_ns"]:
+            if stamp_ns not in entries:
+                raise ValueError(f"current_ns: {stamp_ns} is none of the stored sets")
+            current.append(snapshot.take_current(stored, entries[stamp_ns]))
         latest = None
         if stored.stamp_ns is not None:
-            latest = (
-                whole("stamp_ns", stored.stamp_ns, 0, MOST_STAMP_NS),
-                snapshot.take_particles(stored, "latest", self.model.modes, self.budget.most),
-            )
+            latest = whole("stamp_ns", stored.stamp_ns, 0, MOST_STAMP_NS)
+        if (latest is None) != (not current) or (current and current[-1].entry.stamp_ns != latest):
+            raise ValueError(f"current_ns: do not end at {latest}")
         index = whole("scan_index", facts["scan_index"], 0, MOST_SCANS)
+        born = {
+            whole("birth", term, 0, MOST_SCANS): whole("born_ns", stamp, 0, MOST_STAMP_NS)
+            for term, stamp in facts["born_ns"]
+        }
         self._rng.bit_generator.state = facts["rng"]
-        self._latest, self._scan_index = latest, index
+        self.current, self.stamp_ns, self._scan_index = current, latest, index
+        self._born_ns = born
 
-    def _earlier(self, stamp_ns: int) -> tuple[ParticleSet, float]:
-        """Return the stored set of the previous scan and the interval since, in seconds."""
-        if self.stamp_ns is None:
-            return self.stored, self.model.modes.interval_s
-        if stamp_ns <= self.stamp_ns:
-            raise ValueError(f"scan.stamp_ns: {stamp_ns} is not later than {self.stamp_ns}")
-        return self.stored, (stamp_ns - self.stamp_ns) * 1e-9
+    def _since(self, earlier_ns: int | None, stamp_ns: int) -> float:
+        """Return the seconds since an earlier stamp; the nominal interval if there is none."""
+        if earlier_ns is None:
+            return self.model.modes.interval_s
+        return (stamp_ns - earlier_ns) * 1e-9
+
+    def _births(self, scan: Scan) -> list[tuple[int, float]]:
+        """Return the birth terms that an antenna passed, and the time since it last did."""
+        births = []
+        for index in births_passed(scan, self.model):
+            earlier = self._born_ns.get(index, self.stamp_ns)
+            births.append((index, self._since(earlier, scan.stamp_ns)))
+            self._born_ns[index] = scan.stamp_ns
+        return births

@@ -65,13 +65,13 @@ def thinned(
     draw = np.arange(size) * GOLDEN % 1.0
     if detections.amplitude is None:
         rows = np.sort(np.argsort(draw, kind="stable")[:kept])
-        amplitude, threshold = None, radar.threshold
+        left = detections.take(rows)
         share = fewer = kept / size
+        threshold = radar.threshold
     else:
         rows = np.sort(np.lexsort((draw, -detections.amplitude))[:kept])
-        amplitude = detections.amplitude[rows]
-        threshold = max(float(amplitude.min()), radar.threshold)
+        left = detections.take(rows)
+        threshold = max(float(detections.amplitude[rows].min()), radar.threshold)
         share, fewer = 1.0, float(np.exp(-0.5 * (threshold**2 - radar.threshold**2)))
     rate = max(radar.clutter_rate * fewer, kept - targets)
-    crowded = replace(radar, threshold=threshold, clutter_rate=rate)
-    return Detections(detections.measurement[rows], amplitude), crowded, share
+    return left, replace(radar, threshold=threshold, clutter_rate=rate), share

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -90,6 +91,20 @@ class ParticleSet:
         mass: FloatArray = read_only(sum_by(parts.indices, parts.data, parts.shape[1]))
         return mass
 
+    def take(self, rows: IntArray) -> ParticleSet:
+        """Return the particles of these rows, with all components."""
+        return ParticleSet(
+            state=self.state.take(rows, axis=0),
+            mode=self.mode[rows],
+            origin=self.origin[rows],
+            parent=self.parent[rows],
+            multiplicity=self.multiplicity[rows],
+            poisson=self.poisson[rows],
+            components=self.components[rows],
+            label=self.label,
+            log_snr=self.log_snr[rows],
+        )
+
     @property
     def effective_sample_size(self) -> float:
         """Number of equally weighted copies of the same variance."""
@@ -122,3 +137,17 @@ class ParticleSet:
             label=none,
             log_snr=np.zeros(0),
         )
+
+
+class Aged(NamedTuple):
+    """A stored set and the time since its scan.
+
+    Parameters
+    ----------
+    particles : ParticleSet
+    dt : float
+        Seconds.
+    """
+
+    particles: ParticleSet
+    dt: float

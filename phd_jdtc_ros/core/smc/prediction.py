@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 from scipy import sparse
 
@@ -16,30 +19,30 @@ from ..models.tracker_model import TrackerModel
 from . import resampling
 from .budget import ParticleBudget
 from .correction import Corrector
-from .particle_set import ParticleSet
+from .particle_set import Aged, ParticleSet
 
 
 def predict(
-    particles: ParticleSet,
+    earlier: Sequence[Aged],
+    births: Sequence[tuple[int, float]],
     model: TrackerModel,
     corrector: Corrector,
     budget: ParticleBudget,
-    dt: float,
     scan_index: int,
     rng: np.random.Generator,
 ) -> ParticleSet:
-    """Predict the intensity `dt` seconds ahead: survivors, spawned targets, births.
+    """Predict the intensity to a scan: survivors, spawned targets, births.
 
     Parameters
     ----------
-    particles : ParticleSet
-        The stored set; every copy of a row is moved with its own noise.
+    earlier : sequence of Aged
+        The stored sets that the scan continues; every copy of a row is moved with its own noise.
+    births : sequence of (int, float)
+        The birth terms to draw, and the time since they were last drawn, seconds.
     model : TrackerModel
     corrector : Corrector
         A labelled one gives every spawned target an origin of its own.
     budget : ParticleBudget
-    dt : float
-        True interval since the previous scan, seconds.
     scan_index : int
         Determines the origins of births and spawned targets.
     rng : numpy.random.Generator
@@ -47,7 +50,8 @@ def predict(
     Returns
     -------
     ParticleSet
-        With all weight in the Poisson part.
+        With all weight in the Poisson part. Parents are rows of the stored sets, one set after the
+        other.
 
     Notes
     -----
@@ -55,13 +59,20 @@ def predict(
     and the spawn weight has the factors of the parent's weight, rate and mode.
     """
     origin = origins.first_predicted(scan_index)
-    parts = [
-        _survivors(particles, model, dt, rng),
-        _spawned(particles, model, corrector, budget, dt, origin + len(model.births), rng),
-    ]
-    for index, term in enumerate(model.births):
+    spawned = origin + len(model.births)
+    parts, first = [], 0
+    for particles, dt in earlier:
+        moved = [
+            _survivors(particles, model, dt, rng),
+            _spawned(particles, model, corrector, budget, dt, spawned, rng),
+        ]
+        parts += [replace(part, parent=part.parent + first) for part in moved]
+        first += len(particles)
+        spawned = max(spawned, int(moved[1].origin.max(initial=0)) + 1)
+    for index, dt in births:
+        term = model.births[index]
         parts.append(_born(term, model, budget.per_birth_term, dt, origin + index, rng))
-    return _concatenate(parts)
+    return _concatenate(parts, len(model.modes.space))
 
 
 def _fresh(
@@ -86,7 +97,9 @@ def _fresh(
     )
 
 
-def _concatenate(parts: list[ParticleSet]) -> ParticleSet:
+def _concatenate(parts: list[ParticleSet], state_size: int) -> ParticleSet:
+    if not parts:
+        return ParticleSet.empty(state_size)
     return _fresh(
         state=np.concatenate([part.state for part in parts]),
         mode=np.concatenate([part.mode for part in parts]),

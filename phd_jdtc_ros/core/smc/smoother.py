@@ -14,6 +14,7 @@ import numpy as np
 
 from ..arrays import FloatArray, sum_by
 from .backward_kernel import Transition
+from .entry import Entry, Source
 from .particle_set import ParticleSet
 
 
@@ -108,9 +109,15 @@ def backward_step(
     -----
     Sec. IV-C, Step 4. Deviation: the superscript of w_{t+1|k} in the numerator is (q), not (s).
     """
-    backward = link.ratio @ later_weight
-    death = 1.0 - link.survival
-    factor = death_term(particles, link.survival, backward)
+    return _reweighted(particles, link.survival, link.ratio @ later_weight, death_term)
+
+
+def _reweighted(
+    particles: ParticleSet, survival: FloatArray, backward: FloatArray, death_term: DeathTerm
+) -> ParticleSet:
+    """Return the set with the weights of `backward_step`, given P_s and B of every row."""
+    death = 1.0 - survival
+    factor = death_term(particles, survival, backward)
     parts = particles.components
     data = particles.by_entry(death) * factor.take(parts.indices)
     data += particles.by_entry(backward)
@@ -120,21 +127,46 @@ def backward_step(
     return replace(particles, poisson=particles.poisson * (backward + death), components=components)
 
 
-def backward_pass(
-    stored: Sequence[ParticleSet], links: Sequence[Transition], death_term: DeathTerm
-) -> Iterator[ParticleSet]:
+def backward_pass(entries: Sequence[Entry], death_term: DeathTerm) -> Iterator[ParticleSet]:
     """Yield the smoothed sets of a window, newest first: lag 0, lag 1 and so on.
 
     Parameters
     ----------
-    stored : sequence of ParticleSet
-        Filtered sets, oldest first.
-    links : sequence of Transition
-        Between consecutive sets, oldest first.
+    entries : sequence of Entry
+        Oldest first. Sources that are none of them have left the window.
     death_term : DeathTerm
+
+    Notes
+    -----
+    The rows of a set may be continued by several later sets, each row by one of them at most.
     """
-    smoothed = stored[-1]
-    yield smoothed
-    for particles, link in zip(stored[-2::-1], links[::-1], strict=True):
-        smoothed = backward_step(particles, link, smoothed.weight, death_term)
+    told: dict[int, list[tuple[Source, FloatArray, FloatArray]]] = {}
+    kept = {entry.stamp_ns for entry in entries}
+    for entry in reversed(entries):
+        smoothed = entry.stored
+        if entry.stamp_ns in told:
+            survival, backward = _gathered(len(smoothed), told.pop(entry.stamp_ns))
+            smoothed = _reweighted(smoothed, survival, backward, death_term)
         yield smoothed
+        if entry.link is None or not any(source.stamp_ns in kept for source in entry.sources):
+            continue
+        backward, first = entry.link.ratio @ smoothed.weight, 0
+        for source in entry.sources:
+            part = slice(first, first + source.size)
+            first += source.size
+            if source.stamp_ns in kept:
+                told.setdefault(source.stamp_ns, []).append(
+                    (source, entry.link.survival[part], backward[part])
+                )
+
+
+def _gathered(
+    size: int, told: Sequence[tuple[Source, FloatArray, FloatArray]]
+) -> tuple[FloatArray, FloatArray]:
+    """Return P_s and B of all rows of a set; both are 1 for rows that no later set continues."""
+    if told[0][0].rows is None:
+        return told[0][1:]
+    survival, backward = np.ones(size), np.ones(size)
+    for source, part_survival, part_backward in told:
+        survival[source.rows], backward[source.rows] = part_survival, part_backward
+    return survival, backward

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Storage of particle sets and transitions as arrays of a snapshot, and their restoration.
+"""Storage of the filter's entries as arrays of a snapshot, and their restoration.
 
 A snapshot may come from a forged file: every value is checked against what the tracker itself could
 have stored, so that none of them ends it or becomes an estimate.
@@ -9,6 +9,7 @@ have stored, so that none of them ends it or becomes an estimate.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
@@ -16,10 +17,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from ..arrays import SparseArray
+from ..arrays import FloatArray, IntArray, SparseArray
 from ..models.modes import ModeSpace
-from ..snapshot import Snapshot
+from ..snapshot import MOST_STAMP_NS, Snapshot, whole
+from ..types import Estimates
 from .backward_kernel import Transition
+from .entry import Current, Entry, Source
 from .particle_set import ParticleSet
 
 AnyArray = npt.NDArray[Any]
@@ -32,6 +35,7 @@ MOST_INDEX = 1 << 60
 SLACK = 4
 # The draw of a kernel's entries is right on the average only.
 MASS_SLACK = 100.0
+ESTIMATES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
 PARTS = tuple(f.name for f in fields(ParticleSet) if f.name != "components")
 
 
@@ -89,23 +93,150 @@ def take_particles(snapshot: Snapshot, name: str, modes: ModeSpace, most: int) -
     return ParticleSet(components=components, **parts)
 
 
-def put_transition(snapshot: Snapshot, name: str, link: Transition) -> None:
-    """Store the transition between two particle sets."""
+def put_entry(snapshot: Snapshot, name: str, entry: Entry) -> None:
+    """Store what the filter keeps of one scan."""
+    snapshot.facts[name] = {
+        "stamp_ns": entry.stamp_ns,
+        "sources_ns": [source.stamp_ns for source in entry.sources],
+        "sizes": [source.size for source in entry.sources],
+    }
+    put_particles(snapshot, name, entry.stored)
+    for index, source in enumerate(entry.sources):
+        if source.rows is not None:
+            snapshot.arrays[f"{name}.source.{index}"] = source.rows
+    if entry.link is not None:
+        _put_transition(snapshot, f"{name}.link", entry.link)
+
+
+def take_entry(
+    snapshot: Snapshot, name: str, earlier: Mapping[int, Entry], modes: ModeSpace, most: int
+) -> Entry:
+    """Return what the filter kept of one scan.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+    name : str
+    earlier : mapping of stamp to Entry
+        Those stored before it. A source that is none of them has left the window; its link goes
+        with it.
+    modes : ModeSpace
+    most : int
+        Particles that it may have.
+
+    Raises
+    ------
+    ValueError
+        If it does not fit the tracker or the earlier entries.
+    """
+    facts = snapshot.facts[name]
+    stamp_ns = whole(f"{name}.stamp_ns", facts["stamp_ns"], 0, MOST_STAMP_NS)
+    stored = take_particles(snapshot, name, modes, most)
+    sources = tuple(
+        _take_source(snapshot, f"{name}.source.{index}", source_ns, size, stamp_ns, most)
+        for index, (source_ns, size) in enumerate(
+            zip(facts["sources_ns"], facts["sizes"], strict=True)
+        )
+    )
+    if f"{name}.link.survival" not in snapshot.arrays:
+        return Entry(stamp_ns, stored, sources)
+    weights = [np.zeros(0), *(_weight_of(source, earlier, name) for source in sources)]
+    link = _take_transition(snapshot, f"{name}.link", np.concatenate(weights), stored)
+    return Entry(stamp_ns, stored, sources, link)
+
+
+def _take_source(
+    snapshot: Snapshot, name: str, stamp_ns: Any, size: Any, before: int, most: int
+) -> Source:
+    stamp_ns = whole(f"{name}.stamp_ns", stamp_ns, 0, before - 1)
+    rows = _take_rows(snapshot, name) if name in snapshot.arrays else None
+    size = whole(f"{name}.size", size, 0, SLACK * most)
+    if rows is not None and len(rows) != size:
+        raise ValueError(f"{name}: {len(rows)} rows, expected {size}")
+    return Source(stamp_ns, rows, size)
+
+
+def _weight_of(source: Source, earlier: Mapping[int, Entry], name: str) -> FloatArray:
+    """Return the weights of a source's rows; zeros where its set has left the window."""
+    if source.stamp_ns not in earlier:
+        return np.zeros(source.size)
+    weight = earlier[source.stamp_ns].stored.weight
+    if source.rows is not None:
+        _require_whole(f"{name}.source", source.rows, 0, len(weight) - 1)
+        weight = weight[source.rows]
+    if len(weight) != source.size:
+        raise ValueError(f"{name}.sizes: {source.size} rows, expected {len(weight)}")
+    return weight
+
+
+def take_current(snapshot: Snapshot, entry: Entry) -> Current:
+    """Return the rows of an entry that no later scan has touched.
+
+    Raises
+    ------
+    ValueError
+        If the stored rows are not rows of the entry.
+    """
+    name = f"current.{entry.stamp_ns}"
+    if name not in snapshot.arrays:
+        return Current(entry)
+    rows = _take_rows(snapshot, name)
+    _require_whole(name, rows, 0, len(entry.stored) - 1)
+    return Current(entry, rows)
+
+
+def put_estimates(snapshot: Snapshot, name: str, estimates: Estimates) -> None:
+    """Store estimates, except for their stamp and lag."""
+    for part in ESTIMATES:
+        snapshot.arrays[f"{name}.{part}"] = getattr(estimates, part)
+
+
+def take_estimates(snapshot: Snapshot, name: str, stamp_ns: int, modes: ModeSpace) -> Estimates:
+    """Return stored filtered estimates of a stamp.
+
+    Raises
+    ------
+    ValueError
+        If they are none of these modes' tracker.
+    """
+    parts = {part: snapshot.array(f"{name}.{part}") for part in ESTIMATES}
+    count, size, classes = len(parts["track_id"]), len(modes.space), len(modes.classes)
+    shapes = {
+        "state": (count, size),
+        "covariance": (count, size, size),
+        "class_probability": (count, classes),
+    }
+    for part, array in parts.items():
+        if array.shape != shapes.get(part, (count,)):
+            raise ValueError(f"{name}.{part}: shape {array.shape}")
+    _require_numbers(f"{name}.state", parts["state"], -MOST_STATE, MOST_STATE)
+    _require_numbers(f"{name}.covariance", parts["covariance"], -(MOST_STATE**2), MOST_STATE**2)
+    _require_numbers(f"{name}.weight", parts["weight"], 0.0, MASS_SLACK)
+    _require_numbers(f"{name}.class_probability", parts["class_probability"], 0.0, MASS_SLACK)
+    _require_whole(f"{name}.class_id", parts["class_id"], 0, classes - 1)
+    _require_whole(f"{name}.track_id", parts["track_id"], 0, MOST_INDEX)
+    return Estimates(stamp_ns=stamp_ns, lag=0, space=modes.space, **parts)
+
+
+def _take_rows(snapshot: Snapshot, name: str) -> IntArray:
+    rows = snapshot.array(name)
+    _require_whole(name, rows, 0, MOST_INDEX)
+    if rows.ndim != 1 or (np.diff(rows) <= 0).any():
+        raise ValueError(f"{name}: must be a list of ascending rows")
+    ascending: IntArray = rows.astype(np.int64)
+    return ascending
+
+
+def _put_transition(snapshot: Snapshot, name: str, link: Transition) -> None:
     snapshot.arrays[f"{name}.survival"] = link.survival
     snapshot.arrays[f"{name}.orphans"] = np.array(link.orphans)
     _put_sparse(snapshot, f"{name}.ratio", link.ratio)
 
 
-def take_transition(
-    snapshot: Snapshot, name: str, earlier: ParticleSet, later: ParticleSet
+def _take_transition(
+    snapshot: Snapshot, name: str, earlier: FloatArray, later: ParticleSet
 ) -> Transition:
-    """Return a stored transition.
-
-    Raises
-    ------
-    ValueError
-        If its shape does not match the sizes of the sets.
-    """
+    """Return a stored transition from rows of these weights; raises ValueError if it is none."""
     ratio = _take_sparse(snapshot, f"{name}.ratio", sparse.csc_array)
     survival = snapshot.array(f"{name}.survival")
     if ratio.shape != (len(earlier), len(later)) or len(survival) != len(earlier):
@@ -119,7 +250,7 @@ def take_transition(
     _require_whole(f"{name}.orphans", orphans, 0, len(later))
     # What later targets are traced back to is no more than there is of them.
     with np.errstate(over="ignore", invalid="ignore"):
-        traced = float(earlier.weight @ (ratio @ later.weight))
+        traced = float(earlier @ (ratio @ later.weight))
     if not traced <= MASS_SLACK * (1.0 + float(later.weight.sum())):
         raise ValueError(f"{name}.ratio: {traced:.3g} targets are traced back")
     return Transition(ratio, survival, int(orphans))

@@ -59,11 +59,12 @@ def update(
     """
     detections = model.amplitudes.used(detections)
     predicted = radar.measure(particles.state)
-    in_range = predicted[:, 0] <= radar.max_range
-    predicted[~in_range, 0] = np.inf  # outside the gate of every detection
+    seen = radar.missable(predicted, detections.coverage)
+    predicted[predicted[:, 0] > radar.max_range, 0] = np.inf  # outside every detection's gate
     targets = float(particles.weight.sum())
     detections, radar, share = thinned(predicted, targets, detections, radar)
-    row, column, log_likelihood = radar.gated_pairs(predicted, detections)
+    rate = None if detections.time_s is None else radar.measurement_rate(particles.state)
+    row, column, log_likelihood = radar.gated_pairs(predicted, detections, rate)
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
     )
@@ -80,13 +81,10 @@ def update(
         column=column,
         mass=particles.weight.take(row) * np.exp(log_likelihood - scale.take(column)),
         other=other.sum(axis=0),
-        detection_probability=np.where(
-            in_range,
-            share
-            * model.amplitudes.detection_probability(
-                particles.mode, particles.log_snr, radar, model.modes
-            ),
-            0.0,
+        detection_probability=seen
+        * share
+        * model.amplitudes.detection_probability(
+            particles.mode, particles.log_snr, predicted[:, 0], radar, model.modes
         ),
     )
     corrected, claimed = corrector.correct(particles, claims)
@@ -144,7 +142,8 @@ def _with_newborn(
         newborn, model.detection_births, model.modes, each, rng
     )
     count, births = len(weight), len(newborn)
-    amplitude = None if newborn.amplitude is None else newborn.amplitude.take(detection)
+    amplitude = newborn.detections.amplitude
+    amplitude = None if amplitude is None else amplitude.take(detection)
     log_snr = model.amplitudes.born(mode, model.modes, rng, amplitude)
     labels = origin + np.arange(births) if corrector.labelled else np.full(births, -1)
     added = sparse.csr_array((weight, detection, np.arange(count + 1)), shape=(count, births))

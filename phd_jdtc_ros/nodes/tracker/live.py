@@ -243,7 +243,8 @@ class LiveTracker:
             self._end_run(event)
             return start
         step = event.step
-        self._outputs.publish_filtered(step.filtered)
+        for filtered in step.filtered:
+            self._outputs.publish_filtered(filtered)
         for smoothed in step.smoothed:
             self._outputs.publish_estimates(SMOOTHED, smoothed)
         now = time.thread_time()
@@ -252,7 +253,7 @@ class LiveTracker:
         self._pace.stepped(event.stamp_ns, step_ms)
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
-        self._outputs.publish_cardinality(step, step_ms)
+        self._outputs.publish_cardinality(event.stamp_ns, step, step_ms)
         return now
 
     def _end_run(self, event: RunEnded) -> None:

@@ -188,18 +188,16 @@ class Outputs:
             for message in tracks.to_odometry(found, self._frame):
                 self._odometry.publish(message)
 
-    def publish_cardinality(self, step: Step, step_ms: float) -> None:
+    def publish_cardinality(self, stamp_ns: int, step: Step, step_ms: float) -> None:
         """Publish the figures of a step."""
         mass = {name: float(m) for name, m in zip(self._class_names, step.class_mass, strict=True)}
         values = {
             "total": float(np.sum(step.class_mass)),
             **mass,
             **step.figures,
-            "unresolved": step.filtered.unresolved,
+            "unresolved": sum(estimates.unresolved for estimates in step.filtered),
             "step_ms": step_ms,
         }
         self._cardinality.publish(
-            diagnostics.array(
-                step.filtered.stamp_ns, [diagnostics.status("tracker/cardinality", values)]
-            )
+            diagnostics.array(stamp_ns, [diagnostics.status("tracker/cardinality", values)])
         )

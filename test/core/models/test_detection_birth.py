@@ -31,7 +31,7 @@ def unknown():
 
 
 def one_detection(mass=(0.3, 0.6), place=(6000.0, 0.5)):
-    return Newborn(RADAR, np.array([place]), np.array([mass]))
+    return Newborn(RADAR, Detections(np.array([place]), None), np.array([mass]))
 
 
 def test_sample_carries_the_newborn_mass():
@@ -46,26 +46,21 @@ def test_sample_carries_the_newborn_mass():
 def test_affordable_gives_fewer_particles_first_and_then_leaves_out_the_least_mass():
     model = replace(BIRTHS, particles=64, most=640)
     mass = np.stack([np.linspace(0.01, 0.5, 100), np.zeros(100)], axis=1)
-    every = Newborn(RADAR, np.ones((100, 2)), mass, np.arange(100.0))
+    every = Newborn(RADAR, Detections(np.ones((100, 2)), np.arange(100.0)), mass)
 
-    few, count = detection_birth.affordable(
-        Newborn(RADAR, every.measurement[:10], mass[:10]), model
-    )
+    few, count = detection_birth.affordable(every.take(np.arange(10)), model)
     assert (len(few), count) == (10, 64)
-    some, count = detection_birth.affordable(
-        Newborn(RADAR, every.measurement[:25], mass[:25]), model
-    )
+    some, count = detection_birth.affordable(every.take(np.arange(25)), model)
     assert (len(some), count) == (25, 16)
     kept, count = detection_birth.affordable(every, model)
     assert (len(kept), count) == (40, 16)
     np.testing.assert_array_equal(kept.mass, mass[60:])
-    np.testing.assert_array_equal(kept.amplitude, np.arange(60.0, 100.0))
+    np.testing.assert_array_equal(kept.detections.amplitude, np.arange(60.0, 100.0))
 
 
 def test_intensity_is_the_same_in_chunks(monkeypatch):
-    found = Newborn(
-        RADAR, np.array([[6e3, 0.5], [6.2e3, 0.52]]), np.array([[0.3, 0.6], [0.1, 0.2]])
-    )
+    report = Detections(np.array([[6e3, 0.5], [6.2e3, 0.52]]), None)
+    found = Newborn(RADAR, report, np.array([[0.3, 0.6], [0.1, 0.2]]))
     rng = np.random.default_rng(0)
     state, mode, _, _ = detection_birth.sample(found, BIRTHS, MODES, 64, rng)
     whole = detection_birth.intensity(found, BIRTHS, MODES, state, mode)
@@ -91,9 +86,8 @@ def test_sample_is_about_the_detection():
 
 
 def test_intensity_equals_the_density_written_out():
-    found = Newborn(
-        RADAR, np.array([[6000.0, 0.5], [9000.0, np.pi]]), np.array([[0.3, 0.6], [0.2, 0.1]])
-    )
+    report = Detections(np.array([[6000.0, 0.5], [9000.0, np.pi]]), None)
+    found = Newborn(RADAR, report, np.array([[0.3, 0.6], [0.2, 0.1]]))
     state, mode, _, _ = detection_birth.sample(
         found, BIRTHS, MODES, BIRTHS.particles, np.random.default_rng(1)
     )
@@ -101,7 +95,7 @@ def test_intensity_equals_the_density_written_out():
     state, mode = state[chosen], mode[chosen]
     measured = RADAR.measure(state)
     expected = np.zeros(len(state))
-    for (distance, azimuth), mass in zip(found.measurement, found.mass, strict=True):
+    for (distance, azimuth), mass in zip(report.measurement, found.mass, strict=True):
         turn = np.angle(np.exp(1j * (measured[:, 1] - azimuth)))
         density = norm.pdf(measured[:, 0], distance, RADAR.range_std)
         density *= norm.pdf(turn, 0.0, RADAR.azimuth_std) / measured[:, 0]
@@ -186,9 +180,9 @@ def test_tracker_finds_targets_without_known_birth_places():
     for _, scan in run:
         step = engine.step(scan)
     truth = run[-1][0]
-    distance = np.hypot(
-        *(step.filtered.state[:, None, [0, 2]] - truth.state[None][:, :, [0, 2]]).transpose(2, 0, 1)
-    )
+    (found,) = step.filtered
+    offset = found.position[:, None] - truth.position[None]
+    distance = np.hypot(*offset.transpose(2, 0, 1))
 
-    assert len(step.filtered) == 3
+    assert len(step.filtered[0]) == 3
     assert distance.min(axis=0).max() < 600.0

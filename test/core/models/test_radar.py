@@ -11,6 +11,7 @@ from scenes import intensity, small
 
 from phd_jdtc_ros.core.models import amplitude_density
 from phd_jdtc_ros.core.models.radar import GATE_SIGMA, RadarModel, wrap_angle
+from phd_jdtc_ros.core.models.visibility import Visibility
 from phd_jdtc_ros.core.pair_search import kernels
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
 from phd_jdtc_ros.core.smc.update import update
@@ -22,7 +23,7 @@ RADAR = RadarModel(
     yaw=0.7,
     range_std=300.0,
     azimuth_std=np.radians(1.0),
-    max_range=17e3,
+    visibility=Visibility(max_range=17e3),
     clutter_rate=20.0,
     clutter_max_range=15e3,
     threshold=amplitude_density.threshold_for(1e-3),

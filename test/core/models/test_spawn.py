@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import intensity, small
+from scenes import intensity, predict, small
 
 from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.smc.correction import POISSON
-from phd_jdtc_ros.core.smc.prediction import predict
 from phd_jdtc_ros.core.state_space import OMEGA
 
 CONFIG = small({"spawn.particles_per_target": 20_000})

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scenes import reference_scenario
 
+from phd_jdtc_ros.core.models.visibility import Visibility
 from phd_jdtc_ros.core.simulation.scenario import truth_at
 from phd_jdtc_ros.core.simulation.simulate import detect, simulate, simulate_with_sources
 from phd_jdtc_ros.core.state_space import PLANAR
@@ -143,7 +144,7 @@ def test_detect_noise_has_the_radar_covariance():
 
 
 def test_detect_does_not_see_beyond_the_range():
-    radar = replace(RADAR, max_range=9e3, clutter_rate=0.0)
+    radar = replace(RADAR, visibility=Visibility(max_range=9e3), clutter_rate=0.0)
     found = detect(standing(100), np.full(100, 1e4), radar, np.random.default_rng(0))[0]
     assert len(found) == 0
 

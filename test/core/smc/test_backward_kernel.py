@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import gaussian_cloud, intensity, short_scenario, small
+from scenes import gaussian_cloud, intensity, predict, short_scenario, small
 
 from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.pair_search import kernels
@@ -15,7 +15,6 @@ from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning, spawn_intensity
 from phd_jdtc_ros.core.smc.correction import BERNOULLI, POISSON
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
-from phd_jdtc_ros.core.smc.prediction import predict
 from phd_jdtc_ros.core.smc.resampling import resample
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_step
 from phd_jdtc_ros.core.smc.update import update_scan

@@ -28,7 +28,7 @@ def run(engine, scans=SCANS):
     """Return the filtered, the smoothed and the flushed estimates of a run."""
     steps = [engine.step(scan) for scan in scans]
     smoothed = [estimate for step in steps for estimate in step.smoothed]
-    return [step.filtered for step in steps], smoothed, list(engine.flush())
+    return [step.filtered[0] for step in steps], smoothed, list(engine.flush())
 
 
 def all_same(first, second):
@@ -72,7 +72,7 @@ def test_engine_keeps_to_its_particles_when_targets_leave_all_coverage():
     steps = list(map(new_engine(small({**given, "max_particles": most})).step, scans))
     assert max(step.figures["particles"] for step in steps) <= 1.1 * most
     # Targets have more mass than unconfirmed births and are tracked as without a limit.
-    assert [len(step.filtered) for step in steps] == [len(step.filtered) for step in usual]
+    assert [len(step.filtered[0]) for step in steps] == [len(step.filtered[0]) for step in usual]
 
 
 def tracks(found):
@@ -203,7 +203,7 @@ def test_engine_goes_on_after_a_refused_stamp():
         engine.step(SCANS[0])
     with pytest.raises(ValueError, match="not later"):
         refused.step(SCANS[0])
-    assert same(refused.step(SCANS[1]).filtered, untouched.step(SCANS[1]).filtered)
+    assert same(refused.step(SCANS[1]).filtered[0], untouched.step(SCANS[1]).filtered[0])
 
 
 def test_engine_does_not_update_with_a_radar_that_did_not_report():
@@ -252,9 +252,9 @@ def test_engine_runs_a_plain_phd(death_term, extraction):
         step = engine.step(scan)
         if index < 2:
             continue
-        for found in (step.filtered, step.smoothed[0]):
+        for found in (step.filtered[0], step.smoothed[0]):
             assert len(found) == 1
-        error = step.filtered.state[0, [0, 2]] - truth.state[0, [0, 2]]
+        error = step.filtered[0].state[0, [0, 2]] - truth.state[0, [0, 2]]
         assert np.hypot(*error) < 700.0  # twice the radar's own error
 
 

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import intensity, scattered, small
+from scenes import intensity, predict, scattered, small
 from scipy import sparse
 
 from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.origins import ORIGINS_PER_SCAN
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
-from phd_jdtc_ros.core.smc.prediction import predict
 
 CONFIG = small({"corrector": "poisson"})
 FILTER = particle_filter(CONFIG)

@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import gaussian_cloud, intensity, no_detections, plain
+from scenes import gaussian_cloud, intensity, no_detections, plain, predict
 from scipy import sparse
 
 from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.backward_kernel import Transition
-from phd_jdtc_ros.core.smc.prediction import predict
 from phd_jdtc_ros.core.smc.resampling import resample
 from phd_jdtc_ros.core.smc.smoother import (
     DEATH_TERMS,

@@ -10,6 +10,7 @@ from scipy.stats import norm
 
 from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.models.modes import ClassModel
+from phd_jdtc_ros.core.models.visibility import Visibility
 from phd_jdtc_ros.core.smc import update as update_step
 from phd_jdtc_ros.core.smc.budget import ParticleBudget
 from phd_jdtc_ros.core.smc.correction import POISSON
@@ -110,7 +111,7 @@ def test_update_with_no_detections_multiplies_by_the_missing_probability(previou
 
 def test_update_does_not_penalise_particles_out_of_range():
     phd = scattered()
-    radar = replace(RADAR, max_range=9.5e3)
+    radar = replace(RADAR, visibility=Visibility(max_range=9.5e3))
     beyond = radar.measure(phd.state)[:, 0] > 9.5e3
     updated = update(phd, reports(), radar, MODES)
     assert 0.2 < beyond.mean() < 0.8

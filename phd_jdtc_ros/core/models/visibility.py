@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a radar can see: its field of view, and the probability to detect over range."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from ..arrays import FloatArray
+from ..types import FULL_TURN, Coverage
+
+WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
+# Widths closer to a turn than this are one: degrees in files are rounded.
+TURN_TOLERANCE = 1e-9
+
+
+def within(azimuth: FloatArray, sector: Coverage, azimuth_std: float = 0.0) -> FloatArray:
+    """Return the probability that an azimuth is measured inside a sector; shape kept.
+
+    Parameters
+    ----------
+    azimuth : array
+        True azimuths, radians.
+    sector : Coverage
+    azimuth_std : float
+        Standard deviation of the measured azimuth, radians. A target near the edge of a sector is
+        reported in it or in the next one by chance.
+    """
+    if sector.width > FULL_TURN - TURN_TOLERANCE:
+        return np.ones_like(azimuth)
+    offset = np.mod(azimuth - sector.start, FULL_TURN)
+    if azimuth_std == 0.0:
+        return (offset <= sector.width).astype(np.float64)
+    share = np.zeros_like(offset)
+    for turned in (offset, offset - FULL_TURN):
+        share += ndtr(turned / azimuth_std) - ndtr((turned - sector.width) / azimuth_std)
+    return share
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """A radar's field of view, and its detection probability where that is given.
+
+    Parameters
+    ----------
+    min_range, max_range : float
+        Targets nearer or farther are not detected, metres.
+    fov : Coverage
+        The azimuths that it sees.
+    blind : tuple of Coverage
+        The azimuths in its field of view that are hidden.
+    ranges, probabilities : tuples of K floats
+        The detection probability by range, metres, linear between the entries and constant
+        outside. Empty if it follows from the classes' signal-to-noise ratios.
+    """
+
+    max_range: float
+    min_range: float = 0.0
+    fov: Coverage = WHOLE_TURN
+    blind: tuple[Coverage, ...] = ()
+    ranges: tuple[float, ...] = ()
+    probabilities: tuple[float, ...] = ()
+
+    @property
+    def given(self) -> bool:
+        """Whether the detection probability is given."""
+        return len(self.probabilities) > 0
+
+    def probability(self, distance: FloatArray) -> FloatArray:
+        """Return the given detection probability at these ranges, metres; shape kept."""
+        return np.interp(distance, self.ranges, self.probabilities)
+
+    def sees(self, measured: FloatArray) -> FloatArray:
+        """Return 1 for each (range, azimuth) row in the field of view and 0 else, shape (N,)."""
+        distance, azimuth = measured[:, 0], measured[:, 1]
+        seen = ((distance >= self.min_range) & (distance <= self.max_range)).astype(np.float64)
+        seen *= within(azimuth, self.fov)
+        for sector in self.blind:
+            seen *= 1.0 - within(azimuth, sector)
+        return seen

@@ -1,0 +1,114 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which origins a scan touches: those that an antenna may have passed.
+
+The others are neither predicted nor resampled nor linked for it, so that a scan of a sector costs
+what the antenna passed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import FloatArray
+from ..models.radar import GATE_SIGMA, LEAST_RANGE, RadarModel
+from ..models.tracker_model import TrackerModel
+from ..types import FULL_TURN, Coverage, Scan
+from .correction import Corrector
+from .entry import Current, Extents
+
+BoolArray = npt.NDArray[np.bool_]
+# Of the position of an origin; farther out, next to none of its particles are.
+SPREAD_SIGMA = 4.0
+# An origin that no antenna has passed for this many turns is predicted all the same.
+LONGEST_TURNS = 1.5
+
+
+def parted(
+    current: list[Current], scan: Scan, model: TrackerModel, corrector: Corrector
+) -> tuple[list[Current], list[Current]]:
+    """Return the rows that a scan touches, and those that it does not.
+
+    Parameters
+    ----------
+    current : list of Current
+        Oldest first.
+    scan : Scan
+    model : TrackerModel
+    corrector : Corrector
+        Without labels there are no origins to leave alone, and everything is touched.
+    """
+    sectors = passed(scan, model)
+    if not corrector.labelled or sectors is None:
+        return current, []
+    longest_s = LONGEST_TURNS * max(
+        (radar.rotation_s for radar in model.radars), default=model.modes.interval_s
+    )
+    touched, others = [], []
+    for rows in current:
+        dt = (scan.stamp_ns - rows.entry.stamp_ns) * 1e-9
+        if dt >= longest_s:
+            touched.append(rows)
+            continue
+        extents = rows.entry.extents(model.modes.space)
+        spread = _spread(extents, dt, model)
+        near = np.zeros(len(extents.origin), dtype=bool)
+        for radar, coverage in sectors:
+            near |= _passed(extents.position + dt * extents.velocity, spread, radar, coverage)
+        inside, outside = rows.parted(near)
+        touched += [inside] if inside is not None else []
+        others += [outside] if outside is not None else []
+    return touched, others
+
+
+def passed(scan: Scan, model: TrackerModel) -> list[tuple[RadarModel, Coverage]] | None:
+    """Return the sectors that the antennas passed in a scan; None if it is no scan of sectors."""
+    reports = [
+        (radar, detections.coverage)
+        for radar, detections in zip(model.radars, scan.detections, strict=True)
+        if detections is not None
+    ]
+    sectors = [(radar, coverage) for radar, coverage in reports if coverage is not None]
+    return sectors if sectors and len(sectors) == len(reports) else None
+
+
+def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
+    """Return the birth terms at places that an antenna may have passed in a scan."""
+    sectors = passed(scan, model)
+    if sectors is None:
+        return list(range(len(model.births)))
+    place = list(model.modes.space.position)
+    near = []
+    for index, term in enumerate(model.births):
+        spread = np.array([SPREAD_SIGMA * float(np.hypot(*term.std[place]))])
+        if any(_passed(term.mean[place][None], spread, *sector)[0] for sector in sectors):
+            near.append(index)
+    return near
+
+
+def _spread(extents: Extents, dt: float, model: TrackerModel) -> FloatArray:
+    """Return the radius within which the particles of each origin are `dt` later, shape (T,)."""
+    axis = model.modes.space.position[0]
+    noise = max(
+        float(motion.noise_covariance(dt)[motion.support.index(axis), motion.support.index(axis)])
+        for motion in set(model.modes.motions)
+    )
+    spread: FloatArray = SPREAD_SIGMA * (
+        extents.position_std + dt * extents.velocity_std + np.sqrt(2.0 * noise)
+    )
+    return spread
+
+
+def _passed(
+    position: FloatArray, spread: FloatArray, radar: RadarModel, coverage: Coverage
+) -> BoolArray:
+    """Return whether the coverage comes within `spread` of each position, shape (T,)."""
+    line = position - np.asarray(radar.position)
+    distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)
+    margin = np.arcsin(np.minimum(spread / distance, 1.0)) + GATE_SIGMA * radar.azimuth_std
+    azimuth = np.arctan2(line[:, 1], line[:, 0]) - radar.yaw
+    offset = np.mod(azimuth - coverage.start + margin, FULL_TURN)
+    near: BoolArray = (offset <= coverage.width + 2.0 * margin) | (spread >= distance)
+    return near
