@@ -17,6 +17,7 @@ from rich.console import Console
 from . import (
     bad_scans,
     bags,
+    bombs,
     clutter,
     crowd,
     decoders,
@@ -56,8 +57,10 @@ def faults(_: argparse.Namespace) -> Iterator[Measure]:
     yield bags.measure_recovery
     yield bags.measure_bomb
     yield overload.measure
+    yield overload.measure_said
     yield clutter.measure
     yield crowd.measure
+    yield bombs.measure
     yield stamps_and_time.measure_silence
     yield publishers.measure
     yield restarts.measure_kills

@@ -82,7 +82,7 @@ def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[st
             faults.append(f"-p {assignment}: must be NAME:=VALUE")
             continue
         try:
-            found[name] = yaml_files.parse(value, f"-p {yaml_files.short(assignment)}")
+            found[name] = yaml_files.parse(value, f"-p {yaml_files.one_line(assignment)}")
         except ConfigError as error:
             faults += error.faults
     if faults:

@@ -31,9 +31,10 @@ _PARAMETERS = """\
 
 Written by `make parameters` from the tables in the code. Parameters marked * can change while the
 tracker runs, from the next scan on. A change is checked together with all other values, and if it
-is refused, every reason is given. All other parameters are fixed at the start, except `seek_s` of
-`sensor_replay`. Whole numbers are accepted for all numbers. All faults of a configuration are
-listed at once, and the node then ends with status 2.
+is refused, every reason is given. The tracker's other parameters change only while it is not
+configured; those of the other nodes are fixed at the start, except `seek_s` of `sensor_replay`.
+Whole numbers are accepted for all numbers. All faults of a configuration are listed at once, and
+the node then ends with status 2.
 """
 
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.simulation import scenario, scenario_file
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.exit_status import OK
+from phd_jdtc_ros.exit_status import OK, ArgumentParser
 
 from . import command
 
@@ -57,7 +56,7 @@ def write_bag(
 
 def main(argv: Sequence[str]) -> int:
     """Run the simulation tool."""
-    parser = argparse.ArgumentParser("simulate", description=__doc__)
+    parser = ArgumentParser("simulate", description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
     command.add_parameter_arguments(parser)

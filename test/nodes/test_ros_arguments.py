@@ -30,6 +30,43 @@ def test_fault_of_a_ros_argument_is_one_line(processes, name, case):
     assert len(text.splitlines()) == 1
 
 
+LONG = {
+    "digits": ("-p", f"lag:={'9' * 5000}"),
+    "text": ("-p", f"lag:={'a' * 5000}"),
+    "name": ("-p", f"{'a' * 5000}:=1"),
+    "names": ("-p", f"radars:=[{'a' * 5000}, {'a' * 5000}]"),
+    "topic": ("-p", f"radar_1.topic:={'a' * 5000}"),
+    "node": ("-r", f"__node:={'a' * 5000}"),
+    "remap": ("-r", "a" * 5000),
+    "file": ("--params-file", "a" * 5000),
+}
+
+
+@pytest.mark.parametrize("case", LONG)
+def test_long_values_are_quoted_in_part(processes, case):
+    status, text = processes.run("tracker", "--ros-args", *LONG[case])
+
+    assert status == 2
+    assert max(map(len, text.splitlines())) < 600
+    assert text.splitlines()[-1].startswith("tracker: ")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("tracker", "a" * 5000),
+        ("evaluator", "--ros-args", "-p", f"cutoff:={'9' * 5000}"),
+        ("sensor_replay", "a" * 5000),
+        ("sensor_replay", "bag", "--rate", "a" * 5000),
+    ],
+)
+def test_long_words_of_other_nodes_are_quoted_in_part(processes, words):
+    status, text = processes.run(*words)
+
+    assert status == 2
+    assert max(map(len, text.splitlines())) < 600
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_broken_parameter_file_is_one_line(processes, tmp_path, name):
     path = tmp_path / "p.yaml"

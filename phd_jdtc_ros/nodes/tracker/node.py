@@ -22,7 +22,7 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, names
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.exit_status import USAGE
+from phd_jdtc_ros.exit_status import USAGE, faults_of
 
 from ..common import arguments, parameters, runtime
 from ..common.parameter_files import ParameterFile
@@ -128,7 +128,7 @@ class Tracker(LifecycleNode):
             self._live = LiveTracker(self, self._settings)
         except Exception as error:  # the transition's response has no room for the reason
             self._fault = error
-            self.get_logger().error(f"not configured: {error}")
+            self.get_logger().error("not configured: " + "\n".join(faults_of(error)))
             return TransitionCallbackReturn.FAILURE
         parameters.set_read_only(self, self._structure(), True)
         model = self._settings.config.model
