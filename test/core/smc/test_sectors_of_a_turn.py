@@ -107,6 +107,12 @@ def test_window_is_as_long_as_the_lag_and_no_longer():
     assert all(any(s.stamp_ns in stamps for s in entry.sources) for entry in linked)
 
 
+def test_lag_in_seconds_is_that_of_the_stamps():
+    engine, filtered, smoothed = run({"lag_s": 3.0 * ROTATION_S})
+    assert len(filtered) - len(smoothed) == 3
+    assert len(engine.flush()) == 3
+
+
 def test_flush_gives_the_stamps_that_were_held_back():
     engine, filtered, smoothed = run()
     rest = engine.flush()
