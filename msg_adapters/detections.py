@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,45 +17,21 @@ from std_msgs.msg import Header
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.models.radar import wrap_angle
-from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.sectors import sector_of
+from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
-from . import point_cloud, stamps
+from . import plot_times, point_cloud, stamps
 from .errors import RejectedMessageError, quoted
+from .selection import Columns, Report, select
 
-# 120 dB above the noise, more than any receiver reports.
-MAX_AMPLITUDE = 1e6
-FULL_TURN = 2.0 * np.pi
-# A compass azimuth just below a whole turn may be rounded to a float above it.
-A_TURN = FULL_TURN * (1.0 + 1e-6)
-# Of more turns, single precision leaves an angle of 0.03 degrees at the best, and soon none at all.
-MAX_TURNS = 1000.0
 # Some drivers send levels as whole decibels.
 NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
-BoolArray = npt.NDArray[np.bool_]
+# Single precision leaves two minutes of the time since the epoch.
+DOUBLES = ("f8",)
+# What a cloud may lack although the radar's configuration names its field.
+OPTIONAL = ("level", "time", "sector", "height", "range_std", "azimuth_std")
 # The layout of the clouds that are written where no radar's own is asked for.
 OWN_LAYOUT = RadarInput(name="", topic="", frame="")
-
-
-@dataclass(frozen=True)
-class Report:
-    """A decoded cloud.
-
-    Parameters
-    ----------
-    stamp_ns : int
-    detections : Detections
-        `amplitude` is None where the cloud has no amplitude field.
-    dropped : Counter
-        Points left out, by reason: ``not_finite``, ``range``, ``azimuth``, ``amplitude``.
-    beyond_a_turn : int
-        Detections kept whose azimuths are beyond 2 pi in radians, and so probably are degrees.
-    """
-
-    stamp_ns: int
-    detections: Detections
-    dropped: Counter[str]
-    beyond_a_turn: int = 0
 
 
 def to_msg(
@@ -74,13 +51,14 @@ def to_msg(
     -------
     PointCloud2
         Fields are ``x y z`` in the sensor's frame, then the radar's names for ``range azimuth
-        elevation amplitude``, FLOAT32. The elevation is 0. There is no amplitude where the radar
-        has none.
+        elevation amplitude``, and those for the time, the sector, the height and the deviations of
+        each detection that it has. All are FLOAT32, but for the sector, UINT32, and times since
+        the epoch, FLOAT64. The elevation is 0, and the height that of the antenna.
 
     Raises
     ------
     ValueError
-        If the radar has amplitudes and the detections have none.
+        If the radar has amplitudes or sectors and the detections have none.
     """
     distance, azimuth = detections.measurement.T
     zero = np.zeros(len(detections))
@@ -95,7 +73,33 @@ def to_msg(
     columns.setdefault(radar.elevation_field or "elevation", zero)
     if radar.amplitude_field:
         columns[radar.amplitude_field] = sent_level(detections, radar)
-    return point_cloud.encode(stamp_ns, frame, columns)
+    columns.update(_sent_particulars(detections, stamp_ns, radar))
+    wide = {radar.time_field} if radar.time_since_epoch else frozenset()
+    return point_cloud.encode(stamp_ns, frame, columns, wide)
+
+
+def _sent_particulars(
+    detections: Detections, stamp_ns: int, radar: RadarInput
+) -> Iterator[tuple[str, npt.NDArray[Any]]]:
+    """Yield the columns of a radar that says more of its detections than where they are."""
+    count = len(detections)
+    if radar.time_field:
+        time_s = np.zeros(count) if detections.time_s is None else detections.time_s
+        yield radar.time_field, plot_times.sent(time_s, stamp_ns, radar)
+    if radar.sector_field:
+        if detections.coverage is None or not radar.sectors:
+            raise ValueError("detections.coverage: None given, the cloud needs a sector")
+        sector = sector_of(detections.coverage, radar.sectors, radar.compass)
+        yield radar.sector_field, np.full(count, sector, dtype=np.uint32)
+    if radar.height_field:
+        yield radar.height_field, np.full(count, radar.height)
+    own = detections.noise_std
+    std = np.full((count, 2), np.nan) if own is None else own
+    if radar.range_std_field:
+        yield radar.range_std_field, std[:, 0]
+    if radar.azimuth_std_field:
+        degrees = radar.azimuth_in_degrees
+        yield radar.azimuth_std_field, np.degrees(std[:, 1]) if degrees else std[:, 1]
 
 
 def sent_azimuth(azimuth: FloatArray, radar: RadarInput) -> FloatArray:
@@ -130,10 +134,12 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     Parameters
     ----------
     cloud : PointCloud2
-        Range and azimuth (and elevation) are floats; the amplitude may be a whole number.
+        Range and azimuth (and elevation) are floats, as are times, heights and deviations; the
+        amplitude and the sector may be whole numbers. Without a field that is none of a
+        detection's coordinates, what it says is unknown; that is a doubt.
     radar : RadarInput
-        Field names, units and conventions. Where it names an elevation field, ranges are slant
-        ranges.
+        Field names, units and conventions. Where it names an elevation or a height field, ranges
+        are slant ranges.
 
     Raises
     ------
@@ -142,30 +148,37 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
         `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, radar)
-    wanted: dict[str, Sequence[str]] = dict.fromkeys(
-        (radar.range_field, radar.azimuth_field), point_cloud.FLOATS
-    )
-    if radar.elevation_field:
-        wanted[radar.elevation_field] = point_cloud.FLOATS
-    has_amplitude = bool(radar.amplitude_field) and (
-        radar.amplitude_field in point_cloud.field_names(cloud)
-    )
-    if has_amplitude:
-        wanted[radar.amplitude_field] = NUMBERS
-    # Converting a signalling NaN warns; the point is dropped below like any other NaN.
+    named = _named(radar)
+    there = set(point_cloud.field_names(cloud))
+    missing = [what for what in OPTIONAL if what in named and named[what][0] not in there]
+    wanted = dict(entry for what, entry in named.items() if what not in missing)
+    # Converting a signalling NaN warns; the point is dropped, or the value unknown, like any NaN.
     with np.errstate(invalid="ignore"):
         columns = {
             name: column.astype(np.float64)
             for name, column in point_cloud.decode(cloud, wanted).items()
         }
-    return select(
-        stamp_of(cloud.header),
-        radar,
-        distance=columns[radar.range_field],
-        azimuth=columns[radar.azimuth_field],
-        elevation=columns.get(radar.elevation_field),
-        level=columns[radar.amplitude_field] if has_amplitude else None,
-    )
+    found = {what: columns[name] for what, (name, _) in named.items() if name in columns}
+    report = select(stamp_of(cloud.header), radar, Columns(**found))
+    lacking = Counter(f"{what}_missing" for what in missing if what != "level")
+    return replace(report, doubts=report.doubts + lacking) if lacking else report
+
+
+def _named(radar: RadarInput) -> dict[str, tuple[str, Sequence[str]]]:
+    """Return the name and the allowed types of every field that a radar has, by its column."""
+    floats = point_cloud.FLOATS
+    fields: dict[str, tuple[str, Sequence[str]]] = {
+        "distance": (radar.range_field, floats),
+        "azimuth": (radar.azimuth_field, floats),
+        "elevation": (radar.elevation_field, floats),
+        "level": (radar.amplitude_field, NUMBERS),
+        "time": (radar.time_field, DOUBLES if radar.time_since_epoch else floats),
+        "sector": (radar.sector_field, NUMBERS),
+        "height": (radar.height_field, floats),
+        "range_std": (radar.range_std_field, floats),
+        "azimuth_std": (radar.azimuth_std_field, floats),
+    }
+    return {what: entry for what, entry in fields.items() if entry[0]}
 
 
 def stamp_of(header: Header) -> int:
@@ -188,82 +201,3 @@ def require_frame(frame: str, radar: RadarInput) -> None:
     """Raise `RejectedMessageError` if a message is in another frame than its radar's."""
     if frame != radar.frame:
         raise RejectedMessageError("frame", f"frame_id {quoted(frame)}, must be {radar.frame!r}")
-
-
-def select(
-    stamp_ns: int,
-    radar: RadarInput,
-    *,
-    distance: FloatArray,
-    azimuth: FloatArray,
-    elevation: FloatArray | None,
-    level: FloatArray | None,
-) -> Report:
-    """Return the valid detections among points, in the core's units, and count the others.
-
-    Parameters
-    ----------
-    stamp_ns : int
-    radar : RadarInput
-        Units, conventions and the maximum range.
-    distance : ndarray of shape (M,)
-        Metres; slant ranges where there are elevations.
-    azimuth : ndarray of shape (M,)
-        As the radar reports them.
-    elevation : ndarray of shape (M,) or None
-        Radians above the sensor's plane.
-    level : ndarray of shape (M,) or None
-        Amplitudes as the radar reports them.
-    """
-    if radar.azimuth_in_degrees:
-        azimuth = np.radians(azimuth)
-    turns = np.abs(azimuth)
-    if radar.compass:
-        azimuth = np.pi / 2.0 - azimuth
-    angle = np.zeros(len(distance)) if elevation is None else elevation
-    raw = np.zeros(len(distance)) if level is None else level
-    amplitude = raw if level is None else _linear_amplitude(raw, radar)
-
-    # A level of -inf dB would give a valid envelope of zero; it is dropped as not finite.
-    finite = np.isfinite(distance) & np.isfinite(azimuth) & np.isfinite(angle)
-    finite &= ~np.isnan(raw) & (raw != -np.inf)
-    ground_range = np.where(finite, distance, 0.0) * np.cos(np.where(finite, angle, 0.0))
-    # An elevation beyond the zenith is not valid, and makes the ground range negative.
-    in_range = (distance >= 0.0) & (ground_range >= 0.0) & (ground_range <= radar.max_range)
-    possible = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
-
-    kept, dropped = _sorted_out(
-        {
-            "not_finite": finite,
-            "range": in_range,
-            "azimuth": turns <= MAX_TURNS * FULL_TURN,
-            "amplitude": possible,
-        }
-    )
-    measurement = np.stack([ground_range[kept], wrap_angle(azimuth[kept])], axis=1)
-    found = Detections(measurement, None if level is None else amplitude[kept])
-    beyond = 0 if radar.azimuth_in_degrees else int(np.count_nonzero(turns[kept] > A_TURN))
-    return Report(stamp_ns, found, dropped, beyond)
-
-
-def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
-    """Return which points pass every test, and per test how many points fail it first."""
-    dropped: Counter[str] = Counter()
-    kept = np.ones(len(next(iter(passed.values()))), dtype=bool)
-    for reason, passes in passed.items():
-        dropped[reason] = int(np.count_nonzero(kept & ~passes))
-        kept = kept & passes
-    return kept, +dropped
-
-
-def _linear_amplitude(raw: FloatArray, radar: RadarInput) -> FloatArray:
-    """Return the envelope in units of the noise's standard deviation per quadrature.
-
-    An envelope a has the SNR a^2 / 2.
-    """
-    with np.errstate(over="ignore"):  # an absurd level becomes infinite and is then dropped
-        if radar.amplitude_in_db:
-            from_db: FloatArray = np.sqrt(2.0 * 10.0 ** ((raw + radar.amplitude_offset_db) / 10.0))
-            return from_db
-        scaled: FloatArray = raw * 10.0 ** (radar.amplitude_offset_db / 20.0)
-        return scaled

@@ -5,7 +5,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping
+
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+
+
+def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
+    """Yield a warning for each doubt about a radar's reports that was counted."""
+    for what, count in counts.items():
+        yield _TEXTS[what](radar, count)
 
 
 def no_amplitude(radar: RadarInput) -> str:
@@ -16,11 +24,91 @@ def no_amplitude(radar: RadarInput) -> str:
     )
 
 
-def beyond_a_turn(radar: RadarInput, count: int) -> str:
-    """Return the warning of `count` azimuths that are no angles of one turn in radians."""
+def nothing_reported(scans: int) -> str:
+    """Return the warning of a tracker that reports no target for a while."""
+    return (
+        f"no target in {scans} scans with detections; if there are any, check "
+        "detection_probability (the SNR bands without it) and sectors, detection_births.rates or "
+        "births, clutter_rate, the noise, and whether the stamps go with interval_s"
+    )
+
+
+def _beyond_a_turn(radar: RadarInput, count: int) -> str:
+    """Return the doubt of azimuths that are no angles of one turn in radians."""
     cause = (
         f"its definition has radians, {radar.message} in degrees needs another driver"
         if radar.message == "radar_scan"
         else f"degrees, set {radar.name}.azimuth_unit to deg"
     )
-    return f"{radar.topic}: {count} azimuths beyond 2 pi rad; probably {cause}"
+    return f"{count} azimuths beyond 2 pi rad; probably {cause}"
+
+
+def _missing(parameter: str, consequence: str) -> Callable[[RadarInput, int], str]:
+    """Return what makes the doubt of clouds without a field that a parameter names."""
+
+    def text(radar: RadarInput, count: int) -> str:
+        return f"no field as {radar.name}.{parameter} names it; {consequence}"
+
+    return text
+
+
+_TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
+    "azimuths_beyond_a_turn": _beyond_a_turn,
+    "heights_unknown": lambda radar, count: (
+        f"{count} detections of unknown height; their slant ranges are used as ground ranges"
+    ),
+    "deviations_unusable": lambda radar, count: (
+        f"{count} deviations that are zero, negative or absurd; {radar.name}.range_std and "
+        "azimuth_std_deg are used for them"
+    ),
+    "sectors_unusable": lambda radar, count: (
+        f"{count} clouds whose sector is not one whole number from 0 to "
+        f"{max(radar.sectors - 1, 0)}; it is derived from their detections"
+    ),
+    "time_missing": _missing("fields.time", "all its detections count as at the stamp"),
+    "sector_missing": _missing("fields.sector", "the sector is derived from the detections"),
+    "height_missing": _missing("fields.height", "slant ranges are used as ground ranges"),
+    "range_std_missing": _missing("fields.range_std", "range_std is used"),
+    "azimuth_std_missing": _missing("fields.azimuth_std", "azimuth_std_deg is used"),
+    "clouds_missing": lambda radar, count: (
+        f"{count} clouds missing by the stamps; lost, or the driver sends none where it sees "
+        "nothing; no target there counts as missed"
+    ),
+    "sectors_repeated": lambda radar, count: (
+        f"{count} clouds of azimuths that the antenna cannot have passed again; is "
+        f"{radar.name}.rotation_s right, and sectors?"
+    ),
+    "sector_numbers_wrong": lambda radar, count: (
+        f"{count} clouds whose detections are not in the sector that they name; sectors are "
+        f"numbered from 0, from azimuth zero on, {max(radar.sectors, 1)} to a turn"
+    ),
+    "antenna_unclear": lambda radar, count: (
+        f"{count} clouds whose detections are not where one antenna was at their times; are "
+        f"{radar.name}.rotation_s and its fields.time right?"
+    ),
+    "antenna_slipped": lambda radar, count: (
+        f"{count} clouds that do not go on where the one before ended; the antenna stopped, or "
+        f"{radar.name}.sectors is wrong"
+    ),
+    "times_repaired": lambda radar, count: (
+        f"{count} detections whose times do not go with their azimuths; the antenna's times are "
+        "used for them"
+    ),
+    "slices_late": lambda radar, count: (
+        f"{count} parts of turns came after their scans were closed; set reorder_s to the longest "
+        "rotation_s of the radars"
+    ),
+    "sectors_not_configured": lambda radar, count: (
+        "each cloud is of a part of the turn, and together they are of all of it; set "
+        f"{radar.name}.rotation_s and {radar.name}.sectors, or what the antenna did not pass "
+        "counts as missed"
+    ),
+    "fov_not_configured": lambda radar, count: (
+        f"all its detections are within a part of the turn; if it sees no more, set "
+        f"{radar.name}.fov_deg, or targets elsewhere count as missed"
+    ),
+    "slant_ranges": lambda radar, count: (
+        "ranges are used as ranges over ground; an aircraft 10 km up at 15 km is 3.8 km off: set "
+        f"{radar.name}.fields.height or fields.elevation"
+    ),
+}

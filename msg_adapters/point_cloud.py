@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,12 @@ FLOATS = ("f4", "f8")
 UNSIGNED = ("u4",)
 
 
-def encode(stamp_ns: int, frame: str, columns: Mapping[str, npt.NDArray[Any]]) -> PointCloud2:
+def encode(
+    stamp_ns: int,
+    frame: str,
+    columns: Mapping[str, npt.NDArray[Any]],
+    wide: Collection[str] = (),
+) -> PointCloud2:
     """Return a dense little-endian cloud of height 1.
 
     Parameters
@@ -43,8 +48,13 @@ def encode(stamp_ns: int, frame: str, columns: Mapping[str, npt.NDArray[Any]]) -
     frame : str
     columns : mapping of field name to array of shape (M,)
         In order; float arrays become FLOAT32, integer ones UINT32.
+    wide : collection of str
+        Names of the float arrays that become FLOAT64.
     """
-    codes = ["f4" if array.dtype.kind == "f" else "u4" for array in columns.values()]
+    codes = [
+        ("f8" if name in wide else "f4") if array.dtype.kind == "f" else "u4"
+        for name, array in columns.items()
+    ]
     width = len(next(iter(columns.values())))
     points = np.zeros(width, dtype=[(n, "<" + c) for n, c in zip(columns, codes, strict=True)])
     for name, array in columns.items():
@@ -55,8 +65,8 @@ def encode(stamp_ns: int, frame: str, columns: Mapping[str, npt.NDArray[Any]]) -
         height=1,
         width=width,
         fields=[
-            PointField(name=name, offset=4 * index, datatype=_DATATYPES[code], count=1)
-            for index, (name, code) in enumerate(zip(columns, codes, strict=True))
+            PointField(name=name, offset=offset, datatype=_DATATYPES[code], count=1)
+            for name, code, offset in zip(columns, codes, _offsets(points.dtype), strict=True)
         ],
         is_bigendian=False,
         point_step=step,
@@ -65,6 +75,11 @@ def encode(stamp_ns: int, frame: str, columns: Mapping[str, npt.NDArray[Any]]) -
         data=points.tobytes(),
         is_dense=True,
     )
+
+
+def _offsets(layout: np.dtype[np.void]) -> list[int]:
+    """Return where the fields of a point begin, in bytes."""
+    return [offset for _, offset, *_ in (layout.fields or {}).values()]
 
 
 def require_finite(columns: Mapping[str, npt.NDArray[Any]]) -> None:

@@ -22,9 +22,10 @@ from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Detections
 
 from . import cdr
-from .detections import Report, require_frame, select, sent_level, stamp_of
+from .detections import require_frame, sent_level, stamp_of
 from .errors import RejectedMessageError
 from .point_cloud import MAX_POINTS
+from .selection import Columns, Report, select
 
 TYPE_NAME = "radar_msgs/msg/RadarScan"
 TYPE_HASH = "RIHS01_9d270e9c9d9e2509e93e7c688fd8a813d75e43a6a37ef982e63e24e80e535cdc"
@@ -135,8 +136,10 @@ def _report(header: Header, rows: FloatArray, radar: RadarInput) -> Report:
     return select(
         stamp_of(header),
         _as_defined(radar),
-        distance=rows[:, 0],
-        azimuth=rows[:, 1],
-        elevation=rows[:, 2],
-        level=rows[:, 3] if radar.amplitude_field else None,
+        Columns(
+            distance=rows[:, 0],
+            azimuth=rows[:, 1],
+            elevation=rows[:, 2],
+            level=rows[:, 3] if radar.amplitude_field else None,
+        ),
     )

@@ -13,7 +13,7 @@ from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Detections
 
 from . import detections, interfaces, names, radar_scan
-from .detections import Report
+from .selection import Report
 
 
 @dataclass(frozen=True)

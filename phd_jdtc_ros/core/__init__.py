@@ -6,8 +6,9 @@
 The data's path, with the room or module of each step::
 
     reports (radar, stamp, Detections)         types
+      |  cut turns into slices, coverage       turns, antenna
       |  group by stamp, gaps, resets          scans
-    Scan                                       pipeline: scans -> engine -> events
+    Scan                                       pipeline: turns -> scans -> engine -> events
       |  predict, update with every radar      an engine: smc (particles)
       |    motion, radars, amplitudes, births    models
       |    gating                              pair_search

@@ -37,6 +37,11 @@ class Step:
     class_mass: FloatArray
     figures: Mapping[str, float]
 
+    @property
+    def targets(self) -> int:
+        """Number of filtered targets in the estimates that are due."""
+        return sum(map(len, self.filtered))
+
 
 class Engine(Protocol):
     """A filter and a smoother behind one interface."""
@@ -114,6 +119,6 @@ class Lag:
 
     def reached(self, stamps_ns: list[int]) -> bool:
         """Return whether the lag of the first of the window's ascending stamps is reached."""
-        if self.seconds is None:
+        if self.seconds is None or not stamps_ns:
             return len(stamps_ns) > self.scans
         return stamps_ns[-1] - stamps_ns[0] >= self.seconds * 1e9

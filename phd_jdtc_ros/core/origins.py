@@ -5,6 +5,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
+from .arrays import IntArray
+
 ORIGINS_PER_SCAN = 1 << 24
 
 
@@ -16,3 +21,9 @@ def first_predicted(scan_index: int) -> int:
 def first_detected(scan_index: int) -> int:
     """Return the first number for targets born at a scan's detections."""
     return scan_index * ORIGINS_PER_SCAN + ORIGINS_PER_SCAN // 2
+
+
+def is_detected(origin: IntArray) -> npt.NDArray[np.bool_]:
+    """Return which origins are those of targets born at detections."""
+    detected: npt.NDArray[np.bool_] = origin % ORIGINS_PER_SCAN >= ORIGINS_PER_SCAN // 2
+    return detected

@@ -3,12 +3,15 @@
 
 """The pipeline from reports to estimates, which the live node and the offline tracker share.
 
-Reports are grouped into scans, scans step the engine, and jumps of the stamps end runs. The live
-node publishes the estimates, and the offline tracker writes them.
+Reports of turning radars are cut into slices, reports are grouped into scans, scans step the
+engine, and jumps of the stamps end runs. The live node publishes the estimates, and the offline
+tracker writes them.
 """
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -17,15 +20,26 @@ from .configuration.build import TrackerConfig
 from .engine import Engine, Step
 from .engines import new_engine
 from .scans import Rejection, Reset, ScanGrouper
+from .turns import Turns
 from .types import Detections, Estimates, Scan
+from .watch import ReportWatch, ResultWatch
 
 
 @dataclass(frozen=True)
 class Stepped:
-    """The engine has stepped through a scan."""
+    """The engine has stepped through a scan.
 
-    stamp_ns: int
+    Parameters
+    ----------
+    scan : Scan
+    step : Step
+    overdue : int
+        Number of scans with detections since there was a target, when that is worth a warning.
+    """
+
+    scan: Scan
     step: Step
+    overdue: int = 0
 
 
 @dataclass(frozen=True)
@@ -65,6 +79,11 @@ class Pipeline:
     begin : callable
         Called with the engine and the stamp of a run's first scan before that scan is stepped; it
         may restore the engine.
+    turns : sequence of Turns
+        What cuts each radar's reports, in the configured order; empty if nothing is to be cut.
+    watches : sequence of ReportWatch
+        What watches each radar's reports, in the configured order; empty for nothing.
+    results : ResultWatch or None
     """
 
     def __init__(
@@ -72,8 +91,14 @@ class Pipeline:
         grouper: ScanGrouper,
         engine: Engine,
         begin: Callable[[Engine, int], None] = _start_cold,
+        turns: Sequence[Turns] = (),
+        watches: Sequence[ReportWatch] = (),
+        results: ResultWatch | None = None,
     ) -> None:
         self.engine = engine
+        self._turns = tuple(turns) or tuple(Turns() for _ in range(grouper.radars))
+        self._watches = tuple(watches) or tuple(ReportWatch() for _ in range(grouper.radars))
+        self._results = results or ResultWatch(math.inf)
         self._grouper = grouper
         self._begin = begin
         self._begun = False
@@ -83,7 +108,9 @@ class Pipeline:
         """Whether a report is held back because its scan is not complete."""
         return self._grouper.waiting
 
-    def add(self, radar: int, stamp_ns: int, detections: Detections) -> Iterator[Event] | Rejection:
+    def add(
+        self, radar: int, stamp_ns: int, detections: Detections, sector: int | None = None
+    ) -> Iterator[Event] | Rejection:
         """Add one report.
 
         Parameters
@@ -92,15 +119,39 @@ class Pipeline:
             Index in the configured order.
         stamp_ns : int
         detections : Detections
+        sector : int or None
+            Number of the sector, if the report says it.
 
         Returns
         -------
         iterator of Event
         Rejection
-            If the report is not part of any scan.
+            If no part of the report is part of any scan.
         """
-        closed = self._grouper.add(radar, stamp_ns, detections)
-        return closed if isinstance(closed, Rejection) else self._events(closed)
+        turns = self._turns[radar]
+        turns.doubts += self._watches[radar].add(detections)
+        pieces = turns.split(stamp_ns, detections, sector)
+        if isinstance(pieces, Rejection):
+            return pieces
+        closed: list[Scan | Reset] = []
+        rejected = []
+        for piece_ns, piece in pieces:
+            found = self._grouper.add(radar, piece_ns, piece)
+            if isinstance(found, Rejection):
+                rejected.append(found)
+            else:
+                closed += found
+        if len(rejected) == len(pieces):
+            return rejected[0]
+        turns.doubts["slices_late"] += len(rejected)
+        return self._events(closed)
+
+    def take_doubts(self, radar: int) -> Counter[str]:
+        """Return what was bridged or noticed in a radar's reports since the last call, counted."""
+        doubts = self._turns[radar].doubts
+        taken = +doubts
+        doubts.clear()
+        return taken
 
     def close_scans(self) -> Iterator[Event]:
         """Close all scans, complete or not, and step the engine through them."""
@@ -109,14 +160,19 @@ class Pipeline:
     def flush(self) -> Iterator[Event]:
         """Close all scans, step the engine through them, and end the run."""
         yield from self.close_scans()
-        self._grouper.reset()
+        self._forget_stamps()
         yield self._end(None)
 
     def reset(self) -> None:
         """Discard all scans and return the engine to its initial state."""
-        self._grouper.reset()
+        self._forget_stamps()
         self.engine.reset()
         self._begun = False
+
+    def _forget_stamps(self) -> None:
+        self._grouper.reset()
+        for turns in self._turns:
+            turns.reset()
 
     def _events(self, closed: Sequence[Scan | Reset]) -> Iterator[Event]:
         for event in closed:
@@ -126,7 +182,9 @@ class Pipeline:
             if not self._begun:
                 self._begin(self.engine, event.stamp_ns)
                 self._begun = True
-            yield Stepped(event.stamp_ns, self.engine.step(event))
+            step = self.engine.step(event)
+            overdue = self._results.stepped(event, step)
+            yield Stepped(event, step, self._results.scans if overdue else 0)
 
     def _end(self, reset: Reset | None) -> RunEnded:
         """End the run; after a jump ahead, no track number is used a second time."""
@@ -140,4 +198,11 @@ def new_pipeline(
     config: TrackerConfig, begin: Callable[[Engine, int], None] = _start_cold
 ) -> Pipeline:
     """Return a pipeline with a new engine; `begin` is that of `Pipeline`."""
-    return Pipeline(config.grouper(), new_engine(config), begin)
+    return Pipeline(
+        config.grouper(),
+        new_engine(config),
+        begin,
+        config.turns(),
+        config.watches(),
+        ResultWatch(config.model.modes.interval_s),
+    )

@@ -12,6 +12,10 @@ later stamp closes the pending scans with `close_all`.
 Where stamps arrive out of order, the newest K scans can be held back, so that a late report still
 joins its scan. With K = 1 no report is lost, and the order of arrival makes no difference, as long
 as every report of a scan comes before all reports of the scan after the next.
+
+Radars that report whole turns and are not synchronous send reports that are as old as their turns
+are long. For them scans can be held back by time: until every live radar has reported the stamp or
+a later one, or the newest stamp is later by more than that time.
 """
 
 from __future__ import annotations
@@ -68,15 +72,20 @@ class ScanGrouper:
         A scan that comes later than this after the previous one begins a new run.
     reorder_scans : int
         Number K of the newest scans that are held back.
+    reorder_s : float
+        Longest time that scans are held back for radars that are behind, seconds; above 0 it
+        replaces `reorder_scans`.
     """
 
     radars: int
     reset_threshold_s: float
     max_gap_s: float = math.inf
     reorder_scans: int = 0
+    reorder_s: float = 0.0
     _pending: dict[int, dict[int, Detections]] = field(init=False, default_factory=dict)
     _misses: list[int] = field(init=False)
     _last_stamp: list[int | None] = field(init=False)
+    _first_stamp: int | None = field(init=False, default=None)
     _closed_ns: int | None = field(init=False, default=None)
     _overtaken: dict[int, tuple[int, int]] = field(init=False, default_factory=dict)
 
@@ -88,6 +97,7 @@ class ScanGrouper:
         self._pending = {}
         self._misses = [0] * self.radars
         self._last_stamp = [None] * self.radars
+        self._first_stamp = None
         self._closed_ns = None
         self._overtaken = {}
 
@@ -132,6 +142,8 @@ class ScanGrouper:
         if self._closed_ns is not None and stamp_ns <= self._closed_ns:
             return Rejection.LATE
         self._last_stamp[radar] = stamp_ns if last is None else max(last, stamp_ns)
+        if self._first_stamp is None:
+            self._first_stamp = stamp_ns
         self._pending.setdefault(stamp_ns, {})[radar] = detections
         return events + self._close_complete()
 
@@ -165,13 +177,32 @@ class ScanGrouper:
         """
         events: list[Scan | Reset] = []
         stamps = sorted(self._pending)
-        while stamps:
-            later = len(stamps) - 1
-            needed = self.reorder_scans + (not self._complete(stamps[0]))
-            if later < needed:
-                break
+        while stamps and self._closable(stamps):
             events += self._close(stamps.pop(0))
         return events
+
+    def _closable(self, stamps: list[int]) -> bool:
+        """Return whether the oldest of the pending stamps need not wait."""
+        if self.reorder_s:
+            return self._passed(stamps[0])
+        needed = self.reorder_scans + (not self._complete(stamps[0]))
+        return len(stamps) > needed
+
+    def _passed(self, stamp_ns: int) -> bool:
+        """Return whether no radar that is live by its stamps can still report a stamp in time.
+
+        One that has sent nothing for `MISSES_UNTIL_SILENT` times the longest wait is not live.
+        """
+        wait_ns = self.reorder_s * 1e9
+        newest = max(last for last in self._last_stamp if last is not None)
+        if newest - stamp_ns > wait_ns:
+            return True
+        since = newest - MISSES_UNTIL_SILENT * wait_ns
+        first = self._first_stamp if self._first_stamp is not None else newest
+        for last in self._last_stamp:
+            if (first if last is None else last) > since and (last is None or last < stamp_ns):
+                return False
+        return True
 
     def _complete(self, stamp_ns: int) -> bool:
         live = {r for r in range(self.radars) if self._misses[r] < MISSES_UNTIL_SILENT}

@@ -51,8 +51,10 @@ class OfflineTracker:
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self.scans = 0
         self.dropped: Counter[str] = Counter()
+        self._targets_seen = False
+        self._overdue = 0
         self._without_amplitude: set[int] = set()
-        self._beyond_a_turn: Counter[int] = Counter()
+        self._doubts: list[Counter[str]] = [Counter() for _ in config.inputs]
 
     def add(self, entry: BagMessage) -> None:
         """Process one recorded message of a radar."""
@@ -66,8 +68,8 @@ class OfflineTracker:
         self.dropped.update(report.dropped)
         if report.detections.amplitude is None:
             self._without_amplitude.add(index)
-        self._beyond_a_turn[index] += report.beyond_a_turn
-        events = self._pipeline.add(index, report.stamp_ns, report.detections)
+        events = self._pipeline.add(index, report.stamp_ns, report.detections, report.sector)
+        self._doubts[index] += report.doubts + self._pipeline.take_doubts(index)
         if isinstance(events, Rejection):
             self.dropped[events.value] += 1
         else:
@@ -82,8 +84,10 @@ class OfflineTracker:
         for index, radar in enumerate(self._config.inputs):
             if index in self._without_amplitude:
                 yield doubts.no_amplitude(radar)
-            if self._beyond_a_turn[index]:
-                yield doubts.beyond_a_turn(radar, self._beyond_a_turn[index])
+            for doubt in doubts.of(radar, self._doubts[index]):
+                yield f"{radar.topic}: {doubt}"
+        if self._overdue and not self._targets_seen:
+            yield doubts.nothing_reported(self._overdue)
 
     def _write(self, events: Iterable[Event]) -> None:
         for event in events:
@@ -91,6 +95,8 @@ class OfflineTracker:
                 self._write_estimates(SMOOTHED, event.smoothed)
                 continue
             self.scans += 1
+            self._targets_seen |= event.step.targets > 0
+            self._overdue = event.overdue or self._overdue
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
 
@@ -135,6 +141,7 @@ def main(argv: Sequence[str]) -> int:
     parser = ArgumentParser("track_bag", description=__doc__)
     parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file")
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
+    command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 
@@ -155,7 +162,7 @@ def main(argv: Sequence[str]) -> int:
             status = fail("track_bag", error)
         run = load.record(arguments.out, config)
         if run.truth:
-            summary = run.evaluate(command.CUTOFF, command.ORDER).summary()
+            summary = run.evaluate(arguments.cutoff, command.ORDER).summary()
             Console().print(score_tables(summary))
         return status
 

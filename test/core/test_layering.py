@@ -20,13 +20,17 @@ BASE = ("arrays", "state_space", "types", "origins", "track_numbers")
 # What each room of the core, or module beside the rooms, may import of the others.
 ROOMS = {
     "arrays": (),
-    "origins": (),
+    "origins": ("arrays",),
     "quoting": (),
     "snapshot": (),
     "state_space": ("arrays",),
     "types": ("arrays", "state_space"),
     "track_numbers": ("arrays", "types"),
     "scans": ("types",),
+    "sectors": ("arrays", "types"),
+    "antenna": ("arrays", "types"),
+    "turns": ("antenna", "arrays", "scans", "sectors", "types"),
+    "watch": ("arrays", "engine", "sectors", "types"),
     "association": BASE,
     "pair_search": BASE,
     "models": (*BASE, "pair_search"),
@@ -35,10 +39,12 @@ ROOMS = {
     "smc": (*BASE, "association", "engine", "models", "pair_search", "reporting", "snapshot"),
     "gaussian": (*BASE, "association", "engine", "models", "pair_search", "reporting", "snapshot"),
     "evaluation": BASE,
-    "configuration": (*BASE, "engine", "models", "quoting", "reporting", "scans", "smc"),
+    "configuration": (
+        *(*BASE, "engine", "models", "quoting", "reporting", "scans", "smc", "turns", "watch"),
+    ),
     "simulation": (*BASE, "configuration", "models"),
     "engines": ("configuration", "engine", "pair_search", "smc"),
-    "pipeline": ("configuration", "engine", "engines", "scans", "types"),
+    "pipeline": ("configuration", "engine", "engines", "scans", "turns", "types", "watch"),
 }
 # What each part of the project may import of the others.
 PARTS = {

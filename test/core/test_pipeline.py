@@ -3,12 +3,14 @@
 
 import numpy as np
 import pytest
+from antennas import TurningRadar
 from scenes import short_scenario, small
 
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.pipeline import RunEnded, Stepped, new_pipeline
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.turns import SLICES
 
 CONFIG = small({"lag": 2})
 SCANS = [scan for _, scan in simulate(short_scenario(8), 0)]
@@ -32,7 +34,7 @@ def states(events):
 def test_add_steps_the_engine_through_complete_scans():
     engine = new_engine(CONFIG)
     events = fed(new_pipeline(CONFIG), SCANS)
-    assert [event.stamp_ns for event in events] == [scan.stamp_ns for scan in SCANS]
+    assert [event.scan.stamp_ns for event in events] == [scan.stamp_ns for scan in SCANS]
     for event, scan in zip(events, SCANS, strict=True):
         np.testing.assert_array_equal(
             event.step.filtered[0].state, engine.step(scan).filtered[0].state
@@ -114,3 +116,96 @@ def test_a_run_may_begin_where_a_snapshot_ends():
     pipeline = new_pipeline(CONFIG, lambda engine, _: engine.restore(held))
     for one, other in zip(states(fed(pipeline, SCANS[4:])), states(expected[4:]), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+TURNING = TurningRadar(plots=40, stamp_at=1.0)
+AT_ONCE = {"lag": 2, "radars": ["radar_1"], "interval_s": 4.0, "radar_1.rotation_s": 4.0}
+
+
+def turned(pipeline, reports, radar=0):
+    """Return the stamps of the scans that reports of one radar close, in seconds."""
+    return [
+        event.scan.stamp_ns * 1e-9
+        for sent in reports
+        for event in pipeline.add(radar, sent.stamp_ns, sent.detections, sent.sector)
+        if isinstance(event, Stepped)
+    ]
+
+
+def test_a_turn_is_stepped_in_slices():
+    pipeline = new_pipeline(small(AT_ONCE))
+    stamps = turned(pipeline, TURNING.reports(3))
+    assert len(stamps) == 3 * SLICES
+    np.testing.assert_allclose(np.diff(stamps), 4.0 / SLICES, atol=0.05)
+
+
+def test_a_report_that_came_before_is_refused_although_it_was_cut():
+    pipeline = new_pipeline(small(AT_ONCE))
+    reports = TURNING.reports(2)
+    turned(pipeline, reports)
+    again = pipeline.add(0, reports[1].stamp_ns, reports[1].detections)
+    assert again is Rejection.DUPLICATE
+
+
+def test_slices_of_a_run_behind_a_jump_back_are_those_of_the_first():
+    pipeline = new_pipeline(small(AT_ONCE))
+    reports = TURNING.reports(5)
+    assert turned(pipeline, reports) == turned(pipeline, reports)
+    pipeline.reset()
+    first = turned(pipeline, reports)
+    list(pipeline.flush())
+    assert turned(pipeline, reports) == first
+
+
+BOTH = {
+    "lag": 2,
+    "interval_s": 4.0,
+    **{f"radar_{k}.rotation_s": 4.0 for k in (1, 2)},
+}
+
+
+def two_radars(later_s):
+    """Return the reports of two radars in the order of arrival, the second's by so much later."""
+    first = TURNING.reports(6)
+    second = TURNING.reports(6, seed=1)
+    moved = [(s.stamp_ns + round(later_s * 1e9), 1, s) for s in second]
+    return sorted([*((s.stamp_ns, 0, s) for s in first), *moved], key=lambda entry: entry[0])
+
+
+@pytest.mark.parametrize("reorder_s", [0.0, 4.0])
+def test_slices_that_are_late_are_counted_by_report_and_none_is_with_reorder_s(reorder_s):
+    pipeline = new_pipeline(small({**BOTH, "reorder_s": reorder_s}))
+    scans, rejected = 0, 0
+    for stamp_ns, radar, sent in two_radars(1.7):
+        events = pipeline.add(radar, stamp_ns, sent.detections)
+        if isinstance(events, Rejection):
+            rejected += 1
+        else:
+            scans += sum(isinstance(event, Stepped) for event in events)
+    scans += sum(isinstance(event, Stepped) for event in pipeline.flush())
+    late = sum(pipeline.take_doubts(radar)["slices_late"] for radar in (0, 1))
+    assert rejected == 0
+    assert (late > 0) == (reorder_s == 0.0)
+    assert scans + late == 12 * SLICES
+
+
+def test_doubts_are_taken_once():
+    pipeline = new_pipeline(small(AT_ONCE))
+    reports = TURNING.reports(4)
+    turned(pipeline, [reports[0], reports[1], reports[3]])
+    assert pipeline.take_doubts(0) == {"clouds_missing": 1}
+    assert not pipeline.take_doubts(0)
+
+
+def test_sectors_step_the_engine_with_what_they_cover():
+    pipeline = new_pipeline(
+        small({**AT_ONCE, "radar_1.sectors": 16, "radar_1.fields.sector": "sector"})
+    )
+    reports = TurningRadar(sectors=16, timed=False, cut=0.0).reports(1)
+    assert turned(pipeline, reports) == [sent.stamp_ns * 1e-9 for sent in reports]
+
+
+def test_a_gap_of_turns_is_none_where_the_interval_is_that_of_sectors():
+    config = small({**AT_ONCE, "interval_s": 0.25, "radar_1.sectors": 16})
+    assert config.max_gap_s == 15 * 4.0
+    assert config.reset_threshold_s == 3 * 4.0

@@ -441,3 +441,79 @@ def scans_of(stream, radars):
         (stamp_ns, *(float(stamp_ns + radar) for radar in range(radars)))
         for stamp_ns in sorted({stamp_ns for _, stamp_ns in stream})
     ]
+
+
+def waiting(radars=2, seconds=6.0):
+    """Return a grouper that holds scans back for radars that are behind."""
+    return grouper(radars, reorder_s=seconds)
+
+
+def test_add_by_time_waits_until_every_radar_has_reported_as_late_a_stamp():
+    group = waiting()
+    # Two radars that report turns of four slices, one turn after the other.
+    assert feed(group, (0, 1), (0, 2), (0, 3), (0, 4)) == []
+    assert shape(feed(group, (1, 1.5))) == [(1, (0,)), (1.5, (1,))]
+    found = shape(feed(group, (1, 2.5), (1, 3.5), (1, 4.5)))
+    assert found == [(2, (0,)), (2.5, (1,)), (3, (0,)), (3.5, (1,)), (4, (0,))]
+    assert group.waiting
+    assert shape(feed(group, (0, 5))) == [(4.5, (1,))]
+
+
+def test_add_by_time_makes_one_scan_of_a_stamp():
+    group = waiting()
+    assert feed(group, (0, 0)) == []
+    assert shape(feed(group, (1, 0))) == [(0, (0, 1))]
+
+
+def test_add_by_time_closes_at_once_with_one_radar():
+    assert shape(feed(waiting(1), (0, 0), (0, 6))) == [(0, (0,)), (6, (0,))]
+
+
+def test_add_by_time_closes_what_is_older_than_the_wait():
+    group = waiting(seconds=5.0)
+    assert feed(group, (0, 0), (0, 5)) == []
+    assert shape(feed(group, (0, 5.1))) == [(0, (0,))]
+    assert shape(feed(group, (1, 4))) == [(4, (1,))]
+
+
+def test_add_by_time_stops_waiting_for_a_radar_that_was_silent_for_two_waits():
+    group = waiting(seconds=5.0)
+    feed(group, (0, 0), (1, 0), *((0, second) for second in range(1, 10)))
+    assert group.waiting
+    assert shape(feed(group, (0, 10)))[-1] == (10, (0,))
+    assert not group.waiting
+    assert shape(feed(group, (0, 11))) == [(11, (0,))]
+
+
+def test_add_by_time_does_not_wait_for_a_radar_that_never_came():
+    group = waiting(seconds=5.0)
+    found = feed(group, *((0, second) for second in range(12)))
+    assert shape(found) == [(second, (0,)) for second in range(12)]
+
+
+def test_add_by_time_waits_again_for_a_radar_that_returns():
+    group = waiting(seconds=5.0)
+    feed(group, (0, 0), (1, 0), *((0, second) for second in range(1, 20)))
+    assert shape(feed(group, (1, 20), (0, 21))) == [(20, (1,))]
+    assert shape(feed(group, (1, 22))) == [(21, (0,))]
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    periods=st.lists(st.floats(1.0, 6.0), min_size=1, max_size=3),
+    offsets=st.lists(st.floats(0.0, 6.0), min_size=3, max_size=3),
+    slices=st.integers(1, 8),
+)
+def test_add_by_time_loses_nothing_of_whole_turns_that_are_cut(periods, offsets, slices):
+    arrivals = []
+    for radar, (period, offset) in enumerate(zip(periods, offsets, strict=False)):
+        for turn in range(8):
+            end = offset + period * (turn + 1)
+            arrivals += [(end, radar, [end - period * k / slices for k in range(slices)][::-1])]
+    group = waiting(len(periods), 2.0 * max(periods) + 6.0)
+    stream = [(radar, second) for _, radar, cut in sorted(arrivals) for second in cut]
+    events = feed(group, *stream) + group.close_all()
+    assert all(isinstance(event, Scan) for event in events)
+    stamps = [event.stamp_ns for event in events]
+    assert stamps == sorted(set(stamps))
+    assert sum(d is not None for event in events for d in event.detections) == len(stream)

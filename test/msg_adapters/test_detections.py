@@ -142,7 +142,8 @@ def test_from_msg_rejects_a_cloud_without_a_coordinate(missing):
         ((1e3, NAN, 4.0), "not_finite"),
         ((1e3, INF, 4.0), "not_finite"),
         ((1e3, -INF, 4.0), "not_finite"),
-        ((1e3, 0.1, NAN), "not_finite"),
+        ((1e3, 0.1, -INF), "not_finite"),
+        ((1e3, 0.1, INF), "amplitude"),
         ((-1.0, 0.1, 4.0), "range"),
         ((17000.1, 0.1, 4.0), "range"),
         ((1e3, 0.1, -0.5), "amplitude"),
@@ -201,16 +202,16 @@ def test_from_msg_azimuths_are_above_minus_pi_and_at_most_pi(azimuth, compass):
 def test_from_msg_counts_azimuths_beyond_a_turn_that_probably_are_degrees():
     points = [(1e3, azimuth, 4.0) for azimuth in (-359.0, -6.3, -6.2, 0.0, 6.2, 6.3, 359.0, 1e30)]
     report = read(points)
-    assert report.beyond_a_turn == 4
+    assert report.doubts == {"azimuths_beyond_a_turn": 4}
     assert report.dropped == {"azimuth": 1}
-    assert read(points, azimuth_in_degrees=True).beyond_a_turn == 0
+    assert not read(points, azimuth_in_degrees=True).doubts
 
 
 @pytest.mark.parametrize("compass", [False, True])
 def test_from_msg_counts_no_azimuth_of_one_turn_whatever_its_rounding(compass):
     points = [(1e3, azimuth, 4.0) for azimuth in (0.0, np.pi, 2.0 * np.pi, np.nextafter(0.0, -1.0))]
     report = adapter.from_msg(polar(points), radar(compass=compass))
-    assert report.beyond_a_turn == 0
+    assert not report.doubts
     assert len(report.detections) == 4
 
 
@@ -271,11 +272,19 @@ def test_from_msg_drops_an_absurd_level(snr_db):
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("in_db", [False, True])
-@pytest.mark.parametrize("bad", [NAN, INF, -INF])
-def test_from_msg_drops_an_amplitude_that_is_no_number(bad, in_db):
+@pytest.mark.parametrize("bad", [INF, -INF])
+def test_from_msg_drops_an_infinite_amplitude(bad, in_db):
     report = read([GOOD[0], (1e3, 0.0, bad)], amplitude_in_db=in_db)
     assert sum(report.dropped.values()) == 1
     assert report.detections.measurement.tolist() == [[1000.0, 0.5]]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("in_db", [False, True])
+def test_from_msg_keeps_a_detection_whose_amplitude_is_unknown(in_db):
+    report = read([GOOD[0], (1e3, 0.0, NAN)], amplitude_in_db=in_db)
+    assert not report.dropped
+    assert np.isnan(report.detections.amplitude).tolist() == [False, True]
 
 
 def test_from_msg_reads_renamed_fields():

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from collections import Counter
+
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -105,13 +107,14 @@ def test_radar_in_trouble_is_a_warning_for_a_while(trouble):
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
 
 
-def test_azimuths_that_probably_are_degrees_are_counted_and_a_warning_for_a_while():
+def test_doubts_are_counted_and_a_warning_for_a_while():
     health = radar(60.0)
-    health.doubt(3, 100.0)
-    health.doubt(4, 100.0)
+    health.doubt(Counter(azimuths_beyond_a_turn=3), "3 azimuths, probably degrees", 99.0)
+    health.doubt(Counter(azimuths_beyond_a_turn=4, time_missing=1), "4 azimuths", 100.0)
     found = status(health)
-    assert (found.level, found.message) == (WARN, "azimuths beyond 2 pi rad, probably degrees")
-    assert diagnostics.values_of(found)["azimuths_beyond_a_turn"] == "7"
+    assert (found.level, found.message) == (WARN, "4 azimuths")
+    values = diagnostics.values_of(found)
+    assert (values["azimuths_beyond_a_turn"], values["time_missing"]) == ("7", "1")
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
 
 

@@ -25,10 +25,12 @@ from ..models.motion import MOTIONS, MotionModel
 from ..models.radar import RadarModel
 from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
-from ..models.visibility import Visibility
+from ..models.visibility import TURN_TOLERANCE, Visibility
 from ..reporting import Schedule
 from ..scans import ScanGrouper
+from ..turns import Turns
 from ..types import FULL_TURN, Coverage
+from ..watch import FAR, SLOW_TURN, ReportWatch
 from .checks import CHECKS, name_or, square
 from .parameters import BIRTH, MOTION, RADAR, schema
 from .radar_input import RadarInput
@@ -62,6 +64,8 @@ class TrackerConfig:
         Longest time between consecutive scans of one run, seconds.
     reorder_scans : int
         Number of the newest scans that are held back for late reports.
+    reorder_s : float
+        Longest time that scans are held back for radars that are behind, seconds.
     """
 
     values: dict[str, Any]
@@ -75,11 +79,12 @@ class TrackerConfig:
     seed: int
     max_gap_s: float
     reorder_scans: int
+    reorder_s: float = 0.0
 
     @property
     def reset_threshold_s(self) -> float:
         """Smallest jump of the stamps back that begins a new run, seconds."""
-        return RESET_THRESHOLD_SCANS * self.model.modes.interval_s
+        return RESET_THRESHOLD_SCANS * _slowest_s(self.values)
 
     def grouper(self) -> ScanGrouper:
         """Return a new grouper of the radars' reports into scans."""
@@ -88,7 +93,19 @@ class TrackerConfig:
             self.reset_threshold_s,
             self.max_gap_s,
             self.reorder_scans,
+            self.reorder_s,
         )
+
+    def turns(self) -> tuple[Turns, ...]:
+        """Return what cuts each radar's reports, in the configured order; all new."""
+        return tuple(
+            Turns(radar.rotation_s, radar.sectors, radar.compass, self.reset_threshold_s)
+            for radar in self.inputs
+        )
+
+    def watches(self) -> tuple[ReportWatch, ...]:
+        """Return what watches each radar's reports, in the configured order; all new."""
+        return tuple(map(_watch, self.inputs, self.model.radars))
 
 
 def resolve(given: Mapping[str, Any]) -> TrackerConfig:
@@ -134,6 +151,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
             turn_rate_std=values["detection_births.turn_rate_std"],
             particles=values["detection_births.particles"],
             most=values["max_particles"],
+            least_mass=values["detection_births.least_probability"],
         ),
         spawn=_spawn(values, modes),
         amplitudes=_amplitudes(values),
@@ -149,8 +167,25 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         schedule=Schedule(round(values["estimates_period_s"] * 1e9)),
         existence_threshold=values["existence_threshold"],
         seed=values["seed"],
-        max_gap_s=values["max_gap_scans"] * values["interval_s"],
+        max_gap_s=values["max_gap_scans"] * _slowest_s(values),
         reorder_scans=values["reorder_scans"],
+        reorder_s=values["reorder_s"],
+    )
+
+
+def _slowest_s(values: Mapping[str, Any]) -> float:
+    """Return the nominal interval or the longest turn, seconds: until all has been seen again."""
+    turns = [values[f"{name}.rotation_s"] for name in values["radars"]]
+    return float(max([values["interval_s"], *turns]))
+
+
+def _watch(radar: RadarInput, model: RadarModel) -> ReportWatch:
+    whole = model.visibility.fov.width > FULL_TURN - TURN_TOLERANCE
+    ground_known = radar.height_field or radar.elevation_field or radar.message != "point_cloud"
+    return ReportWatch(
+        by_sectors=radar.sectors > 1,
+        whole_turn=whole and not model.visibility.blind and not radar.rotation_s,
+        slant_ranges=radar.rotation_s > SLOW_TURN and radar.max_range > FAR and not ground_known,
     )
 
 
@@ -223,8 +258,8 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         name=name,
         position=(get["position"][0], get["position"][1]),
         yaw=math.radians(get["yaw_deg"]),
-        range_std=get["range_std"],
-        azimuth_std=math.radians(get["azimuth_std_deg"]),
+        range_std=_rounded(get["range_std"], get["range_step"]),
+        azimuth_std=math.radians(_rounded(get["azimuth_std_deg"], get["azimuth_step_deg"])),
         visibility=_visibility(get),
         clutter_rate=get["clutter_rate"],
         clutter_max_range=get["clutter_max_range"],
@@ -232,6 +267,11 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         range_growth=get["range_std_growth"],
         rotation_s=get["rotation_s"],
     )
+
+
+def _rounded(std: float, step: float) -> float:
+    """Return a standard deviation after rounding to multiples of `step`."""
+    return math.hypot(std, step / math.sqrt(12.0)) if step else std
 
 
 def _visibility(get: Mapping[str, Any]) -> Visibility:

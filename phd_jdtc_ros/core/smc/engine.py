@@ -84,6 +84,8 @@ class ParticleEngine:
             due = self.schedule.between(self.forward.stamp_ns, scan.stamp_ns)
             filtered = [self._filtered_at(stamp_ns) for stamp_ns in due]
         step = self.forward.step(scan, linked=self.lag.positive)
+        drawn_again = {entry.stamp_ns: entry for entry in step.earlier}
+        self._window = [drawn_again.get(entry.stamp_ns, entry) for entry in self._window]
         self._window.append(step.entry)
         self._note_filtered(step.updated, scan.stamp_ns)
         if not self.schedule.period_ns:
@@ -93,14 +95,14 @@ class ParticleEngine:
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
         self._tracks.forget_all_but([entry.stored.label for entry in self._window])
-        others = [rows.particles for rows in self.forward.current[:-1]]
         figures = {
             "particles": len(step.entry.stored),
             "effective_sample_size": step.entry.stored.effective_sample_size,
             "orphans": step.entry.link.orphans if step.entry.link else 0,
         }
         classes = modes.class_of, len(modes.classes)
-        mass = [part.class_mass(*classes) for part in (step.updated, *others)]
+        mass = [rows.class_mass(*classes) for rows in self.forward.current[:-1]]
+        mass.append(step.updated.class_mass(*classes))
         return Step(tuple(filtered), tuple(smoothed), np.sum(mass, axis=0), figures)
 
     def retune(self, model: TrackerModel, existence_threshold: float) -> None:

@@ -96,8 +96,17 @@ class Entry:
         origin, row_origin = factorize(self.stored.origin)
         return read_only(origin, np.int64), read_only(row_origin, np.int64)
 
+    @cached_property
+    def _extents(self) -> dict[StateSpace, Extents]:
+        return {}
+
     def extents(self, space: StateSpace) -> Extents:
-        """Return where each origin's particles are."""
+        """Return where each origin's particles are; computed once."""
+        if space not in self._extents:
+            self._extents[space] = self._measured(space)
+        return self._extents[space]
+
+    def _measured(self, space: StateSpace) -> Extents:
         origin, row_origin = self.origins
         weight = np.maximum(self.stored.weight, np.finfo(float).tiny)
         share = weight / sum_by(row_origin, weight, len(origin)).take(row_origin)
@@ -133,10 +142,23 @@ class Current:
     def __len__(self) -> int:
         return len(self.entry.stored) if self.rows is None else len(self.rows)
 
-    @property
+    @cached_property
     def particles(self) -> ParticleSet:
         """The rows' particles."""
         return self.entry.stored if self.rows is None else self.entry.stored.take(self.rows)
+
+    @cached_property
+    def copies(self) -> int:
+        """Number of particles that the rows stand for."""
+        multiplicity = self.entry.stored.multiplicity
+        return int((multiplicity if self.rows is None else multiplicity[self.rows]).sum())
+
+    def class_mass(self, class_of: IntArray, classes: int) -> FloatArray:
+        """Return the rows' expected number of targets of each class; see `ParticleSet`."""
+        stored = self.entry.stored
+        if self.rows is None:
+            return stored.class_mass(class_of, classes)
+        return sum_by(class_of[stored.mode[self.rows]], stored.weight[self.rows], classes)
 
     @property
     def source(self) -> Source:

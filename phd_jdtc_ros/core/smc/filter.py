@@ -17,6 +17,8 @@ from . import backward_kernel, snapshot
 from .budget import ParticleBudget
 from .correction import Corrector
 from .entry import Current, Entry
+from .guidance import places
+from .initiation import informed
 from .particle_set import Aged, ParticleSet
 from .prediction import predict
 from .resampling import resample
@@ -44,10 +46,13 @@ class Filtered:
         After the update with all radars; the filtered targets are extracted from it.
     entry : Entry
         What is kept: the set after resampling, and its link to earlier sets.
+    earlier : tuple of Entry
+        Those it is linked to; their newborn targets may have been drawn again, see `initiation`.
     """
 
     updated: ParticleSet
     entry: Entry
+    earlier: tuple[Entry, ...]
 
 
 @dataclass
@@ -107,13 +112,16 @@ class ForwardFilter:
         if dt <= 0.0:
             raise ValueError(f"scan.stamp_ns: {scan.stamp_ns} is not later than {self.stamp_ns}")
         touched, others = parted(self.current, scan, model, corrector)
-        budget = self.budget.beside(sum(int(rows.particles.multiplicity.sum()) for rows in others))
+        seen = places(scan, model)
+        if corrector.labelled:
+            touched = informed(touched, scan.stamp_ns, seen, model, rng)
+        budget = self.budget.beside(sum(rows.copies for rows in others))
         earlier = [
             Aged(rows.particles, self._since(rows.entry.stamp_ns, scan.stamp_ns))
             for rows in touched
         ]
         births = self._births(scan)
-        predicted = predict(earlier, births, model, corrector, budget, index, rng)
+        predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.done("predict")
         updated, newborns = update_scan(predicted, scan, model, corrector, dt, index, rng)
         self.done("update")
@@ -123,10 +131,11 @@ class ForwardFilter:
         if linked and earlier:
             link = backward_kernel.build_joint(earlier, stored, model, corrector, newborns)
             self.done("transition")
-        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
+        sources = tuple(rows.source for rows in touched)
+        entry = Entry(scan.stamp_ns, stored, sources, link)
         self.current = [*others, Current(entry)]
         self.stamp_ns, self._scan_index = scan.stamp_ns, index + 1
-        return Filtered(updated, entry)
+        return Filtered(updated, entry, tuple(rows.entry for rows in touched))
 
     @property
     def stored(self) -> ParticleSet:

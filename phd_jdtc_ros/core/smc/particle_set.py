@@ -92,16 +92,16 @@ class ParticleSet:
         return mass
 
     def take(self, rows: IntArray) -> ParticleSet:
-        """Return the particles of these rows, with all components."""
+        """Return the particles of these rows, with all weight in the Poisson part."""
         return ParticleSet(
             state=self.state.take(rows, axis=0),
             mode=self.mode[rows],
             origin=self.origin[rows],
             parent=self.parent[rows],
             multiplicity=self.multiplicity[rows],
-            poisson=self.poisson[rows],
-            components=self.components[rows],
-            label=self.label,
+            poisson=self.weight[rows],
+            components=sparse.csr_array((len(rows), 0)),
+            label=self.label[:0],
             log_snr=self.log_snr[rows],
         )
 

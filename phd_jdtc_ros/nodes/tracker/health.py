@@ -15,7 +15,7 @@ from statistics import median
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics
+from msg_adapters import diagnostics, doubts
 
 from .sequence_numbers import SequenceNumbers
 
@@ -94,13 +94,14 @@ class InputHealth:
     received: int = 0
     deadlines_missed: int = 0
     incompatible_qos: int = 0
-    azimuths_beyond_a_turn: int = 0
+    doubts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     _heard_s: float | None = None
     _numbering: SequenceNumbers = field(default_factory=SequenceNumbers)
     _listed_since_s: dict[Hashable, float] = field(default_factory=dict)
     _trouble_s: float | None = None
     _doubt_s: float | None = None
+    _doubt: str = ""
 
     def arrived(self, now_s: float, sequence: int | None) -> None:
         """Count a message and those lost before it; `sequence` is its publisher's number for it."""
@@ -119,9 +120,10 @@ class InputHealth:
         self.dropped[reason] += count
         self._trouble_s = now_s
 
-    def doubt(self, count: int, now_s: float) -> None:
-        """Count azimuths beyond a whole turn, which were used."""
-        self.azimuths_beyond_a_turn += count
+    def doubt(self, counts: Counter[str], text: str, now_s: float) -> None:
+        """Count what was used and does not look as it is configured; `text` says what."""
+        self.doubts += counts
+        self._doubt = text
         self._doubt_s = now_s
 
     def miss_deadline(self, count: int, now_s: float) -> None:
@@ -156,7 +158,7 @@ class InputHealth:
                 "a killed one disappears by itself"
             )
         if self._doubt_s is not None and now_s - self._doubt_s < WARNING_MEMORY_S:
-            return DiagnosticStatus.WARN, "azimuths beyond 2 pi rad, probably degrees"
+            return DiagnosticStatus.WARN, self._doubt
         if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
             return DiagnosticStatus.WARN, "input was dropped or missed its deadline"
         return DiagnosticStatus.OK, "receiving"
@@ -188,8 +190,7 @@ class InputHealth:
             "publishers": len(publishers.identities),
             **{f"dropped_{reason}": count for reason, count in sorted(self.dropped.items())},
         }
-        if self.azimuths_beyond_a_turn:
-            values["azimuths_beyond_a_turn"] = self.azimuths_beyond_a_turn
+        values |= dict(sorted(self.doubts.items()))
         return diagnostics.status(f"{node}: {self.name}", values, level, text, self.name)
 
 
@@ -208,10 +209,14 @@ class StepHealth:
     scans: int = 0
     epoch: int = 0
     closed_by_wait: int = 0
+    overdue: int = 0
+    _targets_seen: bool = False
 
-    def stepped(self, stamp_ns: int, step_ms: float) -> None:
-        """Record a step: its scan's stamp, and the CPU time from receipt to publication."""
+    def stepped(self, stamp_ns: int, step_ms: float, targets: int = 0) -> None:
+        """Record a step: stamp, CPU time from receipt to publication, number of targets."""
         self.scans += 1
+        if targets:
+            self._targets_seen, self.overdue = True, 0
         self.rhythm.beat(stamp_ns * 1e-9)
         self.step_ms = step_ms
 
@@ -223,12 +228,16 @@ class StepHealth:
             level, text = DiagnosticStatus.STALE, "no scan yet"
         elif self.step_ms > limit * interval_ms:
             level, text = DiagnosticStatus.WARN, "too slow for the scan interval"
+        elif self.overdue and not self._targets_seen:
+            # Once there were targets, it may well be that there are none now.
+            level, text = DiagnosticStatus.WARN, doubts.nothing_reported(self.overdue)
         values = {
             **({} if self.step_ms is None else {"step_ms": self.step_ms}),
             "scan_interval_ms": interval_ms,
             "scans": self.scans,
             "epoch": self.epoch,
             "closed_by_wait": self.closed_by_wait,
+            **({"scans_without_targets": self.overdue} if self.overdue else {}),
         }
         return diagnostics.status(f"{node}: step time", values, level, text, hardware_id)
 

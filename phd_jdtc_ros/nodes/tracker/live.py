@@ -8,8 +8,10 @@ A tracker node has one from its configuration to its clean-up.
 
 from __future__ import annotations
 
+import math
 import os
 import time
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
@@ -37,6 +39,7 @@ from .checkpoint import Checkpoints
 from .health import InputHealth, OutputHealth, Rhythm, StepHealth
 from .outputs import Outputs
 from .settings import Settings
+from .static_frames import StaticFrames
 
 
 class LiveTracker:
@@ -65,9 +68,11 @@ class LiveTracker:
         self._served = OutputHealth()
         self._active = False
         self._neutral: set[str] = set()
+        self._warned_s: dict[tuple[int, str], float] = {}
         self._cpu_s = 0.0
         self._subscriptions: list[Subscription] = []
         self._outputs = Outputs(node, settings, self._served)
+        self._frames = StaticFrames(node, settings)
         self._patience = self._make_patience(settings.node["max_wait_s"])
         try:
             self._checkpoints = self._make_checkpoints()
@@ -122,6 +127,7 @@ class LiveTracker:
         if self._patience is not None:
             self._node.destroy_timer(self._patience)
             self._patience = None
+        self._frames.destroy()
         self._outputs.destroy()
 
     def start(self) -> None:
@@ -196,14 +202,9 @@ class LiveTracker:
         if report.detections.amplitude is None and radar.name not in self._neutral:
             self._neutral.add(radar.name)
             self._node.get_logger().warning(doubts.no_amplitude(radar))
-        if report.beyond_a_turn:
-            health.doubt(report.beyond_a_turn, time.monotonic())
-            self._node.get_logger().warning(
-                doubts.beyond_a_turn(radar, report.beyond_a_turn),
-                throttle_duration_sec=WARNING_PERIOD_S,
-            )
         waiting = self._pipeline.waiting
-        events = self._pipeline.add(index, report.stamp_ns, report.detections)
+        events = self._pipeline.add(index, report.stamp_ns, report.detections, report.sector)
+        self._doubt(index, report.doubts + self._pipeline.take_doubts(index))
         if isinstance(events, Rejection):
             self._drop(health, events.value, f"scan rejected: {events.value} stamp")
             return
@@ -211,6 +212,19 @@ class LiveTracker:
         closed = self._handle(events, start)
         if self._patience is not None:
             self._wait(new_scan=bool(closed) or not waiting)
+
+    def _doubt(self, index: int, counts: Counter[str]) -> None:
+        """Count what does not look as it is configured, and warn of it."""
+        if not counts:
+            return
+        radar = self._settings.config.inputs[index]
+        now, texts = time.monotonic(), list(doubts.of(radar, counts))
+        self._inputs[index].doubt(counts, texts[0], now)
+        for what, text in zip(counts, texts, strict=True):
+            # The logger's own limit is one for all doubts.
+            if now - self._warned_s.get((index, what), -math.inf) > WARNING_PERIOD_S:
+                self._warned_s[index, what] = now
+                self._node.get_logger().warning(f"{radar.topic}: {text}")
 
     def _wait(self, new_scan: bool) -> None:
         """Start the timer if a new scan waits for reports; cancel it if no scan waits."""
@@ -247,13 +261,17 @@ class LiveTracker:
             self._outputs.publish_filtered(filtered)
         for smoothed in step.smoothed:
             self._outputs.publish_estimates(SMOOTHED, smoothed)
+        self._outputs.publish_detections(event.scan)
         now = time.thread_time()
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
-        self._pace.stepped(event.stamp_ns, step_ms)
+        self._pace.stepped(event.scan.stamp_ns, step_ms, step.targets)
+        if event.overdue:
+            self._pace.overdue = event.overdue
+            self._node.get_logger().warning(doubts.nothing_reported(event.overdue))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
-        self._outputs.publish_cardinality(event.stamp_ns, step, step_ms)
+        self._outputs.publish_cardinality(event.scan.stamp_ns, step, step_ms)
         return now
 
     def _end_run(self, event: RunEnded) -> None:

@@ -1,0 +1,253 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The valid detections among a message's points, in the core's units."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.models.radar import wrap_angle
+from phd_jdtc_ros.core.types import FULL_TURN, Detections
+
+from . import plot_times
+
+# 120 dB above the noise, more than any receiver reports.
+MAX_AMPLITUDE = 1e6
+# A compass azimuth just below a whole turn may be rounded to a float above it.
+A_TURN = FULL_TURN * (1.0 + 1e-6)
+# Of more turns, single precision leaves an angle of 0.03 degrees at the best, and soon none at all.
+MAX_TURNS = 1000.0
+# Metres; nothing that a radar of this kind tracks flies higher.
+MAX_HEIGHT = 30e3
+# A time of its own is at most this many turns from the stamp; without a turn, this many seconds.
+MAX_TURNS_OFF = 1.5
+MAX_SECONDS_OFF = 60.0
+# Least and largest standard deviations that are believed: of ranges, m, and of azimuths, rad.
+RANGE_STDS = (1e-3, 1e5)
+AZIMUTH_STDS = (1e-6, np.pi)
+BoolArray = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Report:
+    """A decoded message.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    detections : Detections
+        `amplitude` is None where the message has no amplitudes.
+    dropped : Counter
+        Points left out, by reason: ``not_finite``, ``height``, ``range``, ``azimuth``, ``time``,
+        ``amplitude``.
+    doubts : Counter
+        Points, or messages, that are used and do not look as they are configured; see `doubts`.
+    sector : int or None
+        Number of the sector, if the message says it.
+    """
+
+    stamp_ns: int
+    detections: Detections
+    dropped: Counter[str]
+    doubts: Counter[str] = field(default_factory=Counter)
+    sector: int | None = None
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A message's columns as the radar reports them, arrays of shape (M,).
+
+    Parameters
+    ----------
+    distance : array
+        Metres; slant ranges where there are elevations or heights.
+    azimuth : array
+    elevation : array or None
+        Radians above the sensor's plane.
+    level : array or None
+        Amplitudes.
+    time : array or None
+    height : array or None
+        Metres above the world's zero.
+    range_std, azimuth_std : array or None
+        In metres and in the unit of the azimuth.
+    sector : array or None
+    """
+
+    distance: FloatArray
+    azimuth: FloatArray
+    elevation: FloatArray | None = None
+    level: FloatArray | None = None
+    time: FloatArray | None = None
+    height: FloatArray | None = None
+    range_std: FloatArray | None = None
+    azimuth_std: FloatArray | None = None
+    sector: FloatArray | None = None
+
+
+def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
+    """Return the valid detections among points, in the core's units, and count the others.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    radar : RadarInput
+        Units, conventions and the maximum range.
+    columns : Columns
+
+    Notes
+    -----
+    An amplitude, a height or a deviation that is NaN is unknown, and its point is kept.
+    """
+    azimuth = np.radians(columns.azimuth) if radar.azimuth_in_degrees else columns.azimuth
+    turns = np.abs(azimuth)
+    if radar.compass:
+        azimuth = np.pi / 2.0 - azimuth
+    level, time = columns.level, None
+    if columns.time is not None:
+        time = plot_times.relative(columns.time, stamp_ns, radar)
+    amplitude = None if level is None else _linear_amplitude(level, radar)
+    finite = _finite(columns, azimuth)
+    ground_range, possible_height = _ground_range(columns, finite, radar.height)
+    kept, dropped = _sorted_out(
+        {
+            "not_finite": finite,
+            "height": possible_height,
+            # An elevation beyond the zenith is not valid, and makes the ground range negative.
+            "range": (columns.distance >= 0.0)
+            & (ground_range >= 0.0)
+            & (ground_range <= radar.max_range),
+            "azimuth": turns <= MAX_TURNS * FULL_TURN,
+            "time": _within_a_turn(time, len(azimuth), radar),
+            "amplitude": _possible(amplitude, len(azimuth)),
+        }
+    )
+    noise_std, unusable = _noise_std(columns, kept, radar)
+    sector, confused = _sector(columns.sector, radar)
+    detections = Detections(
+        np.stack([ground_range[kept], wrap_angle(azimuth[kept])], axis=1),
+        None if amplitude is None else amplitude[kept],
+        None if time is None else time[kept],
+        noise_std,
+    )
+    beyond = 0 if radar.azimuth_in_degrees else np.count_nonzero(turns[kept] > A_TURN)
+    unknown = 0 if columns.height is None else np.count_nonzero(~np.isfinite(columns.height[kept]))
+    doubts = Counter(
+        azimuths_beyond_a_turn=int(beyond),
+        heights_unknown=int(unknown),
+        deviations_unusable=unusable,
+        sectors_unusable=confused,
+    )
+    return Report(stamp_ns, detections, dropped, +doubts, sector)
+
+
+def _finite(columns: Columns, azimuth: FloatArray) -> BoolArray:
+    """Return which points have finite coordinates, and a level that may be unknown."""
+    finite = np.isfinite(columns.distance) & np.isfinite(azimuth)
+    if columns.elevation is not None:
+        finite &= np.isfinite(columns.elevation)
+    if columns.level is not None:
+        # A level of -inf dB would give a valid envelope of zero.
+        finite &= columns.level != -np.inf
+    return finite
+
+
+def _ground_range(
+    columns: Columns, finite: BoolArray, antenna: float
+) -> tuple[FloatArray, BoolArray]:
+    """Return the ranges over ground, metres, and which of the heights are possible.
+
+    A height makes it the triangle's other side; where it is unknown, the elevation does, if there
+    is one. `antenna` is the antenna's height.
+    """
+    distance = np.where(finite, columns.distance, 0.0)
+    ground = distance
+    if columns.elevation is not None:
+        ground = distance * np.cos(np.where(finite, columns.elevation, 0.0))
+    if columns.height is None:
+        return ground, np.ones(len(ground), dtype=bool)
+    known = np.isfinite(columns.height)
+    height = np.where(known, columns.height, antenna)
+    above = np.clip(height, -2.0 * MAX_HEIGHT, 2.0 * MAX_HEIGHT) - antenna
+    with np.errstate(over="ignore"):  # an absurd range becomes infinite and is then dropped
+        square = distance**2 - above**2
+    possible = (square >= 0.0) & (np.abs(height) <= MAX_HEIGHT)
+    side = np.copysign(np.sqrt(np.maximum(square, 0.0)), distance)
+    return np.where(known, side, ground), possible | ~known | ~finite | (distance < 0.0)
+
+
+def _within_a_turn(time: FloatArray | None, count: int, radar: RadarInput) -> BoolArray:
+    """Return which times, seconds, are not farther from the stamp than a turn allows."""
+    if time is None:
+        return np.ones(count, dtype=bool)
+    most = MAX_TURNS_OFF * radar.rotation_s if radar.rotation_s else MAX_SECONDS_OFF
+    near: BoolArray = np.abs(time) <= most  # never true of NaN
+    return near
+
+
+def _possible(amplitude: FloatArray | None, count: int) -> BoolArray:
+    """Return which envelopes are possible or unknown."""
+    if amplitude is None:
+        return np.ones(count, dtype=bool)
+    possible: BoolArray = (amplitude >= 0.0) & (amplitude <= MAX_AMPLITUDE)
+    return possible | np.isnan(amplitude)
+
+
+def _noise_std(
+    columns: Columns, kept: BoolArray, radar: RadarInput
+) -> tuple[FloatArray | None, int]:
+    """Return the detections' own deviations, (M, 2), NaN where there is none; and the unusable.
+
+    None if no detection has one.
+    """
+    scale = np.pi / 180.0 if radar.azimuth_in_degrees else 1.0
+    found = np.full((np.count_nonzero(kept), 2), np.nan)
+    if columns.range_std is not None:
+        found[:, 0] = columns.range_std[kept]
+    if columns.azimuth_std is not None:
+        found[:, 1] = columns.azimuth_std[kept] * scale
+    least, most = np.transpose([RANGE_STDS, AZIMUTH_STDS])
+    usable = (found >= least) & (found <= most)
+    unusable = int(np.count_nonzero(~usable & ~np.isnan(found)))
+    return (np.where(usable, found, np.nan) if usable.any() else None), unusable
+
+
+def _sector(column: FloatArray | None, radar: RadarInput) -> tuple[int | None, int]:
+    """Return the number of the sector, None if it is unknown; and 1 if it makes no sense."""
+    if column is None or not len(column):
+        return None, 0
+    number = float(column[0])
+    if (column != number).any() or not number.is_integer() or not 0 <= number < radar.sectors:
+        return None, 1
+    return int(number), 0
+
+
+def _sorted_out(passed: Mapping[str, BoolArray]) -> tuple[BoolArray, Counter[str]]:
+    """Return which points pass every test, and per test how many points fail it first."""
+    dropped: Counter[str] = Counter()
+    kept = np.ones(len(next(iter(passed.values()))), dtype=bool)
+    for reason, passes in passed.items():
+        dropped[reason] = int(np.count_nonzero(kept & ~passes))
+        kept = kept & passes
+    return kept, +dropped
+
+
+def _linear_amplitude(raw: FloatArray, radar: RadarInput) -> FloatArray:
+    """Return the envelope in units of the noise's standard deviation per quadrature.
+
+    An envelope a has the SNR a^2 / 2.
+    """
+    with np.errstate(over="ignore"):  # an absurd level becomes infinite and is then dropped
+        if radar.amplitude_in_db:
+            from_db: FloatArray = np.sqrt(2.0 * 10.0 ** ((raw + radar.amplitude_offset_db) / 10.0))
+            return from_db
+        scaled: FloatArray = raw * 10.0 ** (radar.amplitude_offset_db / 20.0)
+        return scaled

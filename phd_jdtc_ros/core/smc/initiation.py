@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The velocities of targets born at a detection, drawn again once their next detection is known.
+
+A newborn target's velocity is known only by its prior. Where that is broad, next to none of its
+particles come near the next detection. Its velocities are therefore drawn by importance sampling,
+partly from the prior and partly from those that lead to one of the next detections. The weights
+make up for the difference, so the newborn's density stays the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..models.detection_birth import DetectionBirthModel
+from ..models.tracker_model import TrackerModel
+from ..origins import is_detected
+from .correction import scale_rows
+from .entry import Current, Entry
+from .guidance import Places
+from .particle_set import ParticleSet
+
+# Velocities are drawn again where they spread a target over this many deviations of a detection.
+BROAD = 2.0
+# Of the prior; farther out, no detection is taken for the target's next.
+REACH_SIGMA = 3.0
+# Share of the particles whose velocities come from the prior.
+PRIOR_SHARE = 0.25
+# What the velocities that lead to a detection are spread by, beyond its deviation.
+INFLATION = 1.5
+
+
+def informed(
+    touched: Sequence[Current],
+    stamp_ns: int,
+    seen: Places,
+    model: TrackerModel,
+    rng: np.random.Generator,
+) -> list[Current]:
+    """Return the rows that a scan touches, with velocities of newborn targets drawn again.
+
+    Parameters
+    ----------
+    touched : sequence of Current
+    stamp_ns : int
+        Of the scan.
+    seen : Places
+        Its detections.
+    model : TrackerModel
+    rng : numpy.random.Generator
+    """
+    if not model.detection_births.enabled:
+        return list(touched)
+    return [
+        _informed(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)
+        for rows in touched
+    ]
+
+
+def _informed(
+    rows: Current, dt: float, seen: Places, model: TrackerModel, rng: np.random.Generator
+) -> Current:
+    stored, births = rows.entry.stored, model.detection_births
+    broad = BROAD * np.sqrt(np.linalg.eigvalsh(seen.covariance)[:, -1])
+    sharp = births.velocity_std * dt > broad
+    seen = Places(seen.position[sharp], seen.covariance[sharp], seen.time_s[sharp])
+    newborn = (stored.parent < 0) & is_detected(stored.origin)
+    if rows.rows is not None:
+        of_rows = np.zeros(len(stored), dtype=bool)
+        of_rows[rows.rows] = True
+        newborn &= of_rows
+    chosen = np.flatnonzero(newborn)
+    if not len(chosen) or not len(seen.position):
+        return rows
+    state, factor = _redrawn(stored, chosen, dt, seen, model, rng)
+    entry = Entry(
+        rows.entry.stamp_ns,
+        replace(
+            stored,
+            state=state,
+            poisson=stored.poisson * factor,
+            components=scale_rows(stored.components, factor),
+        ),
+        rows.entry.sources,
+        rows.entry.link,
+    )
+    return Current(entry, rows.rows)
+
+
+def _redrawn(
+    stored: ParticleSet,
+    chosen: IntArray,
+    dt: float,
+    seen: Places,
+    model: TrackerModel,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """Return all states with the velocities of some rows drawn again, and the weights' factors."""
+    space, births = model.modes.space, model.detection_births
+    place, speed = list(space.position), list(space.velocity)
+    state, factor = stored.state.copy(), np.ones(len(stored))
+    shape = [INFLATION * np.linalg.cholesky(matrix) / dt for matrix in seen.covariance]
+    for origin in np.unique(stored.origin[chosen]):
+        row = chosen[stored.origin[chosen] == origin]
+        centre = state[row][:, place].mean(axis=0)
+        reach = REACH_SIGMA * births.velocity_std * dt
+        near = np.flatnonzero(np.hypot(*(seen.position - centre).T) <= reach)
+        if len(near):
+            leads = (seen.position[near][:, None] - state[row][:, place]) / dt
+            velocity, ratio = _drawn(leads, [shape[index] for index in near], births, rng)
+            state[np.ix_(row, speed)] = velocity
+            weight = stored.weight[row]
+            factor[row] = ratio * weight.sum() / (ratio * weight).sum()
+    return state, factor
+
+
+def _drawn(
+    leads: FloatArray,
+    shapes: Sequence[FloatArray],
+    births: DetectionBirthModel,
+    rng: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """Draw velocities from a mixture, and return them with the prior's share of its density.
+
+    Parameters
+    ----------
+    leads : array of shape (J, n, 2)
+        Velocities that lead each particle to each detection.
+    shapes : sequence of J arrays of shape (2, 2)
+        Cholesky factors of the covariances about them.
+    births : DetectionBirthModel
+    rng : numpy.random.Generator
+    """
+    count, size = leads.shape[:2]
+    share = (1.0 - PRIOR_SHARE) / count
+    part = np.floor((np.arange(size) + rng.random()) / size * (1.0 / share)).astype(np.int64)
+    normal = rng.standard_normal((size, 2))
+    velocity = births.velocity_std * normal
+    for index in range(count):
+        rows = np.flatnonzero(part == index)
+        velocity[rows] = leads[index, rows] + normal[rows] @ shapes[index].T
+    prior = np.exp(-0.5 * (velocity**2).sum(axis=1) / births.velocity_std**2)
+    prior /= 2.0 * np.pi * births.velocity_std**2
+    mixture = PRIOR_SHARE * prior
+    for lead, factor in zip(leads, shapes, strict=True):
+        whitened = np.linalg.solve(factor, (velocity - lead).T)
+        density = np.exp(-0.5 * (whitened**2).sum(axis=0))
+        mixture += share * density / (2.0 * np.pi * np.linalg.det(factor))
+    return velocity, prior / mixture

@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Detections of an antenna that turns, as reports of whole turns or of sectors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from phd_jdtc_ros.core.models.visibility import within
+from phd_jdtc_ros.core.types import FULL_TURN, Detections
+
+START_NS = 1_700_000_000_000_000_000
+# No azimuth is the edge of a sector.
+GRID = np.linspace(-np.pi, np.pi, 720, endpoint=False) + 1e-4
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A report as a radar sends it, and the azimuths that the antenna passed for it.
+
+    `passed` says which azimuths of `GRID` they are.
+    """
+
+    stamp_ns: int
+    detections: Detections
+    sector: int
+    passed: np.ndarray
+
+
+@dataclass(frozen=True)
+class TurningRadar:
+    """An antenna and how it reports.
+
+    `stamp_at` is the place of the stamp in what a report covers, from 0 to 1; `cut` is the phase
+    at which reports begin; `seen` is the part of the turn in which there is anything to detect.
+    """
+
+    rotation_s: float = 4.0
+    sectors: int = 0
+    clockwise: bool = False
+    timed: bool = True
+    stamp_at: float = 1.0
+    cut: float = 0.3
+    plots: int = 80
+    noise: float = 0.002
+    time_step_s: float = 1.0 / 128.0
+    seen: tuple = (0.0, 1.0)
+
+    @property
+    def per_turn(self):
+        return max(self.sectors, 1)
+
+    def reports(self, turns, seed=0, lengths=None):
+        """Return the reports of some turns, of the given lengths in seconds."""
+        rng = np.random.default_rng(seed)
+        lengths = [self.rotation_s] * turns if lengths is None else lengths
+        begins = np.concatenate([[0.0], np.cumsum(lengths)])
+        sent = []
+        for turn, length in enumerate(lengths):
+            share = rng.uniform(*self.seen, rng.poisson(self.plots))
+            for part in range(self.per_turn):
+                inside = np.sort(share[(share * self.per_turn).astype(int) == part])
+                sent.append(self._report(turn, part, begins[turn], length, inside, rng))
+        return sent
+
+    def _report(self, turn, part, begin_s, length_s, share, rng):
+        time_s = begin_s + length_s * share
+        if self.time_step_s:
+            time_s = np.round(time_s / self.time_step_s) * self.time_step_s
+        phase = self.cut + FULL_TURN * share + self.noise * rng.standard_normal(len(share))
+        stamp_s = begin_s + length_s * (part + self.stamp_at) / self.per_turn
+        distance = 1000.0 + 100.0 * np.arange(len(share)) + turn
+        measurement = np.stack([distance, self.azimuth(phase)], axis=1)
+        first = self.cut + FULL_TURN * part / self.per_turn
+        return Sent(
+            START_NS + round(stamp_s * 1e9),
+            Detections(measurement, None, time_s - stamp_s if self.timed else None),
+            part,
+            np.mod(self.phase(GRID) - first, FULL_TURN) < FULL_TURN / self.per_turn,
+        )
+
+    def azimuth(self, phase):
+        """Return the azimuths of phases, in [-pi, pi)."""
+        return np.mod((-phase if self.clockwise else phase) + np.pi, FULL_TURN) - np.pi
+
+    def phase(self, azimuth):
+        return -azimuth if self.clockwise else azimuth
+
+
+def covered(pieces):
+    """Return how often each azimuth of `GRID` is covered by pieces."""
+    times = np.zeros(len(GRID))
+    for _, piece in pieces:
+        times += 1.0 if piece.coverage is None else within(GRID, piece.coverage)
+    return times
+
+
+def degrees_off(sent, pieces):
+    """Return how many degrees are covered too often or too rarely by a report's pieces."""
+    return float(np.abs(covered(pieces) - sent.passed).sum()) * 360.0 / len(GRID)

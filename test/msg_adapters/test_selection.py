@@ -1,0 +1,236 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from samples import FRAME, STAMP_NS, cloud, radar
+from sensor_msgs.msg import PointField
+
+from msg_adapters import detections as adapter
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.sectors import coverage_of
+from phd_jdtc_ros.core.types import Detections
+
+F4, F8, U1, I4 = (
+    PointField.FLOAT32,
+    PointField.FLOAT64,
+    PointField.UINT8,
+    PointField.INT32,
+)
+INF, NAN = np.inf, np.nan
+
+
+def read(extra, points, datatype=F8, **changes):
+    """Return the report of points of range, azimuth and further columns."""
+    names = [("range", F8), ("azimuth", F8), *((name, datatype) for name in extra)]
+    return adapter.from_msg(cloud(names, points), radar(amplitude_field="", **changes))
+
+
+def timed(*times, datatype=F8, **changes):
+    points = [(1000.0 + k, 0.1, value) for k, value in enumerate(times)]
+    return read(["time"], points, datatype, time_field="time", **changes)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(1.0, 1), (1e-3, 1e3), (1e-6, 1e6), (1e-9, 1e9)])
+@pytest.mark.parametrize("datatype", [F4, F8])
+def test_times_relative_to_the_stamp_are_read_in_their_unit(unit, scale, datatype):
+    report = timed(-1.5 * scale, 0.25 * scale, time_unit_s=unit, datatype=datatype)
+    assert_allclose(report.detections.time_s, [-1.5, 0.25], rtol=1e-12)
+    assert not report.dropped
+    assert not report.doubts
+
+
+@pytest.mark.parametrize(("unit", "scale"), [(1.0, 1), (1e-3, 1e3), (1e-6, 1e6), (1e-9, 1e9)])
+def test_times_since_the_epoch_are_exact_to_a_microsecond(unit, scale):
+    expected = np.array([-3.999871, 0.0, 1e-6, 0.7311113])
+    seconds, nanoseconds = divmod(STAMP_NS, 10**9)
+    # In whole numbers first, so that only the last step rounds.
+    sent = [
+        float((seconds * 10**9 + nanoseconds + round(t * 1e9)) * scale / 10**9) for t in expected
+    ]
+    found = timed(*sent, time_unit_s=unit, time_since_epoch=True).detections.time_s
+    assert_allclose(found, expected, rtol=0.0, atol=1e-6)
+
+
+def test_times_since_the_epoch_in_single_precision_are_refused():
+    with pytest.raises(RejectedMessageError, match="'time' has type f4") as caught:
+        timed(1.7e9, datatype=F4, time_since_epoch=True)
+    assert caught.value.reason == "schema"
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bad", [NAN, INF, -INF, 6.01, -6.01, 1e300])
+def test_a_time_beyond_the_turn_drops_its_detection(bad):
+    report = timed(0.0, bad, 5.99, rotation_s=4.0)
+    assert report.dropped == {"time": 1}
+    assert report.detections.time_s.tolist() == [0.0, 5.99]
+    assert report.detections.measurement[:, 0].tolist() == [1000.0, 1002.0]
+
+
+def test_without_a_turn_times_may_be_a_minute_from_the_stamp():
+    assert timed(-60.0, 60.0, 60.01).dropped == {"time": 1}
+
+
+def test_times_that_do_not_rise_are_kept_as_they_are():
+    assert timed(0.5, -0.5, 0.25).detections.time_s.tolist() == [0.5, -0.5, 0.25]
+
+
+@pytest.mark.parametrize(
+    ("parameter", "doubt"),
+    [
+        ("time_field", "time_missing"),
+        ("sector_field", "sector_missing"),
+        ("height_field", "height_missing"),
+        ("range_std_field", "range_std_missing"),
+        ("azimuth_std_field", "azimuth_std_missing"),
+    ],
+)
+def test_a_field_that_is_configured_and_missing_is_a_doubt(parameter, doubt):
+    report = read([], [(1000.0, 0.5)], **{parameter: "gone"})
+    assert report.doubts == {doubt: 1}
+    assert report.detections.time_s is None
+    assert report.detections.noise_std is None
+    assert report.detections.measurement.tolist() == [[1000.0, 0.5]]
+
+
+def test_a_field_of_another_type_rejects_the_cloud():
+    with pytest.raises(RejectedMessageError, match="'time' has type i4"):
+        read(["time"], [(1.0, 0.0, 3)], I4, time_field="time")
+
+
+@pytest.mark.parametrize("datatype", [U1, I4, F4, F8])
+def test_the_sector_is_one_number_of_any_type(datatype):
+    points = [(1000.0, 0.1, 3), (1200.0, 0.2, 3)]
+    report = read(["sector"], points, datatype, sector_field="sector", rotation_s=4.0, sectors=16)
+    assert report.sector == 3
+    assert not report.doubts
+
+
+@pytest.mark.parametrize("values", [(3, 4), (16, 16), (-1, -1), (2.5, 2.5), (NAN, NAN), (1e300, 0)])
+def test_a_sector_that_makes_no_sense_is_a_doubt(values):
+    points = [(1000.0, 0.1, values[0]), (1200.0, 0.2, values[1])]
+    report = read(["sector"], points, sector_field="sector", rotation_s=4.0, sectors=16)
+    assert report.sector is None
+    assert report.doubts == {"sectors_unusable": 1}
+    assert len(report.detections) == 2
+
+
+def test_an_empty_cloud_says_no_sector():
+    report = read(["sector"], [], sector_field="sector", rotation_s=4.0, sectors=16)
+    assert report.sector is None
+    assert not report.doubts
+
+
+def high(*heights, distance=5000.0, antenna=0.0, **changes):
+    points = [(distance, 0.1, value) for value in heights]
+    return read(["height"], points, height_field="height", height=antenna, **changes)
+
+
+def test_heights_take_slant_ranges_to_the_ground():
+    report = high(3100.0, -3900.0, 100.0, antenna=100.0)
+    assert_allclose(report.detections.measurement[:, 0], [4000.0, 3000.0, 5000.0], rtol=1e-12)
+    assert not report.dropped
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bad", [5000.1, -5000.1, 1e9, -1e9, 1e300, 30_001.0])
+def test_a_height_that_is_not_possible_drops_its_detection(bad):
+    report = high(0.0, bad)
+    assert report.dropped == {"height": 1}
+    assert len(report.detections) == 1
+
+
+def test_a_height_above_all_that_flies_is_not_possible_at_any_range():
+    assert high(30_001.0, distance=1e5, max_range=2e5).dropped == {"height": 1}
+    assert not high(29_999.0, distance=1e5, max_range=2e5).dropped
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("unknown", [NAN, INF, -INF])
+def test_without_a_height_the_slant_range_is_used_and_that_is_a_doubt(unknown):
+    report = high(3000.0, unknown)
+    assert_allclose(report.detections.measurement[:, 0], [4000.0, 5000.0])
+    assert not report.dropped
+    assert report.doubts == {"heights_unknown": 1}
+
+
+def test_where_the_height_is_unknown_the_elevation_serves():
+    points = [(5000.0, 0.1, NAN, np.radians(60.0)), (5000.0, 0.1, 3000.0, np.radians(60.0))]
+    names = [("range", F8), ("azimuth", F8), ("height", F8), ("elevation", F8)]
+    layout = radar(amplitude_field="", height_field="height", elevation_field="elevation")
+    report = adapter.from_msg(cloud(names, points), layout)
+    assert_allclose(report.detections.measurement[:, 0], [2500.0, 4000.0], rtol=1e-12)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bad", [-1.0, INF, 1e300])
+def test_an_impossible_slant_range_is_no_matter_of_the_height(bad):
+    reason = "range" if np.isfinite(bad) else "not_finite"
+    assert high(100.0, distance=bad).dropped == {reason: 1}
+
+
+STDS = {"range_std_field": "dr", "azimuth_std_field": "da"}
+
+
+def test_deviations_of_each_detection_are_read_in_their_units():
+    points = [(1000.0, 10.0, 6.0, 0.02), (2000.0, 20.0, 7.0, 0.03)]
+    report = read(["dr", "da"], points, azimuth_in_degrees=True, **STDS)
+    assert_allclose(report.detections.noise_std, [[6.0, np.radians(0.02)], [7.0, np.radians(0.03)]])
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bad", [0.0, -1.0, INF, 1e6, 1e-12])
+def test_an_unusable_deviation_is_left_to_the_radar_and_a_doubt(bad):
+    report = read(["dr", "da"], [(1000.0, 0.1, bad, bad), (1000.0, 0.1, 5.0, 0.01)], **STDS)
+    assert_array_equal(report.detections.noise_std, [[NAN, NAN], [5.0, 0.01]])
+    assert report.doubts == {"deviations_unusable": 2}
+    assert not report.dropped
+
+
+def test_an_unknown_deviation_is_the_radars_and_no_doubt():
+    report = read(["dr"], [(1000.0, 0.1, NAN), (1000.0, 0.1, 5.0)], range_std_field="dr")
+    assert_array_equal(report.detections.noise_std, [[NAN, NAN], [5.0, NAN]])
+    assert not report.doubts
+    all_unknown = read(["dr"], [(1000.0, 0.1, NAN)], range_std_field="dr")
+    assert all_unknown.detections.noise_std is None
+
+
+LAYOUTS = {
+    "relative": {"time_field": "t"},
+    "milliseconds": {"time_field": "t", "time_unit_s": 1e-3},
+    "epoch": {"time_field": "t", "time_since_epoch": True},
+    "epoch_ns": {"time_field": "t", "time_since_epoch": True, "time_unit_s": 1e-9},
+    "height": {"height_field": "h", "height": 120.0},
+    "deviations": {"range_std_field": "dr", "azimuth_std_field": "da", "azimuth_in_degrees": True},
+    "sectors": {"sector_field": "s", "rotation_s": 4.0, "sectors": 16},
+    "sectors_compass": {"sector_field": "s", "rotation_s": 4.0, "sectors": 7, "compass": True},
+}
+
+
+@pytest.mark.parametrize("changes", LAYOUTS.values(), ids=LAYOUTS)
+def test_to_msg_writes_what_from_msg_reads(changes):
+    layout = radar(amplitude_field="", **changes)
+    given = Detections(
+        np.array([[1000.0, 0.3], [16e3, 0.35]]),
+        None,
+        time_s=np.array([-1.2345678, 0.25]),
+        noise_std=np.array([[6.0, np.nan], [np.nan, 0.001]]),
+        coverage=coverage_of(3, layout.sectors or 8, layout.compass),
+    )
+    report = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout)
+    assert not report.dropped
+    assert not report.doubts
+    assert_allclose(report.detections.measurement, given.measurement, atol=1e-3)
+    if layout.time_field:
+        assert_allclose(report.detections.time_s, given.time_s, rtol=0.0, atol=1e-6)
+    if layout.range_std_field:
+        assert_allclose(report.detections.noise_std, given.noise_std, rtol=1e-6)
+    if layout.sector_field:
+        assert report.sector == 3
+
+
+def test_to_msg_refuses_detections_without_a_sector():
+    layout = radar(amplitude_field="", sector_field="s", rotation_s=4.0, sectors=16)
+    with pytest.raises(ValueError, match="coverage: None given"):
+        adapter.to_msg(Detections(np.zeros((1, 2)), None), 0, FRAME, layout)
