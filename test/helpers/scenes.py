@@ -11,6 +11,7 @@ from scipy import sparse
 from phd_jdtc_ros.core.configuration import build
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.smc import prediction
+from phd_jdtc_ros.core.smc.guidance import Places
 from phd_jdtc_ros.core.smc.particle_set import Aged, ParticleSet
 from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.types import Detections
@@ -113,6 +114,7 @@ def scattered(seed=0, count=300, mass=2.0):
 def predict(particles, model, corrector, budget, dt, scan_index, rng):
     """Predict one stored set and all births `dt` seconds ahead."""
     births = [(index, dt) for index in range(len(model.births))]
+    nothing = Places(np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros(0))
     return prediction.predict(
-        [Aged(particles, dt)], births, model, corrector, budget, scan_index, rng
+        [Aged(particles, dt)], births, nothing, model, corrector, budget, scan_index, rng
     )

@@ -151,6 +151,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
             turn_rate_std=values["detection_births.turn_rate_std"],
             particles=values["detection_births.particles"],
             most=values["max_particles"],
+            least_mass=values["detection_births.least_probability"],
         ),
         spawn=_spawn(values, modes),
         amplitudes=_amplitudes(values),
@@ -257,8 +258,8 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         name=name,
         position=(get["position"][0], get["position"][1]),
         yaw=math.radians(get["yaw_deg"]),
-        range_std=get["range_std"],
-        azimuth_std=math.radians(get["azimuth_std_deg"]),
+        range_std=_rounded(get["range_std"], get["range_step"]),
+        azimuth_std=math.radians(_rounded(get["azimuth_std_deg"], get["azimuth_step_deg"])),
         visibility=_visibility(get),
         clutter_rate=get["clutter_rate"],
         clutter_max_range=get["clutter_max_range"],
@@ -266,6 +267,11 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         range_growth=get["range_std_growth"],
         rotation_s=get["rotation_s"],
     )
+
+
+def _rounded(std: float, step: float) -> float:
+    """Return a standard deviation after rounding to multiples of `step`."""
+    return math.hypot(std, step / math.sqrt(12.0)) if step else std
 
 
 def _visibility(get: Mapping[str, Any]) -> Visibility:

@@ -162,6 +162,14 @@ TOP = (
     Parameter(
         "detection_births.particles", 1024, "Particles per detection; a power of two.", 2, 2**16
     ),
+    Parameter(
+        "detection_births.least_probability",
+        1e-4,
+        "Probability of being a new target below which a detection gets no particles; a larger one "
+        "lets fewer targets begin beside established ones.",
+        1e-12,
+        0.5,
+    ),
     Parameter("spawn.rate", 0.01, "Expected spawned targets per target and interval.", 0.0, 1.0),
     Parameter(
         "spawn.position_std",
@@ -231,6 +239,21 @@ RADAR = (
         1.0,
         "Standard deviation of the azimuth, degrees.",
         SMALL,
+        180.0,
+        mutable=True,
+    ),
+    Parameter(
+        "range_step",
+        0.0,
+        "Step to which the radar rounds ranges, m; adds to the standard deviation.",
+        0.0,
+        mutable=True,
+    ),
+    Parameter(
+        "azimuth_step_deg",
+        0.0,
+        "Step to which the radar rounds azimuths, degrees; adds to the standard deviation.",
+        0.0,
         180.0,
         mutable=True,
     ),

@@ -71,7 +71,10 @@ COUNTED: Mapping[str, Value] = {
     "longest_gap_s": _of_gaps(lambda gaps: max((gap.duration_s for gap in gaps), default=0.0)),
 }
 # Values that need labelled estimates.
-TRACKED: Mapping[str, Value] = {"ospa2": lambda scan: scan.ospa2}
+TRACKED: Mapping[str, Value] = {
+    "ospa2": lambda scan: scan.ospa2,
+    "identity_switches": lambda scan: scan.identity_switches,
+}
 VALUES: Mapping[str, Value] = {**PUBLISHED, **COUNTED, **TRACKED}
 
 
@@ -109,8 +112,9 @@ class Metric:
     definition: str
 
     def text(self, value: float) -> str:
-        """Return a figure as text, with its unit."""
-        return f"{value:{self.form}} {self.unit}".rstrip()
+        """Return a figure as text, with its unit; lengths below a metre have two digits."""
+        form = "#.2g" if self.unit == "m" and 5e-4 <= abs(value) < 0.995 else self.form
+        return f"{value:{form}} {self.unit}".rstrip()
 
 
 def mean(name: str) -> Figure:
@@ -269,6 +273,17 @@ OSPA2 = Metric(
     "least one exists, with c if only one does, so that short, broken and swapped tracks count. It "
     "needs track ids of all targets and estimates.",
 )
+IDENTITY_SWITCHES = Metric(
+    "identity_switches",
+    "identity switches",
+    "",
+    ".0f",
+    if_any("n_est", lambda run: run.sum("identity_switches")),
+    "Number over the run of targets that are paired with another track id than before, and of "
+    "track ids that pass to another target: a broken track counts one, two swapped tracks count "
+    "two. A target and a track stay a pair while both exist, closer than c; the others are paired "
+    "by position. It needs track ids of all targets and estimates.",
+)
 CLASS_ACCURACY = Metric(
     "class_accuracy",
     "class accuracy",
@@ -283,7 +298,7 @@ CLASS_ACCURACY = Metric(
 GROUPS = {"OSPA": OSPA, "GOSPA": GOSPA, "surveillance figures": SURVEILLANCE}
 OF_SETS = tuple(metric for group in GROUPS.values() for metric in group)
 # Figures of all targets only.
-OF_ALL = (OSPA2,)
+OF_ALL = (OSPA2, IDENTITY_SWITCHES)
 METRICS = (*OF_SETS, *OF_ALL, CLASS_ACCURACY)
 
 # Definitions of other terms that are shown with the figures.

@@ -26,8 +26,6 @@ from .sobol import sobol_points
 # The newborn intensity is taken as zero beyond this many standard deviations of velocity and turn
 # rate.
 GATE_SIGMA = 8.0
-# Detections that are newborn targets with a lower probability than this get no particles.
-LEAST_MASS = 1e-4
 # With fewer particles a detection is no target to go on with; detections are left out instead.
 LEAST_PARTICLES = 16
 # Rows times detections that are compared at once.
@@ -50,6 +48,8 @@ class DetectionBirthModel:
         Per detection; a power of two.
     most : int
         Particles at the detections of one radar in one scan; at most.
+    least_mass : float
+        Detections that are newborn targets with a lower probability than this get no particles.
     """
 
     rate: FloatArray
@@ -57,6 +57,7 @@ class DetectionBirthModel:
     turn_rate_std: float
     particles: int
     most: int = 1 << 24
+    least_mass: float = 1e-4
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "rate", read_only(self.rate))
@@ -109,9 +110,11 @@ class Newborn:
         return Newborn(self.radar, self.detections.take(rows), self.mass[rows])
 
 
-def newborn(radar: RadarModel, detections: Detections, mass: FloatArray) -> Newborn:
-    """Return the detections with a newborn mass, shape (M, C), of at least `LEAST_MASS`."""
-    kept = np.flatnonzero(mass.sum(axis=1) >= LEAST_MASS)
+def newborn(
+    radar: RadarModel, detections: Detections, mass: FloatArray, model: DetectionBirthModel
+) -> Newborn:
+    """Return the detections whose newborn mass, shape (M, C), is not below the model's least."""
+    kept = np.flatnonzero(mass.sum(axis=1) >= model.least_mass)
     return Newborn(radar, detections, mass).take(kept)
 
 

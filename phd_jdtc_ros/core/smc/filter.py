@@ -17,6 +17,7 @@ from . import backward_kernel, snapshot
 from .budget import ParticleBudget
 from .correction import Corrector
 from .entry import Current, Entry
+from .guidance import places
 from .initiation import informed
 from .particle_set import Aged, ParticleSet
 from .prediction import predict
@@ -111,14 +112,16 @@ class ForwardFilter:
         if dt <= 0.0:
             raise ValueError(f"scan.stamp_ns: {scan.stamp_ns} is not later than {self.stamp_ns}")
         touched, others = parted(self.current, scan, model, corrector)
-        touched = informed(touched, scan, model, rng) if corrector.labelled else touched
+        seen = places(scan, model)
+        if corrector.labelled:
+            touched = informed(touched, scan.stamp_ns, seen, model, rng)
         budget = self.budget.beside(sum(rows.copies for rows in others))
         earlier = [
             Aged(rows.particles, self._since(rows.entry.stamp_ns, scan.stamp_ns))
             for rows in touched
         ]
         births = self._births(scan)
-        predicted = predict(earlier, births, model, corrector, budget, index, rng)
+        predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.done("predict")
         updated, newborns = update_scan(predicted, scan, model, corrector, dt, index, rng)
         self.done("update")

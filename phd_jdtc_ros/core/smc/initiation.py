@@ -12,18 +12,17 @@ make up for the difference, so the newborn's density stays the same.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..models.detection_birth import DetectionBirthModel
-from ..models.radar import LEAST_RANGE
 from ..models.tracker_model import TrackerModel
 from ..origins import is_detected
-from ..types import Scan
 from .correction import scale_rows
 from .entry import Current, Entry
+from .guidance import Places
 from .particle_set import ParticleSet
 
 # Velocities are drawn again where they spread a target over this many deviations of a detection.
@@ -36,48 +35,10 @@ PRIOR_SHARE = 0.25
 INFLATION = 1.5
 
 
-@dataclass(frozen=True)
-class Places:
-    """The detections of a scan in the world.
-
-    Parameters
-    ----------
-    position : array of shape (M, 2)
-        At the scan's stamp, as far as is known, metres.
-    covariance : array of shape (M, 2, 2)
-        Square metres.
-    """
-
-    position: FloatArray
-    covariance: FloatArray
-
-
-def places(scan: Scan, model: TrackerModel) -> Places:
-    """Return where a scan's detections are, of all radars."""
-    position, covariance = [np.zeros((0, 2))], [np.zeros((0, 2, 2))]
-    for radar, detections in zip(model.radars, scan.detections, strict=True):
-        if detections is None or not len(detections):
-            continue
-        std = radar.detection_noise(detections)
-        std = np.tile(radar.noise_std, (len(detections), 1)) if std is None else std
-        distance, azimuth = detections.measurement.T
-        bearing = azimuth + radar.yaw
-        along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        sides = std * np.stack([np.ones_like(distance), np.maximum(distance, LEAST_RANGE)], axis=1)
-        position.append(radar.to_world(detections.measurement))
-        covariance.append(
-            sum(
-                (side**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
-                for side, axis in zip(sides.T, (along, across), strict=True)
-            )
-        )
-    return Places(np.concatenate(position), np.concatenate(covariance))
-
-
 def informed(
     touched: Sequence[Current],
-    scan: Scan,
+    stamp_ns: int,
+    seen: Places,
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> list[Current]:
@@ -86,15 +47,17 @@ def informed(
     Parameters
     ----------
     touched : sequence of Current
-    scan : Scan
+    stamp_ns : int
+        Of the scan.
+    seen : Places
+        Its detections.
     model : TrackerModel
     rng : numpy.random.Generator
     """
     if not model.detection_births.enabled:
         return list(touched)
-    seen = places(scan, model)
     return [
-        _informed(rows, (scan.stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)
+        _informed(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)
         for rows in touched
     ]
 
@@ -105,7 +68,7 @@ def _informed(
     stored, births = rows.entry.stored, model.detection_births
     broad = BROAD * np.sqrt(np.linalg.eigvalsh(seen.covariance)[:, -1])
     sharp = births.velocity_std * dt > broad
-    seen = Places(seen.position[sharp], seen.covariance[sharp])
+    seen = Places(seen.position[sharp], seen.covariance[sharp], seen.time_s[sharp])
     newborn = (stored.parent < 0) & is_detected(stored.origin)
     if rows.rows is not None:
         of_rows = np.zeros(len(stored), dtype=bool)

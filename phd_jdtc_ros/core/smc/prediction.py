@@ -12,19 +12,21 @@ import numpy as np
 from scipy import sparse
 
 from .. import origins
-from ..arrays import FloatArray, IntArray, factorize
-from ..models import birth, motion
+from ..arrays import FloatArray, IntArray, factorize, sum_by
+from ..models import birth
 from ..models.birth import BirthTerm
 from ..models.tracker_model import TrackerModel
-from . import resampling
+from . import guidance, resampling
 from .budget import ParticleBudget
 from .correction import Corrector
+from .guidance import Places
 from .particle_set import Aged, ParticleSet
 
 
 def predict(
     earlier: Sequence[Aged],
     births: Sequence[tuple[int, float]],
+    seen: Places,
     model: TrackerModel,
     corrector: Corrector,
     budget: ParticleBudget,
@@ -39,6 +41,8 @@ def predict(
         The stored sets that the scan continues; every copy of a row is moved with its own noise.
     births : sequence of (int, float)
         The birth terms to draw, and the time since they were last drawn, seconds.
+    seen : Places
+        The detections of the scan, which guide the noise of the survivors.
     model : TrackerModel
     corrector : Corrector
         A labelled one gives every spawned target an origin of its own.
@@ -62,7 +66,7 @@ def predict(
     spawned = origin + len(model.births)
     parts, first = [], 0
     for particles, dt in earlier:
-        moved = [_survivors(particles, model, dt, rng)]
+        moved = [_survivors(particles, model, dt, seen, rng)]
         if model.spawn.rate > 0.0:
             moved.append(_spawned(particles, model, corrector, budget, dt, spawned, rng))
             spawned = max(spawned, int(moved[1].origin.max(initial=0)) + 1)
@@ -122,7 +126,11 @@ def _draw_mode(transition: FloatArray, mode: IntArray, rng: np.random.Generator)
 
 
 def _survivors(
-    particles: ParticleSet, model: TrackerModel, dt: float, rng: np.random.Generator
+    particles: ParticleSet,
+    model: TrackerModel,
+    dt: float,
+    seen: Places,
+    rng: np.random.Generator,
 ) -> ParticleSet:
     modes = model.modes
     copy = np.repeat(np.arange(len(particles)), particles.multiplicity)
@@ -130,14 +138,23 @@ def _survivors(
     weight = (particles.weight / np.maximum(particles.multiplicity, 1))[copy]
     weight *= modes.survival(dt)[source_mode]
     mode = _draw_mode(modes.transition(dt), source_mode, rng)
-    state = np.empty((len(copy), particles.state.shape[1]))
+    state, factor = np.empty((len(copy), particles.state.shape[1])), np.ones(len(copy))
     for index, motion_model in enumerate(modes.motions):
         chosen = np.flatnonzero(mode == index)
-        state[chosen] = motion.sample(
-            motion_model, particles.state.take(copy.take(chosen), axis=0), dt, rng
-        )
+        earlier = particles.state.take(copy.take(chosen), axis=0)
+        state[chosen], factor[chosen] = guidance.sample(motion_model, earlier, dt, seen, rng)
+    origin = particles.origin[copy]
+    if (factor != 1.0).any():
+        weight = _of_equal_mass(weight * factor, weight, origin)
     log_snr = model.amplitudes.moved(particles.log_snr[copy], mode, modes, dt, rng)
-    return _fresh(state, mode, particles.origin[copy], copy, weight, log_snr)
+    return _fresh(state, mode, origin, copy, weight, log_snr)
+
+
+def _of_equal_mass(weight: FloatArray, prior: FloatArray, origin: IntArray) -> FloatArray:
+    """Return weights scaled so that every origin has the mass that it has by `prior`."""
+    origins_, place = factorize(origin)
+    mass, wanted = (sum_by(place, part, len(origins_)) for part in (weight, prior))
+    return weight * (wanted / np.where(mass > 0.0, mass, 1.0)).take(place)
 
 
 def _spawned(

@@ -91,7 +91,7 @@ def update(
         return corrected, None
     total = np.where(claims.other > 0.0, claims.other, 1.0)
     unknown = (1.0 - claimed) * other[1:] / total
-    return corrected, detection_birth.newborn(radar, detections, unknown.T)
+    return corrected, detection_birth.newborn(radar, detections, unknown.T, model.detection_births)
 
 
 def update_scan(

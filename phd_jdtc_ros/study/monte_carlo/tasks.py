@@ -20,9 +20,9 @@ from phd_jdtc_ros.core.simulation.scenario import Scenario
 
 from ..particles import track
 from ..runs import SimulatedRun, Tracks, simulated_run
-from .definition import OWN, Case, Study, Variant
+from .definition import ORDER, OWN, Case, Study, Variant
 from .kinds import NEAREST_NEIGHBOUR, PARTICLES, REFERENCE, code_of, missing, module_of
-from .scores import CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER, Scores, score
+from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # Must be increased when the meaning of a stored row changes.
 FORMAT = 3
@@ -46,6 +46,8 @@ class Task:
         Digest of the tracker's code, see `code_of`.
     digests : dict
         By name of the variant, a digest of all that its scores depend on except the seed.
+    cutoff : float
+        c of OSPA and GOSPA, metres.
     """
 
     case: str
@@ -56,6 +58,7 @@ class Task:
     seed: int
     code: str
     digests: dict[str, str]
+    cutoff: float
 
     @property
     def kind(self) -> str:
@@ -131,13 +134,14 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "classes": case.classes,
         "kind": variants[0].kind,
         "parameters": _in_force(parameters) if variants[0].kind == PARTICLES else {},
-        "ospa": [CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER],
+        "ospa": [study.cutoff, ORDER, OTHER_CUTOFF, OTHER_ORDER],
     }
     digests = {
         v.name: _digest({**shared, "name": v.name, "reading": v.reading, "lags": v.lags})
         for v in variants
     }
-    return Task(case.name, case.scenario, case.classes, variants, parameters, 0, code, digests)
+    settings = case.name, case.scenario, case.classes, variants, parameters
+    return Task(*settings, 0, code, digests, study.cutoff)
 
 
 def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -159,7 +163,7 @@ def perform(task: Task) -> Outcome:
         run = simulated_run(task.scenario, task.seed)
         tracks = _tracks(task, run)
         scores = {
-            variant.name: score(run, tracks[variant.name], variant, task.classes)
+            variant.name: score(run, tracks[variant.name], variant, task.classes, task.cutoff)
             for variant in task.variants
         }
     except Exception:

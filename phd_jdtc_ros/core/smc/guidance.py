@@ -1,0 +1,192 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Process noise that has seen the detections.
+
+A precise radar's detection is explained by next to none of the particles that were moved blindly:
+the better the radar, the fewer. Where the process noise is not small against a detection's
+deviations, part of the particles therefore draw their noise given the detection. The weights make
+up for the difference, so that the predicted density stays the same.
+
+Notes
+-----
+Let m be a particle's position without noise, Q the covariance of the noise in position, R_j that of
+detection z_j, and S_j = Q + R_j. The proposal is the mixture of the process noise itself, with
+share a, and of the noise given each detection, with shares (1 - a) N(z_j; m, S_j) / sum_i N(z_i; m,
+S_i). By Bayes' rule its density at the position x, divided by that of the process noise, is
+a + (1 - a) sum_j N(z_j; x, R_j) / sum_j N(z_j; m, S_j). The weight is the inverse, at most 1 / a.
+
+References
+----------
+Doucet, Godsill and Andrieu, "On sequential Monte Carlo sampling methods for Bayesian filtering",
+Statistics and Computing 10, 2000, for the optimal importance density; the share of the prior is
+the defensive mixture of Hesterberg, Technometrics 37(2), 1995.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..models import motion
+from ..models.motion import MotionModel
+from ..models.radar import LEAST_RANGE, RadarModel
+from ..models.tracker_model import TrackerModel
+from ..types import Detections, Scan
+
+# The process noise is guided by detections whose larger deviation is below this many of its own.
+SHARP = 6.0
+# Share of the particles that are moved blindly.
+BLIND_SHARE = 0.3
+# Of the innovation; a particle is not guided by detections farther out.
+GATE_SIGMA = 6.0
+# Particles times detections that are compared at once; with more, none is guided.
+MOST_PAIRS = 1 << 22
+
+
+@dataclass(frozen=True)
+class Places:
+    """The detections of a scan in the world.
+
+    Parameters
+    ----------
+    position : array of shape (M, 2)
+        At the time of the detection, metres.
+    covariance : array of shape (M, 2, 2)
+        Square metres.
+    time_s : array of shape (M,)
+        Relative to the scan's stamp, seconds.
+    """
+
+    position: FloatArray
+    covariance: FloatArray
+    time_s: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def sharper_than(self, std: float) -> Places:
+        """Return the detections whose larger deviation is below `std`, metres."""
+        rows = np.flatnonzero(np.linalg.eigvalsh(self.covariance)[:, 1] < std**2)
+        return Places(self.position[rows], self.covariance[rows], self.time_s[rows])
+
+
+def places(scan: Scan, model: TrackerModel) -> Places:
+    """Return where a scan's detections are, of all radars."""
+    found = [
+        _places(detections, radar)
+        for radar, detections in zip(model.radars, scan.detections, strict=True)
+        if detections is not None
+    ]
+    return Places(
+        np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),
+        np.concatenate([np.zeros((0, 2, 2)), *(part.covariance for part in found)]),
+        np.concatenate([np.zeros(0), *(part.time_s for part in found)]),
+    )
+
+
+def _places(detections: Detections, radar: RadarModel) -> Places:
+    own = radar.detection_noise(detections)
+    std = np.tile(radar.noise_std, (len(detections), 1)) if own is None else own
+    distance, azimuth = detections.measurement.T
+    bearing = azimuth + radar.yaw
+    along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    sides = (std[:, 0], std[:, 1] * np.maximum(distance, LEAST_RANGE))
+    covariance = np.zeros((len(detections), 2, 2))
+    for side, axis in zip(sides, (along, across), strict=True):
+        covariance += (side**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
+    time_s = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
+    return Places(radar.to_world(detections.measurement), covariance, time_s)
+
+
+def sample(
+    model: MotionModel, state: FloatArray, dt: float, seen: Places, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Draw the next state of every row, and the factor of its weight.
+
+    Parameters
+    ----------
+    model : MotionModel
+    state : array of shape (N, D)
+    dt : float
+        Seconds.
+    seen : Places
+        The detections at the next scan.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    state : array of shape (N, D)
+    factor : array of shape (N,)
+        At most 1 / `BLIND_SHARE`, and 1 on the average.
+    """
+    moved = motion.sample(model, state, dt, rng)
+    noise = model.noise_covariance(dt)
+    place = [model.support.index(axis) for axis in model.space.position]
+    sharp = seen.sharper_than(SHARP * float(np.sqrt(noise[place[0], place[0]])))
+    if not len(sharp) or not len(state) or len(sharp) * len(state) > MOST_PAIRS:
+        return moved, np.ones(len(state))
+    mean = model.mean(state, dt)
+    predictive = _densities(sharp, mean, model, sharp.covariance + noise[np.ix_(place, place)])
+    total = predictive.sum(axis=0)
+    guided = np.flatnonzero((total > 0.0) & (rng.random(len(state)) >= BLIND_SHARE))
+    by = _chosen(predictive[:, guided], rng)
+    _pull(moved, guided, by, model, noise, sharp, rng)
+    explained = _densities(sharp, moved, model, sharp.covariance, gate=False).sum(axis=0)
+    near = total > 0.0
+    ratio = np.divide(explained, total, out=np.ones(len(state)), where=near)
+    return moved, 1.0 / (BLIND_SHARE + (1.0 - BLIND_SHARE) * ratio)
+
+
+def _offsets(seen: Places, state: FloatArray, model: MotionModel) -> FloatArray:
+    """Return each detection's position relative to each state at its time, shape (M, N, 2)."""
+    place, speed = list(model.space.position), list(model.space.velocity)
+    offset: FloatArray = seen.position[:, None] - state[None, :, place]
+    offset -= seen.time_s[:, None, None] * state[None, :, speed]
+    return offset
+
+
+def _densities(
+    seen: Places, state: FloatArray, model: MotionModel, covariance: FloatArray, gate: bool = True
+) -> FloatArray:
+    """Return N(z_j; x_i, C_j) of every detection and state, zero outside the gate; (M, N)."""
+    inverse = np.linalg.inv(covariance)
+    offset = _offsets(seen, state, model)
+    square = ((offset @ inverse) * offset).sum(axis=2)
+    peak = 1.0 / (2.0 * np.pi * np.sqrt(np.linalg.det(covariance)))
+    density: FloatArray = peak[:, None] * np.exp(-0.5 * square)
+    return np.where(square <= GATE_SIGMA**2, density, 0.0) if gate else density
+
+
+def _chosen(density: FloatArray, rng: np.random.Generator) -> IntArray:
+    """Draw a detection for each column in proportion to its density; (M, n) to (n,)."""
+    running = np.cumsum(density, axis=0)
+    drawn: IntArray = (running < rng.random(density.shape[1]) * running[-1]).sum(axis=0)
+    return np.minimum(drawn, len(density) - 1)
+
+
+def _pull(
+    moved: FloatArray,
+    rows: IntArray,
+    by: IntArray,
+    model: MotionModel,
+    noise: FloatArray,
+    seen: Places,
+    rng: np.random.Generator,
+) -> None:
+    """Condition the noise of some rows, in place, on the detections that guide them.
+
+    A draw of the noise plus gain times (detection - position - a draw of the detection's error) is
+    a draw of the noise given the detection (Matheron's rule).
+    """
+    place = [model.support.index(axis) for axis in model.space.position]
+    gain = noise[:, place] @ np.linalg.inv(seen.covariance + noise[np.ix_(place, place)])
+    root = np.linalg.cholesky(seen.covariance)
+    error = (root[by] @ rng.standard_normal((len(rows), 2, 1)))[..., 0]
+    state = moved[rows]
+    offset = seen.position[by] - state[:, list(model.space.position)] - error
+    offset -= seen.time_s[by, None] * state[:, list(model.space.velocity)]
+    moved[np.ix_(rows, np.array(model.support))] += (gain[by] @ offset[..., None])[..., 0]
