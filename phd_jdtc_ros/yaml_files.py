@@ -27,6 +27,9 @@ MOST_VALUES = 20_000
 # A fault quotes this much of YAML at most.
 _QUOTED = 240
 
+# For faults of assignments. A shell takes away a pair of quotation marks, and :="" leaves nothing.
+EMPTY_STRING = """; the value is missing: an empty string is -p "NAME:=''\""""
+
 _PREFIX = "tag:yaml.org,2002:"
 # A key is a name, even if it looks like a value: `y` and `1`.
 _NOT_IN_KEYS = {_PREFIX + kind for kind in ("bool", "int", "float", "null")}

@@ -31,6 +31,7 @@ from . import (
     restarts,
     soak,
     stamps_and_time,
+    turning,
     warm_restart,
 )
 from .figures import Figure, all_reached, unmeasured
@@ -54,6 +55,8 @@ ELSEWHERE = (
 def faults(_: argparse.Namespace) -> Iterator[Measure]:
     """Yield the faults' measurements, the quick and informative ones first."""
     yield bad_scans.measure
+    yield turning.measure
+    yield turning.measure_refused
     yield bags.measure_recovery
     yield bags.measure_bomb
     yield overload.measure

@@ -9,7 +9,11 @@ from test_tracker import FAST
 NODES = ("tracker", "evaluator", "sensor_replay")
 ARGUMENTS = {
     "no value": (("-p", "foo"), "-p foo: must be -p NAME:=VALUE"),
-    "empty value": (("-p", "lag:="), "-p lag:=: must be -p NAME:=VALUE"),
+    "empty value": (
+        ("-p", "lag:="),
+        "-p lag:=: must be -p NAME:=VALUE; the value is missing: an empty string is "
+        """-p "NAME:=''\"""",
+    ),
     "broken value": (("-p", "lag:=[1,"), "-p lag:=[1,: must be -p NAME:=VALUE"),
     "broken remap": (("-r", "foo"), "-r foo: must be -r FROM:=TO"),
     "log level": (("--log-level", "loud"), "--log-level loud: must be --log-level LEVEL or"),

@@ -28,7 +28,7 @@ EXAMPLES = [
 
 def test_the_radar_page_has_its_examples():
     names = [name for name, _ in EXAMPLES]
-    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 3
+    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 4
 
 
 @pytest.mark.parametrize(("name", "text"), EXAMPLES, ids=[name for name, _ in EXAMPLES])

@@ -76,5 +76,6 @@ def in_words(error: Exception) -> str:
     for kind, form in _FORMS.items():
         found = re.search(f"Couldn't parse {kind}: '(.*)'", text)
         if found:
-            return f"{yaml_files.one_line(found[1])}: must be {form}"
+            hint = yaml_files.EMPTY_STRING if found[1].endswith(":=") else ""
+            return f"{yaml_files.one_line(found[1])}: must be {form}{hint}"
     return yaml_files.one_line(text)
