@@ -15,7 +15,7 @@ from ..arrays import FloatArray, IntArray
 from ..types import Estimates, Truth
 from .limits import OSPA2_WINDOW
 from .metrics import Gospa, Ospa, assign, gospa, ospa
-from .surveillance import Gap, GapFinder, LabelledPoints, TrackWindow
+from .surveillance import Gap, GapFinder, Identities, LabelledPoints, TrackWindow
 
 ALL = "all"
 # Index of the target and of the estimate of each pair, as `metrics.assign` returns them.
@@ -43,16 +43,19 @@ class PointSet:
     class_id : int array of shape (T,)
     track_id : int array of shape (T,) or None
         0 for an unlabelled point; None if all are unlabelled.
+    velocity : array of shape (T, 2) or None
+        Metres per second; None if it is not known.
     """
 
     position: FloatArray
     class_id: IntArray
     track_id: IntArray | None = None
+    velocity: FloatArray | None = None
 
     @staticmethod
     def of(targets: Truth | Estimates) -> PointSet:
         """Return the points of targets or estimates."""
-        return PointSet(targets.position, targets.class_id, targets.track_id)
+        return PointSet(targets.position, targets.class_id, targets.track_id, targets.velocity)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -64,7 +67,8 @@ class PointSet:
     def only(self, index: IntArray) -> PointSet:
         """Return the points of the given indices."""
         label = None if self.track_id is None else self.track_id[index]
-        return PointSet(self.position[index], self.class_id[index], label)
+        velocity = None if self.velocity is None else self.velocity[index]
+        return PointSet(self.position[index], self.class_id[index], label, velocity)
 
     def labelled(self) -> LabelledPoints | None:
         """Return the points with their labels; None unless all labels are non-zero and distinct."""
@@ -118,6 +122,8 @@ class Comparison:
     ospa2 : float or None
         OSPA(2) of the newest scans, metres; None for a single class, or if a target or an estimate
         has no label.
+    switches : int or None
+        Identity switches in the scan; None as for `ospa2`.
     """
 
     truth: PointSet
@@ -128,6 +134,7 @@ class Comparison:
     order: float
     gaps: tuple[Gap, ...] | None
     ospa2: float | None
+    switches: int | None = None
 
     @cached_property
     def ospa(self) -> Ospa:
@@ -150,6 +157,7 @@ class Comparison:
             paired_estimate=self.paired_estimate.only(pairs),
             gaps=None if self.gaps is None else _of_set(self.gaps, class_set(class_id)),
             ospa2=None,
+            switches=None,
         )
 
 
@@ -171,6 +179,7 @@ class ScanComparer:
         self._classes, self._cutoff, self._order = classes, cutoff, order
         self._finder = GapFinder()
         self._window = TrackWindow(OSPA2_WINDOW)
+        self._identities = Identities()
         self._newest_ns: int | None = None
 
     def compare(self, scan: PairedScan) -> dict[str, Comparison]:
@@ -184,6 +193,7 @@ class ScanComparer:
             self._order,
             self._ended_gaps(scan),
             self._ospa2(scan),
+            self._switches(scan),
         )
         classes = {class_set(k): everything.of_class(k) for k in range(self._classes)}
         return {ALL: everything, **classes}
@@ -205,6 +215,14 @@ class ScanComparer:
         paired = np.zeros(len(scan.truth), dtype=np.bool_)
         paired[scan.pairs[0]] = True
         return tuple(self._finder.add(scan.stamp_ns, points.label, scan.truth.class_id, paired))
+
+    def _switches(self, scan: PairedScan) -> int | None:
+        truth, estimate = scan.truth.labelled(), scan.estimate.labelled()
+        if truth is None or estimate is None:
+            self._identities.clear()
+            return None
+        pairs = truth.label[scan.pairs[0]], estimate.label[scan.pairs[1]]
+        return self._identities.add(scan.stamp_ns, truth.label, *pairs)
 
     def _ospa2(self, scan: PairedScan) -> float | None:
         truth, estimate = scan.truth.labelled(), scan.estimate.labelled()

@@ -35,8 +35,8 @@ OTHER_ORDER, OTHER_CUTOFF = 1.0, 300.0
 # A target is young in its first scans, which a tracker without known birth places needs to start a
 # track.
 YOUNG_SCANS = 5
-# Values of the metric table that need no labels of the estimates, and further ones of the study.
-VALUES = (*PUBLISHED, *COUNTED, "ospa_p1", "ospa_c300", "ospa_after_5")
+# Values of the metric table, and further ones of the study.
+VALUES = (*PUBLISHED, *COUNTED, "switches", "ospa_p1", "ospa_c300", "ospa_after_5")
 
 
 class Scores(NamedTuple):
