@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .flight import ROUNDING_S, Flight, Leg
+from .geodesy import STANDARD_GRAVITY
 
 # Shares of arrivals and of departures among the aircraft in the air; the others fly over.
 ARRIVALS, DEPARTURES = 0.4, 0.3
@@ -23,8 +24,9 @@ RUNWAY_SPEED, TERMINAL_SPEED, CRUISE_SPEED = (65.0, 80.0), (110.0, 150.0), (190.
 RUNWAY_S, TERMINAL_S = (20.0, 50.0), (60.0, 180.0)
 # m/s^2 of an aircraft that climbs or descends.
 ACCELERATION = (0.25, 0.7)
-# Turns: degrees per second, 3 being a standard turn, and degrees; seconds straight on between them.
-TURN_RATE_DEG_S, TURN_DEG, STRAIGHT_S = (1.0, 3.0), (15.0, 110.0), (30.0, 150.0)
+# Turns: degrees of bank, degrees, seconds straight on between them, and degrees per second of a
+# standard turn, which none exceeds.
+BANK_DEG, TURN_DEG, STRAIGHT_S, STANDARD_DEG_S = (15.0, 27.0), (15.0, 110.0), (30.0, 150.0), 3.0
 # Take-offs and landings are within this distance of the field's reference point, metres.
 RUNWAY = 1000.0
 # Taxiing: metres per second, m/s^2, seconds of a turn, straight on and at a holding point; metres
@@ -101,16 +103,16 @@ def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
     legs = [
         Leg(rng.uniform(*RUNWAY_S)),
         Leg((speeds[1] - speeds[0]) / acceleration, acceleration=acceleration),
-        *_vectors(rng, rng.uniform(*TERMINAL_S)),
+        *_vectors(rng, speeds[1], rng.uniform(*TERMINAL_S)),
         Leg((speeds[2] - speeds[1]) / acceleration, acceleration=acceleration),
-        *_vectors(rng, LONGEST_S),
+        *_vectors(rng, speeds[2], LONGEST_S),
     ]
     return _flight(traffic, rng, RUNWAY, speeds[0], legs)
 
 
 def _overflight(traffic: Traffic, rng: np.random.Generator) -> Flight:
     speed = rng.uniform(*CRUISE_SPEED)
-    way = _flight(traffic, rng, 0.9 * traffic.radius, speed, list(_vectors(rng, LONGEST_S)))
+    way = _flight(traffic, rng, 0.9 * traffic.radius, speed, list(_vectors(rng, speed, LONGEST_S)))
     return _cut(_within(traffic, way), 0.0, traffic.duration_s)
 
 
@@ -132,11 +134,12 @@ def _taxiing(traffic: Traffic, rng: np.random.Generator) -> Flight:
     return _cut(_flight(traffic, rng, APRON, speed, legs), 0.0, traffic.duration_s)
 
 
-def _vectors(rng: np.random.Generator, duration_s: float) -> Iterator[Leg]:
+def _vectors(rng: np.random.Generator, speed: float, duration_s: float) -> Iterator[Leg]:
     """Yield straight legs and turns in alternation, for at least this long."""
     flown_s = 0.0
     while flown_s < duration_s:
-        rate = np.radians(rng.uniform(*TURN_RATE_DEG_S))
+        bank = np.radians(rng.uniform(*BANK_DEG))
+        rate = min(STANDARD_GRAVITY * np.tan(bank) / speed, np.radians(STANDARD_DEG_S))
         angle = np.radians(rng.uniform(*TURN_DEG))
         side = rng.choice([-1.0, 1.0])
         for leg in (Leg(rng.uniform(*STRAIGHT_S)), Leg(angle / rate, side * rate)):

@@ -65,6 +65,7 @@ Three things differ from plain Stone Soup, each to the peers' advantage:
 
 from .mixture_phd import gm_phd
 from .nearest_neighbour import gnn, gnn_anywhere, gnn_loud
+from .plot_kalman import plot_kalman
 from .probabilistic import jpda
 
-__all__ = ["gm_phd", "gnn", "gnn_anywhere", "gnn_loud", "jpda"]
+__all__ = ["gm_phd", "gnn", "gnn_anywhere", "gnn_loud", "jpda", "plot_kalman"]

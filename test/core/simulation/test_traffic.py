@@ -43,7 +43,8 @@ def test_aircraft_in_the_air_fly_as_aircraft_do(flights):
         found = states(flight)
         speed = np.hypot(found[:, 1], found[:, 3])
         assert 60.0 < speed.min() <= speed.max() < 260.0
-        assert np.abs(np.degrees(found[:, 4])).max() <= 3.0
+        assert np.abs(np.degrees(found[:, 4])).max() <= 3.0 + 1e-9
+        assert np.degrees(np.arctan(speed * np.abs(found[:, 4]) / 9.81)).max() < 27.1
         assert np.hypot(*(found[:, [0, 2]] - CENTRE).T).max() <= BUSY.radius + 300.0
 
 
