@@ -40,7 +40,6 @@ OF_STUDY = ("ospa_p1", "ospa_c300", "ospa_after_5", "median_error", "cpu_ms")
 VALUES = (*PUBLISHED, *COUNTED, "switches", *OF_STUDY)
 
 
-
 class Scores(NamedTuple):
     """The scores of one variant in one or several runs.
 
