@@ -125,6 +125,7 @@ class Tracker:
 
     def report(self, time: float) -> PointSet:
         """Return the confirmed tracks at a time."""
+        self._end_tracks(time)
         rows = np.flatnonzero(self.hits >= self.settings.hits)
         mean, _ = self._predicted(rows, np.full(len(rows), time))
         return PointSet(mean[:, POSITION], np.zeros(len(rows), dtype=np.int64), self.number[rows])
