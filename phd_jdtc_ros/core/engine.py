@@ -121,4 +121,5 @@ class Lag:
         """Return whether the lag of the first of the window's ascending stamps is reached."""
         if self.seconds is None:
             return len(stamps_ns) > self.scans
-        return stamps_ns[-1] - stamps_ns[0] >= self.seconds * 1e9
+        # There are none yet where estimates go out less often than scans come.
+        return bool(stamps_ns) and stamps_ns[-1] - stamps_ns[0] >= self.seconds * 1e9

@@ -87,24 +87,27 @@ def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int])
     The tracker runs once for each lag above 0. The CPU time is that of the last run.
     """
     tracks: dict[int, list[PointSet]] = {}
-    cpu_ms = np.nan
-    rotation_s = _rotation_s(run.scenario)
+    scenario, rotation_s, spent_s = run.scenario, _rotation_s(run.scenario), 0.0
     for lag in sorted(lag for lag in {*lags, 0} if lag or not any(lags)):
         given = {**parameters, "seed": run.seed, "lag": 0, "lag_s": lag * rotation_s}
-        found, cpu_ms = _run(run, resolve(given))
+        found, spent_s = estimates_of(scenario, resolve(given), run.seed)
         for source, of_lag in ((FILTERED, 0), (SMOOTHED, lag)):
             if of_lag in lags:
-                tracks[of_lag] = in_the_air(run, _at_stamps(run, found[source]))
-    return Tracked(tracks, cpu_ms)
+                stamps = [truth.stamp_ns for truth in run.truth]
+                points = at_stamps(found[source], stamps, OLDEST_TURNS * rotation_s)
+                tracks[of_lag] = in_the_air(run, points)
+    return Tracked(tracks, 1e3 * spent_s / max(len(run.truth), 1))
 
 
 def _rotation_s(scenario: Scenario) -> float:
     return next(radar.rotation_s for radar in scenario.radars if radar.rotation_s > 0.0)
 
 
-def _run(run: SimulatedRun, config: TrackerConfig) -> tuple[dict[str, list[Estimates]], float]:
-    """Return the estimates by source, and the CPU time per turn in milliseconds."""
-    reports = simulate_reports(run.scenario, config.inputs, run.seed)
+def estimates_of(
+    scenario: Scenario, config: TrackerConfig, seed: int
+) -> tuple[dict[str, list[Estimates]], float]:
+    """Return the estimates of a seeded run by source, and the CPU time in seconds."""
+    reports = simulate_reports(scenario, config.inputs, seed)
     found: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
     begin = time.process_time()
     for event in _events(config, reports):
@@ -113,8 +116,7 @@ def _run(run: SimulatedRun, config: TrackerConfig) -> tuple[dict[str, list[Estim
         else:
             found[FILTERED] += event.step.filtered
             found[SMOOTHED] += event.step.smoothed
-    spent = time.process_time() - begin
-    return found, 1e3 * spent / max(len(run.truth), 1)
+    return found, time.process_time() - begin
 
 
 def _events(config: TrackerConfig, reports: Iterable[Report]) -> Iterator[Event]:
@@ -126,19 +128,27 @@ def _events(config: TrackerConfig, reports: Iterable[Report]) -> Iterator[Event]
     yield from pipeline.flush()
 
 
-def _at_stamps(run: SimulatedRun, found: Sequence[Estimates]) -> list[PointSet]:
-    """Return the newest estimates at each stamp of the truth, predicted to it."""
+def at_stamps(
+    found: Sequence[Estimates], stamps_ns: Sequence[int], oldest_s: float
+) -> list[PointSet]:
+    """Return the newest estimates at each stamp, predicted to it.
+
+    Parameters
+    ----------
+    found : sequence of Estimates
+    stamps_ns : sequence of int
+    oldest_s : float
+        Where the newest are older, seconds, there are none.
+    """
     ordered = sorted(found, key=lambda estimates: estimates.stamp_ns)
-    stamps = [estimates.stamp_ns for estimates in ordered]
-    oldest_ns = OLDEST_TURNS * _rotation_s(run.scenario) * 1e9
+    known_ns = [estimates.stamp_ns for estimates in ordered]
     points = []
-    for truth in run.truth:
-        last = int(np.searchsorted(stamps, truth.stamp_ns, side="right")) - 1
-        if last < 0 or truth.stamp_ns - stamps[last] > oldest_ns:
+    for stamp_ns in stamps_ns:
+        last = int(np.searchsorted(known_ns, stamp_ns, side="right")) - 1
+        if last < 0 or stamp_ns - known_ns[last] > oldest_s * 1e9:
             points.append(PointSet(np.zeros((0, 2)), np.zeros(0, dtype=np.int64)))
             continue
-        known = PointSet.of(ordered[last])
-        since_s = (truth.stamp_ns - stamps[last]) * 1e-9
-        position = known.position + since_s * ordered[last].velocity
-        points.append(PointSet(position, known.class_id, known.track_id, known.velocity))
+        newest = ordered[last]
+        position = newest.position + (stamp_ns - known_ns[last]) * 1e-9 * newest.velocity
+        points.append(PointSet(position, newest.class_id, newest.track_id, newest.velocity))
     return points

@@ -30,7 +30,7 @@ from ..runs import SimulatedRun, Tracked
 from ..turning import in_the_air
 
 # Order of the state: x, vx, y, vy.
-POSITION = [0, 2]
+POSITION, VELOCITY = [0, 2], [1, 3]
 # Plots of this part of a turn are assigned together.
 BATCH = 1.0 / 32.0
 # A radar passes a target once a turn: a track takes no second plot of one within this part of it.
@@ -128,7 +128,8 @@ class Tracker:
         self._end_tracks(time)
         rows = np.flatnonzero(self.hits >= self.settings.hits)
         mean, _ = self._predicted(rows, np.full(len(rows), time))
-        return PointSet(mean[:, POSITION], np.zeros(len(rows), dtype=np.int64), self.number[rows])
+        class_id = np.zeros(len(rows), dtype=np.int64)
+        return PointSet(mean[:, POSITION], class_id, self.number[rows], mean[:, VELOCITY])
 
     def add(self, plots: Plots, batch: IntArray) -> None:
         """Update with some plots: confirmed tracks choose first; the rest start tracks."""
