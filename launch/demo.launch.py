@@ -40,7 +40,7 @@ TRACKER_ARGUMENTS = {
     "log_level": ("info", "log level of the tracker: debug, info, warn, error or fatal"),
     "use_sim_time": ("false", "take the time from the replay's /clock"),
     "rviz": ("false", "start RViz too"),
-    "frames": ("true", "publish the radars' frames"),
+    "frames": ("", "publish the radars' frames; as in the file if empty"),
     "respawn": ("false", "start the tracker again if it ends"),
     "localhost_only": ("true", "keep DDS on this machine, with a profile for Fast DDS"),
 }
@@ -99,6 +99,7 @@ def _nodes(context, share):
             {
                 "tracker": tracker_name,
                 "classes": len(config.model.modes.classes),
+                "class_names": [kind.name for kind in config.model.modes.classes],
                 "radar_topics": topics,
                 "report": f"{out}/metrics.json",
                 "exit_after_scans": BagReader(Path(bag)).counts[names.TRUTH],

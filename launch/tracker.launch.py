@@ -2,16 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 
 """
-Start the tracker for your own radars, with the radars' frames and, if wanted, RViz.
+Start the tracker for your own radars and, if wanted, RViz.
 
 ros2 launch phd_jdtc_ros tracker.launch.py params_file:=PATH [namespace:=NAME] [rviz:=true] ...
 """
 
-from ament_index_python.packages import (
-    PackageNotFoundError,
-    get_package_prefix,
-    get_package_share_directory,
-)
+from ament_index_python.packages import get_package_share_directory
 from launch.actions import (
     DeclareLaunchArgument,
     EmitEvent,
@@ -35,7 +31,6 @@ RESPAWN_DELAY_S = 2.0
 FLAGS = {
     "use_sim_time": ("false", "take the time from /clock"),
     "rviz": ("false", "start RViz too"),
-    "frames": ("true", "publish the radars' frames; false if another node does"),
     "respawn": ("true", "start the tracker again if it ends, but not after exit status 2"),
     "localhost_only": (
         "false",
@@ -47,6 +42,10 @@ ARGUMENTS = {
     "namespace": ("", "namespace of the tracker; none if empty"),
     "node_name": ("tracker", "name of the tracker"),
     "autostart": ("", "configure and activate the tracker at the start; as in the file if empty"),
+    "frames": (
+        "",
+        "publish the radars' frames, false if another node does; as in the file if empty",
+    ),
     "log_level": ("info", "log level of the tracker: debug, info, warn, error or fatal"),
     "enclave": ("", "security enclave of the tracker; none if empty"),
     "respawn_max_retries": ("10", "how often the tracker is started again"),
@@ -57,13 +56,14 @@ ARGUMENTS = {
 }
 # The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
-# Topics of the tracker and of the radars in rviz/demo.rviz.
-SHOWN = ("filtered/estimates", "smoothed/estimates", "markers")
-SHOWN_DETECTIONS = ("/radar_1/detections", "/radar_2/detections")
+# Topics of the tracker in rviz/demo.rviz.
+SHOWN = ("detections", "filtered/estimates", "smoothed/estimates", "markers")
+# The tracker's parameters that an argument sets, unless it is empty.
+SWITCHES = {"autostart": "autostart", "frames": "publish_frames"}
 
 
 def generate_launch_description():
-    """Return the arguments, the tracker, the radars' frames and RViz."""
+    """Return the arguments, the tracker and RViz."""
     share = get_package_share_directory(PACKAGE)
     return LaunchDescription(
         [
@@ -79,20 +79,20 @@ def generate_launch_description():
 def _start(context, share):
     """Check the arguments and the file, and return the processes: none starts if one is wrong."""
     given = {name: LaunchConfiguration(name).perform(context) for name in {**ARGUMENTS, **FLAGS}}
-    optional = ["autostart"] if given["autostart"] else []
-    flags = launching.booleans({name: given[name] for name in [*FLAGS, *optional]})
+    switches = [name for name in SWITCHES if given[name]]
+    flags = launching.booleans({name: given[name] for name in [*FLAGS, *switches]})
     retries = launching.whole("respawn_max_retries", given["respawn_max_retries"])
     namespace = launching.full_namespace(
         context.launch_configurations.get("ros_namespace"), given["namespace"]
     )
     tracker = launching.full_name(namespace, given["node_name"])
-    config = launching.load(given["params_file"], tracker)
+    # Only to see that it is right, before anything starts.
+    launching.load(given["params_file"], tracker)
     profile = f"{share}/config/dds/localhost_only.xml"
     actions = _isolation(context, profile) if flags["localhost_only"] else []
     actions += _tracker(given, flags, namespace, retries)
-    actions += _frames(config, namespace) if flags["frames"] else []
     if flags["rviz"]:
-        actions.append(_rviz(config, tracker, flags["use_sim_time"], f"{share}/rviz/demo.rviz"))
+        actions.append(_rviz(tracker, flags["use_sim_time"], f"{share}/rviz/demo.rviz"))
     return actions
 
 
@@ -105,7 +105,8 @@ def _isolation(context, profile):
 
 def _tracker(given, flags, namespace, retries):
     """Return the tracker, and what keeps it from being started again without use."""
-    own = {name: flags[name] for name in ("use_sim_time", "autostart") if name in flags}
+    own = {SWITCHES[name]: flags[name] for name in SWITCHES if name in flags}
+    own["use_sim_time"] = flags["use_sim_time"]
     reliable = {
         f"qos_overrides.{topic}.subscription.reliability": "reliable"
         for topic in given["reliable_topics"].split(",")
@@ -135,35 +136,8 @@ def _tracker(given, flags, namespace, retries):
     return [*([RegisterEventHandler(ended)] if flags["respawn"] else []), node]
 
 
-def _frames(config, namespace):
-    """Return publishers of the transforms from the world to the radars, if tf2_ros is installed."""
-    try:
-        get_package_prefix("tf2_ros")
-    except PackageNotFoundError:
-        return [LogInfo(msg="tf2_ros is not installed: the radars' frames are not published")]
-    return [
-        Node(
-            package="tf2_ros",
-            executable="static_transform_publisher",
-            name=f"{radar.name}_frame",
-            namespace=namespace,
-            arguments=[
-                *("--x", str(radar.position[0]), "--y", str(radar.position[1])),
-                *("--yaw", str(radar.yaw)),
-                *("--frame-id", config.world_frame, "--child-frame-id", source.frame),
-            ],
-        )
-        for radar, source in zip(config.model.radars, config.inputs, strict=True)
-    ]
-
-
-def _rviz(config, tracker, simulated, view):
-    # As many radars as the view has displays; these can show point clouds only.
-    clouds = [source.topic for source in config.inputs if source.message == "point_cloud"]
-    shown = [
-        *((f"/tracker/{topic}", f"{tracker}/{topic}") for topic in SHOWN),
-        *zip(SHOWN_DETECTIONS, clouds, strict=False),
-    ]
+def _rviz(tracker, simulated, view):
+    shown = [(f"/tracker/{topic}", f"{tracker}/{topic}") for topic in SHOWN]
     return Node(
         package="rviz2",
         executable="rviz2",

@@ -10,11 +10,13 @@ TRUTH = "/ground_truth/targets"
 TRACKER = "/tracker"
 OSPA = "/evaluator/ospa"
 DIAGNOSTICS = "/diagnostics"
+STATIC_FRAMES = "/tf_static"
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 POSES = "geometry_msgs/msg/PoseArray"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 FIGURES = "diagnostic_msgs/msg/DiagnosticArray"
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
 def detections(radar: str) -> str:
@@ -32,6 +34,11 @@ def poses(source: str, class_id: int, tracker: str = TRACKER) -> str:
     return f"{tracker}/{source}/class_{class_id}/poses"
 
 
+def detections_in_map(tracker: str = TRACKER) -> str:
+    """Return the topic of all radars' detections in the world frame."""
+    return f"{tracker}{DETECTIONS_SUFFIX}"
+
+
 def cardinality(tracker: str = TRACKER) -> str:
     """Return the topic of the tracker's figures, one message per scan."""
     return f"{tracker}/cardinality"
@@ -45,6 +52,7 @@ def published(classes: int, tracker: str = TRACKER, scores: str = OSPA) -> dict[
     return {
         **clouds,
         **arrays,
+        detections_in_map(tracker): CLOUD,
         f"{tracker}/markers": MARKERS,
         cardinality(tracker): FIGURES,
         DIAGNOSTICS: FIGURES,

@@ -119,7 +119,6 @@ class Lag:
 
     def reached(self, stamps_ns: list[int]) -> bool:
         """Return whether the lag of the first of the window's ascending stamps is reached."""
-        if self.seconds is None:
+        if self.seconds is None or not stamps_ns:
             return len(stamps_ns) > self.scans
-        # There are none yet where estimates go out less often than scans come.
-        return bool(stamps_ns) and stamps_ns[-1] - stamps_ns[0] >= self.seconds * 1e9
+        return stamps_ns[-1] - stamps_ns[0] >= self.seconds * 1e9

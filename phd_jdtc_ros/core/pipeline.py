@@ -31,13 +31,13 @@ class Stepped:
 
     Parameters
     ----------
-    stamp_ns : int
+    scan : Scan
     step : Step
     overdue : int
         Number of scans with detections since there was a target, when that is worth a warning.
     """
 
-    stamp_ns: int
+    scan: Scan
     step: Step
     overdue: int = 0
 
@@ -184,7 +184,7 @@ class Pipeline:
                 self._begun = True
             step = self.engine.step(event)
             overdue = self._results.stepped(event, step)
-            yield Stepped(event.stamp_ns, step, self._results.scans if overdue else 0)
+            yield Stepped(event, step, self._results.scans if overdue else 0)
 
     def _end(self, reset: Reset | None) -> RunEnded:
         """End the run; after a jump ahead, no track number is used a second time."""

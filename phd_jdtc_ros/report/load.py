@@ -87,6 +87,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         step_ms=np.array(parts["step_ms"], dtype=float),
         radars=tuple(RadarSite(radar.name, radar.position) for radar in config.model.radars),
         damage=intact.damage,
+        class_names=tuple(kind.name for kind in config.model.modes.classes),
     )
 
 
@@ -121,7 +122,7 @@ def _plot(report: Report, model: RadarModel) -> Plot:
         stamp_ns=report.stamp_ns,
         radar=model.name,
         position=model.to_world(report.detections.measurement),
-        amplitude=np.ones(len(report.detections)) if amplitude is None else amplitude,
+        amplitude=np.full(len(report.detections), np.nan) if amplitude is None else amplitude,
     )
 
 

@@ -6,12 +6,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
+
+from .sets import Sets
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class Plot:
     position : array of shape (M, 2)
         Metres.
     amplitude : array of shape (M,)
-        Linear envelope.
+        Linear envelope; NaN where the radar reports none.
     """
 
     stamp_ns: int
@@ -59,6 +62,8 @@ class Record:
     radars : tuple of RadarSite
     damage : BagError or None
         What is wrong with the bag that the run was read from; the run is what is intact of it.
+    class_names : tuple of str
+        As configured; empty if they are not known.
     """
 
     truth: tuple[Truth, ...]
@@ -69,6 +74,12 @@ class Record:
     step_ms: FloatArray
     radars: tuple[RadarSite, ...] = ()
     damage: BagError | None = None
+    class_names: tuple[str, ...] = ()
+
+    @cached_property
+    def sets(self) -> Sets:
+        """The sets of classes, with their names."""
+        return Sets.of(self.classes, self.class_names)
 
     def of_source(self, source: str) -> tuple[Estimates, ...]:
         """Return the ``filtered`` or the ``smoothed`` estimates."""
@@ -76,7 +87,8 @@ class Record:
 
     def evaluate(self, cutoff: float, order: float) -> Evaluation:
         """Return the scores of the run; `cutoff` in metres."""
-        evaluation = Evaluation(self.classes, cutoff, order)
+        names = self.sets.class_names
+        evaluation = Evaluation(self.classes, cutoff, order, class_names=names)
         for truth in self.truth:
             evaluation.add_truth(truth.stamp_ns, PointSet.of(truth))
         for source in SOURCES:

@@ -8,22 +8,35 @@ Colour-blind readers can tell the palette's colours apart; lines and markers dif
 
 from __future__ import annotations
 
+import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 
 from msg_adapters.palette import COLOURS as COLOURS
 from msg_adapters.palette import class_colour as class_colour
+from phd_jdtc_ros.core.arrays import FloatArray
 
 WIDTH_IN = 8.0
 DPI = 150
 
 LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "^", "s", "D", "v", "P")
+# Of detections without amplitudes, on light and on dark pages.
+DETECTION = "#807dba"
 INK, GREY, FAINT = "#222222", "#9A9A9A", "#E4E4E4"
 
 
-def class_name(class_id: int) -> str:
-    """Return the displayed name of a class."""
-    return f"class {class_id}"
+def purples(weak: float, strong: float, steps: int) -> FloatArray:
+    """Return shades for amplitudes, in a hue that no class has; shape (steps, 4).
+
+    Parameters
+    ----------
+    weak, strong : float
+        Of low and of high amplitudes, from 0 (white) to 1.
+    steps : int
+    """
+    shades: FloatArray = colormaps["Purples"](np.linspace(weak, strong, steps))
+    return shades
 
 
 def class_line(class_id: int) -> str:

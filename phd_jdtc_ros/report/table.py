@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from rich.console import Group
+from rich.markup import escape
 from rich.table import Table
 
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -18,6 +19,7 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
     GOSPA,
     GROUPS,
+    IDENTITY_SWITCHES,
     OSPA,
     OSPA2,
     SURVEILLANCE,
@@ -25,6 +27,8 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     reduction,
 )
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+
+from .sets import Sets
 
 Columns = Sequence[Metric]
 
@@ -50,6 +54,8 @@ def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:
 def score_tables(summary: dict[str, Any]) -> Group:
     """Return the figures of filter and smoother, for all targets and for each class, as tables.
 
+    A single class is shown once.
+
     Parameters
     ----------
     summary : dict
@@ -61,7 +67,7 @@ def score_tables(summary: dict[str, Any]) -> Group:
         OSPA, GOSPA, the surveillance figures, and the confusion matrix of the classes.
     """
     distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
-    gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_ospa2(summary)}"
+    gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_of_tracks(summary)}"
     tables = [
         _reduced(OSPA, summary, f"means over {summary['scans']} scans (OSPA: {distance})"),
         _plain(GOSPA, summary, f"means over the scans (GOSPA: {distance})", None),
@@ -69,17 +75,18 @@ def score_tables(summary: dict[str, Any]) -> Group:
     ]
     others = {t: group for t, group in GROUPS.items() if group not in (OSPA, GOSPA, SURVEILLANCE)}
     tables += [_plain(group, summary, title, None) for title, group in others.items()]
-    if summary[SMOOTHED]["all"]["confusion"] is not None:
-        tables.append(_confusion(summary[SMOOTHED]["all"]["confusion"]))
+    sets, matrix = Sets.of_summary(summary), summary[SMOOTHED]["all"]["confusion"]
+    if matrix is not None and not sets.one_class:
+        tables.append(_confusion(matrix, sets))
     return Group(*[part for table in tables for part in ("", table)][1:])
 
 
 def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:
     """Return a table of both sources and of the reduction by smoothing."""
-    table = _table(columns, title, _headline(summary))
-    for key, before in summary[FILTERED].items():
-        after = summary[SMOOTHED][key]
-        table.add_row(_name(key), "filter", *_cells(columns, before))
+    table, sets = _table(columns, title, _headline(summary)), Sets.of_summary(summary)
+    for key in sets.keys:
+        before, after = summary[FILTERED][key], summary[SMOOTHED][key]
+        table.add_row(_name(sets, key), "filter", *_cells(columns, before))
         table.add_row("", "smoother", *_cells(columns, after))
         change = [_reduction(before[metric.key], after[metric.key]) for metric in columns]
         table.add_row("", "reduction", *change, style="bold", end_section=True)
@@ -88,33 +95,40 @@ def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:
 
 def _plain(columns: Columns, summary: dict[str, Any], title: str, caption: str | None) -> Table:
     """Return a table of both sources."""
-    table = _table(columns, title, caption)
-    for key, before in summary[FILTERED].items():
-        after = summary[SMOOTHED][key]
-        table.add_row(_name(key), "filter", *_cells(columns, before))
+    table, sets = _table(columns, title, caption), Sets.of_summary(summary)
+    for key in sets.keys:
+        before, after = summary[FILTERED][key], summary[SMOOTHED][key]
+        table.add_row(_name(sets, key), "filter", *_cells(columns, before))
         table.add_row("", "smoother", *_cells(columns, after), end_section=True)
     return table
 
 
-def _ospa2(summary: dict[str, Any]) -> str:
-    before, after = (_cell(OSPA2, summary[source]["all"]) for source in (FILTERED, SMOOTHED))
-    if before == after == "-":
-        return "no OSPA(2): the estimates carry no track ids"
-    scans = summary["ospa2_window"]
-    return f"{OSPA2.heading} over {scans} scans: filter {before}, smoother {after}"
+def _of_tracks(summary: dict[str, Any]) -> str:
+    """Return the figures that need track ids, a line each."""
+    lines = []
+    headings = (
+        (OSPA2, f"{OSPA2.heading} over {summary['ospa2_window']} scans"),
+        (IDENTITY_SWITCHES, IDENTITY_SWITCHES.heading),
+    )
+    for metric, heading in headings:
+        before, after = (_cell(metric, summary[source]["all"]) for source in (FILTERED, SMOOTHED))
+        if before == after == "-":
+            return "no OSPA(2) and no identity switches: the estimates carry no track ids"
+        lines.append(f"{heading}: filter {before}, smoother {after}")
+    return "\n".join(lines)
 
 
-def _confusion(matrix: Sequence[Sequence[int]]) -> Table:
+def _confusion(matrix: Sequence[Sequence[int]], sets: Sets) -> Table:
     """Return the smoother's confusion matrix, counts over the run."""
     classes = len(matrix) - 1
     table = Table(title="smoother: true against estimated class")
     table.add_column("target")
-    for heading in (*(f"class {k}" for k in range(classes)), "missed"):
+    for heading in (*(escape(sets.class_title(k)) for k in range(classes)), "missed"):
         table.add_column(heading, justify="right")
     for k, row in enumerate(matrix):
         false = k == classes
         counts = [str(count) for count in row[:classes]] + ["" if false else str(row[classes])]
-        table.add_row("none (false)" if false else f"class {k}", *counts)
+        table.add_row("none (false)" if false else escape(sets.class_title(k)), *counts)
     return table
 
 
@@ -128,8 +142,8 @@ def _table(columns: Columns, title: str, caption: str | None) -> Table:
     return table
 
 
-def _name(key: str) -> str:
-    return key.replace("_", " ")
+def _name(sets: Sets, key: str) -> str:
+    return escape(sets.title(key, everything="all"))
 
 
 def _cells(columns: Columns, figures: dict[str, Any]) -> list[str]:
@@ -148,7 +162,7 @@ def _reduction(before: float | None, after: float | None) -> str:
 
 def _headline(summary: dict[str, Any]) -> str:
     parts = []
-    if summary["class_accuracy"] is not None:
+    if summary["class_accuracy"] is not None and not Sets.of_summary(summary).one_class:
         parts.append(f"right class: {CLASS_ACCURACY.text(summary['class_accuracy'])}")
     if "step_ms" in summary:
         step = summary["step_ms"]

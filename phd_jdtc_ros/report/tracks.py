@@ -15,7 +15,7 @@ from .record import Record
 
 
 class Track(NamedTuple):
-    """One target's true trajectory; `position` of shape (scans, 2) in kilometres."""
+    """One target's true trajectory; `position` of shape (scans, 2) in metres."""
 
     number: int
     class_id: int
@@ -27,9 +27,8 @@ def true_tracks(record: Record) -> list[Track]:
     """Return the trajectories of all targets, by number."""
     rows: dict[int, list[tuple[int, int, FloatArray]]] = {}
     for truth in record.truth:
-        position = truth.position / 1e3
         for number, class_id, place in zip(
-            truth.track_id.tolist(), truth.class_id.tolist(), position, strict=True
+            truth.track_id.tolist(), truth.class_id.tolist(), truth.position, strict=True
         ):
             rows.setdefault(number, []).append((truth.stamp_ns, class_id, place))
     return [

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError
 from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
 
 from . import params_file, tracker_params
@@ -51,6 +52,28 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
     )
+
+
+def add_cutoff_argument(parser: argparse.ArgumentParser) -> None:
+    """Add the argument that sets OSPA's cut-off."""
+    parser.add_argument(
+        "--cutoff",
+        type=_cutoff,
+        default=CUTOFF,
+        metavar="METRES",
+        help="c of OSPA and GOSPA (%(default)g): about the distance at which an estimate is no "
+        "longer of a target",
+    )
+
+
+def _cutoff(text: str) -> float:
+    try:
+        cutoff = float(text)
+    except ValueError:
+        cutoff = math.nan
+    if not (math.isfinite(cutoff) and cutoff >= SMALL):
+        raise argparse.ArgumentTypeError(f"{text} given, must be a number of at least {SMALL:g} m")
+    return cutoff
 
 
 def tracker_config(arguments: argparse.Namespace) -> TrackerConfig:

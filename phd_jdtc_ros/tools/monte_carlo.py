@@ -11,6 +11,7 @@ import json
 import os
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -142,6 +143,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:
         raise ConfigError(faults)
     assigned = params_file.from_arguments([], arguments.assignments)
     study = load_study(arguments.study, assigned).select(arguments.case, arguments.variant)
+    study = replace(study, cutoff=arguments.cutoff)
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.runs)
     return study, monte_carlo.plan(study, seeds)
 
@@ -178,6 +180,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument(
         "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
     )
+    command.add_cutoff_argument(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:

@@ -91,8 +91,9 @@ from 0 to 1. A figure that has no meaning, such as the RMS of no pairs, is null.
 
 The evaluator publishes on `~/ospa`, for every scan and set: {published}.
 
-c, the cutoff, and p, the order, are the evaluator's parameters `cutoff` and `order`. A target and
-an estimate are a pair where the best assignment by position alone pairs them closer than c.
+c, the cutoff, and p, the order, are the evaluator's parameters `cutoff` and `order`; `track_bag`,
+`report` and `monte_carlo` have the option `--cutoff`. A target and an estimate are a pair where the
+best assignment by position alone pairs them closer than c.
 `confusion` of all targets counts, over the scans, targets by true class (rows) and by the class of
 their paired estimate (columns). The last column counts missed targets, the last row false
 estimates.

@@ -27,7 +27,12 @@ PAGE = "report.html"
 
 
 def write(
-    bag: Path, out: Path, config: TrackerConfig, title: str, summary: dict[str, Any] | None
+    bag: Path,
+    out: Path,
+    config: TrackerConfig,
+    title: str,
+    summary: dict[str, Any] | None,
+    cutoff: float = command.CUTOFF,
 ) -> int:
     """Write a bag's report into a directory, print its table and return the exit status.
 
@@ -43,12 +48,16 @@ def write(
     title : str
     summary : dict or None
         The run's figures if they are known; otherwise they are computed from the bag.
+    cutoff : float
+        c of OSPA, metres.
     """
     run = load.record(bag, config)
     out.mkdir(parents=True, exist_ok=True)
-    evaluation = run.evaluate(command.CUTOFF, command.ORDER)
+    evaluation = run.evaluate(cutoff, command.ORDER)
     if summary is None:
         summary = metrics(evaluation, run.step_ms)
+    # The figures may be of a node that was not told the names.
+    summary = {**summary, "class_names": list(run.sets.class_names)}
     figures.write_all(run, evaluation, out)
     console = Console()
     if summary["scans"]:
@@ -82,12 +91,13 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file with estimates")
     parser.add_argument("--out", type=Path, required=True, help="directory of the report")
     parser.add_argument("--title", help="title of the page; the bag's name if absent")
+    command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:
         config = command.tracker_config(arguments)
         title = arguments.title or arguments.bag.name
-        return write(arguments.bag, arguments.out, config, title, None)
+        return write(arguments.bag, arguments.out, config, title, None, arguments.cutoff)
 
     return command.guarded("report", work)

@@ -142,6 +142,7 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser("track_bag", description=__doc__)
     parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file")
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
+    command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 
@@ -162,7 +163,7 @@ def main(argv: Sequence[str]) -> int:
             status = fail("track_bag", error)
         run = load.record(arguments.out, config)
         if run.truth:
-            summary = run.evaluate(command.CUTOFF, command.ORDER).summary()
+            summary = run.evaluate(arguments.cutoff, command.ORDER).summary()
             Console().print(score_tables(summary))
         return status
 

@@ -34,7 +34,7 @@ def states(events):
 def test_add_steps_the_engine_through_complete_scans():
     engine = new_engine(CONFIG)
     events = fed(new_pipeline(CONFIG), SCANS)
-    assert [event.stamp_ns for event in events] == [scan.stamp_ns for scan in SCANS]
+    assert [event.scan.stamp_ns for event in events] == [scan.stamp_ns for scan in SCANS]
     for event, scan in zip(events, SCANS, strict=True):
         np.testing.assert_array_equal(
             event.step.filtered[0].state, engine.step(scan).filtered[0].state
@@ -125,7 +125,7 @@ AT_ONCE = {"lag": 2, "radars": ["radar_1"], "interval_s": 4.0, "radar_1.rotation
 def turned(pipeline, reports, radar=0):
     """Return the stamps of the scans that reports of one radar close, in seconds."""
     return [
-        event.stamp_ns * 1e-9
+        event.scan.stamp_ns * 1e-9
         for sent in reports
         for event in pipeline.add(radar, sent.stamp_ns, sent.detections, sent.sector)
         if isinstance(event, Stepped)

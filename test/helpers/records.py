@@ -3,6 +3,8 @@
 
 """Records of runs, small and known, that several test modules share."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from phd_jdtc_ros.core.state_space import PLANAR, X, Y
@@ -11,6 +13,8 @@ from phd_jdtc_ros.report.record import Plot, RadarSite, Record
 
 START_NS = 1_700_000_000_000_000_000
 SCANS = 12
+# Of a run at short ranges, to the usual one.
+SHORT = 0.01
 RADARS = (RadarSite("radar_1", (0.0, 0.0)),)
 
 
@@ -57,3 +61,29 @@ def record_of(classes=2, **parts):
         "smoothed": tuple(estimates_of(k, classes, 5) for k in range(SCANS)),
     }
     return Record(**{**everything, **parts}, classes=classes, step_ms=np.zeros(0), radars=RADARS)
+
+
+def shrunk(record):
+    """Return a record whose places are `SHORT` times as far apart."""
+
+    def smaller(entry):
+        changed = {"state": entry.state * SHORT}
+        if isinstance(entry, Estimates):
+            changed["covariance"] = entry.covariance * SHORT**2
+        return replace(entry, **changed)
+
+    return replace(
+        record,
+        truth=tuple(map(smaller, record.truth)),
+        filtered=tuple(map(smaller, record.filtered)),
+        smoothed=tuple(map(smaller, record.smoothed)),
+        plots=tuple(replace(plot, position=plot.position * SHORT) for plot in record.plots),
+    )
+
+
+def without_amplitudes(record):
+    """Return a record of radars that report no amplitudes."""
+    return replace(
+        record,
+        plots=tuple(replace(p, amplitude=np.full(len(p.position), np.nan)) for p in record.plots),
+    )

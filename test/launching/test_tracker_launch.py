@@ -3,12 +3,14 @@
 
 """The tracker's launch file, run with executables that only say how they were started."""
 
+import itertools
 import json
 import os
 import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from ament_index_python.packages import get_package_share_directory
 
 launch = pytest.importorskip("launch", reason="launch is not installed")
@@ -21,11 +23,7 @@ try:
 except LookupError:
     pytest.skip("the package is not built with colcon", allow_module_level=True)
 
-EXECUTABLES = {
-    "phd_jdtc_ros": "tracker",
-    "tf2_ros": "static_transform_publisher",
-    "rviz2": "rviz2",
-}
+EXECUTABLES = {"phd_jdtc_ros": "tracker", "rviz2": "rviz2"}
 MINE = """
 /**/tracker:
   ros__parameters:
@@ -36,6 +34,16 @@ MINE = """
     north: {topic: /north/points, frame: north_link}
 """
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
+
+
+def parameters(arguments):
+    """Return the parameters that launch writes into files of its own."""
+    values = {}
+    for word, path in itertools.pairwise(arguments):
+        if word == "--params-file":
+            for section in yaml.safe_load(Path(path).read_text()).values():
+                values |= section["ros__parameters"]
+    return values
 
 
 @pytest.fixture
@@ -102,31 +110,20 @@ def test_the_tracker_gets_its_parameters_and_its_name(said):
     assert found["rviz2"] == []
 
 
-def test_every_radar_gets_its_frame(said):
-    found = said(["phd_jdtc_ros", "tf2_ros"])
-
-    places = {}
-    for started in found["static_transform_publisher"]:
-        arguments = started["arguments"]
-        given = dict(zip(arguments[0:10:2], arguments[1:10:2], strict=True))
-        assert given["--frame-id"] == "map"
-        places[given["--child-frame-id"]] = [float(given[k]) for k in ("--x", "--y", "--yaw")]
-    assert places == {"radar_1": [1000.0, 0.0, 0.0], "radar_2": [0.0, 0.0, 0.0]}
-
-
 def test_rviz_shows_the_tracker_of_the_namespace(said):
     found = said(["phd_jdtc_ros", "rviz2"], namespace="alpha", rviz="true")
 
     (started,) = found["rviz2"]
     assert any(entry.endswith("rviz/demo.rviz") for entry in started["arguments"])
-    assert "/tracker/markers:=/alpha/tracker/markers" in started["arguments"]
+    for topic in ("detections", "filtered/estimates", "smoothed/estimates", "markers"):
+        assert f"/tracker/{topic}:=/alpha/tracker/{topic}" in started["arguments"]
 
 
-def test_frames_are_left_to_others_if_asked(said):
-    found = said(["phd_jdtc_ros", "tf2_ros"], frames="false")
+@pytest.mark.parametrize(("given", "expected"), [("", None), ("false", False), ("True", True)])
+def test_frames_are_published_by_the_tracker_alone_as_asked(said, given, expected):
+    (started,) = said([*EXECUTABLES], frames=given)["tracker"]
 
-    assert len(found["tracker"]) == 1
-    assert found["static_transform_publisher"] == []
+    assert parameters(started["arguments"]).get("publish_frames") is expected
 
 
 def test_parameters_of_the_node_alone_are_no_obstacle(said, tmp_path):
@@ -135,11 +132,9 @@ def test_parameters_of_the_node_alone_are_no_obstacle(said, tmp_path):
     found = said([*EXECUTABLES], params_file=str(path), rviz="true")
 
     assert len(found["tracker"]) == 1
-    (frame,) = found["static_transform_publisher"]
-    assert "north_link" in frame["arguments"]
     (rviz,) = found["rviz2"]
-    assert "/radar_1/detections:=/north/points" in rviz["arguments"]
-    assert "/radar_2/detections" not in " ".join(rviz["arguments"])
+    # The radars' own topics are not shown, whatever their names.
+    assert not [word for word in rviz["arguments"] if ":=/north" in word]
 
 
 def test_dds_stays_as_it_is_unless_asked(said):
@@ -153,7 +148,7 @@ def test_all_that_is_started_keeps_to_this_machine_if_asked(said):
 
     profile = SHARE / "config" / "dds" / "localhost_only.xml"
     processes = [started["environment"] for name in found for started in found[name]]
-    assert len(processes) == 4
+    assert len(processes) == 2
     for environment in processes:
         for name in PROFILE_VARIABLES:
             assert Path(environment[name]).samefile(profile)
@@ -197,7 +192,7 @@ def test_nothing_is_started_with_a_file_that_the_tracker_refuses(said, tmp_path,
 def test_booleans_follow_one_rule(said, yes):
     found = said([*EXECUTABLES], rviz=yes, frames=yes, localhost_only=yes, use_sim_time=yes)
 
-    assert [len(found[name]) for name in EXECUTABLES.values()] == [1, 2, 1]
+    assert [len(found[name]) for name in EXECUTABLES.values()] == [1, 1]
 
 
 def test_pushed_namespace_reaches_rviz_and_the_file(said, tmp_path):

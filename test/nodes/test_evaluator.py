@@ -240,3 +240,27 @@ def test_evaluator_refuses_qos_that_there_is_not(processes):
     assert status == 2
     assert f"evaluator: qos_overrides.{names.TRUTH}" in text
     assert "Traceback" not in text
+
+
+def test_evaluator_prints_the_names_of_the_classes(processes, peer, tmp_path):
+    report = tmp_path / "metrics.json"
+    options = ("-p", "class_names:=[ship, buoy]", "-p", f"report:={report}")
+    evaluator = processes.start("evaluator", "--ros-args", *options)
+    source = Source(peer)
+    source.send(SECOND, *[([(0.0, 0.0)], [0])] * 3)
+    assert peer.spin_until(lambda: len(source.scores) == 2)
+    evaluator.send_signal(signal.SIGINT)
+    assert evaluator.wait(10.0) == 0
+
+    assert json.loads(report.read_text())["class_names"] == ["ship", "buoy"]
+    printed = evaluator.log.read_text()
+    assert "\u2502 ship " in printed
+    assert "class 0" not in printed
+
+
+def test_evaluator_refuses_names_of_another_number_of_classes(processes):
+    given = ("-p", "class_names:=[ship]")
+    status, text = processes.run("evaluator", "--ros-args", *given)
+
+    assert status == 2
+    assert "class_names: ['ship'] given, must be empty or 2 names" in text

@@ -38,6 +38,13 @@ def test_choose_leaves_out_what_live_nodes_publish_unless_it_is_wanted(tmp_path,
     assert set(choose(tmp_path, types, [topic]).classes) == {topic}
 
 
+def test_choose_leaves_out_a_recorded_tracker_in_another_namespace(tmp_path):
+    recorded = [*names.published(2, "/site/t2"), RADAR]
+    found = choose(tmp_path, dict.fromkeys(recorded, names.CLOUD))
+
+    assert (set(found.classes), found.detections) == ({RADAR}, (RADAR,))
+
+
 @pytest.mark.parametrize(
     "type_name",
     [

@@ -15,7 +15,7 @@ from std_msgs.msg import String
 from msg_adapters import names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.evaluator.recorder import STATIC_FRAMES, STATIC_FRAMES_TYPE, Recorder
+from phd_jdtc_ros.nodes.evaluator.recorder import Recorder
 from phd_jdtc_ros.tools.demo import shipped_bag
 
 STRING = "std_msgs/msg/String"
@@ -55,22 +55,15 @@ def test_recorder_hears_drivers_that_offer_best_effort_alone(peer, tmp_path):
 def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     # Of a type that is everywhere; what matters is the name and the durability.
-    peer.publisher(String, STATIC_FRAMES, latched).publish(String(data="map to radar_1"))
+    peer.publisher(String, names.STATIC_FRAMES, latched).publish(String(data="map to radar_1"))
     peer.spin_for(0.3)
-    recorder = Recorder(peer.node, tmp_path / "bag", {STATIC_FRAMES: STRING})
+    recorder = Recorder(peer.node, tmp_path / "bag", {names.STATIC_FRAMES: STRING})
     peer.spin_for(1.0)
     recorder.close()
 
     bag = BagReader(tmp_path / "bag")
-    assert bag.counts[STATIC_FRAMES] == 1
+    assert bag.counts[names.STATIC_FRAMES] == 1
     assert "transient_local" in (tmp_path / "bag" / "metadata.yaml").read_text()
-
-
-def test_recorder_takes_static_frames_where_their_type_is_installed(peer, tmp_path):
-    pytest.importorskip("tf2_msgs.msg", reason="tf2_msgs is not installed")
-    Recorder(peer.node, tmp_path / "bag", {}).close()
-
-    assert BagReader(tmp_path / "bag").types == {STATIC_FRAMES: STATIC_FRAMES_TYPE}
 
 
 def record(executables, peer, directory, restrict):

@@ -35,14 +35,28 @@ SERIES = {
     if name.startswith("Plot!")
     for path in panel["paths"]
 }
+DETECTIONS = names.detections_in_map()
+# The least contrast of graphics to their background, by the accessibility guidelines WCAG 2.
+VISIBLE = 3.0
 SHOWN = {
-    names.detections("radar_1"),
-    names.detections("radar_2"),
+    DETECTIONS,
     names.TRUTH,
     names.estimates("filtered"),
     names.estimates("smoothed"),
     f"{names.TRACKER}/markers",
 }
+
+
+def contrast(*colours):
+    """Return the contrast of two colours, red, green and blue from 0 to 255, after WCAG 2."""
+
+    def luminance(colour):
+        parts = [part / 255.0 for part in colour]
+        linear = [p / 12.92 if p <= 0.03928 else ((p + 0.055) / 1.055) ** 2.4 for p in parts]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    low, high = sorted(map(luminance, colours))
+    return (high + 0.05) / (low + 0.05)
 
 
 def rviz_displays():
@@ -170,13 +184,27 @@ def test_colours_are_those_of_the_report():
         assert (setting["minValue"], setting["maxValue"]) == (0, 1)
 
 
-@pytest.mark.parametrize("radar", ["radar_1", "radar_2"])
-def test_detections_are_coloured_by_amplitude(radar):
-    topic = names.detections(radar)
+def test_detections_of_every_driver_are_coloured_by_amplitude():
+    display, setting = rviz_displays()[DETECTIONS], MAP["topics"][DETECTIONS]
 
-    assert rviz_displays()[topic]["Channel Name"] == "amplitude"
-    assert rviz_displays()[topic]["Color Transformer"] == "Intensity"
-    assert MAP["topics"][topic]["colorField"] == "amplitude"
+    assert (display["Channel Name"], display["Color Transformer"]) == ("amplitude", "Intensity")
+    assert setting["colorField"] == "amplitude"
+    assert not any(name.endswith("/detections") for name in SHOWN - {DETECTIONS})
+
+
+@pytest.mark.parametrize("end", ["Min Color", "Max Color"])
+def test_detections_stand_out_from_the_background_in_rviz(end):
+    options = RVIZ["Visualization Manager"]["Global Options"]
+    colours = (rviz_displays()[DETECTIONS][end], options["Background Color"])
+
+    assert contrast(*([int(part) for part in colour.split(";")] for colour in colours)) >= VISIBLE
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_detections_stand_out_from_the_background_in_foxglove(end):
+    colours = (MAP["topics"][DETECTIONS]["gradient"][end], MAP["scene"]["backgroundColor"])
+
+    assert contrast(*([*bytes.fromhex(colour[1:])] for colour in colours)) >= VISIBLE
 
 
 def test_foxglove_shows_every_topic_and_plots_what_there_is():

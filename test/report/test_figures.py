@@ -2,12 +2,22 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
-from records import SCANS, START_NS, estimates_of, record_of, stamp_ns, truth_of
+from records import (
+    SCANS,
+    START_NS,
+    estimates_of,
+    record_of,
+    shrunk,
+    stamp_ns,
+    truth_of,
+    without_amplitudes,
+)
 
 from phd_jdtc_ros.report.clock import Clock
 from phd_jdtc_ros.report.pictures import figures
@@ -147,3 +157,43 @@ def test_clock_counts_from_the_first_stamp_of_any_part():
 
 def test_clock_gives_long_runs_in_minutes():
     assert Clock(0, 7200.0).text(90.0) == "1.5 min"
+
+
+@pytest.mark.parametrize(("record", "unit"), [(record_of(2), "km"), (shrunk(record_of(2)), "m")])
+def test_maps_are_in_metres_where_they_are_short(record, unit):
+    drawn = without_pixels(record)
+    for name in ("scenario", "measurements", "trajectories"):
+        axes = drawn[name].axes[0]
+        assert (axes.get_xlabel(), axes.get_ylabel()) == (f"x ({unit})", f"y ({unit})")
+    low, high = drawn["trajectories"].axes[0].dataLim.intervaly
+    # Two targets 2 km apart, or 20 m.
+    assert high - low == pytest.approx(2.04 if unit == "km" else 20.4, rel=0.05)
+
+
+def test_detections_are_purple_and_darker_with_their_amplitude():
+    (dots,) = without_pixels(record_of(2))["measurements"].axes[0].collections
+    low, high = dots.cmap([0.0, 1.0])[:, :3]
+
+    for red, green, blue in (low, high):
+        assert blue > red > green
+    assert low.sum() > high.sum()
+
+
+def test_measurements_without_amplitudes_have_no_scale_of_them():
+    figure = without_pixels(without_amplitudes(record_of(2)))["measurements"]
+    ((red, green, blue, _),) = figure.axes[0].collections[0].get_facecolor()
+
+    assert len(figure.axes) == 1
+    assert blue > red > green
+
+
+def test_single_class_is_drawn_once_by_its_name():
+    record = replace(record_of(1), class_names=("car",))
+    drawn = without_pixels(record)
+    titles = {name: [a.get_title("left") for a in drawn[name].axes] for name in SCORED}
+
+    assert titles == {
+        "number_error": ["car"],
+        "ospa": ["car"],
+        "ospa_parts": ["car: localisation part", "car: cardinality part"],
+    }

@@ -212,7 +212,7 @@ def test_record_leaves_out_detections_that_the_tracker_rejects_too(bag, tmp_path
     assert len(run.filtered) == 4
 
 
-def test_record_gives_detections_without_amplitude_a_neutral_one(bag, tmp_path):
+def test_record_of_detections_without_amplitude_has_none(bag, tmp_path):
     def rename(entry):
         if entry[0] != RADARS[0]:
             return [entry]
@@ -223,7 +223,7 @@ def test_record_gives_detections_without_amplitude_a_neutral_one(bag, tmp_path):
     run = load.record(rewrite(bag, tmp_path / "bag", change=rename), CONFIG)
     for plot in run.plots:
         assert plot.amplitude.shape == plot.position.shape[:1]
-        assert (plot.amplitude == 1.0).all() == (plot.radar == "radar_1")
+        assert np.isnan(plot.amplitude).all() == (plot.radar == "radar_1")
 
 
 def test_record_can_be_evaluated(bag):

@@ -30,6 +30,7 @@ FLAGS = (
     "--enable-logging=stderr",
     "--dump-dom",
 )
+PHONE = 390
 DARK = "--blink-settings=preferredColorScheme=0"
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(NAMES)} is installed")
@@ -38,6 +39,17 @@ pytestmark = pytest.mark.skipif(BROWSER is None, reason=f"none of {', '.join(NAM
 @pytest.fixture
 def opened(tmp_path):
     """Return a function that opens a record's page; it returns the DOM and the console's lines."""
+
+    def shown(address, *flags):
+        profile = f"--user-data-dir={tmp_path / 'profile'}"
+        done = subprocess.run(
+            [BROWSER, *FLAGS, *flags, profile, address],
+            check=False,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
 
     def open_page(record=None, *flags, at="", then=""):
         record = record_of(3) if record is None else record
@@ -51,21 +63,9 @@ def opened(tmp_path):
             charts.missing(record, evaluation),
         )
         path.write_text(path.read_text().replace("</body>", f"<script>{then}</script></body>"))
-        done = subprocess.run(
-            [
-                BROWSER,
-                *FLAGS,
-                *flags,
-                f"--user-data-dir={tmp_path / 'profile'}",
-                path.as_uri() + at,
-            ],
-            check=False,
-            capture_output=True,
-            text=True,
-            timeout=120,
-        )
-        return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
+        return shown(path.as_uri() + at, *flags)
 
+    open_page.shown = shown
     return open_page
 
 
@@ -148,6 +148,38 @@ def test_page_is_light_or_dark_as_the_reader_has_it(opened):
     assert "fill: rgb(28, 33, 38)" in part(light, "ospa")
     assert "fill: rgb(230, 233, 236)" in part(dark, "ospa")
     assert console == []
+
+
+@pytest.mark.parametrize("record", [record_of(3), record_of(1, truth=())], ids=["all", "part"])
+def test_page_is_no_wider_than_a_phone(opened, tmp_path, record):
+    said = (
+        "addEventListener('load', () => setTimeout(() => {"
+        "const { scrollWidth, clientWidth } = document.documentElement;"
+        "parent.postMessage(innerWidth + ' px, ' + (scrollWidth - clientWidth) + ' hidden', '*');"
+        "}, 3000));"
+    )
+    opened(record, then=said)
+    # A browser's own window is wider than a phone.
+    frame = tmp_path / "phone.html"
+    frame.write_text(
+        f'<iframe src="report.html" width={PHONE} height=800 style="border: 0"></iframe><script>'
+        "addEventListener('message', (event) => { document.title = event.data; });</script>"
+    )
+    dom, console = opened.shown(frame.as_uri())
+
+    assert f"<title>{PHONE} px, 0 hidden</title>" in dom
+    assert console == []
+
+
+def test_page_of_one_class_shows_it_once_by_its_name(opened):
+    dom, console = opened(replace(record_of(1), class_names=("<car>",)))
+
+    assert console == []
+    for name in ("ospa", "numbers"):
+        assert part(dom, name).count('class="xy') or 'class="subplot xy"' in part(dom, name)
+    assert "all classes" not in dom.partition("<h2>Definitions")[0]
+    assert '<div id="classes"' not in dom
+    assert '<th scope="row">&lt;car&gt;</th>' in dom
 
 
 def test_page_is_refused_anything_from_elsewhere(opened):

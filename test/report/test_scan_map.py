@@ -1,9 +1,20 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from records import SCANS, estimates_of, plot_of, record_of, stamp_ns, truth_of
+from records import (
+    SCANS,
+    estimates_of,
+    plot_of,
+    record_of,
+    shrunk,
+    stamp_ns,
+    truth_of,
+    without_amplitudes,
+)
 
 from msg_adapters.palette import class_colour
 from phd_jdtc_ros.core.state_space import PLANAR
@@ -165,3 +176,43 @@ def test_missing_scans_of_a_part_are_empty():
     _, moving = layer(record, "filtered, class 0", "markers", "customdata")
 
     assert [len(x) for x in moving["x"]] == [int(k == 2) for k in range(SCANS)]
+
+
+@pytest.mark.parametrize(("record", "unit"), [(record_of(2), "km"), (shrunk(record_of(2)), "m")])
+def test_axes_and_texts_are_in_metres_where_the_map_is_short(record, unit):
+    chart = scan_map(record)
+    layout = chart.figure.layout
+    texts = {
+        trace.hovertemplate.split("<extra>")[0]
+        for trace in chart.figure.data
+        if trace.hovertemplate
+    }
+    _, moving = layer(record, "smoothed, class 1", "markers", "customdata")
+    metres = 1e3 if unit == "km" else 1.0
+
+    assert (layout.xaxis.title.text, layout.yaxis.title.text) == (f"x ({unit})", f"y ({unit})")
+    assert texts
+    assert all(f"}} {unit}" in text for text in texts)
+    place = record.smoothed[3].position[1] / metres
+    np.testing.assert_allclose([moving["x"][3][0], moving["y"][3][0]], place, atol=0.01)
+    assert layout.yaxis.range[1] > place[1]
+
+
+def test_map_without_amplitudes_has_no_scale_of_them():
+    chart = scan_map(without_amplitudes(record_of(2)))
+    trace, moving = layer(without_amplitudes(record_of(2)), "detections, radar_1", "markers", "x")
+
+    assert chart.figure.layout.coloraxis.colorbar.title.text is None
+    assert "amplitude" not in chart.caption
+    assert "amplitude" not in trace.hovertemplate
+    assert trace.marker.color
+    assert trace.marker.coloraxis is None
+    assert "marker.color" not in moving
+
+
+def test_map_has_the_configured_names_of_the_classes():
+    named = replace(record_of(2), class_names=("car", "van"))
+    names = {trace.name for trace in scan_map(named).figure.data}
+
+    assert {"truth, car", "smoothed, van", "filtered, car"} <= names
+    assert not [name for name in names if name and "class" in name]

@@ -66,7 +66,7 @@ def test_metrics_hold_what_the_file_promises(evaluation):
     found = metrics(evaluation, np.ones(2))
     assert set(found) == {
         "filtered", "smoothed", "reduction", "class_accuracy", "p", "c", "scans", "step_ms",
-        "long_gap_s", "ospa2_window",
+        "long_gap_s", "ospa2_window", "identity_switches", "class_names",
     }  # fmt: skip
     promised = {
         "ospa", "localization", "cardinality", "cardinality_abs_error",
@@ -147,15 +147,42 @@ def test_score_tables_shows_the_surveillance_figures():
     ]
     assert caption == [
         "long gaps: over 16.4 s between estimates",
-        "no OSPA(2): the estimates carry no track ids",
+        "no OSPA(2) and no identity switches: the estimates carry no track ids",
     ]
 
 
-def test_score_tables_shows_ospa2_where_there_is_one(evaluation):
+def test_score_tables_shows_the_figures_of_tracks_where_there_are_any(evaluation):
     summary = metrics(evaluation, np.zeros(0))
-    summary["smoothed"]["all"]["ospa2"] = 12.34
+    summary["smoothed"]["all"] |= {"ospa2": 12.34, "identity_switches": 3.0}
     _, _, (_, _, caption), *_ = tables(summary)
-    assert caption[1] == "OSPA(2) over 10 scans: filter -, smoother 12.3 m"
+    assert caption[1:] == [
+        "OSPA(2) over 10 scans: filter -, smoother 12.3 m",
+        "identity switches: filter -, smoother 3",
+    ]
+
+
+def test_score_tables_has_the_configured_names(evaluation):
+    named = {**metrics(evaluation, np.zeros(0)), "class_names": ["car", "[red]van_2"]}
+    (_, rows, _), *_, (_, matrix, _) = tables(named)
+
+    assert [row[0] for row in rows if row[0]] == ["all", "car", "[red]van_2"]
+    assert [row[0] for row in matrix] == ["car", "[red]van_2", "none (false)"]
+
+
+def test_score_tables_shows_a_single_class_once():
+    found = Evaluation(classes=1, cutoff=1000.0, order=2.0, class_names=("car",))
+    for source in ("filtered", "smoothed"):
+        found.add_estimates(source, 1, points([[0, 0.5]], [0]))
+    found.add_truth(1, points([[0, 0]], [0]))
+    (_, rows, caption), *others = tables(metrics(found, np.zeros(0)))
+
+    assert [row[:3] for row in rows] == [
+        ["car", "filter", "0.50 m"],
+        ["", "smoother", "0.50 m"],
+        ["", "reduction", "0%"],
+    ]
+    assert caption == []
+    assert not [title for title, *_ in others if "class" in title]
 
 
 def test_score_tables_shows_what_the_smoother_took_targets_for(evaluation):
@@ -198,11 +225,11 @@ def test_score_tables_leaves_out_what_was_not_measured(evaluation):
 
 def test_score_tables_of_nothing_shows_dashes():
     empty = Evaluation(classes=1, cutoff=500.0, order=1.0)
-    (title, rows, _), (_, parts, _), (_, more, _), *_ = tables(metrics(empty, np.zeros(0)))
+    (title, rows, _), (_, parts, _), (_, more, _) = tables(metrics(empty, np.zeros(0)))
     assert title == "means over 0 scans (OSPA: p = 1, c = 500 m)"
-    assert [row[2:] for row in rows] == [["-"] * 4] * 6
-    assert [row[2:] for row in parts] == [["-"] * 4] * 4
-    assert [row[2:] for row in more] == [["-"] * 5] * 4
+    assert [row[2:] for row in rows] == [["-"] * 4] * 3
+    assert [row[2:] for row in parts] == [["-"] * 4] * 2
+    assert [row[2:] for row in more] == [["-"] * 5] * 2
 
 
 def test_score_tables_shows_a_loss_as_negative(evaluation):

@@ -45,7 +45,7 @@ def test_ospa_has_the_scores_of_all_and_of_each_class(source):
 
 
 def test_ospa_titles_give_the_means():
-    record = record_of(1, filtered=())
+    record = record_of(2, filtered=())
     mean = record.evaluate(1000.0, 2.0).summary()["smoothed"]["all"]["ospa"]
 
     shown = titles(chart(time_charts.ospa, record).figure)
@@ -67,7 +67,7 @@ def test_classes_have_their_colours():
 
 def test_numbers_count_truth_and_estimates():
     record = record_of(2, truth=tuple(truth_of(k, 2 if k < 6 else 1) for k in range(SCANS)))
-    figure = chart(time_charts.numbers, record).figure
+    figure = time_charts.numbers(record).figure
 
     assert list(line(figure, "truth", 1).y) == [2] * 6 + [1] * 6
     assert list(line(figure, "truth", 3).y) == [1] * 6 + [0] * 6
@@ -77,7 +77,7 @@ def test_numbers_count_truth_and_estimates():
 
 
 def test_numbers_without_truth_draw_none():
-    drawn = chart(time_charts.numbers, record_of(truth=()))
+    drawn = time_charts.numbers(record_of(truth=()))
 
     assert {trace.name for trace in drawn.figure.data} == {"filtered", "smoothed"}
     assert "true number" not in drawn.caption

@@ -3,17 +3,21 @@
 
 """The shipped policies give each node what it uses on the live graph, and nothing else."""
 
+import re
 import time
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 import rclpy
+import stand_ins
 
+from phd_jdtc_ros.nodes.tracker import settings
 from robustness.rig import Rig
 from robustness.stamps_and_time import BAG
 
-POLICIES = Path(__file__).parents[2] / "config" / "sros2" / "policies.xml"
+ROOT = Path(__file__).parents[2]
+POLICIES = ROOT / "config" / "sros2" / "policies.xml"
 QUERIES = {
     ("topics", "publish"): "get_publisher_names_and_types_by_node",
     ("topics", "subscribe"): "get_subscriber_names_and_types_by_node",
@@ -22,16 +26,16 @@ QUERIES = {
 }
 # Every option that takes a topic or a service is on.
 SIMULATED = ("-p", "use_sim_time:=true")
+SWITCHES = [p.name for p in settings.TABLE if p.name.startswith("publish_")]
 ARGUMENTS = {
-    "tracker": ("--ros-args", "-p", "publish_path:=true", "-p", "publish_odometry:=true"),
+    "tracker": ("--ros-args", *(w for name in SWITCHES for w in ("-p", f"{name}:=true"))),
     "evaluator": ("--ros-args", "-p", "record:={directory}/bag"),
     "sensor_replay": (
         *(BAG, "--rate", "0", "--ros-args", "-p", "start_paused:=true"),
         *("-p", "flush_service:=/tracker/flush"),
     ),
 }
-# Recorded where tf2_msgs is installed; the wheels do not bring it.
-OPTIONAL = {"/tf_static"}
+PAGE = (ROOT / "docs" / "nodes" / "tracker.md").read_text()
 
 
 def allowed():
@@ -51,9 +55,11 @@ def allowed():
 def used():
     """Return what each node has on the live graph, by kind."""
     with Rig() as rig:
+        # Some switches need message packages that the wheels do not bring.
+        packages = stand_ins.write(rig.directory / "packages")
         for name, arguments in ARGUMENTS.items():
             words = [str(word).format(directory=rig.directory) for word in arguments]
-            rig.start(name, *words, *SIMULATED)
+            rig.start(name, *words, *SIMULATED, **packages)
         context = rclpy.Context()
         rclpy.init(context=context, domain_id=rig.domain)
         watcher = rclpy.create_node("watcher", context=context)
@@ -71,7 +77,7 @@ def used():
 
         def as_allowed(found):
             return all(
-                found.get(name, {}).get(key, set()) - OPTIONAL == allowed()[name][key] - OPTIONAL
+                found.get(name, {}).get(key, set()) == allowed()[name][key]
                 for name in ARGUMENTS
                 for key in QUERIES
             )
@@ -97,7 +103,52 @@ def used():
 @pytest.mark.parametrize("name", ARGUMENTS)
 @pytest.mark.parametrize("key", QUERIES, ids=["publish", "subscribe", "reply", "request"])
 def test_policies_allow_what_a_node_uses_and_nothing_else(used, name, key):
-    assert allowed()[name][key] - OPTIONAL == used[name][key] - OPTIONAL
+    assert allowed()[name][key] == used[name][key]
+
+
+def documented(kind):
+    """Return the names in the rows of that kind in the tracker's page, of two classes."""
+    rows = re.findall(rf"^\| {kind}[^|]*\|([^|]*)\|", PAGE, re.MULTILINE)
+    found = {name for row in rows for name in re.findall(r"`([^`]+)`", row)}
+    return {
+        name.replace("~", "/tracker").replace("{filtered,smoothed}", source).replace("K", number)
+        for name in found
+        for source in ("filtered", "smoothed")
+        for number in "01"
+    }
+
+
+# What every node, or every managed node, has besides.
+OF_EVERY_NODE = re.compile(
+    r"/(rosout|parameter_events|clock)|.*(parameter|type_desc|state|transition).*"
+)
+
+
+@pytest.mark.live
+@pytest.mark.parametrize(
+    ("kind", "key"),
+    [("publishes", ("topics", "publish")), ("service", ("services", "reply"))],
+    ids=lambda entry: entry if isinstance(entry, str) else "",
+)
+def test_page_of_the_tracker_lists_every_topic_and_service(used, kind, key):
+    own = {name for name in used["tracker"][key] if not OF_EVERY_NODE.fullmatch(name)}
+
+    assert documented(kind) == own
+
+
+def test_operator_sees_every_topic_of_the_nodes():
+    rights = allowed()
+    topics = {topic for name in ARGUMENTS for topic in rights[name]["topics", "publish"]}
+
+    assert (
+        topics - {"/parameter_events", "/tracker/_instance"}
+        <= (rights["operator"]["topics", "subscribe"])
+    )
+
+
+@pytest.mark.parametrize("name", [p.name for p in settings.TABLE])
+def test_page_of_the_tracker_lists_every_parameter_of_the_node(name):
+    assert f"`{name}`" in PAGE.partition("## Parameters")[2]
 
 
 def test_policies_let_no_node_write_parameters_of_another():

@@ -85,6 +85,20 @@ def test_main_resumes_where_it_was(start, study_file):
 
 
 @pytest.mark.usefixtures("no_pictures")
+def test_main_scores_with_another_cutoff_and_keeps_these_scores_apart(start):
+    usual = start("--variant", "reference", "--runs", 1)[1]
+    before = parts(usual)
+    status, out = start("--variant", "reference", "--runs", 1, "--cutoff", 40)
+    summary = json.loads((out / "summary.json").read_text())
+
+    assert status == 0
+    assert (summary["p"], summary["c"]) == (2.0, 40.0)
+    assert summary["cases"]["quiet"]["reference"]["lags"]["0"]["all"]["ospa"]["mean"] <= 40.0
+    assert "c = 40 m" in (out / "table.md").read_text()
+    assert len(parts(out)) == 2 * len(before)
+
+
+@pytest.mark.usefixtures("no_pictures")
 def test_main_gives_the_same_bytes_however_it_is_run(start):
     start("--variant", "as printed", "--runs", 1, out="pieces")
     chosen = ("--variant", "corrected", "--variant", "as printed")

@@ -229,5 +229,5 @@ def test_perform_scores_turning_radars_and_their_cpu_time(tmp_path):
         assert len(scores.time_s) == 15
         columns = dict(zip(monte_carlo.scores.VALUES, scores.values[0, :, 0].T, strict=True))
         assert (columns["cpu_ms"] > 0.0).all()
-        assert np.isfinite(columns["switches"]).all()
+        assert np.isfinite(columns["identity_switches"]).all()
         assert columns["near"][8:].sum() >= 0.7 * columns["n_true"][8:].sum()

@@ -98,3 +98,23 @@ def test_report_without_plotly_writes_the_pictures_and_says_what_to_install(trac
     assert "Traceback" not in done.stderr
     assert (tmp_path / "ospa.png").exists()
     assert not (tmp_path / "report.html").exists()
+
+
+def test_report_takes_another_cutoff(tracked, tmp_path, capsys):
+    assert run("report", [str(tracked), "--out", str(tmp_path), "--cutoff", "25.5"]) == 0
+
+    assert "c = 25.5 m" in capsys.readouterr().out
+    assert "Here p = 2, c = 25.5 m." in (tmp_path / "report.html").read_text()
+
+
+def test_report_has_the_configured_names_of_the_classes(tracked, tmp_path):
+    names = ("ship", "buoy")
+    options = [f"classes:=[{', '.join(names)}]", *(f"{n}.snr_band_db:=[10.0, 50.0]" for n in names)]
+    given = [word for option in options for word in ("-p", option)]
+    assert run("report", [str(tracked), "--out", str(tmp_path), *given]) == 0
+
+    page = (tmp_path / "report.html").read_text()
+    for name in names:
+        assert f">{name}</th>" in page
+        assert f'"smoothed, {name}"' in page
+    assert "class 0" not in page

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import re
+
 import numpy as np
 import pytest
 import radar_scans
@@ -557,3 +559,21 @@ def test_report_shows_the_detections_of_radar_scans(scan_bag, track):
     record = load.record(out, resolve(given))
     assert len(record.plots) == 16
     assert sum(len(plot.position) for plot in record.plots) > 100
+
+
+def test_track_bag_scores_with_another_cutoff(short_bag, track, capsys):
+    assert track(short_bag, "--cutoff", "50")[0] == 0
+    printed = capsys.readouterr().out
+
+    assert "OSPA: p = 2, c = 50 m" in printed
+    # No distance is larger than the cut-off.
+    assert max(map(float, re.findall(r"filter +\u2502 +([0-9.]+) m", printed)[:3])) <= 50.0
+
+
+@pytest.mark.parametrize("given", ["0", "-1", "nan", "inf", "near"])
+def test_track_bag_refuses_a_cutoff_that_is_no_distance(short_bag, track, given, capsys):
+    with pytest.raises(SystemExit) as caught:
+        track(short_bag, f"--cutoff={given}")
+
+    assert caught.value.code == 2
+    assert f"--cutoff: {given} given, must be a number of at least" in capsys.readouterr().err

@@ -142,30 +142,45 @@ def _check_visibility(values: Mapping[str, Any]) -> list[str]:
         edges = np.array(values[key])
         if len(edges) % 2 or (edges[::2] == edges[1::2]).any():
             faults.append(f"{key}: {values[key]} given, must be pairs of two different azimuths")
-        key = f"{name}.detection_probability_over_range"
-        table = np.array(values[key])
-        if len(table) % 2:
-            faults.append(
-                f"{key}: {len(table)} numbers given, must be pairs of range and probability"
-            )
-        elif (np.diff(table[::2]) <= 0.0).any():
-            faults.append(f"{key}: ranges {table[::2].tolist()} given, must rise")
-        elif not ((table[1::2] > 0.0) & (table[1::2] <= MOST_PROBABILITY)).all():
-            faults.append(
-                f"{key}: probabilities {table[1::2].tolist()} given, must be above 0 and at most "
-                f"{MOST_PROBABILITY}"
-            )
-        elif len(table) and values[f"{name}.detection_probability"]:
-            faults.append(f"{key}: given beside detection_probability, must be one of the two")
-        if values[f"{name}.min_range"] >= values[f"{name}.max_range"]:
-            faults.append(
-                f"{name}.min_range: {values[f'{name}.min_range']} given, must be below max_range, "
-                f"{values[f'{name}.max_range']}"
-            )
-        if values[f"{name}.sectors"] and not values[f"{name}.rotation_s"]:
+        nearest, farthest = values[f"{name}.min_range"], values[f"{name}.max_range"]
+        if nearest >= farthest:
+            faults.append(f"{name}.min_range: {nearest} given, must be below max_range, {farthest}")
+        faults += _table_faults(values, name)
+    return faults
+
+
+def _table_faults(values: Mapping[str, Any], radar: str) -> list[str]:
+    key = f"{radar}.detection_probability_over_range"
+    table = np.array(values[key])
+    if len(table) % 2:
+        return [f"{key}: {len(table)} numbers given, must be pairs of range and probability"]
+    ranges, probabilities = table[::2], table[1::2]
+    if (np.diff(ranges) <= 0.0).any():
+        return [f"{key}: ranges {ranges.tolist()} given, must rise"]
+    if not ((probabilities > 0.0) & (probabilities <= MOST_PROBABILITY)).all():
+        return [
+            f"{key}: probabilities {probabilities.tolist()} given, must be above 0 and at most "
+            f"{MOST_PROBABILITY}"
+        ]
+    if len(table) and values[f"{radar}.detection_probability"]:
+        return [f"{key}: given beside detection_probability, must be one of the two"]
+    return []
+
+
+def _check_turns(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for name in values["radars"]:
+        rotation_s, sectors = values[f"{name}.rotation_s"], values[f"{name}.sectors"]
+        if sectors and not rotation_s:
             faults.append(f"{name}.rotation_s: 0 given, must be above 0 with sectors")
-        if values[f"{name}.fields.sector"] and not values[f"{name}.sectors"]:
+        if values[f"{name}.fields.sector"] and not sectors:
             faults.append(f"{name}.sectors: 0 given, must be above 0 with fields.sector")
+        timed = rotation_s and values[f"{name}.fields.time"]
+        if (sectors or timed) and values["corrector"] != "bernoulli":
+            faults.append(
+                f"corrector: {values['corrector']} given, must be bernoulli where turns are taken "
+                f"in by sectors, as those of {name} are"
+            )
     return faults
 
 
@@ -175,6 +190,7 @@ CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_spawn,
     _check_rest,
     _check_visibility,
+    _check_turns,
 )
 
 

@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 from ..types import FILTERED, SMOOTHED, SOURCES
 from .limits import LONG_GAP_S, OSPA2_WINDOW
-from .metric_table import CLASS_ACCURACY, reduction
+from .metric_table import CLASS_ACCURACY, IDENTITY_SWITCHES, reduction
 from .run_scores import RunScores
-from .scan_scores import ALL, PairedScan, PointSet, ScanScore
+from .scan_scores import ALL, PairedScan, PointSet, ScanScore, class_set
 from .true_tracks import TrueTracks
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
@@ -38,6 +38,8 @@ class Evaluation:
     keep : int or None
         Number of scans of which truth, unpaired estimates and scores are kept, so that a run may be
         of any length; None keeps all. The summary is always of the whole run.
+    class_names : tuple of str
+        For readers of the summary; ``class_0`` and so on if empty.
 
     Attributes
     ----------
@@ -51,6 +53,7 @@ class Evaluation:
     cutoff: float
     order: float
     keep: int | None = None
+    class_names: tuple[str, ...] = ()
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
     _runs: dict[str, RunScores] = field(init=False)
     _truth: TrueTracks = field(init=False)
@@ -116,16 +119,18 @@ class Evaluation:
         -------
         dict
             The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
-            smoothing; ``class_accuracy`` of the smoothed estimates; ``p``, ``c``; ``long_gap_s``,
-            and ``ospa2_window`` in scans; ``scans``, the number of stamps with scores of both
-            sources. A figure without data is None.
+            smoothing; ``class_accuracy`` and ``identity_switches`` of the smoothed estimates;
+            ``p``, ``c``; ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of
+            stamps with scores of both sources; ``class_names``. A figure without data is None.
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
         result["class_accuracy"] = self._runs[SMOOTHED].of_all(CLASS_ACCURACY)
+        result["identity_switches"] = result[SMOOTHED][ALL][IDENTITY_SWITCHES.key]
         result["p"], result["c"] = self.order, self.cutoff
         result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
         result["scans"] = self._scans
+        result["class_names"] = list(self.class_names or map(class_set, range(self.classes)))
         return result
 
 

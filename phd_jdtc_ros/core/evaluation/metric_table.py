@@ -79,7 +79,7 @@ COUNTED: Mapping[str, Value] = {
 # Values that need labelled estimates.
 TRACKED: Mapping[str, Value] = {
     "ospa2": lambda scan: scan.ospa2,
-    "switches": lambda scan: scan.switches,
+    "identity_switches": lambda scan: scan.identity_switches,
 }
 VALUES: Mapping[str, Value] = {**PUBLISHED, **COUNTED, **TRACKED}
 
@@ -118,8 +118,9 @@ class Metric:
     definition: str
 
     def text(self, value: float) -> str:
-        """Return a figure as text, with its unit."""
-        return f"{value:{self.form}} {self.unit}".rstrip()
+        """Return a figure as text, with its unit; lengths below a metre have two digits."""
+        form = "#.2g" if self.unit == "m" and 5e-4 <= abs(value) < 0.995 else self.form
+        return f"{value:{form}} {self.unit}".rstrip()
 
 
 def mean(name: str) -> Figure:
@@ -292,9 +293,11 @@ IDENTITY_SWITCHES = Metric(
     "identity switches",
     "",
     ".0f",
-    if_any("n_true", lambda run: run.sum("switches")),
-    "Number of times that a target is paired with an estimate of another track than the one that "
-    "it was paired with before. It needs track ids of all targets and estimates.",
+    if_any("n_est", lambda run: run.sum("identity_switches")),
+    "Number over the run of targets that are paired with another track id than before, and of "
+    "track ids that pass to another target: a broken track counts one, two swapped tracks count "
+    "two. A target and a track stay a pair while both exist, closer than c; the others are paired "
+    "by position. It needs track ids of all targets and estimates.",
 )
 CLASS_ACCURACY = Metric(
     "class_accuracy",

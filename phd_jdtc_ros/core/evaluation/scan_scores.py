@@ -13,9 +13,10 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..types import Estimates, Truth
+from .identity import IdentitySwitches
 from .limits import OSPA2_WINDOW
 from .metrics import Gospa, Ospa, assign, gospa, ospa
-from .surveillance import Gap, GapFinder, Identities, LabelledPoints, TrackWindow
+from .surveillance import Gap, GapFinder, LabelledPoints, TrackWindow
 
 ALL = "all"
 # Index of the target and of the estimate of each pair, as `metrics.assign` returns them.
@@ -122,8 +123,8 @@ class Comparison:
     ospa2 : float or None
         OSPA(2) of the newest scans, metres; None for a single class, or if a target or an estimate
         has no label.
-    switches : int or None
-        Identity switches in the scan; None as for `ospa2`.
+    identity_switches : int or None
+        Of the scan; None as for `ospa2`.
     """
 
     truth: PointSet
@@ -134,7 +135,7 @@ class Comparison:
     order: float
     gaps: tuple[Gap, ...] | None
     ospa2: float | None
-    switches: int | None = None
+    identity_switches: int | None
 
     @cached_property
     def ospa(self) -> Ospa:
@@ -157,14 +158,14 @@ class Comparison:
             paired_estimate=self.paired_estimate.only(pairs),
             gaps=None if self.gaps is None else _of_set(self.gaps, class_set(class_id)),
             ospa2=None,
-            switches=None,
+            identity_switches=None,
         )
 
 
 class ScanComparer:
     """Compares a source's scans with the truth, in order.
 
-    It keeps the part of earlier scans that gaps and OSPA(2) need.
+    It keeps the part of earlier scans that gaps, OSPA(2) and identity switches need.
 
     Parameters
     ----------
@@ -179,11 +180,12 @@ class ScanComparer:
         self._classes, self._cutoff, self._order = classes, cutoff, order
         self._finder = GapFinder()
         self._window = TrackWindow(OSPA2_WINDOW)
-        self._identities = Identities()
+        self._identities = IdentitySwitches(cutoff)
         self._newest_ns: int | None = None
 
     def compare(self, scan: PairedScan) -> dict[str, Comparison]:
         """Return the comparison of each set at the next scan."""
+        ospa2, switches = self._of_tracks(scan)
         everything = Comparison(
             scan.truth,
             scan.estimate,
@@ -192,8 +194,8 @@ class ScanComparer:
             self._cutoff,
             self._order,
             self._ended_gaps(scan),
-            self._ospa2(scan),
-            self._switches(scan),
+            ospa2,
+            switches,
         )
         classes = {class_set(k): everything.of_class(k) for k in range(self._classes)}
         return {ALL: everything, **classes}
@@ -216,24 +218,22 @@ class ScanComparer:
         paired[scan.pairs[0]] = True
         return tuple(self._finder.add(scan.stamp_ns, points.label, scan.truth.class_id, paired))
 
-    def _switches(self, scan: PairedScan) -> int | None:
+    def _of_tracks(self, scan: PairedScan) -> tuple[float | None, int | None]:
+        """Return OSPA(2) and the number of identity switches; None without labels."""
         truth, estimate = scan.truth.labelled(), scan.estimate.labelled()
         if truth is None or estimate is None:
-            self._identities.clear()
-            return None
-        pairs = truth.label[scan.pairs[0]], estimate.label[scan.pairs[1]]
-        return self._identities.add(scan.stamp_ns, truth.label, *pairs)
-
-    def _ospa2(self, scan: PairedScan) -> float | None:
-        truth, estimate = scan.truth.labelled(), scan.estimate.labelled()
-        if truth is None or estimate is None:
-            self._window.clear()
-            return None
+            self._forget_tracks()
+            return None, None
         if self._newest_ns is not None and scan.stamp_ns < self._newest_ns:
-            self._window.clear()
+            self._forget_tracks()
         self._newest_ns = scan.stamp_ns
         self._window.add(truth, estimate)
-        return self._window.ospa2(self._cutoff, self._order).distance
+        distance = self._window.ospa2(self._cutoff, self._order).distance
+        return distance, self._identities.add(truth, estimate)
+
+    def _forget_tracks(self) -> None:
+        self._window.clear()
+        self._identities.clear()
 
 
 def _of_set(gaps: tuple[Gap, ...], key: str) -> tuple[Gap, ...]:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Surveillance measures of a whole run: OSPA(2) of tracks, classes, gaps, identity switches.
+"""Surveillance measures of a whole run: OSPA(2) of tracks, confusion of classes, and gaps.
 
 An estimate belongs to a target if `metrics.assign` pairs them: closer than the cutoff, and each
 with at most one other. Scans are added in order. Only a window of labelled positions and the last
@@ -298,40 +298,3 @@ class GapFinder:
     def under_way(self) -> list[Gap]:
         """Return the open gaps, as if all targets ended with the newest scan."""
         return [target.gap(target.newest_ns) for target in self._targets.values() if target.missed]
-
-
-class Identities:
-    """Counts the targets whose track number changes, scan by scan.
-
-    Nothing is kept of targets that no longer exist.
-    """
-
-    def __init__(self) -> None:
-        self._label_of: dict[int, int] = {}
-        self._newest_ns: int | None = None
-
-    def clear(self) -> None:
-        """Forget all track numbers."""
-        self._label_of.clear()
-
-    def add(self, stamp_ns: int, existing: IntArray, target: IntArray, label: IntArray) -> int:
-        """Add the next scan; return how many targets have another track number than before.
-
-        Parameters
-        ----------
-        stamp_ns : int
-            If it is earlier than that of the previous scan, all numbers are forgotten.
-        existing : int array of shape (T,)
-            Labels of all targets.
-        target, label : int arrays of shape (P,)
-            Labels of the target and of the track of each pair. A target that is not paired keeps
-            the number that it had.
-        """
-        if self._newest_ns is not None and stamp_ns < self._newest_ns:
-            self.clear()
-        self._newest_ns = stamp_ns
-        known = set(existing.tolist())
-        before = {number: track for number, track in self._label_of.items() if number in known}
-        now = dict(zip(target.tolist(), label.tolist(), strict=True))
-        self._label_of = {**before, **now}
-        return sum(before.get(number, track) != track for number, track in now.items())

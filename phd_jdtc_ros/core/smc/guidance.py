@@ -129,16 +129,34 @@ def sample(
     sharp = seen.sharper_than(SHARP * float(np.sqrt(noise[place[0], place[0]])))
     if not len(sharp) or not len(state) or len(sharp) * len(state) > MOST_PAIRS:
         return moved, np.ones(len(state))
-    mean = model.mean(state, dt)
-    predictive = _densities(sharp, mean, model, sharp.covariance + noise[np.ix_(place, place)])
+    seen_noise = _seen_noise(sharp, model, noise)
+    innovation = sharp.covariance + _seen(sharp, model, seen_noise)
+    predictive = _densities(sharp, model.mean(state, dt), model, innovation)
     total = predictive.sum(axis=0)
     guided = np.flatnonzero((total > 0.0) & (rng.random(len(state)) >= BLIND_SHARE))
     by = _chosen(predictive[:, guided], rng)
-    _pull(moved, guided, by, model, noise, sharp, rng)
-    explained = _densities(sharp, moved, model, sharp.covariance, gate=False).sum(axis=0)
+    gain = seen_noise @ np.linalg.inv(innovation)
+    _pull(moved, guided, by, model, gain, sharp, rng)
+    explained = _densities(sharp, moved, model, sharp.covariance, gate=False)
+    explained = (explained * (predictive > 0.0)).sum(axis=0)
     near = total > 0.0
     ratio = np.divide(explained, total, out=np.ones(len(state)), where=near)
     return moved, 1.0 / (BLIND_SHARE + (1.0 - BLIND_SHARE) * ratio)
+
+
+def _seen_noise(seen: Places, model: MotionModel, noise: FloatArray) -> FloatArray:
+    """Return the covariance of the noise with the position at each detection's time; (M, K, 2)."""
+    place = [model.support.index(axis) for axis in model.space.position]
+    speed = [model.support.index(axis) for axis in model.space.velocity]
+    return noise[:, place] + seen.time_s[:, None, None] * noise[:, speed]
+
+
+def _seen(seen: Places, model: MotionModel, seen_noise: FloatArray) -> FloatArray:
+    """Return the noise's covariance of the position at each detection's time, (M, 2, 2)."""
+    place = [model.support.index(axis) for axis in model.space.position]
+    speed = [model.support.index(axis) for axis in model.space.velocity]
+    at_time: FloatArray = seen_noise[:, place] + seen.time_s[:, None, None] * seen_noise[:, speed]
+    return at_time
 
 
 def _offsets(seen: Places, state: FloatArray, model: MotionModel) -> FloatArray:
@@ -173,7 +191,7 @@ def _pull(
     rows: IntArray,
     by: IntArray,
     model: MotionModel,
-    noise: FloatArray,
+    gain: FloatArray,
     seen: Places,
     rng: np.random.Generator,
 ) -> None:
@@ -182,8 +200,6 @@ def _pull(
     A draw of the noise plus gain times (detection - position - a draw of the detection's error) is
     a draw of the noise given the detection (Matheron's rule).
     """
-    place = [model.support.index(axis) for axis in model.space.position]
-    gain = noise[:, place] @ np.linalg.inv(seen.covariance + noise[np.ix_(place, place)])
     root = np.linalg.cholesky(seen.covariance)
     error = (root[by] @ rng.standard_normal((len(rows), 2, 1)))[..., 0]
     state = moved[rows]

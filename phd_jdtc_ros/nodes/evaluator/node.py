@@ -10,9 +10,10 @@ import math
 import os
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -49,6 +50,12 @@ TABLE = (
     Parameter("tracker", names.TRACKER, "Full name of the tracker node."),
     Parameter("truth_topic", names.TRUTH, "Topic of the truth."),
     Parameter("classes", 2, "Number of target classes.", 1, 1000),
+    Parameter(
+        "class_names",
+        [],
+        "Names of the classes in the tables, in order; class 0 and so on if empty.",
+        element=str,
+    ),
     Parameter("cutoff", 1000.0, "OSPA's c, m.", SMALL),
     Parameter("order", 2.0, "OSPA's p.", 1.0, 100.0),
     Parameter("report", "", "Path of the final report (JSON); none if empty."),
@@ -78,7 +85,11 @@ class Evaluator(Node):
         self.exit_status: int | None = None
         self._report = _report_path(self._values["report"])
         self._evaluation = Evaluation(
-            self._values["classes"], self._values["cutoff"], self._values["order"], KEPT_SCANS
+            self._values["classes"],
+            self._values["cutoff"],
+            self._values["order"],
+            KEPT_SCANS,
+            _class_names(self._values),
         )
         self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
         self._complete_since: float | None = None
@@ -179,6 +190,20 @@ class Evaluator(Node):
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=WARNING_PERIOD_S)
+
+
+def _class_names(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names of the classes; none if they are not given.
+
+    Raises
+    ------
+    ConfigError
+        If there are not as many as classes.
+    """
+    names, classes = values["class_names"], values["classes"]
+    if names and len(names) != classes:
+        raise ConfigError([f"class_names: {names} given, must be empty or {classes} names"])
+    return tuple(names)
 
 
 def _report_path(given: str) -> Path | None:

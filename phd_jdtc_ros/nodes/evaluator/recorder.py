@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from msg_adapters import interfaces
+from msg_adapters import frames, interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 
@@ -29,9 +29,6 @@ LATCHED_QOS = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
-# The radars' poses: viewers need them to draw detections, which are in the radars' frames.
-STATIC_FRAMES = "/tf_static"
-STATIC_FRAMES_TYPE = "tf2_msgs/msg/TFMessage"
 
 
 class Recorder:
@@ -56,7 +53,7 @@ class Recorder:
         self._bag: BagWriter | None = BagWriter(directory)
         self._subscriptions: dict[str, Subscription] = {}
         for topic, type_name in (_static_frames() | dict(topics)).items():
-            latched = topic == STATIC_FRAMES
+            latched = topic == names.STATIC_FRAMES
             self._bag.add_topic(Topic(topic, type_name, transient_local=latched))
             self._subscribe(topic, type_name, LATCHED_QOS if latched else INPUT_QOS)
 
@@ -102,8 +99,4 @@ class Recorder:
 
 def _static_frames() -> dict[str, str]:
     """Return the topic of the static transforms with its type, if that type is installed."""
-    try:
-        interfaces.message_class(STATIC_FRAMES_TYPE)
-    except ImportError:
-        return {}
-    return {STATIC_FRAMES: STATIC_FRAMES_TYPE}
+    return {} if frames.installed() is None else {names.STATIC_FRAMES: names.TRANSFORMS}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,9 +20,10 @@ from msg_adapters.errors import cut
 from msg_adapters.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.types import FILTERED
 
 # Transient local topics: what was recorded before the chosen part is published too.
-LATCHED = ("/tf_static",)
+LATCHED = (names.STATIC_FRAMES,)
 # Published by the replay itself, by every node, or by the nodes that the bag is played to.
 LEFT_OUT = ("/clock", "/rosout", "/parameter_events", names.DIAGNOSTICS)
 LEFT_OUT_UNDER = (f"{names.TRACKER}/", f"{names.OSPA.rpartition('/')[0]}/")
@@ -71,7 +73,12 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         raise BagError(
             f"{bag.path}: {', '.join(missing)} missing; it has {', '.join(sorted(bag.types))}"
         )
-    chosen = wanted or [topic for topic in sorted(bag.types) if not _is_left_out(topic)]
+    left_out = LEFT_OUT_UNDER + _trackers(bag.types)
+    chosen = wanted or [
+        topic
+        for topic in sorted(bag.types)
+        if topic not in LEFT_OUT and not topic.startswith(left_out)
+    ]
     detections = [topic for topic in chosen if topic.endswith(names.DETECTIONS_SUFFIX)]
     truth = [topic for topic in chosen if topic == names.TRUTH]
     readable = {reader.type_name for reader in READERS.values()}
@@ -97,8 +104,13 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
     return Playable(classes, (*detections, *truth), tuple(detections), tuple(map(cut, skipped)))
 
 
-def _is_left_out(topic: str) -> bool:
-    return topic in LEFT_OUT or topic.startswith(LEFT_OUT_UNDER)
+def _trackers(topics: Iterable[str]) -> tuple[str, ...]:
+    """Return the prefixes of the topics of trackers in any namespace, by the estimates they have.
+
+    Otherwise their own clouds of all detections would be taken for a radar's.
+    """
+    end = names.estimates(FILTERED, "")
+    return tuple(topic.removesuffix(end) + "/" for topic in topics if topic.endswith(end))
 
 
 def _is_topic_name(topic: str) -> bool:

@@ -39,6 +39,7 @@ from .checkpoint import Checkpoints
 from .health import InputHealth, OutputHealth, Rhythm, StepHealth
 from .outputs import Outputs
 from .settings import Settings
+from .static_frames import StaticFrames
 
 
 class LiveTracker:
@@ -71,6 +72,7 @@ class LiveTracker:
         self._cpu_s = 0.0
         self._subscriptions: list[Subscription] = []
         self._outputs = Outputs(node, settings, self._served)
+        self._frames = StaticFrames(node, settings)
         self._patience = self._make_patience(settings.node["max_wait_s"])
         try:
             self._checkpoints = self._make_checkpoints()
@@ -125,6 +127,7 @@ class LiveTracker:
         if self._patience is not None:
             self._node.destroy_timer(self._patience)
             self._patience = None
+        self._frames.destroy()
         self._outputs.destroy()
 
     def start(self) -> None:
@@ -258,16 +261,17 @@ class LiveTracker:
             self._outputs.publish_filtered(filtered)
         for smoothed in step.smoothed:
             self._outputs.publish_estimates(SMOOTHED, smoothed)
+        self._outputs.publish_detections(event.scan)
         now = time.thread_time()
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
-        self._pace.stepped(event.stamp_ns, step_ms, step.targets)
+        self._pace.stepped(event.scan.stamp_ns, step_ms, step.targets)
         if event.overdue:
             self._pace.overdue = event.overdue
             self._node.get_logger().warning(doubts.nothing_reported(event.overdue))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
-        self._outputs.publish_cardinality(event.stamp_ns, step, step_ms)
+        self._outputs.publish_cardinality(event.scan.stamp_ns, step, step_ms)
         return now
 
     def _end_run(self, event: RunEnded) -> None:

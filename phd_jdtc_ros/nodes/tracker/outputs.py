@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The publishers of the tracker: estimates, poses, markers, tracks and cardinality."""
+"""The publishers of the tracker: detections, estimates, poses, markers, tracks, cardinality."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import (
+    detections_in_map,
     diagnostics,
     estimates,
     markers,
@@ -31,7 +32,7 @@ from msg_adapters import (
 from msg_adapters.tracks import Waypoint
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engine import Step
-from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Scan
 
 from . import endpoints
 from .health import OutputHealth
@@ -91,6 +92,7 @@ class Outputs:
     def __init__(self, node: LifecycleNode, settings: Settings, health: OutputHealth) -> None:
         self._node = node
         self._frame = settings.config.world_frame
+        self._radars = settings.config.model.radars
         self._class_names = tuple(c.name for c in settings.config.model.modes.classes)
         self._trails = Trails(settings.node["path_length"])
         self._made: list[Any] = []
@@ -109,6 +111,9 @@ class Outputs:
                 ]
                 for source in SOURCES
             }
+            self._detections = (
+                make(PointCloud2, "~/detections") if settings.node["publish_detections"] else None
+            )
             self._markers = make(MarkerArray, "~/markers", endpoints.latched_qos)
             self._cardinality = make(DiagnosticArray, "~/cardinality")
             self._path = make(Path, "~/tracks/path") if settings.node["publish_path"] else None
@@ -163,6 +168,11 @@ class Outputs:
         if self._with_markers:
             clear = Marker(header=stamps.header(0, self._frame), action=Marker.DELETEALL)
             self._markers.publish(MarkerArray(markers=[clear]))
+
+    def publish_detections(self, scan: Scan) -> None:
+        """Publish a scan's detections, those of all radars together."""
+        if self._detections is not None:
+            self._detections.publish(detections_in_map.to_msg(scan, self._radars, self._frame))
 
     def publish_estimates(self, source: str, found: Estimates) -> None:
         """Publish the ``filtered`` or ``smoothed`` estimates of a stamp."""

@@ -31,6 +31,17 @@ TABLE = (
         0.0,
         3600.0,
     ),
+    Parameter(
+        "publish_detections",
+        True,
+        "Publish ~/detections: the detections of all radars in world_frame, for viewers.",
+    ),
+    Parameter(
+        "publish_frames",
+        True,
+        "Publish the radars' frames on /tf_static, where tf2_msgs is installed; false if another "
+        "node does.",
+    ),
     Parameter("publish_markers", True, "Publish ~/markers.", mutable=True),
     Parameter("publish_path", False, "Publish ~/tracks/path, one message per track."),
     Parameter("publish_odometry", False, "Publish ~/odometry, one message per track."),

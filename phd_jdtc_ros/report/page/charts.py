@@ -22,8 +22,9 @@ def of_record(record: Record, evaluation: Evaluation) -> list[Chart]:
     if any(evaluation.scores[source] for source in SOURCES):
         charts.append(time_charts.ospa(record, evaluation))
     if record.filtered or record.smoothed or record.truth:
-        charts.append(time_charts.numbers(record, evaluation))
-    if estimated:
+        charts.append(time_charts.numbers(record))
+    # With one class every probability is 1.
+    if estimated and not record.sets.one_class:
         charts.append(class_chart.class_probabilities(record, evaluation))
     return charts
 

@@ -18,7 +18,8 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Truth
 
 from ..clock import Clock
 from ..record import Record
-from ..style import class_colour, class_name
+from ..sets import Sets
+from ..style import class_colour
 from .chart import NEUTRAL, SOURCE_ORDER, Chart, class_symbol
 from .time_axes import rows_over_time, times
 
@@ -62,7 +63,7 @@ class Curve(NamedTuple):
 def class_probabilities(record: Record, evaluation: Evaluation) -> Chart:
     """Return the class probabilities of all estimates over time, one row per class."""
     clock = Clock.of(record)
-    names = [f"P({class_name(k)})" for k in range(record.classes)]
+    names = [f"P({record.sets.class_title(k)})" for k in range(record.classes)]
     figure = rows_over_time(record, names, "probability")
     main = next(source for source in SOURCE_ORDER if record.of_source(source))
     curves = _curves(record, main, evaluation.cutoff)
@@ -108,9 +109,9 @@ def _curves(record: Record, source: str, cutoff: float) -> dict[Key, Curve]:
     curves: dict[Key, Curve] = {}
     for found in record.of_source(source):
         keys = (
-            _by_target(source, found, truth.get(found.stamp_ns), cutoff)
+            _by_target(source, found, truth.get(found.stamp_ns), cutoff, record.sets)
             if record.truth
-            else _by_estimate(source, found)
+            else _by_estimate(source, found, record.sets)
         )
         for key, probability in zip(keys, found.class_probability, strict=True):
             curve = curves.setdefault(key, Curve([], []))
@@ -120,7 +121,7 @@ def _curves(record: Record, source: str, cutoff: float) -> dict[Key, Curve]:
 
 
 def _by_target(
-    source: str, found: Estimates, targets: Truth | None, cutoff: float
+    source: str, found: Estimates, targets: Truth | None, cutoff: float, sets: Sets
 ) -> Iterator[Key]:
     """Yield the key of each estimate: that of the target it is paired with."""
     paired: dict[int, int] = {}
@@ -133,14 +134,14 @@ def _by_target(
             continue
         number = int(targets.track_id[paired[row]])
         class_id = int(targets.class_id[paired[row]])
-        truly = f"truly {class_name(class_id)}"
+        truly = f"truly {sets.class_title(class_id)}"
         yield Key(f"{source}, {truly}", f"target {number}, {truly}", class_id, number)
 
 
-def _by_estimate(source: str, found: Estimates) -> Iterator[Key]:
+def _by_estimate(source: str, found: Estimates, sets: Sets) -> Iterator[Key]:
     """Yield the key of each estimate: that of its class and its track."""
     for class_id, number in zip(found.class_id.tolist(), found.track_id.tolist(), strict=True):
-        name = class_name(class_id)
+        name = sets.class_title(class_id)
         label = f"track {number}, {name}" if number else f"estimated {name}"
         yield Key(f"{source}, {name}", label, class_id, number)
 

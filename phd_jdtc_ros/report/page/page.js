@@ -7,6 +7,8 @@ const run = JSON.parse(document.getElementById("run").textContent);
 const CONFIG = { displaylogo: false, responsive: true, plotlyServerURL: "",
   modeBarButtons: [["zoom2d", "pan2d"], ["zoomIn2d", "zoomOut2d", "resetScale2d"], ["toImage"]] };
 const STEP_MS = 125;
+// Pages narrower than this, in pixels, are those of phones: nothing may stand beside a chart.
+const narrow = innerWidth < 600;
 
 const charts = run.charts.map((chart) => ({ ...chart, element: document.getElementById(chart.name) }));
 const overTime = charts.filter((chart) => chart.name !== "map");
@@ -40,6 +42,19 @@ function paint(figure) {
     if (trace.line) trace.line.color = colour("--ink");
     if (trace.marker) trace.marker.color = colour("--ink");
   }
+}
+
+// Puts the colour scale below the map, and makes titles and margins smaller.
+function squeeze({ layout }) {
+  layout.margin = { ...layout.margin, l: 44, r: 8 };
+  // A finger that scrolls the page must not select a part of a chart.
+  if (layout.dragmode === "zoom") layout.dragmode = false;
+  for (const note of layout.annotations || []) note.font.size = 11;
+  if (!layout.coloraxis) return;
+  layout.height = 620;
+  const { colorbar } = layout.coloraxis;
+  layout.coloraxis.colorbar = { ...colorbar, orientation: "h", len: 1, y: -0.2, yanchor: "top",
+    title: { ...colorbar.title, side: "top" } };
 }
 
 // The shown scan's time, as a line through all rows of a chart.
@@ -101,8 +116,9 @@ function go(scan) {
 async function draw() {
   for (const { name, element, figure } of charts) {
     paint(figure);
+    if (narrow) squeeze(figure);
     // Over the other charts the wheel scrolls the page.
-    const config = { ...CONFIG, scrollZoom: name === "map" };
+    const config = { ...CONFIG, scrollZoom: name === "map", displayModeBar: !narrow && "hover" };
     await Plotly.newPlot(element, figure.data, figure.layout, config);
     await new Promise((next) => setTimeout(next)); // lets the browser show the chart
   }

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The interactive map: one scan at a time, in kilometres with equal scales.
+"""The interactive map: one scan at a time, in metres or kilometres of equal scale.
 
 A scan shows the detections of every radar, the filtered and the smoothed estimates with their
 ellipses, and the truth. Beneath are the true trajectories and the smoothed estimates so far.
@@ -20,26 +20,28 @@ from msg_adapters.ellipse import RADIUS_95, outline
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import SMOOTHED, Estimates, Truth
 
+from ..lengths import MapScale, places_of
 from ..record import Record
-from ..style import class_colour, class_name
+from ..style import DETECTION, class_colour
 from ..tracks import true_tracks
-from .amplitude_scale import colour_axis, log_amplitude
+from .amplitude_scale import colour_axis, is_known, log_amplitude
 from .chart import INK, NEUTRAL, SOURCE_ORDER, Chart, class_dash, class_symbol, lay_out
 from .scan_list import Scan, scans_of
 
 HEIGHT = 760
-# A tenth of a metre, which is finer than a reader can see.
-DECIMALS = 4
+# The least extent that is shown, in the map's unit.
+LEAST_EXTENT = 0.1
 RADAR_SYMBOLS = ("circle", "x-thin-open", "cross-thin-open", "square-open", "diamond-open")
 
 CAPTION = (
     "Move the slider, press play, or click on a time in one of the charts below. Drag to pan, "
     "scroll to zoom, double-click to see all again, point at anything to read it; click on an "
-    "entry of the legend to hide it. Small marks are detections, coloured by amplitude. Open "
+    "entry of the legend to hide it. Small marks are detections{coloured}. Open "
     "symbols are filtered estimates and filled ones smoothed estimates, with ellipses of 95 % "
     "probability. Plus signs and lines are the truth. The trail of dots is the smoothed estimates "
-    "up to this scan; a dot in the colour of another class is a wrong class."
+    "up to this scan{classes}."
 )
+WRONG_CLASS = "; a dot in the colour of another class is a wrong class"
 
 
 class Layer(NamedTuple):
@@ -53,24 +55,26 @@ def scan_map(record: Record) -> Chart:
     """Return the map of a record."""
     scans = scans_of(record)
     amplitudes = np.concatenate([np.zeros(0), *(plot.amplitude for plot in record.plots)])
+    amplitudes = amplitudes[is_known(amplitudes)]
+    scale = MapScale.of(record)
     layers = [
-        *_true_lines(record),
-        *_detections(record, scans),
-        *_radars(record),
-        *(layer for source in SOURCE_ORDER for layer in _estimates(record, scans, source)),
-        *_true_positions(record, scans),
+        *_true_lines(record, scale),
+        *_detections(record, scans, scale),
+        *_radars(record, scale),
+        *(layer for source in SOURCE_ORDER for layer in _estimates(record, scans, source, scale)),
+        *_true_positions(record, scans, scale),
     ]
     figure = Figure([layer.trace for layer in layers])
-    x, y = _view(record)
+    x, y = _view(record, scale)
     lay_out(
         figure,
         HEIGHT,
-        coloraxis=colour_axis(amplitudes),
+        **({"coloraxis": colour_axis(amplitudes)} if len(amplitudes) else {}),
         dragmode="pan",
         hovermode="closest",
-        xaxis={"title": {"text": "x (km)"}, "range": x, "constrain": "range"},
+        xaxis={"title": {"text": f"x ({scale.unit})"}, "range": x, "constrain": "range"},
         yaxis={
-            "title": {"text": "y (km)"},
+            "title": {"text": f"y ({scale.unit})"},
             "range": y,
             "scaleanchor": "x",
             "constrain": "range",
@@ -79,21 +83,25 @@ def scan_map(record: Record) -> Chart:
     moving = [
         {"trace": index, **layer.moving} for index, layer in enumerate(layers) if layer.moving
     ]
-    return Chart("map", "Scan by scan", CAPTION, figure, moving)
+    caption = CAPTION.format(
+        coloured=", coloured by amplitude" if len(amplitudes) else "",
+        classes="" if record.sets.one_class else WRONG_CLASS,
+    )
+    return Chart("map", "Scan by scan", caption, figure, moving)
 
 
 # --- layers ---------------------------------------------------------------------------------------
 
 
-def _true_lines(record: Record) -> Iterable[Layer]:
+def _true_lines(record: Record, scale: MapScale) -> Iterable[Layer]:
     named: set[int] = set()
     for track in sorted(true_tracks(record), key=lambda track: track.class_id):
         yield Layer(
             Scatter(
-                x=_plain(track.position[:, 0]),
-                y=_plain(track.position[:, 1]),
+                x=_on_axis(track.position[:, 0], scale),
+                y=_on_axis(track.position[:, 1], scale),
                 mode="lines",
-                name=f"truth, {class_name(track.class_id)}",
+                name=f"truth, {record.sets.class_title(track.class_id)}",
                 legendgroup=f"truth {track.class_id}",
                 showlegend=track.class_id not in named,
                 line={
@@ -109,13 +117,24 @@ def _true_lines(record: Record) -> Iterable[Layer]:
         named.add(track.class_id)
 
 
-def _detections(record: Record, scans: Sequence[Scan]) -> Iterable[Layer]:
+def _detections(record: Record, scans: Sequence[Scan], scale: MapScale) -> Iterable[Layer]:
     for index, radar in enumerate(sorted({plot.radar for plot in record.plots})):
         seen = [scan.plots.get(radar) for scan in scans]
         symbol = RADAR_SYMBOLS[index % len(RADAR_SYMBOLS)]
         thin = symbol.endswith("open")
         marker = {"symbol": symbol, "size": 7 if thin else 6, "line": {"width": 1.5 * thin}}
         shared = {"mode": "markers", "name": f"detections, {radar}", "legendgroup": radar}
+        places = {
+            axis: [[] if p is None else _on_axis(p.position[:, k], scale) for p in seen]
+            for k, axis in enumerate("xy")
+        }
+        hover = f"{radar}<br>{_place_text(scale)}"
+        if not any(is_known(plot.amplitude).any() for plot in seen if plot is not None):
+            marker["color"] = DETECTION
+            yield Layer(
+                Scatter(marker=marker, hovertemplate=f"{hover}<extra></extra>", **shared), places
+            )
+            continue
         # For the legend only, where a trace with a colour scale would have no colour.
         yield Layer(Scatter(x=[None], y=[None], marker={**marker, "color": NEUTRAL}, **shared), {})
         yield Layer(
@@ -123,46 +142,46 @@ def _detections(record: Record, scans: Sequence[Scan]) -> Iterable[Layer]:
                 marker={**marker, "coloraxis": "coloraxis"},
                 showlegend=False,
                 **shared,
-                hovertemplate=f"{radar}<br>%{{x:.3f}}, %{{y:.3f}} km<br>"
-                "amplitude %{customdata}<extra></extra>",
+                hovertemplate=f"{hover}<br>amplitude %{{customdata}}<extra></extra>",
             ),
             {
-                "x": [[] if plot is None else _km(plot.position[:, 0]) for plot in seen],
-                "y": [[] if plot is None else _km(plot.position[:, 1]) for plot in seen],
+                **places,
                 "customdata": [[] if p is None else _significant(p.amplitude) for p in seen],
                 "marker.color": [[] if p is None else log_amplitude(p.amplitude) for p in seen],
             },
         )
 
 
-def _radars(record: Record) -> Iterable[Layer]:
+def _radars(record: Record, scale: MapScale) -> Iterable[Layer]:
     if record.radars:
         east, north = zip(*(radar.position for radar in record.radars), strict=True)
         yield Layer(
             Scatter(
-                x=_km(np.array(east)),
-                y=_km(np.array(north)),
+                x=_on_axis(np.array(east), scale),
+                y=_on_axis(np.array(north), scale),
                 text=[radar.name for radar in record.radars],
                 mode="markers",
                 name="radars",
                 meta=INK,
                 marker={"symbol": "star-triangle-up", "size": 10, "color": NEUTRAL},
-                hovertemplate="%{text}<br>%{x:.3f}, %{y:.3f} km<extra></extra>",
+                hovertemplate=f"%{{text}}<br>{_place_text(scale)}<extra></extra>",
             ),
             {},
         )
 
 
-def _estimates(record: Record, scans: Sequence[Scan], source: str) -> Iterable[Layer]:
+def _estimates(
+    record: Record, scans: Sequence[Scan], source: str, scale: MapScale
+) -> Iterable[Layer]:
     if not record.of_source(source):
         return
     for class_id in range(record.classes):
         rows = [_of_class(scan.estimates.get(source), class_id) for scan in scans]
-        label = f"{source}, {class_name(class_id)}"
+        label = f"{source}, {record.sets.class_title(class_id)}"
         shared = {"name": label, "legendgroup": label}
         colour = class_colour(class_id)
         if source == SMOOTHED:
-            yield _trail(rows, shared, colour, class_id)
+            yield _trail(rows, shared, colour, class_id, scale)
         yield Layer(
             Scatter(
                 mode="lines",
@@ -175,7 +194,7 @@ def _estimates(record: Record, scans: Sequence[Scan], source: str) -> Iterable[L
                 showlegend=False,
                 **shared,
             ),
-            {axis: [_outlines(row)[k] for row in rows] for k, axis in enumerate("xy")},
+            {axis: [_outlines(row, scale)[k] for row in rows] for k, axis in enumerate("xy")},
         )
         yield Layer(
             Scatter(
@@ -186,17 +205,21 @@ def _estimates(record: Record, scans: Sequence[Scan], source: str) -> Iterable[L
                     "color": colour,
                     "line": {"width": 0 if source == SMOOTHED else 1.6, "color": colour},
                 },
-                hovertemplate=f"{label} (%{{customdata[0]}} %)<br>%{{x:.3f}}, %{{y:.3f}} km<br>"
+                hovertemplate=f"{label} (%{{customdata[0]}} %)<br>{_place_text(scale)}<br>"
                 "%{customdata[1]} m/s, course %{customdata[2]}&deg;<br>"
                 "weight %{customdata[3]}%{customdata[4]}<extra></extra>",
                 **shared,
             ),
-            {**_positions(rows), "customdata": [_details(row, class_id) for row in rows]},
+            {**_positions(rows, scale), "customdata": [_details(row, class_id) for row in rows]},
         )
 
 
 def _trail(
-    rows: Sequence[Estimates | None], shared: dict[str, str], colour: str, class_id: int
+    rows: Sequence[Estimates | None],
+    shared: dict[str, str],
+    colour: str,
+    class_id: int,
+    scale: MapScale,
 ) -> Layer:
     """Return the estimates of all scans; the page cuts `x` and `y` after the scan shown."""
     places = [_place(row) for row in rows]
@@ -206,22 +229,23 @@ def _trail(
             marker={"symbol": class_symbol(class_id), "size": 4, "color": colour, "opacity": 0.6},
             hoverinfo="skip",
             showlegend=False,
-            x=_km(np.concatenate([place[:, 0] for place in places])),
-            y=_km(np.concatenate([place[:, 1] for place in places])),
+            x=_on_axis(np.concatenate([place[:, 0] for place in places]), scale),
+            y=_on_axis(np.concatenate([place[:, 1] for place in places]), scale),
             **shared,
         ),
         {"upto": np.cumsum([len(place) for place in places]).tolist()},
     )
 
 
-def _true_positions(record: Record, scans: Sequence[Scan]) -> Iterable[Layer]:
+def _true_positions(record: Record, scans: Sequence[Scan], scale: MapScale) -> Iterable[Layer]:
     class_ids = sorted({k for truth in record.truth for k in truth.class_id.tolist()})
     for class_id in class_ids:
         rows = [_true_places(scan.truth, class_id) for scan in scans]
+        title = record.sets.class_title(class_id)
         yield Layer(
             Scatter(
                 mode="markers",
-                name=f"truth, {class_name(class_id)}",
+                name=f"truth, {title}",
                 legendgroup=f"truth {class_id}",
                 showlegend=False,
                 marker={
@@ -230,12 +254,12 @@ def _true_positions(record: Record, scans: Sequence[Scan]) -> Iterable[Layer]:
                     "color": class_colour(class_id),
                     "line": {"width": 1.8, "color": class_colour(class_id)},
                 },
-                hovertemplate=f"target %{{customdata}}, {class_name(class_id)}<br>"
-                "%{x:.3f}, %{y:.3f} km<extra></extra>",
+                hovertemplate=f"target %{{customdata}}, {title}<br>"
+                f"{_place_text(scale)}<extra></extra>",
             ),
             {
-                "x": [_km(place[:, 0]) for place, _ in rows],
-                "y": [_km(place[:, 1]) for place, _ in rows],
+                "x": [_on_axis(place[:, 0], scale) for place, _ in rows],
+                "y": [_on_axis(place[:, 1], scale) for place, _ in rows],
                 "customdata": [number.tolist() for _, number in rows],
             },
         )
@@ -271,20 +295,20 @@ def _place(row: Estimates | None) -> FloatArray:
     return np.zeros((0, 2)) if row is None else row.position
 
 
-def _positions(rows: Sequence[Estimates | None]) -> dict[str, list[Any]]:
+def _positions(rows: Sequence[Estimates | None], scale: MapScale) -> dict[str, list[Any]]:
     places = [_place(row) for row in rows]
-    return {axis: [_km(place[:, k]) for place in places] for k, axis in enumerate("xy")}
+    return {axis: [_on_axis(place[:, k], scale) for place in places] for k, axis in enumerate("xy")}
 
 
-def _outlines(row: Estimates | None) -> tuple[list[Any], list[Any]]:
+def _outlines(row: Estimates | None, scale: MapScale) -> tuple[list[Any], list[Any]]:
     """Return the 95 % ellipses as one line, with None between them."""
     x: list[Any] = []
     y: list[Any] = []
     if row is not None:
         for centre, covariance in zip(_place(row), row.position_covariance, strict=True):
             around = outline(covariance, RADIUS_95, 25)
-            x += [*_km(centre[0] + around[0]), None]
-            y += [*_km(centre[1] + around[1]), None]
+            x += [*_on_axis(centre[0] + around[0], scale), None]
+            y += [*_on_axis(centre[1] + around[1], scale), None]
     return x, y
 
 
@@ -307,29 +331,27 @@ def _details(row: Estimates | None, class_id: int) -> list[list[Any]]:
     return [list(entry) for entry in rows]
 
 
-def _km(metres: FloatArray) -> list[float]:
-    return _plain(metres / 1e3)
-
-
-def _plain(values: FloatArray) -> list[float]:
-    rounded: list[float] = np.round(values, DECIMALS).tolist()
+def _on_axis(metres: FloatArray, scale: MapScale) -> list[float]:
+    rounded: list[float] = np.round(scale.of_metres(metres), scale.decimals).tolist()
     return rounded
 
 
-def _significant(values: FloatArray) -> list[float]:
-    return [float(f"{value:.3g}") for value in values]
+def _place_text(scale: MapScale) -> str:
+    """Return plotly's template of a point's place: to a metre, or to a decimetre on short maps."""
+    digits = scale.decimals - 1
+    return f"%{{x:.{digits}f}}, %{{y:.{digits}f}} {scale.unit}"
 
 
-def _view(record: Record) -> tuple[list[float], list[float]]:
-    """Return the ranges in kilometres that contain the targets, or if none the detections."""
-    targets = [truth.position for truth in record.truth]
-    targets += [_place(row) for source in SOURCE_ORDER for row in record.of_source(source)]
-    places = np.concatenate([np.zeros((0, 2)), *targets])
-    if not len(places):
-        places = np.concatenate([np.zeros((0, 2)), *(plot.position for plot in record.plots)])
+def _significant(values: FloatArray) -> list[float | str]:
+    return [float(f"{value:.3g}") if np.isfinite(value) else "not known" for value in values]
+
+
+def _view(record: Record, scale: MapScale) -> tuple[list[float], list[float]]:
+    """Return the ranges on the axes that contain the targets, or if none the detections."""
+    places = scale.of_metres(places_of(record))
     if not len(places):
         return [-1.0, 1.0], [-1.0, 1.0]
-    low, high = places.min(axis=0) / 1e3, places.max(axis=0) / 1e3
-    margin = 0.06 * max(float(np.max(high - low)), 0.1)
-    lowest, highest = _plain(low - margin), _plain(high + margin)
-    return [lowest[0], highest[0]], [lowest[1], highest[1]]
+    low, high = places.min(axis=0), places.max(axis=0)
+    margin = 0.06 * max(float(np.max(high - low)), LEAST_EXTENT)
+    lowest, highest = (np.round(end, scale.decimals) for end in (low - margin, high + margin))
+    return [float(lowest[0]), float(highest[0])], [float(lowest[1]), float(highest[1])]

@@ -12,6 +12,7 @@ from typing import Any
 from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
     GOSPA,
+    IDENTITY_SWITCHES,
     OF_ALL,
     OF_SETS,
     OSPA,
@@ -20,7 +21,8 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
 )
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
-from ..style import class_name
+from ..lengths import metres_text
+from ..sets import Sets
 
 NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
@@ -35,28 +37,34 @@ def tables(summary: Mapping[str, Any]) -> str:
         return ""
     gap = summary.get("long_gap_s")
     over = "" if gap is None else f"Gaps of more than {gap:g} s are long."
+    sets, matrix = Sets.of_summary(summary), _score(summary, SMOOTHED, "all", "confusion")
     return "\n".join(
         (
             "<h2>Scores</h2>",
             _table(summary, DISTANCES, "Means over all scans."),
-            "<details>\n<summary>Surveillance figures and confusion of classes</summary>",
+            f"<details>\n<summary>{_folded(sets)}</summary>",
             _table(summary, OTHERS, over),
-            _confusion(_score(summary, SMOOTHED, "all", "confusion")),
+            "" if sets.one_class else _confusion(matrix, sets),
             "</details>",
         )
     )
 
 
+def _folded(sets: Sets) -> str:
+    return "Surveillance figures" + ("" if sets.one_class else " and confusion of classes")
+
+
 def _table(summary: Mapping[str, Any], columns: Sequence[Metric], note: str) -> str:
     """Return one table, without the columns in which no set has a value."""
-    keys = _set_keys(summary)
+    sets = Sets.of_summary(summary)
+    keys = sets.keys
     known = [
         metric
         for metric in columns
         if any(_score(summary, s, key, metric.key) is not None for s in SOURCES for key in keys)
     ]
     heads = "".join(f'<th scope="col">{escape(m.heading)}</th>' for m in known)
-    rows = "\n".join(_rows(summary, known, key) for key in keys)
+    rows = "\n".join(_rows(summary, known, key, sets.title(key)) for key in keys)
     return (
         '<div class="wide">\n<table>\n<thead><tr><th scope="col">set</th>'
         f'<th scope="col">source</th>{heads}</tr></thead>\n{rows}\n</table>\n</div>\n'
@@ -64,16 +72,17 @@ def _table(summary: Mapping[str, Any], columns: Sequence[Metric], note: str) -> 
     )
 
 
-def _confusion(matrix: Sequence[Sequence[int]] | None) -> str:
+def _confusion(matrix: Sequence[Sequence[int]] | None, sets: Sets) -> str:
     """Return the confusion matrix; its last row is false estimates, its last column is missed."""
     if matrix is None:
         return ""
     classes = len(matrix) - 1
-    columns = [*(class_name(k) for k in range(classes)), "missed"]
+    titles = [escape(sets.class_title(k)) for k in range(classes)]
+    columns = [*titles, "missed"]
     heads = "".join(f'<th scope="col">{name}</th>' for name in columns)
     rows = []
     for k, row in enumerate(matrix):
-        name = "false" if k == classes else class_name(k)
+        name = "false" if k == classes else titles[k]
         cells = [str(count) for count in row]
         if k == classes:
             cells[-1] = ""
@@ -110,15 +119,9 @@ def _scored(summary: Mapping[str, Any]) -> list[str]:
     return [source for source in SOURCES if _score(summary, source, "all", "ospa") is not None]
 
 
-def _set_keys(summary: Mapping[str, Any]) -> list[str]:
-    """Return ``all`` and then the sets of the classes with scores of any source."""
-    keys = {key for source in SOURCES for key in summary.get(source) or {}}
-    return ["all", *sorted(keys - {"all"}, key=lambda key: (len(key), key))]
-
-
 def lead(summary: Mapping[str, Any]) -> str:
     """Return the result in one sentence; empty if there is none."""
-    means = [f"{number(_score(summary, s, 'all', 'ospa'))} m {s}" for s in _scored(summary)]
+    means = [f"{metres_text(_score(summary, s, 'all', 'ospa'))} {s}" for s in _scored(summary)]
     if not means:
         return ""
     reduction = summary.get("reduction")
@@ -134,10 +137,12 @@ def _change(reduction: float) -> str:
 def tiles(summary: Mapping[str, Any]) -> str:
     """Return the headline numbers that have a value, each with its name."""
     step_ms = summary.get("step_ms") or {}
+    one_class = Sets.of_summary(summary).one_class
     numbers = [
         ("OSPA reduction", percent(summary.get("reduction"))),
-        ("smoothed OSPA", number(_score(summary, SMOOTHED, "all", "ospa"), 1, " m")),
-        ("class accuracy", percent(summary.get("class_accuracy"), 1)),
+        ("smoothed OSPA", _text(OSPA[0], _score(summary, SMOOTHED, "all", "ospa"))),
+        ("class accuracy", "" if one_class else percent(summary.get("class_accuracy"), 1)),
+        ("identity switches", _text(IDENTITY_SWITCHES, summary.get("identity_switches"))),
         ("step time, median", number(step_ms.get("median"), 1, " ms")),
         ("step time, 99 %", number(step_ms.get("p99"), 1, " ms")),
         ("scans scored", number(summary.get("scans") or None)),
@@ -145,17 +150,20 @@ def tiles(summary: Mapping[str, Any]) -> str:
     return "\n".join(
         f"<div><dt>{name}</dt><dd>{value}</dd></div>"
         for name, value in numbers
-        if value != NO_VALUE
+        if value not in ("", NO_VALUE)
     )
 
 
-def _rows(summary: Mapping[str, Any], columns: Sequence[Metric], key: str) -> str:
+def _text(metric: Metric, value: float | None) -> str:
+    return NO_VALUE if value is None else metric.text(value)
+
+
+def _rows(summary: Mapping[str, Any], columns: Sequence[Metric], key: str, name: str) -> str:
     """Return one set's rows, the filter's above the smoother's."""
-    name = "all classes" if key == "all" else key.replace("_", " ")
     rows = []
     for source in _scored(summary):
         values = [(_score(summary, source, key, metric.key), metric) for metric in columns]
-        cells = "".join(f"<td>{NO_VALUE if v is None else m.text(v)}</td>" for v, m in values)
+        cells = "".join(f"<td>{_text(m, v)}</td>" for v, m in values)
         rows.append(
             f'<tr class="{source}"><th scope="row">{escape(name)}</th><th>{source}</th>{cells}</tr>'
         )

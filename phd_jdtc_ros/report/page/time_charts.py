@@ -13,11 +13,14 @@ from plotly.graph_objects import Figure, Scatter
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.scan_scores import ALL
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
 from ..clock import Clock
+from ..lengths import metres_text
 from ..record import Record
-from ..style import class_colour, class_name
+from ..sets import class_of
+from ..style import class_colour
 from .chart import INK, NEUTRAL, Chart
 from .time_axes import rows_over_time, times
 
@@ -29,22 +32,22 @@ OSPA_CAPTION = (
     "them is the position error."
 )
 NUMBER_CAPTION = (
-    "The number of targets, in all and per class. {truth}Opposite spikes in two classes at one "
-    "time are a target with the wrong class; spikes of the filter only are errors that the "
+    "The number of targets{in_all}. {truth}{classes}Spikes of the filter only are errors that the "
     "smoother has repaired."
 )
+OF_CLASSES = "Opposite spikes in two classes at one time are a target with the wrong class. "
 TRUE_NUMBER = "The grey area is the true number. "
 
 
 def ospa(record: Record, evaluation: Evaluation) -> Chart:
     """Return the OSPA distance over time, one row for all targets and one per class."""
-    keys = _keys(evaluation.classes)
-    figure = rows_over_time(record, [_row_name(key) for key in keys], "OSPA (m)")
+    keys = record.sets.keys
+    figure = rows_over_time(record, [record.sets.title(key) for key in keys], "OSPA (m)")
     for row, key in enumerate(keys, 1):
         for source in SOURCES:
             time, value = _distances(record, evaluation, source, key)
             if len(time):
-                text = f"{value.mean():.0f} m {source}"
+                text = f"{metres_text(value.mean())} {source}"
                 _append_title(figure, row, text)
                 _line(figure, row, key, source, time, np.round(value, 2), " m")
     figure.update_yaxes(rangemode="tozero")
@@ -52,10 +55,10 @@ def ospa(record: Record, evaluation: Evaluation) -> Chart:
     return Chart("ospa", "OSPA distance over time", caption, figure)
 
 
-def numbers(record: Record, evaluation: Evaluation) -> Chart:
+def numbers(record: Record) -> Chart:
     """Return the number of targets over time, one row for all targets and one per class."""
-    keys = _keys(evaluation.classes)
-    figure = rows_over_time(record, [_row_name(key) for key in keys], "targets")
+    keys = record.sets.keys
+    figure = rows_over_time(record, [record.sets.title(key) for key in keys], "targets")
     clock = Clock.of(record)
     for row, key in enumerate(keys, 1):
         if record.truth:
@@ -83,7 +86,12 @@ def numbers(record: Record, evaluation: Evaluation) -> Chart:
                 _line(figure, row, key, source, time, value, "", shape="hvh")
     highest = max(max(trace.y, default=0) for trace in figure.data)
     figure.update_yaxes(rangemode="tozero", tick0=0, dtick=max(1, -(-highest // 4)))
-    caption = NUMBER_CAPTION.format(truth=TRUE_NUMBER if record.truth else "")
+    several = not record.sets.one_class
+    caption = NUMBER_CAPTION.format(
+        in_all=", in all and per class" if several else "",
+        truth=TRUE_NUMBER if record.truth else "",
+        classes=OF_CLASSES if several else "",
+    )
     return Chart("numbers", "Number of targets over time", caption, figure)
 
 
@@ -100,16 +108,7 @@ def _distances(
 
 
 def _count(class_id: Any, key: str) -> int:
-    counted = class_id if key == "all" else class_id[class_id == int(key.removeprefix("class_"))]
-    return len(counted)
-
-
-def _keys(classes: int) -> list[str]:
-    return ["all", *(f"class_{k}" for k in range(classes))]
-
-
-def _row_name(key: str) -> str:
-    return "all classes" if key == "all" else class_name(int(key.removeprefix("class_")))
+    return len(class_id if key == ALL else class_id[class_id == class_of(key)])
 
 
 # --- how it is drawn ------------------------------------------------------------------------------
@@ -132,7 +131,7 @@ def _line(
 ) -> None:
     """Add a source to a row: the filter thin and neutral, the smoother in the row's colour."""
     smoothed = source == SMOOTHED
-    colour = NEUTRAL if key == "all" or not smoothed else class_colour(int(key[len("class_") :]))
+    colour = NEUTRAL if key == ALL or not smoothed else class_colour(class_of(key))
     figure.add_trace(
         Scatter(
             x=time,
@@ -141,7 +140,7 @@ def _line(
             legendgroup=source,
             showlegend=row == 1,
             mode="lines" if len(time) > 1 else "markers",
-            meta=INK if smoothed and key == "all" else None,
+            meta=INK if smoothed and key == ALL else None,
             line={"color": colour, "width": 2.0 if smoothed else 1.2, "shape": shape},
             hovertemplate=f"%{{y}}{unit} {source}<extra></extra>",
         ),

@@ -3,7 +3,7 @@
 
 """The pictures of a run: pure functions from a record and its scores to figures.
 
-Maps are in kilometres with equal scales (`maps`); times are counted from the run's first stamp
+Maps have equal scales (`maps`); times are counted from the run's first stamp
 (`timelines`). A class has the same colour, line and marker in every picture (`style`). matplotlib's
 global state is not used, so figures can be drawn from any thread.
 """

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The maps of a run, in kilometres with equal scales: truth, detections and estimates."""
+"""The maps of a run, in metres or kilometres of equal scale: truth, detections, estimates."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.colors import LinearSegmentedColormap, LogNorm
@@ -23,17 +22,18 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 
 from ..clock import Clock
+from ..lengths import MapScale
 from ..record import Record
 from ..style import (
+    DETECTION,
     DPI,
-    GREY,
     INK,
     WIDTH_IN,
     class_colour,
     class_line,
     class_marker,
-    class_name,
     plain_axes,
+    purples,
 )
 from ..tracks import Track, true_tracks
 
@@ -47,7 +47,9 @@ def scenario(record: Record) -> Figure:
     tracks = true_tracks(record)
     clock = Clock.of(record)
     step_s = _dot_interval_s(clock.span_s)
-    figure, axes = _map(np.concatenate([track.position for track in tracks]), margin=0.1)
+    scale = MapScale.of(record)
+    tracks = [track._replace(position=scale.of_metres(track.position)) for track in tracks]
+    figure, axes = _map(np.concatenate([track.position for track in tracks]), scale, margin=0.1)
     for track in tracks:
         colour = class_colour(track.class_id)
         x, y = track.position.T
@@ -65,7 +67,7 @@ def scenario(record: Record) -> Figure:
             color=class_colour(k),
             linestyle=class_line(k),
             linewidth=1.6,
-            label=class_name(k),
+            label=record.sets.class_title(k),
         )
         for k in sorted({track.class_id for track in tracks})
     ]
@@ -78,14 +80,18 @@ def scenario(record: Record) -> Figure:
 
 
 def measurements(record: Record) -> Figure:
-    """Draw all detections of all radars, those of high amplitude on top."""
-    position = np.concatenate([plot.position for plot in record.plots]) / 1e3
+    """Draw all detections of all radars, those of high amplitude on top.
+
+    Without amplitudes they have one colour, and there is no scale of amplitudes.
+    """
+    scale = MapScale.of(record)
+    position = scale.of_metres(np.concatenate([plot.position for plot in record.plots]))
     amplitude = np.concatenate([plot.amplitude for plot in record.plots])
     known = np.isfinite(amplitude) & (amplitude > 0.0)
-    figure, axes = _map(position, margin=0.02)
+    figure, axes = _map(position, scale, margin=0.02)
     if not known.all():
         x, y = position[~known].T
-        axes.scatter(x, y, s=7.0, color=GREY, linewidths=0)
+        axes.scatter(x, y, s=7.0, color=DETECTION, linewidths=0)
     if known.any():
         order = np.flatnonzero(known)[np.argsort(amplitude[known], kind="stable")]
         lowest, highest = amplitude[order[[0, -1]]]
@@ -105,16 +111,16 @@ def measurements(record: Record) -> Figure:
 
 def trajectories(record: Record) -> Figure:
     """Draw the smoothed estimates by class over the true trajectories."""
-    tracks = true_tracks(record)
-    position = _positions(record.smoothed)
-    everything = np.concatenate([position, *(track.position for track in tracks)])
-    figure, axes = _map(everything, margin=0.04)
-    for track in tracks:
-        axes.plot(*track.position.T, color=INK, linewidth=0.6, zorder=1)
+    scale = MapScale.of(record)
+    lines = [scale.of_metres(track.position) for track in true_tracks(record)]
+    position = scale.of_metres(_positions(record.smoothed))
+    figure, axes = _map(np.concatenate([position, *lines]), scale, margin=0.04)
+    for line in lines:
+        axes.plot(*line.T, color=INK, linewidth=0.6, zorder=1)
     every = max(1, round(len(record.smoothed) / MARKS_PER_TRACK))
     for index, estimates in enumerate(record.smoothed):
         if index % every == every // 2:
-            _ellipses(axes, estimates)
+            _ellipses(axes, estimates, scale)
     class_id = _joined([estimates.class_id for estimates in record.smoothed], np.int64)
     for k in range(record.classes):
         axes.plot(
@@ -123,10 +129,10 @@ def trajectories(record: Record) -> Figure:
             color=class_colour(k),
             markersize=3.2,
             markeredgewidth=0,
-            label=class_name(k),
+            label=record.sets.class_title(k),
         )
     handles, _ = axes.get_legend_handles_labels()
-    if tracks:
+    if lines:
         handles.append(Line2D([], [], color=INK, linewidth=0.6, label="truth"))
     handles.append(
         Line2D(
@@ -141,9 +147,10 @@ def trajectories(record: Record) -> Figure:
 
 
 def _positions(run: Sequence[Estimates]) -> FloatArray:
-    """Return the positions of all estimates in kilometres, shape (T, 2)."""
+    """Return the positions of all estimates in metres, shape (T, 2)."""
     states = [estimates.position for estimates in run]
-    return _joined(states, np.float64).reshape(-1, 2) / 1e3
+    positions: FloatArray = _joined(states, np.float64).reshape(-1, 2)
+    return positions
 
 
 def _joined(arrays: Sequence[Any], dtype: type) -> Any:
@@ -153,8 +160,8 @@ def _joined(arrays: Sequence[Any], dtype: type) -> Any:
 # --- how it is drawn ------------------------------------------------------------------------------
 
 
-def _map(position: FloatArray, margin: float) -> tuple[Figure, Axes]:
-    """Return axes in kilometres of equal scale, shaped for `position` of shape (T, 2)."""
+def _map(position: FloatArray, scale: MapScale, margin: float) -> tuple[Figure, Axes]:
+    """Return axes of equal scale, shaped for `position` of shape (T, 2) in the scale's unit."""
     width, height = np.maximum(np.ptp(position, axis=0), 0.1)
     figure = Figure(
         figsize=(WIDTH_IN, float(np.clip(WIDTH_IN * height / width, 4.0, 7.2))),
@@ -162,7 +169,7 @@ def _map(position: FloatArray, margin: float) -> tuple[Figure, Axes]:
         layout="constrained",
     )
     axes = figure.add_subplot()
-    axes.set(xlabel="x (km)", ylabel="y (km)")
+    axes.set(xlabel=f"x ({scale.unit})", ylabel=f"y ({scale.unit})")
     axes.margins(margin)
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MultipleLocator(_tick_step(float(max(width, height)))))
@@ -181,8 +188,7 @@ def _tick_step(extent: float) -> float:
 
 def _pale_to_dark() -> LinearSegmentedColormap:
     """Return a colour map of rising darkness, without the pale end, which is hard to see."""
-    shades = colormaps["YlGnBu"](np.linspace(0.3, 1.0, 64))
-    return LinearSegmentedColormap.from_list("pale_to_dark", shades)
+    return LinearSegmentedColormap.from_list("pale_to_dark", purples(0.45, 1.0, 64))
 
 
 def _legend(axes: Axes, handles: Sequence[Any]) -> None:
@@ -240,7 +246,7 @@ def _start_label(axes: Axes, track: Track, number: str, life: str) -> None:
     )
 
 
-def _ellipses(axes: Axes, estimates: Estimates) -> None:
+def _ellipses(axes: Axes, estimates: Estimates, scale: MapScale) -> None:
     """Draw the 95 % ellipse of every estimate's position."""
     for position, covariance, class_id in zip(
         estimates.position,
@@ -248,11 +254,11 @@ def _ellipses(axes: Axes, estimates: Estimates) -> None:
         estimates.class_id.tolist(),
         strict=True,
     ):
-        variance, axis = np.linalg.eigh(covariance * 1e-6)
+        variance, axis = np.linalg.eigh(covariance / scale.metres**2)
         width, height = 2.0 * RADIUS_95 * np.sqrt(np.maximum(variance[::-1], 0.0))
         axes.add_patch(
             Ellipse(
-                position / 1e3,
+                scale.of_metres(position),
                 width,
                 height,
                 angle=float(np.degrees(np.arctan2(axis[1, 1], axis[0, 1]))),

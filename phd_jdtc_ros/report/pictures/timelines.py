@@ -15,12 +15,14 @@ from matplotlib.ticker import MaxNLocator
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.scan_scores import ScanScore
+from phd_jdtc_ros.core.evaluation.scan_scores import ALL, ScanScore
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 
 from ..clock import Clock
+from ..lengths import metres_text
 from ..record import Record
-from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, class_name, plain_axes
+from ..sets import class_of
+from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes
 
 # With more scans than this, lines over time are drawn thin.
 CROWDED = 400
@@ -52,17 +54,16 @@ class Panel(NamedTuple):
             if scans:
                 time = clock.seconds([scan.stamp_ns for scan in scans]) / clock.unit_s
                 series[source] = time, np.array([float(value(s.values[key])) for s in scans])
-        if key == "all":
-            return Panel("all classes", INK, series)
-        number = int(key.removeprefix("class_"))
-        return Panel(class_name(number), class_colour(number), series)
+        colour = INK if key == ALL else class_colour(class_of(key))
+        return Panel(record.sets.title(key), colour, series)
 
 
 def number_error(record: Record, evaluation: Evaluation) -> Figure:
     """Draw n_est - n_true over time, one row per class."""
+    keys = record.sets.of_classes or [ALL]
     panels = [
         Panel.of(record, evaluation, key, lambda values: values["n_est"] - values["n_true"])
-        for key in _class_keys(evaluation)
+        for key in keys
     ]
     figure, rows = _rows(record, len(panels), "estimated - true")
     for axes, panel in zip(rows, panels, strict=True):
@@ -82,10 +83,13 @@ def number_error(record: Record, evaluation: Evaluation) -> Figure:
 
 
 def ospa(record: Record, evaluation: Evaluation) -> Figure:
-    """Draw the OSPA distance over time, one row per class and one for all targets."""
+    """Draw the OSPA distance over time, one row per class and one for all targets.
+
+    A single class is all targets.
+    """
     panels = [
         Panel.of(record, evaluation, key, lambda values: values["ospa"])
-        for key in (*_class_keys(evaluation), "all")
+        for key in (*record.sets.of_classes, ALL)
     ]
     return _distances(record, panels, "OSPA (m)")
 
@@ -95,8 +99,8 @@ def ospa_parts(record: Record, evaluation: Evaluation) -> Figure:
     location = Panel.of(record, evaluation, "all", lambda values: values["localization"])
     number = Panel.of(record, evaluation, "all", lambda values: values["cardinality"])
     panels = [
-        location._replace(title="all classes: localisation part"),
-        number._replace(title="all classes: cardinality part"),
+        location._replace(title=f"{location.title}: localisation part"),
+        number._replace(title=f"{number.title}: cardinality part"),
     ]
     return _distances(record, panels, "part of OSPA (m)")
 
@@ -114,7 +118,7 @@ def _distances(record: Record, panels: Sequence[Panel], label: str) -> Figure:
                 "-" if len(time) > 1 else ".",
                 color=colour,
                 linewidth=width if len(time) <= CROWDED else 0.5,
-                label=f"{source}, mean {mean:.0f} m",
+                label=f"{source}, mean {metres_text(mean)}",
             )
             axes.axhline(mean, color=colour, linewidth=1.0, linestyle=(0, (5, 3)), zorder=3)
         axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10]))
@@ -122,10 +126,6 @@ def _distances(record: Record, panels: Sequence[Panel], label: str) -> Figure:
     highest = max(axes.dataLim.y1 for axes in rows)
     rows[0].set_ylim(0.0, 1.05 * highest if highest > 0.0 else 1.0)
     return figure
-
-
-def _class_keys(evaluation: Evaluation) -> list[str]:
-    return [f"class_{k}" for k in range(evaluation.classes)]
 
 
 def _rows(record: Record, rows: int, label: str) -> tuple[Figure, list[Axes]]:

@@ -11,7 +11,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from ..monte_carlo import ALL, CUTOFF, ORDER
+from ..monte_carlo import ALL
 from ..monte_carlo.definition import METRICS
 from ..monte_carlo.kinds import TURNING_KINDS
 
@@ -65,9 +65,8 @@ def markdown(summary: Mapping[str, Any]) -> str:
             lines += _surveillance_markdown(case, variants)
             continue
         lags = _all_lags(variants)
-        what = (
-            f"Mean OSPA (p = {ORDER:g}, c = {CUTOFF:g} m) in metres by lag in scans, 95 % interval."
-        )
+        distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
+        what = f"Mean OSPA ({distance}) in metres by lag in scans, 95 % interval."
         lines += [f"## {case}", "", what, ""]
         lines += _markdown_row(["variant", "runs", *lags])
         lines += _markdown_row(["---", *["---:"] * (1 + len(lags))])

@@ -33,14 +33,11 @@ from .document import Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
 from .kinds import PARTICLES, REFERENCE
 from .results import Mean, Result, collect, summarise, write_csv
-from .scores import CUTOFF, ORDER
 from .store import Store, remaining, slug, write_atomically
 from .tasks import Outcome, Plan, Task, plan
 
 __all__ = [
     "ALL",
-    "CUTOFF",
-    "ORDER",
     "PARTICLES",
     "REFERENCE",
     "Mean",

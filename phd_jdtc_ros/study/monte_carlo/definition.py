@@ -23,6 +23,8 @@ from phd_jdtc_ros.core.simulation.scenario import Scenario
 
 from ..particles import Reading
 
+# Cut-off c of OSPA and GOSPA (metres) if no other is asked for, and their order p.
+CUTOFF, ORDER = 1000.0, 2.0
 OSPA_AFTER_5 = Metric(
     "ospa_after_5",
     "OSPA after 5 scans",
@@ -150,12 +152,15 @@ class Study:
     goals : tuple of Goal
     assigned : dict
         Parameters that replace those of cases and variants.
+    cutoff : float
+        c of OSPA and GOSPA, metres.
     """
 
     cases: tuple[Case, ...]
     variants: tuple[Variant, ...]
     goals: tuple[Goal, ...]
     assigned: dict[str, Any]
+    cutoff: float = CUTOFF
 
     def parameters(self, case: Case, variant: Variant) -> dict[str, Any]:
         """Return the tracker's parameters for a variant and a case."""

@@ -20,9 +20,8 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.scan_scores import ALL
 from phd_jdtc_ros.core.evaluation.totals import ratio
 
-from .definition import Goal, Study, Variant
+from .definition import ORDER, Goal, Study, Variant
 from .result import Result
-from .scores import CUTOFF, ORDER
 from .store import HEADER, Store
 from .tasks import Outcome, Task
 
@@ -136,7 +135,7 @@ def summarise(
         }
     return {
         "p": ORDER,
-        "c": CUTOFF,
+        "c": study.cutoff,
         "cases": cases,
         "goals": [_judged(goal, results) for goal in study.goals],
         "notes": list(notes),

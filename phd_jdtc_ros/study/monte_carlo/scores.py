@@ -26,18 +26,17 @@ from phd_jdtc_ros.core.evaluation.scan_scores import (
 from phd_jdtc_ros.core.evaluation.surveillance import confusion_matrix
 
 from ..runs import SimulatedRun, Tracks
-from .definition import Variant
+from .definition import CUTOFF, ORDER, Variant
 from .kinds import PEERS
 
-# Cut-off c (metres) and order p of OSPA and GOSPA, and other ones of OSPA for all targets only.
-CUTOFF, ORDER = 1000.0, 2.0
+# Order p and cut-off c (metres) of further OSPA for all targets only.
 OTHER_ORDER, OTHER_CUTOFF = 1.0, 300.0
 # A target is young in its first scans, which a tracker without known birth places needs to start a
 # track.
 YOUNG_SCANS = 5
 # Values of the metric table, and further ones of the study.
 OF_STUDY = ("ospa_p1", "ospa_c300", "ospa_after_5", "median_error", "cpu_ms")
-VALUES = (*PUBLISHED, *COUNTED, "switches", *OF_STUDY)
+VALUES = (*PUBLISHED, *COUNTED, "identity_switches", *OF_STUDY)
 
 
 class Scores(NamedTuple):
@@ -64,9 +63,25 @@ class Scores(NamedTuple):
 
 
 def score(
-    run: SimulatedRun, tracks: Tracks, variant: Variant, classes: int, cpu_ms: float = math.nan
+    run: SimulatedRun,
+    tracks: Tracks,
+    variant: Variant,
+    classes: int,
+    cutoff: float = CUTOFF,
+    cpu_ms: float = math.nan,
 ) -> Scores:
     """Return the scores of a variant at those of its lags that its tracker has.
+
+    Parameters
+    ----------
+    run : SimulatedRun
+    tracks : Tracks
+    variant : Variant
+    classes : int
+    cutoff : float
+        c of OSPA and GOSPA, metres.
+    cpu_ms : float
+        CPU time per turn, milliseconds; NaN if it is not known.
 
     Notes
     -----
@@ -89,13 +104,13 @@ def score(
     taken_for = np.zeros((len(lags), scans, estimated, estimated), dtype=np.int64)
     young = _young(run)
     for row, lag in enumerate(lags):
-        comparer = ScanComparer(estimated, CUTOFF, ORDER)
+        comparer = ScanComparer(estimated, cutoff, ORDER)
         for index, (truth, points) in enumerate(zip(run.truth, tracks[lag], strict=True)):
-            scan = PairedScan.of(truth.stamp_ns, PointSet.of(truth), points, CUTOFF)
+            scan = PairedScan.of(truth.stamp_ns, PointSet.of(truth), points, cutoff)
             compared = comparer.compare(scan)
             if index == scans - 1:
                 compared = comparer.ended(compared)
-            values[row, index] = _scan_values(scan, compared, young[index])
+            values[row, index] = _scan_values(scan, compared, young[index], cutoff)
             matrix = confusion_matrix(scan.pairs, truth.class_id, points.class_id, estimated)
             taken_for[row, index] = matrix[:estimated, :estimated]
     values[:, :, 0, VALUES.index("cpu_ms")] = cpu_ms
@@ -114,7 +129,10 @@ def _young(run: SimulatedRun) -> list[npt.NDArray[np.bool_]]:
 
 
 def _scan_values(
-    scan: PairedScan, compared: Mapping[str, Comparison], young: npt.NDArray[np.bool_]
+    scan: PairedScan,
+    compared: Mapping[str, Comparison],
+    young: npt.NDArray[np.bool_],
+    cutoff: float,
 ) -> FloatArray:
     """Return the values of one scan, shape (sets, VALUES)."""
     positions = scan.truth.position, scan.estimate.position
@@ -122,10 +140,10 @@ def _scan_values(
     if len(rows) == 1:
         # The tracker does not estimate classes.
         rows[ALL]["right_class"] = None
-    rows[ALL]["ospa_p1"] = ospa(*positions, CUTOFF, OTHER_ORDER).distance
+    rows[ALL]["ospa_p1"] = ospa(*positions, cutoff, OTHER_ORDER).distance
     rows[ALL]["ospa_c300"] = ospa(*positions, OTHER_CUTOFF, ORDER).distance
     rows[ALL]["median_error"] = _median_error(compared[ALL])
-    for key, distance in _ospa_without(scan, young, len(rows) - 1).items():
+    for key, distance in _ospa_without(scan, young, len(rows) - 1, cutoff).items():
         rows[key]["ospa_after_5"] = distance
     return np.array([[row.get(name) for name in VALUES] for row in rows.values()], dtype=float)
 
@@ -136,7 +154,9 @@ def _median_error(scan: Comparison) -> float:
     return float(np.median(np.hypot(*error.T))) if len(error) else math.nan
 
 
-def _ospa_without(scan: PairedScan, young: npt.NDArray[np.bool_], classes: int) -> dict[str, float]:
+def _ospa_without(
+    scan: PairedScan, young: npt.NDArray[np.bool_], classes: int, cutoff: float
+) -> dict[str, float]:
     """Return the OSPA of each set without young targets and the estimates paired with them."""
     target, estimate = scan.pairs
     truth = scan.truth
@@ -147,6 +167,6 @@ def _ospa_without(scan: PairedScan, young: npt.NDArray[np.bool_], classes: int) 
     return {
         key: math.nan
         if len(existing) and not len(t)
-        else ospa(t.position, e.position, CUTOFF, ORDER).distance
+        else ospa(t.position, e.position, cutoff, ORDER).distance
         for key, (existing, t, e) in zip(set_names(classes), sets, strict=True)
     }

@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.simulation.scenario import Scenario
 from ..particles import track
 from ..runs import SimulatedRun, Tracked, simulated_run
 from ..turning import turning_run
-from .definition import OWN, Case, Study, Variant
+from .definition import ORDER, OWN, Case, Study, Variant
 from .kinds import (
     NEAREST_NEIGHBOUR,
     PARTICLES,
@@ -33,7 +33,7 @@ from .kinds import (
     missing,
     module_of,
 )
-from .scores import CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER, Scores, score
+from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # Must be increased when the meaning of a stored row changes.
 FORMAT = 4
@@ -59,6 +59,8 @@ class Task:
         Digest of the tracker's code, see `code_of`.
     digests : dict
         By name of the variant, a digest of all that its scores depend on except the seed.
+    cutoff : float
+        c of OSPA and GOSPA, metres.
     """
 
     case: str
@@ -69,6 +71,7 @@ class Task:
     seed: int
     code: str
     digests: dict[str, str]
+    cutoff: float
 
     @property
     def kind(self) -> str:
@@ -144,13 +147,14 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "classes": case.classes,
         "kind": variants[0].kind,
         "parameters": {} if variants[0].kind in WITHOUT_PARAMETERS else _in_force(parameters),
-        "ospa": [CUTOFF, ORDER, OTHER_CUTOFF, OTHER_ORDER],
+        "ospa": [study.cutoff, ORDER, OTHER_CUTOFF, OTHER_ORDER],
     }
     digests = {
         v.name: _digest({**shared, "name": v.name, "reading": v.reading, "lags": v.lags})
         for v in variants
     }
-    return Task(case.name, case.scenario, case.classes, variants, parameters, 0, code, digests)
+    settings = case.name, case.scenario, case.classes, variants, parameters
+    return Task(*settings, 0, code, digests, study.cutoff)
 
 
 def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -173,7 +177,7 @@ def perform(task: Task) -> Outcome:
         run = simulated(task.scenario, task.seed)
         tracked = _tracked(task, run)
         scores = {
-            variant.name: score(run, found.tracks, variant, task.classes, found.cpu_ms)
+            variant.name: score(run, found.tracks, variant, task.classes, task.cutoff, found.cpu_ms)
             for variant in task.variants
             for found in (tracked[variant.name],)
         }

@@ -151,12 +151,61 @@ def test_resolve_error_reads_as_its_faults():
         ({"radar_1.frame": "radar_2"}, "radar_2.frame", "another radar"),
         ({"radar_3.range_std": 3.0}, "radar_3.range_std", "unknown"),
         ({"cv.model": "brownian"}, "cv.model", "coordinated_turn"),
+        ({"radar_1.fov_deg": [10.0, 10.0]}, "radar_1.fov_deg", "two azimuths"),
+        ({"radar_1.blind_sectors_deg": [10.0]}, "radar_1.blind_sectors_deg", "pairs"),
+        ({"radar_1.min_range": 20e3}, "radar_1.min_range", "below max_range"),
+        ({"radar_1.detection_probability": 1.0}, "radar_1.detection_probability", "at most 0.999"),
+        (
+            {"radar_1.detection_probability_over_range": [1e3, 0.9, 500.0, 0.8]},
+            "radar_1.detection_probability_over_range",
+            "must rise",
+        ),
+        (
+            {"radar_1.detection_probability_over_range": [1e3, 0.0]},
+            "radar_1.detection_probability_over_range",
+            "above 0 and at most 0.999",
+        ),
+        ({"radar_1.sectors": 8}, "radar_1.rotation_s", "above 0 with sectors"),
+        ({"radar_1.fields.sector": "sector"}, "radar_1.sectors", "above 0 with fields.sector"),
+        (
+            {"radar_1.sectors": 8, "radar_1.rotation_s": 4.0, "corrector": "poisson"},
+            "corrector",
+            "must be bernoulli",
+        ),
     ],
 )
 def test_resolve_refuses(given, name, words):
     about = [fault for fault in faults_of(given) if fault.startswith(name + ": ")]
     assert len(about) == 1
     assert words in about[0]
+
+
+@pytest.mark.parametrize(
+    ("convention", "seen", "hidden"),
+    [("enu_ccw", [10.0, 89.0], [-1.0, 91.0]), ("compass_cw", [1.0, 80.0], [-1.0, 91.0])],
+)
+def test_field_of_view_is_counted_as_the_radar_counts(convention, seen, hidden):
+    given = {"radar_1.azimuth_convention": convention, "radar_1.fov_deg": [0.0, 90.0]}
+    radar = build.resolve(given).model.radars[0]
+    for azimuths, expected in ((seen, 1.0), (hidden, 0.0)):
+        measured = np.stack([np.full(2, 5e3), np.radians(azimuths)], axis=1)
+        assert radar.visibility.sees(measured).tolist() == [expected] * 2
+
+
+def test_detection_probability_is_a_number_or_a_table():
+    def probability(given):
+        radar = build.resolve({f"radar_1.{k}": v for k, v in given.items()}).model.radars[0]
+        return radar.visibility.probability(np.array([0.0, 5e3, 10e3])).tolist()
+
+    assert probability({"detection_probability": 0.9}) == [0.9] * 3
+    table = {"detection_probability_over_range": [0.0, 0.9, 10e3, 0.7]}
+    assert probability(table) == pytest.approx([0.9, 0.8, 0.7])
+    assert not build.resolve({}).model.radars[0].visibility.given
+
+
+def test_rounding_adds_to_the_noise():
+    radar = build.resolve({"radar_1.range_std": 6.0, "radar_1.range_step": 12.0}).model.radars[0]
+    assert radar.range_std == pytest.approx(np.hypot(6.0, 12.0 / np.sqrt(12.0)))
 
 
 def test_resolve_refuses_a_class_without_motions():

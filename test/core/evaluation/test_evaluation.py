@@ -282,7 +282,7 @@ def test_evaluation_keeps_a_stamp_that_comes_again_as_the_newest():
     assert list(evaluation.scores[FILTERED]) == [0, 12_000_000_000]
 
 
-def test_summary_counts_identity_switches_and_the_share_within_500_m():
+def test_summary_has_the_share_within_500_m():
     one, two = (0, 0, 0, 1), (1000, 0, 0, 2)
     far = Evaluation(1, 800.0, 2.0)
     found = [
@@ -293,13 +293,5 @@ def test_summary_counts_identity_switches_and_the_share_within_500_m():
         far.add_truth(stamp, labelled(one, two))
         far.add_estimates(FILTERED, stamp, estimate)
     figures = far.summary()[FILTERED]["all"]
-    assert figures["identity_switches"] == 1.0
     assert figures["position_near"] == pytest.approx(0.75)
     assert figures["position_detection"] == 1.0
-
-
-def test_summary_of_estimates_without_labels_has_no_identity_switches():
-    evaluation = Evaluation(1, C, 2.0)
-    evaluation.add_truth(1, labelled((0, 0, 0, 1)))
-    evaluation.add_estimates(FILTERED, 1, points((0, 0, 0)))
-    assert evaluation.summary()[FILTERED]["all"]["identity_switches"] is None

@@ -27,7 +27,8 @@ def scan():
     estimate = points((30, 40, 1), (-9000, 0, 0), (9000, 0, 0))
     gaps = (Gap(0, 12.0, 1), Gap(0, 18.0, 2), Gap(1, 16.4, 3))
     pair = truth.only(np.array([0])), estimate.only(np.array([0]))
-    return Comparison(truth, estimate, *pair, cutoff=1000.0, order=2.0, gaps=gaps, ospa2=None)
+    labels = {"ospa2": None, "identity_switches": None}
+    return Comparison(truth, estimate, *pair, cutoff=1000.0, order=2.0, gaps=gaps, **labels)
 
 
 def test_values_of_a_scan_are_those_of_the_table(scan):
@@ -50,6 +51,7 @@ def test_values_of_a_scan_are_those_of_the_table(scan):
         "missed_in_long_gaps": 2,
         "longest_gap_s": 18.0,
         "ospa2": None,
+        "identity_switches": None,
     }
     values = values_of(scan)
     assert {name: values[name] for name in expected} == expected
@@ -80,6 +82,14 @@ def test_every_metric_has_a_key_of_its_own_and_a_definition():
 def test_metric_text_has_its_unit():
     with_unit, *_, without = OSPA
     assert (with_unit.text(103.26), without.text(0.0125)) == ("103.3 m", "0.013")
+
+
+@pytest.mark.parametrize(
+    ("metres", "text"),
+    [(0.0, "0.0 m"), (1e-9, "0.0 m"), (0.0462, "0.046 m"), (0.4621, "0.46 m"), (0.999, "1.0 m")],
+)
+def test_metric_text_of_a_short_length_has_two_digits(metres, text):
+    assert OSPA[0].text(metres) == text
 
 
 @pytest.mark.parametrize(

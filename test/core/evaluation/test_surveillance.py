@@ -12,7 +12,6 @@ from phd_jdtc_ros.core.evaluation.metrics import assign, gospa, ospa
 from phd_jdtc_ros.core.evaluation.surveillance import (
     Gap,
     GapFinder,
-    Identities,
     LabelledPoints,
     TrackWindow,
     confusion_matrix,
@@ -336,34 +335,3 @@ def test_gap_finder_keeps_nothing_of_targets_that_have_gone():
     for scan in range(100):
         gaps_of(finder, 6.0 * scan, (scan + 1, 0, scan % 2))
     assert len(finder._targets) == 1
-
-
-def switches_of(*scans, stamps=None):
-    """Return the identity switches of scans, each from targets to the numbers of their tracks."""
-    identities, found = Identities(), []
-    for index, tracks in enumerate(scans):
-        existing = np.array(list(tracks), dtype=np.int64)
-        paired = {target: track for target, track in tracks.items() if track}
-        pairs = (np.array(list(side), dtype=np.int64) for side in (paired, paired.values()))
-        found.append(identities.add(stamps[index] if stamps else index, existing, *pairs))
-    return found
-
-
-def test_a_target_that_changes_its_track_number_is_a_switch():
-    assert switches_of({1: 5, 2: 6}, {1: 5, 2: 6}, {1: 7, 2: 6}, {1: 7, 2: 6}) == [0, 0, 1, 0]
-
-
-def test_two_targets_that_swap_their_numbers_are_two_switches():
-    assert switches_of({1: 5, 2: 6}, {1: 6, 2: 5}) == [0, 2]
-
-
-def test_a_target_keeps_its_number_over_a_gap():
-    assert switches_of({1: 5}, {1: 0}, {1: 5}, {1: 0}, {1: 8}) == [0, 0, 0, 0, 1]
-
-
-def test_a_target_that_ended_has_no_number():
-    assert switches_of({1: 5}, {}, {1: 6}) == [0, 0, 0]
-
-
-def test_numbers_are_forgotten_when_the_stamps_go_back():
-    assert switches_of({1: 5}, {1: 6}, {1: 7}, stamps=[5, 6, 1]) == [0, 1, 0]

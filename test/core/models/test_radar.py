@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.models.visibility import Visibility
 from phd_jdtc_ros.core.pair_search import kernels
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
 from phd_jdtc_ros.core.smc.update import update
-from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.types import Coverage, Detections
 
 RADAR = RadarModel(
     name="radar",
@@ -182,3 +182,85 @@ def test_log_class_likelihood_without_amplitudes_is_the_detection_probability():
 def test_class_detection_probability_is_lower_for_the_weaker_class():
     strong, weak = RADAR.class_detection_probability(small().model.modes.classes)
     assert 0.5 < weak < strong < 1.0
+
+
+# --- Detections with a time, a deviation and an amplitude of their own ----------------------------
+
+MOVING = np.array([[9e3, -200.0, 4e3, 150.0, 0.0], [5e3, 30.0, -3e3, 240.0, 0.0]])
+CLASSES = small().model.modes.classes
+
+
+def at(seconds):
+    state = MOVING.copy()
+    state[:, [0, 2]] += seconds * state[:, [1, 3]]
+    return state
+
+
+def test_measurement_rate_is_the_derivative_of_the_measurement():
+    difference = (RADAR.measure(at(1e-3)) - RADAR.measure(at(-1e-3))) / 2e-3
+    np.testing.assert_allclose(RADAR.measurement_rate(MOVING), difference, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("seconds", [-0.25, 0.0, 0.25])
+def test_gated_pairs_compares_a_detection_with_the_state_at_its_own_time(seconds):
+    precise = replace(RADAR, range_std=5.0, azimuth_std=np.radians(0.05))
+    offset = np.array([[3.0, 0.0], [0.0, np.radians(0.04)]])
+    then = Detections(precise.measure(at(seconds)) + offset, None, np.full(2, seconds))
+    particle, detection, found = precise.gated_pairs(
+        precise.measure(MOVING), then, precise.measurement_rate(MOVING)
+    )
+    now = Detections(precise.measure(MOVING) + offset, None)
+    _, _, expected = precise.gated_pairs(precise.measure(MOVING), now)
+    np.testing.assert_array_equal(particle, detection)
+    np.testing.assert_allclose(found, expected, atol=0.2)
+
+
+def test_gated_pairs_takes_each_detections_own_deviation():
+    far = RADAR.measure(MOVING) + np.array([900.0, 0.0])
+    std = np.tile(RADAR.noise_std, (2, 1))
+    std[1, 0] = 100.0
+    particle, _, found = RADAR.gated_pairs(
+        RADAR.measure(MOVING), Detections(far, None, noise_std=std)
+    )
+    assert particle.tolist() == [0]
+    assert found[0] == pytest.approx(
+        -0.5 * 3.0**2 - np.log(2.0 * np.pi * RADAR.range_std * RADAR.azimuth_std)
+    )
+
+
+def test_detection_noise_grows_with_the_range_where_the_driver_says_nothing():
+    radar = replace(RADAR, range_growth=0.01)
+    own = np.array([[np.nan, np.nan], [50.0, 0.01]])
+    found = radar.detection_noise(Detections(np.array([[10e3, 0.0]] * 2), None, noise_std=own))
+    np.testing.assert_allclose(found[0], [np.hypot(300.0, 100.0), RADAR.azimuth_std])
+    np.testing.assert_allclose(found[1], [50.0, 0.01])
+
+
+def test_unknown_amplitude_is_as_one_that_no_radar_reports():
+    place = np.array([[5e3, 0.0], [5e3, 0.0]])
+    some, none = Detections(place, np.array([20.0, np.nan])), Detections(place, None)
+    likelihood = RADAR.log_class_likelihood(some, CLASSES)
+    assert np.isfinite(likelihood).all()
+    expected = RADAR.log_class_likelihood(none, CLASSES)
+    np.testing.assert_array_equal(likelihood[:, 1], expected[:, 1])
+    assert (likelihood[:, 0] != expected[:, 0]).all()
+    clutter = RADAR.log_clutter_intensity(some)
+    assert clutter[1] == RADAR.log_clutter_intensity(none)[1]
+
+
+def test_given_detection_probability_takes_the_place_of_that_of_the_bands():
+    given = replace(
+        RADAR, visibility=replace(RADAR.visibility, ranges=(0.0,), probabilities=(0.5,))
+    )
+    report = Detections(np.array([[5e3, 0.0]]), np.array([20.0]))
+    difference = given.log_class_likelihood(report, CLASSES) - RADAR.log_class_likelihood(
+        report, CLASSES
+    )
+    expected = np.log(0.5 / RADAR.class_detection_probability(CLASSES))
+    np.testing.assert_allclose(difference[:, 0], expected)
+
+
+def test_missable_is_what_the_antenna_passed_of_the_field_of_view():
+    predicted = np.array([[5e3, 0.1], [5e3, 1.0], [20e3, 0.1]])
+    assert RADAR.missable(predicted, Coverage(0.0, 0.5)).tolist() == pytest.approx([1.0, 0.0, 0.0])
+    assert RADAR.missable(predicted, None).tolist() == [1.0, 1.0, 0.0]

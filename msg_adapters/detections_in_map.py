@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The detections of all radars in the world frame, as one point cloud for viewers.
+
+Drivers name and scale their fields as they like, and need a transform of their own each. Here every
+radar's detections look alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.types import Scan
+
+from . import point_cloud
+
+
+def to_msg(scan: Scan, radars: Sequence[RadarModel], frame: str) -> PointCloud2:
+    """Return the cloud of a scan's detections, empty or not.
+
+    Parameters
+    ----------
+    scan : Scan
+    radars : sequence of RadarModel
+        In the configured order.
+    frame : str
+        The world frame.
+
+    Returns
+    -------
+    PointCloud2
+        Fields are ``x y z amplitude`` (FLOAT32; metres, linear envelope) and ``radar_index``
+        (UINT32, from 0 in the configured order). z is 0. The amplitude is 0 where the radar
+        reports none: viewers draw NaN in no defined colour.
+    """
+    position, amplitude, index = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
+    for number, (radar, found) in enumerate(zip(radars, scan.detections, strict=True)):
+        if found is not None:
+            none = np.zeros(len(found))
+            position.append(radar.to_world(found.measurement))
+            amplitude.append(none if found.amplitude is None else found.amplitude)
+            index.append(np.full(len(found), number))
+    x, y = np.concatenate(position).T
+    columns = {"x": x, "y": y, "z": np.zeros(len(x)), "amplitude": np.concatenate(amplitude)}
+    columns["radar_index"] = np.concatenate(index)
+    return point_cloud.encode(scan.stamp_ns, frame, columns)

@@ -1,0 +1,56 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The radars' frames as static transforms, ``tf2_msgs/TFMessage``.
+
+tf2_msgs is not part of every ROS installation, so the message is written as bytes (see `cdr`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from . import cdr, interfaces, names
+
+
+class Mounting(NamedTuple):
+    """The pose of a frame in the world frame.
+
+    Parameters
+    ----------
+    frame : str
+    position : tuple of two floats
+        Metres.
+    yaw : float
+        Radians, counter-clockwise.
+    """
+
+    frame: str
+    position: tuple[float, float]
+    yaw: float
+
+
+def installed() -> Any:
+    """Return the message class, or None if tf2_msgs is not installed."""
+    try:
+        return interfaces.message_class(names.TRANSFORMS)
+    except ImportError:
+        return None
+
+
+def to_cdr(mountings: Sequence[Mounting], stamp_ns: int, world_frame: str) -> bytes:
+    """Return a serialised ``tf2_msgs/TFMessage`` with a transform per frame.
+
+    A frame that is the world frame itself has none, because no frame can be its own parent.
+    """
+    placed = [mounting for mounting in mountings if mounting.frame != world_frame]
+    writer = cdr.Writer()
+    writer.put("I", len(placed))
+    for frame, (x, y), yaw in placed:
+        writer.header(stamp_ns, world_frame)
+        writer.string(frame)
+        writer.put("d", x, y, 0.0)
+        writer.put("d", 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
+    return cdr.ENCAPSULATION + bytes(writer.data)

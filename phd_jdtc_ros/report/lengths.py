@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The unit of a run's maps, metres or kilometres, and short texts of lengths."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from phd_jdtc_ros.core.arrays import FloatArray
+
+from .record import Record
+
+# Maps of a smaller extent than this are in metres.
+SHORT_M = 2000.0
+
+
+@dataclass(frozen=True)
+class MapScale:
+    """The unit of maps and of the lengths on them.
+
+    Parameters
+    ----------
+    unit : str
+    metres : float
+        Length of the unit.
+    decimals : int
+        Of coordinates: a tenth of a metre in kilometres, a centimetre in metres.
+    """
+
+    unit: str
+    metres: float
+    decimals: int
+
+    @staticmethod
+    def of(record: Record) -> MapScale:
+        """Return the scale that suits the places of a record."""
+        places = places_of(record)
+        if len(places) and np.ptp(places, axis=0).max() < SHORT_M:
+            return MapScale("m", 1.0, 2)
+        return MapScale("km", 1e3, 4)
+
+    def of_metres(self, metres: FloatArray) -> FloatArray:
+        """Return lengths or places in the unit."""
+        return metres / self.metres
+
+
+def places_of(record: Record) -> FloatArray:
+    """Return the places of a record's targets and estimates, or if none its detections.
+
+    Returns
+    -------
+    array of shape (N, 2)
+        Metres.
+    """
+    targets = _joined(
+        entry.position
+        for part in (record.truth, record.filtered, record.smoothed)
+        for entry in part
+    )
+    return targets if len(targets) else _joined(plot.position for plot in record.plots)
+
+
+def _joined(places: Iterable[FloatArray]) -> FloatArray:
+    return np.concatenate([np.zeros((0, 2)), *places])
+
+
+def metres_text(metres: float) -> str:
+    """Return a length with its unit and at least two digits, however short it is."""
+    rounded = abs(metres)
+    decimals = 0 if rounded >= 9.95 or rounded < 5e-3 else 1 if rounded >= 0.995 else 2
+    return f"{metres:.{decimals}f} m"

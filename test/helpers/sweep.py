@@ -1,0 +1,108 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A radar that turns, and what it says of targets, sector by sector."""
+
+import numpy as np
+
+from phd_jdtc_ros.core.configuration import build
+from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
+
+ROTATION_S = 4.0
+SECTORS = 16
+START_NS = 1_000_000_000_000
+GIVEN = {
+    "radars": ["radar"],
+    "classes": ["aircraft"],
+    "motions": ["cv", "ct"],
+    "births": [],
+    "interval_s": ROTATION_S,
+    "amplitude": "none",
+    "particles_per_target": 200,
+    "least_particles": 150,
+    "radar.rotation_s": ROTATION_S,
+    "radar.sectors": SECTORS,
+    "radar.range_std": 40.0,
+    "radar.azimuth_std_deg": 0.1,
+    "radar.max_range": 100e3,
+    "radar.clutter_rate": 1.0,
+    "radar.clutter_max_range": 100e3,
+    "radar.detection_probability": 0.95,
+    "detection_births.rates": [0.5],
+    "detection_births.velocity_std": 150.0,
+    "detection_births.particles": 256,
+    "detection_births.least_probability": 5e-3,
+    "spawn.rate": 0.0,
+    "spawn.class_transition": [],
+    "spawn.mode_transition": [],
+    "aircraft.motions": ["cv", "ct"],
+    "aircraft.mode_transition": [0.95, 0.05, 0.1, 0.9],
+    "aircraft.survival_probability": 0.999,
+    "cv.noise_density": 3.0,
+    "ct.model": "coordinated_turn",
+    "ct.noise_density": 50.0,
+    "ct.turn_noise_density": 1e-4,
+}
+# Position and velocity at the start; one flies along the edge of a sector, and one crosses edges.
+TARGETS = np.array(
+    [
+        [30e3, 10e3, -150.0, 60.0],
+        [-20e3, 0.0, -200.0, 0.0],
+        [-10e3, -30e3, 220.0, 30.0],
+        [15e3, -40e3, -40.0, 180.0],
+    ]
+)
+
+
+def configuration(given=None):
+    return build.resolve({**GIVEN, **(given or {})})
+
+
+def position_at(seconds):
+    """Return the targets' positions, shape (T, 2)."""
+    return TARGETS[:, :2] + seconds * TARGETS[:, 2:]
+
+
+def azimuth_at(seconds):
+    """Return where the antenna looks; it turns clockwise."""
+    return -FULL_TURN * seconds / ROTATION_S
+
+
+def plots(turns, seed, missed=0.0):
+    """Return (time, range, azimuth) of every plot, by ascending time."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for turn in range(turns):
+        for target in range(len(TARGETS)):
+            seconds = (turn + 0.5) * ROTATION_S
+            for _ in range(5):
+                x, y = position_at(seconds)[target]
+                phase = np.mod(-np.arctan2(y, x), FULL_TURN) / FULL_TURN
+                seconds = (turn + phase) * ROTATION_S
+            if rng.random() >= missed:
+                distance = np.hypot(x, y) + 40.0 * rng.standard_normal()
+                azimuth = np.arctan2(y, x) + np.radians(0.1) * rng.standard_normal()
+                found.append((seconds, distance, azimuth))
+    return np.array(sorted(found)).reshape(-1, 3)
+
+
+def scans(turns, seed=0, missed=0.0, sectors=SECTORS):
+    """Return the scans of some turns, one per sector, stamped in the middle of each."""
+    table = plots(turns, seed, missed)
+    length = ROTATION_S / sectors
+    found = []
+    for index in range(turns * sectors):
+        begin, middle, end = (length * (index + part) for part in (0.0, 0.5, 1.0))
+        inside = table[(table[:, 0] >= begin) & (table[:, 0] < end)]
+        detections = Detections(
+            inside[:, 1:],
+            None,
+            inside[:, 0] - middle,
+            coverage=Coverage(azimuth_at(end), FULL_TURN / sectors),
+        )
+        found.append(Scan(START_NS + round(middle * 1e9), (detections,)))
+    return found
+
+
+def seconds_of(stamp_ns):
+    return (stamp_ns - START_NS) * 1e-9

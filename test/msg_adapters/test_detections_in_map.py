@@ -1,0 +1,58 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from msg_adapters import detections_in_map, point_cloud, stamps
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.types import Detections, Scan
+
+NAMES = ("x", "y", "z", "amplitude", "radar_index")
+FIRST, SECOND = resolve({}).model.radars
+# Half a turn and a quarter, so that axes cannot be confused.
+RADARS = (replace(FIRST, yaw=np.pi), replace(SECOND, position=(0.0, 50.0), yaw=np.pi / 2.0))
+STAMP_NS = 1_700_000_000_123_456_789
+HITS = Detections(np.array([[100.0, 0.0], [200.0, np.pi / 2.0]]), np.array([4.0, 30.0]))
+SILENT = Detections(np.zeros((0, 2)), np.zeros(0))
+
+
+def cloud_of(*reports):
+    return detections_in_map.to_msg(Scan(STAMP_NS, reports), RADARS, "site")
+
+
+def columns(cloud):
+    kinds = dict.fromkeys(NAMES[:-1], point_cloud.FLOATS)
+    return point_cloud.decode(cloud, {**kinds, NAMES[-1]: point_cloud.UNSIGNED})
+
+
+def test_to_msg_has_all_radars_detections_in_the_world_frame():
+    cloud = cloud_of(HITS, Detections(np.array([[10.0, 0.0]]), np.array([7.0])))
+    found = columns(cloud)
+
+    assert (cloud.header.frame_id, stamps.to_ns(cloud.header.stamp)) == ("site", STAMP_NS)
+    assert tuple(field.name for field in cloud.fields) == NAMES
+    np.testing.assert_allclose(found["x"], [900.0, 1000.0, 0.0], atol=1e-4)
+    np.testing.assert_allclose(found["y"], [0.0, -200.0, 60.0], atol=1e-4)
+    np.testing.assert_array_equal(found["amplitude"], [4.0, 30.0, 7.0])
+    np.testing.assert_array_equal(found["radar_index"], [0, 0, 1])
+
+
+def test_to_msg_of_a_radar_without_amplitudes_has_zeros():
+    found = columns(cloud_of(HITS, Detections(np.array([[10.0, 0.0]]), None)))
+
+    np.testing.assert_array_equal(found["amplitude"], [4.0, 30.0, 0.0])
+
+
+@pytest.mark.parametrize("reports", [(None, None), (SILENT, None), (SILENT, SILENT)])
+def test_to_msg_of_nothing_is_an_empty_cloud(reports):
+    cloud = cloud_of(*reports)
+
+    assert (cloud.width, cloud.height) == (0, 1)
+    assert tuple(field.name for field in cloud.fields) == NAMES
+
+
+def test_to_msg_leaves_out_a_radar_that_did_not_report():
+    assert columns(cloud_of(None, HITS))["radar_index"].tolist() == [1, 1]

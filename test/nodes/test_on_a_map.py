@@ -1,0 +1,155 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What places detections on a map: the tracker's own cloud, and the radars' frames."""
+
+import numpy as np
+import pytest
+import stand_ins
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import PointCloud2
+from test_managed_tracker import change
+from test_tracker import FAST, RELIABLE, SCANS, Radars
+
+from msg_adapters import detections, names, point_cloud, stamps, truth
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.types import Truth
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# The second radar's driver has names and units of its own.
+FOREIGN = {
+    "radar_2.fields.range": "dist",
+    "radar_2.fields.azimuth": "angle",
+    "radar_2.fields.amplitude": "snr",
+    "radar_2.amplitude_unit": "db",
+    "radar_2.azimuth_unit": "deg",
+    "radar_2.azimuth_convention": "compass_cw",
+}
+NO_TARGETS = (np.zeros((0, 5)), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
+MISSING = "tf2_msgs is not installed"
+
+
+def options(values):
+    return [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+
+
+def tracked(peer):
+    """Return the radars of a tracker, once it hears them."""
+    group = Radars(peer)
+    group.connect()
+    return group
+
+
+def transforms(data):
+    """Return (parent, child, x, y) of every transform of a serialised message."""
+    return [
+        (t.header.frame_id, t.child_frame_id, *_where(t.transform.translation))
+        for t in STORE.deserialize_cdr(data, names.TRANSFORMS).transforms
+    ]
+
+
+def _where(translation):
+    return translation.x, translation.y
+
+
+def test_every_radar_looks_alike_whatever_its_driver(processes, peer):
+    shown = peer.collect(PointCloud2, names.detections_in_map())
+    processes.start("tracker", "--ros-args", *FAST, *RELIABLE, *options(FOREIGN))
+    group = tracked(peer)
+    (own, foreign), config = SCANS[0].detections, resolve(FOREIGN)
+    before = SCANS[0].stamp_ns
+    for output, found, radar in zip(group.outputs, (own, foreign), config.inputs, strict=True):
+        output.publish(detections.to_msg(found, before, radar.frame, radar))
+    assert peer.spin_until(lambda: shown)
+
+    kinds = dict.fromkeys(("x", "y", "z", "amplitude"), point_cloud.FLOATS)
+    seen = point_cloud.decode(shown[0], {**kinds, "radar_index": point_cloud.UNSIGNED})
+    expected = [
+        radar.to_world(found.measurement)
+        for radar, found in zip(config.model.radars, (own, foreign), strict=True)
+    ]
+    assert (shown[0].header.frame_id, stamps.to_ns(shown[0].header.stamp)) == ("map", before)
+    assert seen["radar_index"].tolist() == [0] * len(own) + [1] * len(foreign)
+    # Single precision of a driver's degrees, at 17 km.
+    places = np.stack([seen["x"], seen["y"]], axis=1)
+    np.testing.assert_allclose(places, np.concatenate(expected), atol=0.1)
+    amplitude = np.concatenate([own.amplitude, foreign.amplitude])
+    np.testing.assert_allclose(seen["amplitude"], amplitude, rtol=1e-5)
+
+
+def test_detections_in_map_can_be_switched_off(processes, peer):
+    processes.start("tracker", "--ros-args", *FAST, *options({"publish_detections": "false"}))
+    tracked(peer)
+
+    assert not peer.node.count_publishers(names.detections_in_map())
+
+
+@pytest.fixture
+def installed(tmp_path):
+    """Return the environment of a process that has tf2_msgs."""
+    return stand_ins.write(tmp_path / "packages")
+
+
+def test_tracker_publishes_the_radars_frames_for_whoever_comes_later(executables, peer, installed):
+    kind, found = stand_ins.message_class(names.TRANSFORMS), []
+    executables.start("tracker", "--ros-args", *FAST, **installed)
+    tracked(peer)
+    peer.node.create_subscription(kind, names.STATIC_FRAMES, found.append, LATCHED, raw=True)
+    assert peer.spin_until(lambda: found)
+
+    assert transforms(found[0]) == [
+        ("map", "radar_1", 1000.0, 0.0),
+        ("map", "radar_2", 0.0, 0.0),
+    ]
+    assert peer.node.count_publishers(names.STATIC_FRAMES) == 1
+
+
+def test_frames_can_be_left_to_another_node(executables, peer, installed):
+    executables.start(
+        "tracker", "--ros-args", *FAST, *options({"publish_frames": "false"}), **installed
+    )
+    tracked(peer)
+
+    assert not peer.node.count_publishers(names.STATIC_FRAMES)
+
+
+def test_missing_type_of_the_frames_is_said_once(executables, peer, tmp_path):
+    broken = tmp_path / "packages" / "tf2_msgs"
+    broken.mkdir(parents=True)
+    (broken / "__init__.py").write_text("raise ImportError('not in this installation')")
+    node = executables.start("tracker", "--ros-args", *FAST, PYTHONPATH=str(broken.parent))
+    tracked(peer)
+    steps = ("DEACTIVATE", "CLEANUP", "CONFIGURE", "ACTIVATE")
+
+    assert all(change(peer, getattr(Transition, f"TRANSITION_{name}")) for name in steps)
+    assert peer.spin_until(lambda: node.log.read_text().count("tracking 2 classes") == 2)
+    assert node.log.read_text().count(MISSING) == 1
+
+
+def test_recording_places_detections_on_a_map(executables, peer, tmp_path, installed):
+    where = tmp_path / "bag"
+    evaluator = executables.start("evaluator", "--ros-args", "-p", f"record:={where}", **installed)
+    assert peer.spin_until(lambda: peer.node.count_subscribers(names.detections_in_map()))
+    executables.start("tracker", "--ros-args", *FAST, *RELIABLE, **installed)
+    group = tracked(peer)
+    scores = peer.collect(DiagnosticArray, names.OSPA)
+    targets = peer.publisher(PointCloud2, names.TRUTH)
+    # The evaluator hears them for itself and for the recording.
+    assert peer.spin_until(lambda: targets.get_subscription_count() == 2)
+    for index in range(4):
+        group.track(index)
+    # Its score says that the evaluator has what came before the last scan's estimates.
+    targets.publish(truth.to_msg(Truth(SCANS[3].stamp_ns, *NO_TARGETS), "map"))
+    assert peer.spin_until(lambda: scores)
+    evaluator.terminate()
+    assert evaluator.wait(15.0) == 0
+
+    bag = BagReader(where)
+    frames = [m.data for m in bag.messages([names.STATIC_FRAMES])]
+    assert [transforms(data)[0][:2] for data in frames] == [("map", "radar_1")]
+    assert bag.counts[names.detections_in_map()] >= 3
