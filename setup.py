@@ -34,6 +34,7 @@ setup(
         (f"share/{PACKAGE}/foxglove", glob("foxglove/*.json")),
         (f"share/{PACKAGE}/config", glob("config/*.yaml")),
         (f"share/{PACKAGE}/config/dds", glob("config/dds/*.xml")),
+        (f"share/{PACKAGE}/config/diagnostics", glob("config/diagnostics/*.yaml")),
         (f"share/{PACKAGE}/config/sros2", glob("config/sros2/*.xml")),
         (f"share/{PACKAGE}/config/studies", glob("config/studies/*.yaml")),
         (f"share/{PACKAGE}/config/scenarios", glob("config/scenarios/*.yaml")),

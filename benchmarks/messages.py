@@ -72,9 +72,7 @@ class _ConstantEngine:
             filtered=found,
             smoothed=(found,),
             class_mass=np.full(classes, len(found) / classes),
-            particles=len(found),
-            effective_sample_size=float(len(found)),
-            orphans=0,
+            figures={},
         )
 
     def step(self, scan: Scan) -> Step:

@@ -7,24 +7,17 @@ from __future__ import annotations
 
 import reprlib
 
+from phd_jdtc_ros.core.quoting import short
+
 # Log lines are made of what is quoted, and anybody on the network can send a megabyte of text.
 _QUOTED = reprlib.Repr()
 _QUOTED.maxstring = 100
 _QUOTED.maxlist = 20
-LONGEST = 4000
 
 
 def quoted(value: str | list[str]) -> str:
     """Return the `repr` of what a message contains; the middle of a long text is left out."""
     return _QUOTED.repr(value)
-
-
-def cut(text: str, longest: int = LONGEST) -> str:
-    """Return a text without the middle of what exceeds `longest` characters."""
-    if len(text) <= longest:
-        return text
-    half = longest // 2
-    return f"{text[:half]} ... {text[-half:]}"
 
 
 class RejectedMessageError(ValueError):
@@ -39,5 +32,5 @@ class RejectedMessageError(ValueError):
     """
 
     def __init__(self, reason: str, detail: str) -> None:
-        super().__init__(cut(detail))
+        super().__init__(short(detail))
         self.reason = reason

@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+from . import quantities
+
 DETECTIONS_SUFFIX = "/detections"
 TRUTH = "/ground_truth/targets"
 TRACKER = "/tracker"
-OSPA = "/evaluator/ospa"
+EVALUATOR = "/evaluator"
+OSPA = f"{EVALUATOR}/ospa"
 DIAGNOSTICS = "/diagnostics"
 STATIC_FRAMES = "/tf_static"
 
@@ -17,6 +20,7 @@ POSES = "geometry_msgs/msg/PoseArray"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 FIGURES = "diagnostic_msgs/msg/DiagnosticArray"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
+NUMBER = "std_msgs/msg/Float64"
 
 
 def detections(radar: str) -> str:
@@ -44,15 +48,40 @@ def cardinality(tracker: str = TRACKER) -> str:
     return f"{tracker}/cardinality"
 
 
-def published(classes: int, tracker: str = TRACKER, scores: str = OSPA) -> dict[str, str]:
+def plot(quantity: str, node: str = TRACKER) -> str:
+    """Return the topic of a number that a node publishes for plots; `quantities` has them."""
+    return f"{node}/plot/{quantity}"
+
+
+def health(line: str, tracker: str = TRACKER) -> str:
+    """Return the name of a status of the tracker's health: of a radar, or ``step time``.
+
+    It begins with the node's full name, because ``/diagnostics`` is one topic for all namespaces.
+    """
+    return f"{tracker}: {line}"
+
+
+def hardware(radar: str, tracker: str = TRACKER) -> str:
+    """Return the hardware id of a tracker's radar; that of the tracker is its full name."""
+    return f"{tracker}/{radar}"
+
+
+def published(
+    classes: int, tracker: str = TRACKER, scores: str = OSPA, evaluator: str = EVALUATOR
+) -> dict[str, str]:
     """Return every topic that the tracker and the evaluator publish, with its type."""
     sources = ("filtered", "smoothed")
     clouds = {estimates(source, tracker): CLOUD for source in sources}
     arrays = {poses(s, k, tracker): POSES for s in sources for k in range(classes)}
+    numbers = [
+        *(plot(quantity, tracker) for quantity in quantities.of_tracker(classes)),
+        *(plot(quantity, evaluator) for quantity in quantities.of_evaluator(classes)),
+    ]
     return {
         **clouds,
         **arrays,
         detections_in_map(tracker): CLOUD,
+        **dict.fromkeys(numbers, NUMBER),
         f"{tracker}/markers": MARKERS,
         cardinality(tracker): FIGURES,
         DIAGNOSTICS: FIGURES,

@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from functools import partial
 from types import ModuleType
 
+from phd_jdtc_ros.core.quoting import short
+
 EXECUTABLES = {
     "sensor_replay": ("phd_jdtc_ros.nodes.replay.node", "plays a bag's detections and truth"),
     "tracker": ("phd_jdtc_ros.nodes.tracker.node", "the live node"),
@@ -99,7 +101,7 @@ def main() -> int:
         return run(sys.argv[1], sys.argv[2:])
     asked = len(sys.argv) > 1 and sys.argv[1] in ("-h", "--help")
     if len(sys.argv) > 1 and not asked:
-        print(f"unknown executable {sys.argv[1]!r}", file=sys.stderr)
+        print(short(f"unknown executable {sys.argv[1]!r}"), file=sys.stderr)
     print(_usage(), file=sys.stdout if asked else sys.stderr)
     return 0 if asked else 2
 

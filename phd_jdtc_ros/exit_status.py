@@ -5,17 +5,34 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
+from typing import NoReturn
 
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.quoting import short
 
 OK, FAILED, USAGE, CORRUPT, INTERRUPTED = 0, 1, 2, 3, 130
 
 
+class ArgumentParser(argparse.ArgumentParser):
+    """A parser of command lines that quotes at most a part of a long argument."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print what is wrong and end with status 2."""
+        super().error(short(message))
+
+
+def faults_of(error: Exception) -> tuple[str, ...]:
+    """Return what an error says, a line for each fault, without the middle of long quotations."""
+    if isinstance(error, ConfigError):
+        return error.faults
+    return (short(" ".join(str(error).split())),)
+
+
 def fail(name: str, error: Exception) -> int:
-    """Print why an executable cannot go on, a line a fault, and return its exit status."""
-    faults = error.faults if isinstance(error, ConfigError) else (str(error),)
-    for fault in faults:
+    """Print why an executable cannot go on, a line for each fault, and return its exit status."""
+    for fault in faults_of(error):
         print(f"{name}: {fault}", file=sys.stderr)
     return CORRUPT if isinstance(error, BagError) and error.corrupt else USAGE

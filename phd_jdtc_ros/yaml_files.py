@@ -17,14 +17,18 @@ from typing import Any, ClassVar
 
 import yaml
 
+from phd_jdtc_ros.core import quoting
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 
 # Far above any file that people write, and read in less than 2 s.
 LARGEST_BYTES = 2**19
 DEEPEST = 32
 MOST_VALUES = 20_000
-# What a fault quotes is cut to this length, because it may be of any.
-_QUOTED = 120
+# A fault quotes this much of YAML at most.
+_QUOTED = 240
+
+# For faults of assignments. A shell takes away a pair of quotation marks, and :="" leaves nothing.
+EMPTY_STRING = """; the value is missing: an empty string is -p "NAME:=''\""""
 
 _PREFIX = "tag:yaml.org,2002:"
 # A key is a name, even if it looks like a value: `y` and `1`.
@@ -166,9 +170,9 @@ def parse(text: str, where: str) -> Any:
         loader = _Loader(text)
         return loader.get_single_data()
     except _RefusedError as error:
-        raise ConfigError([f"{where}: line {error.line}: {short(error)}"]) from error
+        raise ConfigError([f"{where}: line {error.line}: {one_line(error)}"]) from error
     except yaml.YAMLError as error:
-        raise ConfigError([f"{where}: is not YAML: {short(error)}"]) from error
+        raise ConfigError([f"{where}: is not YAML: {one_line(error)}"]) from error
     finally:
         loader.dispose()
 
@@ -195,8 +199,6 @@ def load(path: Path) -> Any:
     return parse(text, str(path))
 
 
-def short(error: object) -> str:
+def one_line(error: object) -> str:
     """Return a text in one line, without its middle if it is long."""
-    text = " ".join(str(error).split())
-    half = _QUOTED // 2
-    return text if len(text) <= 2 * _QUOTED else f"{text[:half]} ... {text[-half:]}"
+    return quoting.short(" ".join(str(error).split()), _QUOTED)

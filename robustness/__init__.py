@@ -11,6 +11,7 @@ Not part of the installed package. The data's path::
     scans, bad_scans, stamps_and_time, overload, restarts    faults, on live nodes
     warm_restart, publishers
     bags, recordings, network                                files, disks, rogue peers
+    crowd, forgeries, bombs                                  input that is made to harm
     soak, decoders, raw_bytes                                a day of scans; random input
       |
     figures -> report (table), out/<command>/summary.json

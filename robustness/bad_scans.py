@@ -198,7 +198,7 @@ def cases() -> list[BadScan]:
         _dropped("NaN azimuth", "not_finite", 900.0, nan, 5.0),
         _dropped("infinite azimuth", "not_finite", 900.0, inf, 5.0),
         _dropped("infinite range", "not_finite", inf, 0.0, 5.0),
-        _dropped("NaN amplitude", "not_finite", 900.0, 0.0, nan),
+        _dropped("infinite amplitude", "amplitude", 900.0, 0.0, inf),
         _dropped("negative range", "range", -5.0, 0.0, 5.0),
         _dropped("beyond the range", "range", 1e6, 0.0, 5.0),
         _dropped("an azimuth that is no angle", "azimuth", 900.0, 1e30, 5.0),

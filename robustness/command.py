@@ -17,6 +17,7 @@ from rich.console import Console
 from . import (
     bad_scans,
     bags,
+    bombs,
     clutter,
     crowd,
     decoders,
@@ -30,6 +31,7 @@ from . import (
     restarts,
     soak,
     stamps_and_time,
+    turning,
     warm_restart,
 )
 from .figures import Figure, all_reached, unmeasured
@@ -53,11 +55,15 @@ ELSEWHERE = (
 def faults(_: argparse.Namespace) -> Iterator[Measure]:
     """Yield the faults' measurements, the quick and informative ones first."""
     yield bad_scans.measure
+    yield turning.measure
+    yield turning.measure_refused
     yield bags.measure_recovery
     yield bags.measure_bomb
     yield overload.measure
+    yield overload.measure_said
     yield clutter.measure
     yield crowd.measure
+    yield bombs.measure
     yield stamps_and_time.measure_silence
     yield publishers.measure
     yield restarts.measure_kills

@@ -25,6 +25,8 @@ from msg_adapters import detections, interfaces, names
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.turns import Turns
 
 from . import bags, raw_bytes, scans
 from .figures import Figure, measured_or_why
@@ -34,8 +36,19 @@ GOAL = "10,000 hypothesis examples: 0 other errors, 0 NaN"
 BAGS = "bag reader on random damage"
 BAGS_GOAL = "0 errors but BagError, 0 false messages"
 EXAMPLES = 10_000
-FIELDS = ("x", "range", "azimuth", "elevation", "amplitude")
-RADAR = resolve({}).inputs[0]
+FIELDS = ("x", "range", "azimuth", "elevation", "amplitude", "time", "sector", "height", "std")
+# All that a radar may say of a detection.
+RADAR = resolve(
+    {
+        "radar_1.rotation_s": 4.0,
+        "radar_1.sectors": 16,
+        "radar_1.fields.time": "time",
+        "radar_1.fields.sector": "sector",
+        "radar_1.fields.height": "height",
+        "radar_1.fields.range_std": "std",
+        "radar_1.fields.azimuth_std": "std",
+    }
+).inputs[0]
 
 _SIZES = st.one_of(st.integers(0, 40), st.sampled_from([2**16, 2**31, 2**32 - 1]))
 _FIELD = st.builds(
@@ -55,7 +68,7 @@ def clouds(draw: st.DrawFn) -> PointCloud2:
     step = draw(st.integers(8, 32))
     row = width * step + draw(st.sampled_from([0, 0, 4]))
     data = draw(st.binary(min_size=row * height, max_size=row * height))
-    fields = draw(st.lists(_FIELD, max_size=5, unique_by=lambda field: field.name))
+    fields = draw(st.lists(_FIELD, max_size=8, unique_by=lambda field: field.name))
     if consistent:
         fields += [
             PointField(name=name, offset=4 * place, datatype=PointField.FLOAT32, count=1)
@@ -139,13 +152,20 @@ def _decoded(data: bytes) -> str:
 
 def _outcome(cloud: PointCloud2) -> str:
     try:
-        found = detections.from_msg(cloud, RADAR).detections
+        report = detections.from_msg(cloud, RADAR)
+        found = report.detections
+        parts = Turns(4.0, 16).split(report.stamp_ns, found, report.sector)
     except RejectedMessageError as error:
         return f"rejected: {error.reason}"
     except Exception as error:  # any other exception would end a node
         return f"error: {type(error).__name__}: {error}"[:120]
-    values = [found.measurement, *([] if found.amplitude is None else [found.amplitude])]
-    return "decoded" if all(np.isfinite(value).all() for value in values) else "NaN"
+    if isinstance(parts, Rejection) or sum(len(part) for _, part in parts) != len(found):
+        return "error: detections lost"
+    # NaN is what is unknown of an amplitude or a deviation, and nothing else.
+    values = [found.measurement, *([] if found.time_s is None else [found.time_s])]
+    unknown = [each for each in (found.amplitude, found.noise_std) if each is not None]
+    finite = all(np.isfinite(value).all() for value in values)
+    return "decoded" if finite and not any(np.isinf(each).any() for each in unknown) else "NaN"
 
 
 def measure_bags(examples: int = EXAMPLES // 10) -> Figure:

@@ -9,10 +9,12 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticStatus
+
 from . import scans
 from .figures import Figure, measured_or_why
 from .radars import Radars
-from .rig import Rig
+from .rig import Node, Rig
 
 NAME = "loss accounting"
 GOAL = "10x overload: exact; memory at most +10 MB"
@@ -21,6 +23,10 @@ WARM_UP = 40
 FIRST_BURST = 1200
 FACTOR = 10
 MOST_KIB = 10_000_000 / 1024
+SAID = "overload in diagnostics"
+SAID_GOAL = "a level above OK that says what to turn down; no radar is called silent"
+SAID_SCANS = 2000
+ADVICE = "turn down"
 
 
 def measure(count: int = SCANS) -> Figure:
@@ -28,15 +34,44 @@ def measure(count: int = SCANS) -> Figure:
     return measured_or_why(NAME, GOAL, lambda: _measure(count))
 
 
+def measure_said(count: int = SAID_SCANS) -> Figure:
+    """Send scans at ten times the sustainable rate, and read what the diagnostics say of it."""
+    return measured_or_why(SAID, SAID_GOAL, lambda: _measure_said(count))
+
+
+def _measure_said(count: int) -> tuple[str, bool, Mapping[str, Any]]:
+    usual = FACTOR * WARM_UP
+    clouds = scans.often(usual + count, FACTOR)
+    with Rig() as rig:
+        _slow_tracker(rig)
+        radars = rig.radars
+        period = _keeping_up(radars, clouds[:usual:FACTOR]) / FACTOR
+        begin = time.monotonic()
+        for index, pair in enumerate(clouds[usual:], 1):
+            _publish(radars, pair)
+            radars.spin(max(0.0, begin + index * period - time.monotonic()))
+        found = [line for at, lines in radars.health if at > begin for line in lines.values()]
+    said = {line.message for line in found if line.level != DiagnosticStatus.OK}
+    advice = sorted(text for text in said if ADVICE in text)
+    silent = sorted(text for text in said if "silent" in text)
+    text = f"{advice[0]!r}" if advice else "nothing above OK says what to turn down"
+    text += f"; {'silent: ' + silent[0] if silent else 'no radar silent'}"
+    return text, bool(advice) and not silent, {"said": sorted(said)}
+
+
+def _slow_tracker(rig: Rig) -> Node:
+    """Start a tracker with a user's QoS, best effort and ten deep, but with steps slow enough."""
+    tracker = rig.start("tracker", "--ros-args", "-p", "particles_per_target:=3000")
+    tracker.said("tracking")
+    rig.radars.connected()
+    return tracker
+
+
 def _measure(count: int) -> tuple[str, bool, Mapping[str, Any]]:
     usual = FACTOR * WARM_UP
     clouds = scans.often(usual + FIRST_BURST + count, FACTOR)
     with Rig() as rig:
-        # With a user's QoS, best effort and ten deep, but with steps slow enough for one sender.
-        tracker = rig.start("tracker", "--ros-args", "-p", "particles_per_target:=3000")
-        tracker.said("tracking")
-        radars = rig.radars
-        radars.connected()
+        tracker, radars = _slow_tracker(rig), rig.radars
         period = _keeping_up(radars, clouds[:usual:FACTOR]) / FACTOR
         # Scans with gaps need more memory; the first burst brings it to its usual level.
         _burst(radars, clouds[usual : usual + FIRST_BURST], period)

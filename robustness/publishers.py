@@ -11,7 +11,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import diagnostics
+from msg_adapters import diagnostics, names
 
 from . import scans
 from .figures import Figure, measured_or_why
@@ -108,4 +108,4 @@ def _levels(radars: Radars, radar: str) -> list[bytes]:
 
 
 def _line(found: Mapping[str, DiagnosticStatus], radar: str) -> DiagnosticStatus:
-    return found[f"tracker: {radar}"]
+    return found[names.health(radar)]

@@ -138,7 +138,7 @@ class Radars:
 
     def values(self, line: str) -> dict[str, str]:
         """Return the values of one status of a new health report, such as ``radar_1``."""
-        return diagnostics.values_of(self.latest_health()[f"tracker: {line}"])
+        return diagnostics.values_of(self.latest_health()[names.health(line)])
 
     def _on_filtered(self, cloud: PointCloud2) -> None:
         stamp = stamps.to_ns(cloud.header.stamp)
@@ -159,5 +159,5 @@ class Radars:
 
     def _on_health(self, array: DiagnosticArray) -> None:
         lines = {status.name: status for status in array.status}
-        if any(name.startswith("tracker: ") for name in lines):
+        if names.health("step time") in lines:
             self.health.append((time.monotonic(), lines))

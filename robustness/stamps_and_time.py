@@ -14,6 +14,8 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from msg_adapters import names
+
 from . import scans
 from .figures import Figure, measured_or_why
 from .radars import REPLY_S, Radars
@@ -187,7 +189,7 @@ def _at_rate(radars: Radars, index: int, count: int, sending: tuple[int, ...]) -
 def _noticed(radars: Radars, stopped: float) -> float | None:
     """Return the time from the second radar's last scan to its first status of silence."""
     for arrived, lines in radars.health:
-        line = lines["tracker: radar_2"]
+        line = lines[names.health("radar_2")]
         # Other warnings, of late and dropped scans, do not count.
         if arrived > stopped and line.level != DiagnosticStatus.OK and "silent" in line.message:
             return arrived - stopped

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from msg_adapters.errors import cut
+from phd_jdtc_ros.core.quoting import short
 
 
 class BagError(Exception):
@@ -20,5 +20,5 @@ class BagError(Exception):
     """
 
     def __init__(self, message: str, corrupt: bool = False) -> None:
-        super().__init__(cut(message))
+        super().__init__(short(message))
         self.corrupt = corrupt

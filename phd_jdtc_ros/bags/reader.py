@@ -242,11 +242,13 @@ class _CorruptionGuard:
 
 def _mcap_file(path: Path) -> Path:
     """Return the MCAP file of a bag."""
-    if path.is_file():
+    with _CorruptionGuard(path):
+        is_file, is_directory = path.is_file(), path.is_dir()
+    if is_file:
         if path.suffix != ".mcap":
             raise BagError(f"{path}: {_foreign_fault(path) or 'is not an MCAP file'}")
         return path
-    if not path.is_dir():
+    if not is_directory:
         raise BagError(f"{path}: no such bag")
     files = sorted(path.glob("*.mcap"))
     if len(files) == 1:

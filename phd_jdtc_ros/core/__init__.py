@@ -26,7 +26,7 @@ tracks, which the study's reference uses.
 Packages import in one direction only::
 
     pipeline -> engines -> configuration -> smc, gaussian -> association, models, pair_search
-    evaluation, simulation -> models          everything -> types, state_space, arrays
+    evaluation, simulation -> models          everything -> types, state_space, arrays, quoting
 
 The method is that of Y. Qin, "Joint Target Detection, Tracking and Classification with
 Forward-Backward PHD Smoothing". Sections cited in the docstrings are the paper's. Where the code

@@ -36,8 +36,9 @@ REFINEMENTS = (0.9, 0.5, FARTHEST)
 EVIDENCE = 4.0
 # Age in turns at which a detection has half of its weight, and that from which on it has none.
 HALF_AGE, OLDEST = 0.5, 2.2
-# Detections of a cloud that are looked at; a regular choice of them if there are more.
-MOST = 1000
+# Detections of a cloud, and of those before it, that are looked at: a regular choice if there are
+# more.
+MOST = 250
 # So many detections in nearly a turn must say how the antenna turns.
 MANY_PLOTS, MOST_OF_A_TURN = 20, 0.8
 BoolArray = npt.NDArray[np.bool_]
@@ -103,12 +104,17 @@ class _Plots:
         if not len(self):
             return self
         age = np.maximum(self.time_s.min() - earlier.time_s, 0.0) / turn_s
-        kept = age < OLDEST
+        kept = np.flatnonzero(age < OLDEST)[:: _step(len(earlier))]
         return _Plots(
             np.concatenate([earlier.time_s[kept], self.time_s]),
             np.concatenate([earlier.azimuth[kept], self.azimuth]),
             np.concatenate([0.5 ** (age[kept] / HALF_AGE), np.ones(len(self))]),
         )
+
+
+def _step(count: int) -> int:
+    """Return the step of the choice of so many detections."""
+    return max(1, math.ceil(count / MOST))
 
 
 NONE = _Plots(np.zeros(0), np.zeros(0), np.zeros(0))
@@ -156,7 +162,7 @@ class AntennaEstimator:
         azimuth : array of shape (M,)
             Counter-clockwise, radians.
         """
-        step = max(1, math.ceil(len(time_s) / MOST))
+        step = _step(len(time_s))
         own = _Plots(time_s[::step], azimuth[::step], np.ones(len(time_s[::step])))
         found = self._followed(own)
         if self.unclear > 1 and self.antenna is not None:
@@ -195,14 +201,18 @@ class AntennaEstimator:
         """Return the motion that fits some detections best; the latest if they are too few."""
         if plots.weight.sum() < LEAST_FITTED:
             return self.antenna
+        if self.antenna is not None:
+            found = self._refined(self.antenna, plots)
+            if self._share(found, plots) >= LEAST_FIT:
+                return found
         directions = (1, -1) if self.antenna is None else (self.antenna.direction,)
-        found = [self._coarse(plots, direction) for direction in directions]
-        if len(found) > 1 and self._spread < 0.5 * np.pi:
-            evidence = plots.weight.sum() * (found[0][1] ** 2 - found[1][1] ** 2)
+        tried = [self._coarse(plots, direction) for direction in directions]
+        if len(tried) > 1 and self._spread < 0.5 * np.pi:
+            evidence = plots.weight.sum() * (tried[0][1] ** 2 - tried[1][1] ** 2)
             if abs(evidence) < EVIDENCE:
                 return None
-            found.sort(key=lambda entry: -entry[1])
-        return self._refined(found[0][0], plots)
+            tried.sort(key=lambda entry: -entry[1])
+        return self._refined(tried[0][0], plots)
 
     def _coarse(self, plots: _Plots, direction: int) -> tuple[Antenna, float]:
         """Return the best of some rates with its phase, and how well it fits, from 0 to 1."""

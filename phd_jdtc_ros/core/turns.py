@@ -281,12 +281,11 @@ class Turns:
         start = coverage.start
         if antenna.direction < 0:
             start = -coverage.start - coverage.width
-        if len(cloud):
-            expected = float(antenna.phase_at(np.array(cloud.time_s.mean())))
-        elif self._edge is not None:
+        if self._edge is not None:
             expected = self._edge[0] + (cloud.missing + 0.5) * coverage.width
         else:
-            expected = float(antenna.phase_at(np.array(cloud.stamp_s)))
+            middle_s = float(np.median(cloud.time_s)) if len(cloud) else cloud.stamp_s
+            expected = float(antenna.phase_at(np.array(middle_s)))
         turns = round((expected - start - 0.5 * coverage.width) / FULL_TURN)
         return start + turns * FULL_TURN
 

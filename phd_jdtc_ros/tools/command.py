@@ -16,6 +16,7 @@ from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError
+from phd_jdtc_ros.core.quoting import short
 from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
 
 from . import params_file, tracker_params
@@ -32,7 +33,7 @@ def guarded(name: str, work: Callable[[], int]) -> int:
         return fail(name, error)
     except OSError as error:  # a path that cannot be written, a full disk
         where = f"{error.filename}: " if error.filename else ""
-        print(f"{name}: {where}{error.strerror or error}", file=sys.stderr)
+        print(f"{name}: {short(where)}{error.strerror or error}", file=sys.stderr)
         return USAGE
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)

@@ -9,7 +9,6 @@ is in lock-step with the tracker, so it runs as fast as the CPU allows and loses
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import signal
@@ -24,7 +23,7 @@ from msg_adapters import names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.exit_status import FAILED, OK
+from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.report.pictures import figures
 
 from . import command, report, resources
@@ -177,7 +176,7 @@ def _clear(out: Path) -> None:
 
 def main(argv: Sequence[str]) -> int:
     """Run the demo."""
-    parser = argparse.ArgumentParser("demo", description=__doc__)
+    parser = ArgumentParser("demo", description=__doc__)
     parser.add_argument("--bag", type=Path, default=shipped_bag())
     parser.add_argument("--out", type=Path, default=Path("out/demo"))
     arguments = parser.parse_args(argv)

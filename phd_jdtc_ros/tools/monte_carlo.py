@@ -22,7 +22,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.exit_status import FAILED, OK
+from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.study import figures, monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Outcome, Plan, Scene, Store, Study, Task
 
@@ -162,7 +162,7 @@ def _backend(arguments: argparse.Namespace) -> Callable[..., None]:
 
 def main(argv: Sequence[str]) -> int:
     """Run the study tool."""
-    parser = argparse.ArgumentParser("monte_carlo", description=__doc__)
+    parser = ArgumentParser("monte_carlo", description=__doc__)
     parser.add_argument("--study", type=Path, default=published_study(), help="study file")
     parser.add_argument("--runs", type=int, default=50, help="seeds per case (%(default)s)")
     parser.add_argument("--first-seed", type=int, default=0)

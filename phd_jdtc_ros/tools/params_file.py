@@ -85,8 +85,11 @@ def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[st
         if not separator:
             faults.append(f"-p {assignment}: must be NAME:=VALUE")
             continue
+        if not value:
+            faults.append(f"-p {assignment}: must be NAME:=VALUE{yaml_files.EMPTY_STRING}")
+            continue
         try:
-            found[name] = yaml_files.parse(value, f"-p {yaml_files.short(assignment)}")
+            found[name] = yaml_files.parse(value, f"-p {yaml_files.one_line(assignment)}")
         except ConfigError as error:
             faults += error.faults
     if faults:

@@ -15,6 +15,7 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
     GROUPS,
     OF_ALL,
+    PLOTTED,
     PUBLISHED,
     TERMS,
 )
@@ -30,9 +31,10 @@ _PARAMETERS = """\
 
 Written by `make parameters` from the tables in the code. Parameters marked * can change while the
 tracker runs, from the next scan on. A change is checked together with all other values, and if it
-is refused, every reason is given. All other parameters are fixed at the start, except `seek_s` of
-`sensor_replay`. Whole numbers are accepted for all numbers. All faults of a configuration are
-listed at once, and the node then ends with status 2.
+is refused, every reason is given. The tracker's other parameters change only while it is not
+configured; those of the other nodes are fixed at the start, except `seek_s` of `sensor_replay`.
+Whole numbers are accepted for all numbers. All faults of a configuration are listed at once, and
+the node then ends with status 2.
 """
 
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
@@ -89,7 +91,8 @@ Written by `make parameters` from the table in the code. `metrics.json` has them
 variant, lag, set and key, as means over runs. Shares are shown in per cent; in both files they are
 from 0 to 1. A figure that has no meaning, such as the RMS of no pairs, is null.
 
-The evaluator publishes on `~/ospa`, for every scan and set: {published}.
+The evaluator publishes on `~/ospa`, for every scan and set: {published}. On a topic each, for
+[plots](visualisation.md#plots), it publishes {plotted} too.
 
 c, the cutoff, and p, the order, are the evaluator's parameters `cutoff` and `order`; `track_bag`,
 `report` and `monte_carlo` have the option `--cutoff`. A target and an estimate are a pair where the
@@ -107,7 +110,8 @@ _CLASSES = (
 
 def metrics() -> str:
     """Return the page of the metrics as Markdown."""
-    parts = [_METRICS.format(published=", ".join(f"`{name}`" for name in PUBLISHED))]
+    names = {"published": PUBLISHED, "plotted": PLOTTED}
+    parts = [_METRICS.format(**{k: ", ".join(f"`{name}`" for name in v) for k, v in names.items()})]
     sections = [
         *((title[0].upper() + title[1:], "", group) for title, group in GROUPS.items()),
         ("Tracks", "For all targets only.", OF_ALL),

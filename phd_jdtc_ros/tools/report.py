@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +14,7 @@ from rich.console import Console
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.exit_status import FAILED, OK, fail
+from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.record import Record
@@ -87,7 +86,7 @@ def _write_page(
 
 def main(argv: Sequence[str]) -> int:
     """Run the report tool."""
-    parser = argparse.ArgumentParser("report", description=__doc__)
+    parser = ArgumentParser("report", description=__doc__)
     parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file with estimates")
     parser.add_argument("--out", type=Path, required=True, help="directory of the report")
     parser.add_argument("--title", help="title of the page; the bag's name if absent")

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import heapq
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -21,7 +20,7 @@ from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.simulation.sweep import simulate_reports
 from phd_jdtc_ros.core.types import Detections, Truth
-from phd_jdtc_ros.exit_status import OK
+from phd_jdtc_ros.exit_status import OK, ArgumentParser
 
 from . import command
 
@@ -81,7 +80,7 @@ def _messages(
 
 def main(argv: Sequence[str]) -> int:
     """Run the simulation tool."""
-    parser = argparse.ArgumentParser("simulate", description=__doc__)
+    parser = ArgumentParser("simulate", description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
     command.add_parameter_arguments(parser)

@@ -9,7 +9,6 @@ estimates are equal to the live ones. Two runs write the same bytes.
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -28,7 +27,7 @@ from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
-from phd_jdtc_ros.exit_status import OK, fail
+from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.table import score_tables
 
@@ -139,7 +138,7 @@ def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTra
 
 def main(argv: Sequence[str]) -> int:
     """Run the offline tracker."""
-    parser = argparse.ArgumentParser("track_bag", description=__doc__)
+    parser = ArgumentParser("track_bag", description=__doc__)
     parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file")
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
     command.add_cutoff_argument(parser)

@@ -21,6 +21,7 @@ BASE = ("arrays", "state_space", "types", "origins", "track_numbers")
 ROOMS = {
     "arrays": (),
     "origins": ("arrays",),
+    "quoting": (),
     "snapshot": (),
     "state_space": ("arrays",),
     "types": ("arrays", "state_space"),
@@ -38,7 +39,10 @@ ROOMS = {
     "smc": (*BASE, "association", "engine", "models", "pair_search", "reporting", "snapshot"),
     "gaussian": (*BASE, "association", "engine", "models", "pair_search", "reporting", "snapshot"),
     "evaluation": BASE,
-    "configuration": (*(*BASE, "engine", "models", "reporting", "scans", "smc", "turns", "watch"),),
+    "configuration": (
+        *BASE,
+        *("engine", "models", "quoting", "reporting", "scans", "smc", "turns", "watch"),
+    ),
     "simulation": (*BASE, "configuration", "models"),
     "engines": ("configuration", "engine", "pair_search", "smc"),
     "pipeline": ("configuration", "engine", "engines", "scans", "turns", "types", "watch"),
@@ -47,7 +51,7 @@ ROOMS = {
 PARTS = {
     "core": (),
     "msg_adapters": ("core",),
-    "bags": ("msg_adapters",),
+    "bags": ("core", "msg_adapters"),
     "exit_status": ("bags", "core"),
     "yaml_files": ("core",),
     "report": ("bags", "core", "msg_adapters"),

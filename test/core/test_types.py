@@ -74,13 +74,34 @@ def test_particle_phd_weight_adds_unexplained_and_explained():
     ("weight", "multiplicity", "expected"),
     [
         ([0.1, 0.1, 0.1, 0.1], [1, 1, 1, 1], 4.0),
-        ([0.3, 0.1], [3, 1], 4.0),
+        ([0.3, 0.1], [3, 1], 1.6),
+        ([400.0], [4000], 1.0),
         ([1.0, 0.0], [1, 1], 1.0),
     ],
 )
-def test_particle_phd_effective_sample_size_counts_copies(weight, multiplicity, expected):
+def test_particle_phd_effective_sample_size_is_never_above_the_particles(
+    weight, multiplicity, expected
+):
     phd = intensity(np.zeros((len(weight), 5)), weight, multiplicity=np.array(multiplicity))
     assert phd.effective_sample_size == pytest.approx(expected)
+    assert phd.effective_sample_size <= len(phd)
+
+
+@pytest.mark.parametrize(
+    ("weight", "origin", "expected"),
+    [
+        ([0.1, 0.1, 0.1, 0.1], [0, 0, 0, 0], 1.0),
+        ([1.0, 0.0, 0.0, 0.0], [0, 0, 0, 0], 0.25),
+        # Of two targets, one of which is left with a single particle.
+        ([0.5, 0.5, 1.0, 0.0], [0, 0, 1, 1], 0.75),
+        # Particles without mass, such as those of births where nothing is detected, do not count.
+        ([0.5, 0.5, 0.0, 0.0], [0, 0, 1, 1], 1.0),
+        ([0.0, 0.0], [0, 1], 0.0),
+    ],
+)
+def test_particle_phd_effective_share_is_that_of_the_targets(weight, origin, expected):
+    phd = intensity(np.zeros((len(weight), 5)), weight, origin=np.array(origin))
+    assert phd.effective_share == pytest.approx(expected)
 
 
 def test_particle_phd_empty_has_no_mass():
@@ -88,6 +109,7 @@ def test_particle_phd_empty_has_no_mass():
     assert (len(empty), empty.state.shape, empty.components.shape) == (0, (0, 5), (0, 0))
     assert empty.weight.shape == (0,)
     assert empty.effective_sample_size == 0.0
+    assert empty.effective_share == 0.0
 
 
 def test_particle_phd_class_mass_sums_over_modes():

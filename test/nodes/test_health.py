@@ -29,13 +29,28 @@ def radar(interval_s=None, scans=9):
     if interval_s is not None:
         for k in range(scans):
             now = 100.0 - (scans - 1 - k) * interval_s
-            health.arrived(now, k)
+            health.arrived(now, k, 0.0)
             health.rhythm.beat(now)
     return health
 
 
-def status(health, now_s=100.0, heard=ALONE):
-    return health.status("tracker", now_s, 2.0, heard)
+def status(health, now_s=100.0, heard=ALONE, looked_s=None):
+    """Return the status; without `looked_s` of a tracker that is never late."""
+    looked_s = now_s if looked_s is None else looked_s
+    return health.status("/site/tracker", now_s, looked_s, 2.0, heard)
+
+
+def step_status(pace, limit=1.0, lost=0, busy=0.1):
+    return pace.status("/site/tracker", limit, lost, busy)
+
+
+def stepping(step_ms, interval_s=2, wall_s=None):
+    """Return the health after a dozen steps."""
+    pace = StepHealth(Rhythm(6.0), Rhythm(6.0))
+    wall_s = interval_s if wall_s is None else wall_s
+    for index in range(12):
+        pace.stepped(index * interval_s * 10**9, index * wall_s, step_ms)
+    return pace
 
 
 def test_rhythm_is_the_median_of_the_latest():
@@ -80,7 +95,7 @@ def test_radar_that_never_reported_is_stale():
 
 def test_radar_that_reports_is_well_and_says_how_it_does():
     found = status(radar(1.0), 100.5)
-    assert (found.name, found.hardware_id) == ("tracker: north", "north")
+    assert (found.name, found.hardware_id) == ("/site/tracker: north", "/site/tracker/north")
     assert (found.level, found.message) == (OK, "receiving")
     assert diagnostics.values_of(found) == {
         "topic": "/north/plots",
@@ -128,8 +143,8 @@ def test_second_publisher_in_the_graph_is_a_warning_for_it_may_be_a_killed_one()
 def test_publishers_that_send_in_turns_are_an_error_whatever_the_graph_says():
     health = radar(1.0)
     for k in range(4):
-        health.arrived(100.0 + k, 500 + k)
-        health.arrived(100.5 + k, 9 + k)
+        health.arrived(100.0 + k, 500 + k, 0.0)
+        health.arrived(100.5 + k, 9 + k, 0.0)
     found = status(health, 104.0)
     assert (found.level, found.message) == (
         ERROR,
@@ -142,7 +157,7 @@ def test_publishers_that_send_in_turns_are_an_error_whatever_the_graph_says():
 def test_restarted_publisher_is_never_an_error():
     health = radar(1.0)
     for k in range(40):
-        health.arrived(101.0 + k, 1 + k)
+        health.arrived(101.0 + k, 1 + k, 0.0)
         found = status(health, 101.0 + k, TWO if k < 20 else ALONE)
         assert found.level == (WARN if k < 20 else OK)
     assert health.gaps == 0
@@ -160,7 +175,7 @@ def test_publisher_that_is_restarted_again_and_again_is_no_error(restart_s):
 def test_silent_second_publisher_is_an_error_once_it_outlives_a_killed_one():
     health = radar(1.0)
     for after_s, level in ((0.0, WARN), (LEASE_S - 1.0, WARN), (LEASE_S + 1.0, ERROR)):
-        health.arrived(100.0 + after_s, None)
+        health.arrived(100.0 + after_s, None, 0.0)
         assert status(health, 100.0 + after_s, TWO).level == level
     assert status(health, 100.0 + LEASE_S + 1.0).level == OK
 
@@ -174,37 +189,82 @@ def test_publisher_that_cannot_be_heard_is_an_error_even_before_anything_came():
 def test_gaps_are_counted_exactly():
     health = radar()
     for sequence in (4, 5, 9, 10, 13):
-        health.arrived(0.0, sequence)
+        health.arrived(0.0, sequence, 0.0)
     assert health.gaps == 3 + 2
 
 
 def test_gaps_are_not_counted_where_nobody_numbers():
     health = radar()
     for _ in range(3):
-        health.arrived(0.0, None)
+        health.arrived(0.0, None, 0.0)
     assert (health.gaps, health.received) == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("worked_s", "why"),
+    [(0.9, "the tracker is too slow, see its step time"), (0.1, "on the way to the tracker")],
+)
+def test_lost_messages_are_a_warning_that_says_whose_doing_it_is(worked_s, why):
+    health = radar(1.0)
+    health.arrived(101.0, 9, worked_s)
+    assert status(health, 101.0).level == OK
+    # Five are missing, in a second of which the tracker worked that part.
+    health.arrived(102.0, 15, 2 * worked_s)
+    found = status(health, 102.0)
+    assert (found.level, found.message) == (WARN, f"5 messages lost in the last 10 s: {why}")
+    assert diagnostics.values_of(found)["gaps"] == "5"
+    assert health.losses.by_overload(102.0) == (5 if worked_s > 0.5 else 0)
+    health.rhythm = Rhythm(60.0)
+    assert status(health, 102.1 + WARNING_MEMORY_S).level == OK
+
+
+def test_radar_is_not_silent_while_the_tracker_is_too_busy_to_look():
+    health = radar(0.05)
+    # The tracker worked for 5 s: what waits in its queue has not been received yet.
+    assert status(health, 105.0, looked_s=100.0).level == OK
+    assert not health.silent(100.0, 2.0)
+    # It has looked since, and there was nothing.
+    assert status(health, 105.2, looked_s=105.1).level == STALE
 
 
 @pytest.mark.parametrize(("step_ms", "level"), [(999.0, OK), (1001.0, WARN)])
 def test_step_time_is_judged_by_the_scans_true_interval(step_ms, level):
-    pace = StepHealth(Rhythm(6.0))
-    for second in range(12):
-        pace.stepped(second * 2 * 10**9, step_ms)
-    found = pace.status("tracker", "/tracker", 0.5)
-    assert (found.name, found.hardware_id) == ("tracker: step time", "/tracker")
+    found = step_status(stepping(step_ms), limit=0.5)
+    assert (found.name, found.hardware_id) == ("/site/tracker: step time", "/site/tracker")
     assert found.level == level
     assert diagnostics.values_of(found)["scan_interval_ms"] == "2000.0"
 
 
 def test_step_time_before_any_scan_is_stale():
-    assert StepHealth(Rhythm(6.0)).status("tracker", "/tracker", 1.0).level == STALE
+    assert step_status(StepHealth(Rhythm(6.0), Rhythm(6.0))).level == STALE
+
+
+def test_overload_is_a_warning_that_says_what_to_turn_down_though_each_step_is_in_time():
+    # The scans that are left after the losses are far apart, so each step is fast enough for them.
+    pace = stepping(800.0)
+    assert step_status(pace).level == OK
+    found = step_status(pace, lost=453, busy=0.99)
+    assert found.level == WARN
+    assert found.message == (
+        "overloaded, 453 messages lost in the last 10 s: turn down particles_per_target, "
+        "max_particles or lag"
+    )
+    assert diagnostics.values_of(found)["busy"] == "0.99"
+
+
+@pytest.mark.parametrize(("wall_s", "level"), [(2.0, WARN), (0.02, OK)])
+def test_tracker_that_is_always_busy_warns_unless_a_replay_waits_for_it(wall_s, level):
+    """Where the middleware does not number messages, losses cannot be counted."""
+    found = step_status(stepping(19.0, wall_s=wall_s), busy=0.97)
+    assert found.level == level
+    assert ("busy for 97% of the time" in found.message) == (level == WARN)
 
 
 def test_refused_subscription_is_a_warning_for_a_while():
     outputs = OutputHealth()
-    assert outputs.status("tracker", "/tracker", 0.0).level == OK
+    assert outputs.status("/tracker", 0.0).level == OK
     outputs.refuse("/tracker/markers", 2, 50.0)
-    found = outputs.status("tracker", "/tracker", 51.0)
+    found = outputs.status("/tracker", 51.0)
     assert found.level == WARN
     assert diagnostics.values_of(found) == {"incompatible_qos /tracker/markers": "2"}
-    assert outputs.status("tracker", "/tracker", 51.0 + WARNING_MEMORY_S).level == OK
+    assert outputs.status("/tracker", 51.0 + WARNING_MEMORY_S).level == OK

@@ -239,7 +239,7 @@ def test_tracker_lives_and_tracks_as_its_operator_says(processes, peer, tmp_path
     # Unconfigured it has no topics and says so.
     assert operator.state() == "unconfigured"
     assert not peer.node.count_subscribers("/drivers/north/plots")
-    assert operator.levels()["tracker: south"] == (
+    assert operator.levels()["/tracker: south"] == (
         DiagnosticStatus.STALE,
         "the tracker is unconfigured",
     )

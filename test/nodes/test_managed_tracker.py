@@ -3,6 +3,8 @@
 
 """What an operator sees of a live tracker: its life, its diagnostics, its optional outputs."""
 
+import itertools
+import re
 import time
 
 import pytest
@@ -39,12 +41,12 @@ def line(group, name):
     """Return the line of that name in the next health report but one."""
     before = len(group.health)
     assert group.peer.spin_until(lambda: len(group.health) > before + 1)
-    return next(s for s in group.health[-1].status if s.name == f"tracker: {name}")
+    return next(s for s in group.health[-1].status if s.name == f"/tracker: {name}")
 
 
 def wait_for_level(group, name, level):
     def reached():
-        return any(s.name == f"tracker: {name}" and s.level == level for s in statuses())
+        return any(s.name == f"/tracker: {name}" and s.level == level for s in statuses())
 
     def statuses():
         return group.health[-1].status if group.health else ()
@@ -76,10 +78,10 @@ def test_health_has_one_line_a_radar_one_for_the_step_and_one_for_the_outputs(pr
         lambda: found and {s.level for s in found[-1].status} == {DiagnosticStatus.OK}
     )
     assert {(s.name, s.hardware_id) for s in found[-1].status} == {
-        ("tracker: radar_1", "radar_1"),
-        ("tracker: radar_2", "radar_2"),
-        ("tracker: step time", "/tracker"),
-        ("tracker: outputs", "/tracker"),
+        ("/tracker: radar_1", "/tracker/radar_1"),
+        ("/tracker: radar_2", "/tracker/radar_2"),
+        ("/tracker: step time", "/tracker"),
+        ("/tracker: outputs", "/tracker"),
     }
 
 
@@ -99,7 +101,7 @@ def test_silent_radar_is_noticed_while_the_other_is_tracked(processes, peer):
         group.send(index, radars=(0,))
         if peer.spin_until(reported, 0.2):
             break
-    assert {s.name for s in reported()} == {"tracker: radar_2"}
+    assert {s.name for s in reported()} == {"/tracker: radar_2"}
     values = diagnostics.values_of(reported()[0])
     assert float(values["age_s"]) > 2.0 * float(values["interval_s"])
     # Tracking goes on. The radar's return is noticed, though nobody waited for its scan.
@@ -203,6 +205,75 @@ def test_gaps_in_the_publishers_numbers_are_counted(processes, peer):
     assert change(peer, Transition.TRANSITION_ACTIVATE)
     group.track(5)
     assert diagnostics.values_of(line(group, "radar_1"))["gaps"] == "4"
+
+
+def test_diagnostics_show_a_radars_topic_after_remapping(processes, peer):
+    start(processes, "-r", f"{DETECTIONS}:=/drivers/north/plots")
+    group = Radars(peer)
+    assert peer.spin_until(lambda: group.health)
+    assert diagnostics.values_of(line(group, "radar_1"))["topic"] == "/drivers/north/plots"
+    assert diagnostics.values_of(line(group, "radar_2"))["topic"] == "/radar_2/detections"
+    assert peer.node.count_subscribers("/drivers/north/plots") == 1
+
+
+def test_every_radar_that_is_rejected_is_named_in_the_log(processes, peer):
+    tracker = start(processes)
+    group = connected(peer)
+    for output in group.outputs:
+        output.publish(detections.to_msg(SCANS[0].detections[0], SCANS[0].stamp_ns, "nowhere"))
+    assert peer.spin_until(lambda: tracker.log.read_text().count("scan rejected") == 2)
+    said = [text for text in tracker.log.read_text().splitlines() if "scan rejected" in text]
+    assert [re.search(r"(radar_\d): scan", text)[1] for text in said] == ["radar_1", "radar_2"]
+
+
+def test_every_transition_is_logged(processes, peer):
+    tracker = start(processes)
+    group = connected(peer)
+    for index in range(3):
+        group.track(index)
+    for transition in (
+        Transition.TRANSITION_DEACTIVATE,
+        Transition.TRANSITION_CLEANUP,
+        Transition.TRANSITION_UNCONFIGURED_SHUTDOWN,
+    ):
+        assert change(peer, transition)
+    text = tracker.log.read_text()
+    said = [line.split("]: ")[-1] for line in text.splitlines() if "[tracker]: " in line]
+    assert said[-3:] == [
+        "deactivated, 2 smoothed estimates published; 6 clouds received, dropped: none",
+        "cleaned up; every parameter may change until the next configure",
+        "shut down from unconfigured; 6 clouds received, dropped: none",
+    ]
+
+
+def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer):
+    """Two radars of some 50 Hz, and so many particles that a step takes several of their scans."""
+    many = options(particles_per_target=8000)
+    tracker = start(processes, *many, qos=())
+    group = connected(peer)
+    found = {}
+    for index in itertools.count():
+        stamp_ns = SCANS[0].stamp_ns + index * 20_000_000
+        group.send(index % 40, stamp_ns=stamp_ns)
+        peer.spin_for(0.02)
+        for message in group.health:
+            for status in message.status:
+                found.setdefault(status.name, set()).add((status.level, status.message))
+        group.health.clear()
+        step = [text for _, text in found.get("/tracker: step time", ()) if "overloaded" in text]
+        lost = {
+            radar: [text for _, text in found.get(radar, ()) if "lost" in text]
+            for radar in ("/tracker: radar_1", "/tracker: radar_2")
+        }
+        if (step and all(lost.values())) or index > 3000:
+            break
+    tracker.kill()  # it would finish its step first
+    assert step, found
+    assert "turn down particles_per_target" in step[0]
+    for radar, texts in lost.items():
+        assert all("the tracker is too slow" in text for text in texts), found
+        assert texts
+        assert not [text for _, text in found[radar] if text.startswith("silent")], found
 
 
 def test_wait_by_the_wall_clock_closes_a_scan_and_is_counted(processes, peer):

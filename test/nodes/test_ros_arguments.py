@@ -9,7 +9,11 @@ from test_tracker import FAST
 NODES = ("tracker", "evaluator", "sensor_replay")
 ARGUMENTS = {
     "no value": (("-p", "foo"), "-p foo: must be -p NAME:=VALUE"),
-    "empty value": (("-p", "lag:="), "-p lag:=: must be -p NAME:=VALUE"),
+    "empty value": (
+        ("-p", "lag:="),
+        "-p lag:=: must be -p NAME:=VALUE; the value is missing: an empty string is "
+        """-p "NAME:=''\"""",
+    ),
     "broken value": (("-p", "lag:=[1,"), "-p lag:=[1,: must be -p NAME:=VALUE"),
     "broken remap": (("-r", "foo"), "-r foo: must be -r FROM:=TO"),
     "log level": (("--log-level", "loud"), "--log-level loud: must be --log-level LEVEL or"),
@@ -28,6 +32,43 @@ def test_fault_of_a_ros_argument_is_one_line(processes, name, case):
     assert status == 2
     assert text.startswith(f"{name}: {expected}")
     assert len(text.splitlines()) == 1
+
+
+LONG = {
+    "digits": ("-p", f"lag:={'9' * 5000}"),
+    "text": ("-p", f"lag:={'a' * 5000}"),
+    "name": ("-p", f"{'a' * 5000}:=1"),
+    "names": ("-p", f"radars:=[{'a' * 5000}, {'a' * 5000}]"),
+    "topic": ("-p", f"radar_1.topic:={'a' * 5000}"),
+    "node": ("-r", f"__node:={'a' * 5000}"),
+    "remap": ("-r", "a" * 5000),
+    "file": ("--params-file", "a" * 5000),
+}
+
+
+@pytest.mark.parametrize("case", LONG)
+def test_long_values_are_quoted_in_part(processes, case):
+    status, text = processes.run("tracker", "--ros-args", *LONG[case])
+
+    assert status == 2
+    assert max(map(len, text.splitlines())) < 600
+    assert text.splitlines()[-1].startswith("tracker: ")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("tracker", "a" * 5000),
+        ("evaluator", "--ros-args", "-p", f"cutoff:={'9' * 5000}"),
+        ("sensor_replay", "a" * 5000),
+        ("sensor_replay", "bag", "--rate", "a" * 5000),
+    ],
+)
+def test_long_words_of_other_nodes_are_quoted_in_part(processes, words):
+    status, text = processes.run(*words)
+
+    assert status == 2
+    assert max(map(len, text.splitlines())) < 600
 
 
 @pytest.mark.parametrize("name", NODES)

@@ -117,6 +117,7 @@ def test_tracker_refuses_an_impossible_topic_name(processes):
     status, text = processes.run("tracker", "--ros-args", "-p", "radar_1.topic:=not a topic")
 
     assert status == 2
+    assert "radar_1.topic: 'not a topic' given, must be a topic's name" in text
     assert "Traceback" not in text
 
 

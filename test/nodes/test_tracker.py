@@ -67,7 +67,7 @@ class Radars:
         """Wait for the next health report and return a radar's status."""
         before = len(self.health)
         assert self.peer.spin_until(lambda: len(self.health) > before + 1)
-        return next(s for s in self.health[-1].status if s.name == f"tracker: radar_{radar}")
+        return next(s for s in self.health[-1].status if s.name == f"/tracker: radar_{radar}")
 
 
 @pytest.fixture
@@ -230,7 +230,7 @@ def test_tracker_starts_again_when_stamps_jump_back(radars):
 def epoch(radars):
     before = len(radars.health)
     assert radars.peer.spin_until(lambda: len(radars.health) > before + 1)
-    line = next(s for s in radars.health[-1].status if s.name == "tracker: step time")
+    line = next(s for s in radars.health[-1].status if s.name == "/tracker: step time")
     return int(diagnostics.values_of(line)["epoch"])
 
 

@@ -18,8 +18,9 @@ from rclpy.qos import (
     ReliabilityPolicy,
     qos_check_compatible,
 )
+from std_msgs.msg import Float64
 
-from msg_adapters import names
+from msg_adapters import diagnostics, names
 from msg_adapters.palette import COLOURS
 
 ROOT = Path(__file__).parents[2]
@@ -38,6 +39,7 @@ SERIES = {
 DETECTIONS = names.detections_in_map()
 # The least contrast of graphics to their background, by the accessibility guidelines WCAG 2.
 VISIBLE = 3.0
+NUMBERS = [topic for topic, kind in names.published(2).items() if kind == names.NUMBER]
 SHOWN = {
     DETECTIONS,
     names.TRUTH,
@@ -102,6 +104,7 @@ class Live:
         self.peer = peer
         topics = (names.OSPA, names.cardinality(), names.DIAGNOSTICS)
         self.heard = {topic: peer.collect(DiagnosticArray, topic) for topic in topics}
+        self.numbers = {topic: peer.collect(Float64, topic) for topic in NUMBERS}
 
     def publishers(self, topic):
         return self.peer.node.get_publishers_info_by_topic(topic)
@@ -148,8 +151,35 @@ def test_views_fit_the_running_nodes(live):
         found = [v for message in live.heard[topic] for v in values(message, f".{rest}")]
         assert found, f"{path} leads to nothing"
         assert all(isinstance(float(value), float) for value in found)
-    health = {status.name for message in live.heard[names.DIAGNOSTICS] for status in message.status}
-    assert PANELS["DiagnosticStatusPanel!step"]["selectedName"] in health
+    health = {
+        (status.hardware_id, status.name)
+        for message in live.heard[names.DIAGNOSTICS]
+        for status in message.status
+    }
+    # Viewers find a status by both; one of them alone, or an empty one, shows an empty panel.
+    for name in PANELS:
+        if name.startswith("DiagnosticStatusPanel!"):
+            panel = PANELS[name]
+            assert (panel["selectedHardwareId"], panel["selectedName"]) in health, name
+    assert "DiagnosticStatusPanel!step" in PANELS
+
+
+def test_every_number_for_plots_is_published_and_is_that_of_the_diagnostics(live):
+    assert live.peer.spin_until(lambda: all(live.numbers.values()))
+    scored, stepped = [], []
+    for message in live.heard[names.OSPA]:
+        for status in message.status:
+            scored += [(status.name, k, v) for k, v in diagnostics.values_of(status).items()]
+    for message in live.heard[names.cardinality()]:
+        stepped += diagnostics.values_of(message.status[0]).items()
+    for topic, heard in live.numbers.items():
+        node, _, quantity = topic.partition("/plot/")
+        where, _, name = quantity.rpartition("/")
+        if node == names.EVALUATOR:
+            said = {float(value) for s, key, value in scored if (s, key) == (where, name)}
+        else:
+            said = {float(value) for key, value in stepped if key == name}
+        assert heard[0].data in said, topic
 
 
 def test_rviz_shows_every_topic_over_the_world_frame():

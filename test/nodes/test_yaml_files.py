@@ -11,25 +11,11 @@ from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.nodes.common import parameter_files
+from robustness.bombs import YAML as BOMBS
 
 ROOT = Path(__file__).parents[2]
 NODES = ("tracker", "evaluator", "sensor_replay")
 LIMIT_S = 2.0
-BOMBS = {
-    "aliases": "\n".join(
-        [
-            "a0: &a0 [x, x, x, x, x, x, x, x, x]",
-            *(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 9)),
-        ]
-    ),
-    "itself": "a: &a [*a]",
-    "deep lists": "[" * 100_000,
-    "deep mappings": "\n".join(f"{' ' * depth}a:" for depth in range(900)),
-    "digits": f"lag: {'9' * 5000}",
-    "digits of the other base": f"lag: 0x{'f' * 5000}",
-    "values": f"lag: [{'1,' * 200_000}]",
-    "size": f"lag: {'x' * 2**20}",
-}
 
 
 def fault(text):

@@ -5,7 +5,7 @@
 
 import pytest
 
-from robustness import bad_scans, publishers, raw_bytes, recordings, stamps_and_time
+from robustness import bad_scans, publishers, raw_bytes, recordings, stamps_and_time, turning
 
 pytestmark = pytest.mark.live
 
@@ -47,4 +47,14 @@ def test_tracker_resets_once_a_loop_and_never_on_a_shuffle():
 
 def test_second_publisher_is_an_error_and_a_restarted_driver_is_none():
     figure = publishers.measure(restarts=1, run_s=4.0)
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_tracker_bridges_and_counts_the_faults_of_a_turning_radar_and_keeps_its_target():
+    figure = turning.measure()
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_detection_probabilities_that_are_none_are_refused():
+    figure = turning.measure_refused()
     assert figure.reached, (figure.measured, figure.details)

@@ -31,7 +31,7 @@ EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
 
 def test_the_radar_page_has_its_examples():
     names = [name for name, _ in EXAMPLES]
-    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 3
+    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 4
 
 
 @pytest.mark.parametrize(("name", "text"), EXAMPLES, ids=[name for name, _ in EXAMPLES])
@@ -126,6 +126,45 @@ def test_readmes_accuracies_are_the_studys():
 
     assert len(figures) == 10
     assert [figure for figure in figures if f"| {figure} |" not in study] == []
+
+
+def test_time_of_a_scan_is_that_of_the_performance_page():
+    performance = (ROOT / "docs" / "performance.md").read_text()
+    step = re.search(r"^\| step((?: \| [\d.]+)+) \|$", performance, re.MULTILINE)[1]
+    four, _, _, _, many, compiled = (float(ms) for ms in step.split(" | ")[1:])
+    few, of_many = f"{four:.0f} ms", f"{many:.0f} ms, or {compiled:.0f} ms with numba"
+    intro = performance.split("## ")[0]
+
+    assert f"takes {few} of\none core" in intro
+    assert f"take {of_many}" in intro
+    assert f"takes {few} of one core" in " ".join(README.read_text().split())
+    # What was measured once, with one command, is on that page only.
+    for name in ("tracker", "sensor_replay"):
+        text = (ROOT / "docs" / "nodes" / f"{name}.md").read_text()
+        assert "[performance](../performance.md)" in text.lower()
+        assert not re.findall(r"\d ms", text)
+
+
+def test_detection_probabilities_without_amplitudes_are_those_of_the_radar_page():
+    page = (ROOT / "docs" / "connect_your_radar.md").read_text()
+    rows = re.findall(r"^\| (?:prob|lower end)[^|]* \|(.+)\|$", page, re.MULTILINE)
+    probabilities, bands = ([float(cell) for cell in row.split("|")] for row in rows)
+
+    assert len(probabilities) == len(bands) == 5
+    for probability, low in zip(probabilities, bands, strict=True):
+        config = resolve(
+            {
+                "radars": ["one"],
+                "classes": ["target"],
+                "spawn.class_transition": [],
+                "births": [],
+                "one.fields.amplitude": "",
+                "one.false_alarm_probability": 0.001,
+                "target.snr_band_db": [low, low + 0.1],
+            }
+        )
+        (found,) = config.model.radars[0].class_detection_probability(config.model.modes.classes)
+        assert found == pytest.approx(probability, abs=0.005)
 
 
 COMMANDS = [

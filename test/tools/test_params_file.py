@@ -147,6 +147,9 @@ def test_from_arguments_lets_the_last_one_win(tmp_path):
         ("a:=true", {"a": True}),
         ("a:=text", {"a": "text"}),
         ("a:='1'", {"a": "1"}),
+        ("a:=''", {"a": ""}),
+        ('a:=""', {"a": ""}),
+        ("a:=1e-6", {"a": 1e-6}),
         ("a:=[1, 2.5]", {"a": [1, 2.5]}),
         ("a.b:=/topic", {"a.b": "/topic"}),
         ("a:=b:=c", {"a": "b:=c"}),
@@ -160,6 +163,12 @@ def test_from_arguments_reads_values_as_yaml(assignment, expected):
 def test_from_arguments_refuses_what_is_no_assignment(assignment):
     found = faults(params_file.from_arguments, [], [assignment])
     assert found == [f"-p {assignment}: must be NAME:=VALUE"]
+
+
+def test_from_arguments_says_how_an_empty_string_is_quoted():
+    (fault,) = faults(params_file.from_arguments, [], ["radar_1.fields.amplitude:="])
+    assert fault.startswith("-p radar_1.fields.amplitude:=: must be NAME:=VALUE; ")
+    assert fault.endswith("""an empty string is -p "NAME:=''\"""")
 
 
 @pytest.mark.parametrize("assignment", ["lag:=[1,", "lag:={", "lag:=a: b: c", "lag:=\t"])

@@ -25,7 +25,7 @@ def test_profile_runs_a_few_scans(profile):
 
     assert len(engine.flush()) == 5
     for step in steps:
-        assert np.isfinite(step.filtered.state).all()
+        assert np.isfinite(step.filtered[0].state).all()
         assert np.isfinite(step.class_mass).all()
 
 

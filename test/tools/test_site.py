@@ -4,17 +4,60 @@
 """The documentation as a site, and its pictures."""
 
 import importlib.util
+import json
 import os
+import queue
 import re
 import shutil
 import subprocess
 import sys
+import threading
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
 TEXTS = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+WIDE, PHONE = 1440, 390
+BROWSER = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--disable-sync",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-dev-shm-usage",
+    "--no-first-run",
+)
+# Opens every page at every width, and sends what is wider than the window, or than its column.
+MEASURE = """<!doctype html><title>measure</title><body><script>
+const wide = (box) => box.scrollWidth > box.clientWidth + 1;
+const open = (page, width) => new Promise((done) => {
+  const frame = document.createElement("iframe");
+  frame.style.cssText = `width: ${width}px; height: 900px`;
+  frame.src = page;
+  frame.onload = () => setTimeout(() => {
+    const found = frame.contentDocument;
+    const tables = [...found.querySelectorAll(".md-content table")];
+    const column = found.querySelector(".md-content__inner").getBoundingClientRect();
+    const over = tables.filter((table) => table.getBoundingClientRect().right > column.right + 1
+      || wide(table) || wide(table.closest(".md-typeset__scrollwrap") || table));
+    frame.remove();
+    done({page, width, tables: tables.length, over: over.map((table) => table.rows[0].innerText),
+          page_width: found.documentElement.scrollWidth});
+  }, 50);
+  document.body.append(frame);
+});
+Promise.all(PAGES.flatMap((page) => WIDTHS.map((width) => open(page, width)))).then((found) => {
+  fetch("found", {method: "POST", body: JSON.stringify(found)});
+});
+</script>"""
 specification = importlib.util.spec_from_file_location(
     "pictures", ROOT / "docs" / "tools" / "pictures.py"
 )
@@ -74,6 +117,65 @@ def test_site_loads_nothing_from_elsewhere(site):
 
     assert (site / "search" / "search_index.json").exists()
     assert loaded == set()
+
+
+class Handler(SimpleHTTPRequestHandler):
+    """Serves the site, and takes what the measuring page finds."""
+
+    def __init__(self, *arguments, found, **options):
+        self.found = found
+        super().__init__(*arguments, **options)
+
+    def do_POST(self):
+        self.found.put(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+        self.send_response(204)
+        self.end_headers()
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture(scope="module")
+def measured(site, tmp_path_factory):
+    """Return what a browser finds of every page with a table, at both widths."""
+    if BROWSER is None:
+        pytest.skip("no Chromium")
+    pages = [
+        str(page.relative_to(site))
+        for page in site.rglob("*.html")
+        if "<table>" in page.read_text()
+    ]
+    text = MEASURE.replace("PAGES", json.dumps(pages)).replace("WIDTHS", f"[{WIDE}, {PHONE}]")
+    (site / "measure.html").write_text(text)
+    found = queue.Queue()
+    handler = partial(Handler, directory=str(site), found=found)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        profile = f"--user-data-dir={tmp_path_factory.mktemp('profile')}"
+        address = f"http://127.0.0.1:{server.server_port}/measure.html"
+        browser = subprocess.Popen([BROWSER, *FLAGS, profile, address], stderr=subprocess.DEVNULL)
+        try:
+            return found.get(timeout=120.0)
+        finally:
+            browser.terminate()
+            browser.wait(20.0)
+            server.shutdown()
+
+
+@pytest.mark.parametrize("width", [WIDE, PHONE])
+def test_every_table_fits_its_column(measured, width):
+    pages = [page for page in measured if page["width"] == width]
+
+    assert sum(page["tables"] for page in pages) > 60
+    assert {page["page"]: page["over"] for page in pages if page["over"]} == {}
+    assert [page["page"] for page in pages if page["page_width"] > width] == []
+
+
+def test_cells_of_tables_have_their_columns_headings(site):
+    page = (site / "nodes" / "tracker.html").read_text()
+
+    assert '<td data-label="QoS">best effort, depth 10</td>' in page
+    assert "<td>" not in page
 
 
 def test_report_is_photographed_where_there_is_a_browser(tmp_path):

@@ -53,8 +53,8 @@ TOP = (
     Parameter(
         "max_gap_scans",
         15.0,
-        "Longest gap between scans that is predicted over, in intervals; after a longer one a new "
-        "run begins.",
+        "Longest gap between scans that is predicted over, in intervals, or in turns where they "
+        "are longer; after a longer one a new run begins.",
         2.0,
         1e6,
     ),

@@ -12,6 +12,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from ..quoting import short
+
 Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
 INFINITY = math.inf
 # Lower bound of parameters that must be positive.
@@ -127,9 +129,9 @@ class ConfigError(ValueError):
     Attributes
     ----------
     faults : tuple of str
-        One line each: dotted name, value, what is allowed.
+        One line each: dotted name, value, what is allowed; without the middle of what is too long.
     """
 
     def __init__(self, faults: Sequence[str]) -> None:
-        super().__init__("\n".join(faults))
-        self.faults = tuple(faults)
+        self.faults = tuple(map(short, faults))
+        super().__init__("\n".join(self.faults))

@@ -64,6 +64,8 @@ PUBLISHED: Mapping[str, Value] = {
     "n_true": lambda scan: len(scan.truth),
     "n_est": lambda scan: len(scan.estimate),
 }
+# Those among them that the evaluator publishes as single numbers too, for plots.
+PLOTTED = ("ospa", "localization", "n_true", "n_est")
 # Further values that figures of a run need; those of gaps are of the gaps that ended in the scan.
 COUNTED: Mapping[str, Value] = {
     "cardinality_abs_error": lambda scan: abs(len(scan.estimate) - len(scan.truth)),

@@ -98,6 +98,7 @@ class ParticleEngine:
         figures = {
             "particles": len(step.entry.stored),
             "effective_sample_size": step.entry.stored.effective_sample_size,
+            "effective_share": step.updated.effective_share,
             "orphans": step.entry.link.orphans if step.entry.link else 0,
         }
         classes = modes.class_of, len(modes.classes)

@@ -4,7 +4,9 @@
 """A bound on the work of one update: with too many detections, the detection threshold is raised.
 
 The cost of an update grows with the pairs of particles and detections within the gate. A report of
-100,000 detections, as of a jammed radar, would have hundreds of millions of them.
+100,000 detections, as of a jammed radar, would have hundreds of millions of them. So many are
+clutter, whatever their amplitudes: taken for targets, those at the edge of the radars' range would
+leave it, and no later scan could tell that they never were.
 """
 
 from __future__ import annotations
@@ -15,16 +17,18 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..models.radar import RadarModel
-from ..types import Detections
+from ..types import FULL_TURN, Detections
 
 # Candidate pairs of one update, of which about half are within the gate: 0.3 GB in all.
 MOST_CANDIDATES = 1 << 22
+# Detections of one update. Without particles to compare them with, each could be a newborn target.
+MOST_DETECTIONS = 1 << 12
 # Of n times this, the fractional parts are spread evenly.
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
 def thinned(
-    predicted: FloatArray, detections: Detections, radar: RadarModel
+    predicted: FloatArray, targets: float, detections: Detections, radar: RadarModel
 ) -> tuple[Detections, RadarModel, float]:
     """Return as many of the detections as can be afforded, and the radar that reports no others.
 
@@ -32,6 +36,8 @@ def thinned(
     ----------
     predicted : array of shape (N, 2)
         The particles as the radar measures them.
+    targets : float
+        Expected number of targets that the particles stand for.
     detections : Detections
         M of them.
     radar : RadarModel
@@ -39,27 +45,36 @@ def thinned(
     Returns
     -------
     detections : Detections
-        All of them, unless their candidate pairs exceed `MOST_CANDIDATES`; then those with the
-        largest amplitudes. Without amplitudes, and among equal ones, an even draw.
+        All of them, unless they exceed `MOST_DETECTIONS` or their candidate pairs
+        `MOST_CANDIDATES`; then those with the largest amplitudes. Without amplitudes, and among
+        equal ones, an even draw.
     radar : RadarModel
-        With the threshold that the amplitudes now exceed, and the clutter above it.
+        With the threshold that the amplitudes now exceed, and with at least as much clutter as
+        kept detections that are not of those targets.
     share : float
         Of the detections without amplitudes that were kept; 1 with amplitudes.
     """
     size = len(detections)
-    if len(predicted) * size <= MOST_CANDIDATES:
+    if size <= MOST_DETECTIONS and len(predicted) * size <= MOST_CANDIDATES:
         return detections, radar, 1.0
     candidates = radar.candidates(predicted, detections)
-    if candidates <= MOST_CANDIDATES:
+    kept = min(MOST_DETECTIONS, int(size * min(MOST_CANDIDATES / max(candidates, 1), 1.0)))
+    if kept >= size:
         return detections, radar, 1.0
-    kept = max(int(size * (MOST_CANDIDATES / candidates)), 1)
+    kept = max(kept, 1)
     draw = np.arange(size) * GOLDEN % 1.0
     if detections.amplitude is None:
         rows = np.sort(np.argsort(draw, kind="stable")[:kept])
-        return detections.take(rows), radar, kept / size
-    rows = np.sort(np.lexsort((draw, -detections.amplitude))[:kept])
-    amplitude = detections.amplitude[rows]
-    threshold = max(float(amplitude.min()), radar.threshold)
-    fewer = np.exp(-0.5 * (threshold**2 - radar.threshold**2))
-    raised = replace(radar, threshold=threshold, clutter_rate=radar.clutter_rate * float(fewer))
-    return Detections(detections.measurement[rows], amplitude), raised, 1.0
+        left = detections.take(rows)
+        share = fewer = kept / size
+        threshold = radar.threshold
+    else:
+        rows = np.sort(np.lexsort((draw, -detections.amplitude))[:kept])
+        left = detections.take(rows)
+        # Unknown amplitudes are NaN, which neither of these takes for the smallest.
+        threshold = float(np.fmax(np.fmin.reduce(detections.amplitude[rows]), radar.threshold))
+        share, fewer = 1.0, float(np.exp(-0.5 * (threshold**2 - radar.threshold**2)))
+    # A rate is that of a whole turn, of which the report may be a part.
+    part = 1.0 if detections.coverage is None else detections.coverage.width / FULL_TURN
+    rate = max(radar.clutter_rate * fewer, (kept - targets) / part)
+    return left, replace(radar, threshold=threshold, clutter_rate=rate), share

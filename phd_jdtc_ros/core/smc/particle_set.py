@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from ..arrays import FloatArray, IntArray, SparseArray, read_only, sum_by
+from ..arrays import FloatArray, IntArray, SparseArray, factorize, read_only, sum_by
 
 
 @dataclass(frozen=True)
@@ -107,9 +107,28 @@ class ParticleSet:
 
     @property
     def effective_sample_size(self) -> float:
-        """Number of equally weighted copies of the same variance."""
-        square = float((self.weight**2 / np.maximum(self.multiplicity, 1)).sum())
-        return float(self.weight.sum()) ** 2 / square if square > 0.0 else 0.0
+        """Number of equally weighted particles of the same variance, at most N.
+
+        Copies count as one particle, as they are in one place.
+        """
+        square = float(self.weight @ self.weight)
+        if square == 0.0:
+            return 0.0
+        return min(float(self.weight.sum()) ** 2 / square, float(len(self)))
+
+    @property
+    def effective_share(self) -> float:
+        """Effective share of a target's particles, 0 to 1; 1 if all have the same weight.
+
+        The mean over the origins, by their mass: so the many particles of births, which hardly have
+        any, do not hide that a target is left with few.
+        """
+        origins, origin = factorize(self.origin)
+        mass = sum_by(origin, self.weight, len(origins))
+        square = sum_by(origin, self.weight**2, len(origins))
+        share = mass**2 / np.where(square > 0.0, square * np.bincount(origin), 1.0)
+        total = float(mass.sum())
+        return min(float(mass @ share) / total, 1.0) if total > 0.0 else 0.0
 
     def class_mass(self, class_of: IntArray, classes: int) -> FloatArray:
         """Return the expected number of targets of each class, shape (C,).

@@ -61,7 +61,8 @@ def update(
     predicted = radar.measure(particles.state)
     seen = radar.missable(predicted, detections.coverage)
     predicted[predicted[:, 0] > radar.max_range, 0] = np.inf  # outside every detection's gate
-    detections, radar, share = thinned(predicted, detections, radar)
+    targets = float(particles.weight.sum())
+    detections, radar, share = thinned(predicted, targets, detections, radar)
     rate = None if detections.time_s is None else radar.measurement_rate(particles.state)
     row, column, log_likelihood = radar.gated_pairs(predicted, detections, rate)
     log_likelihood += model.amplitudes.log_likelihood(

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import re
 from collections.abc import Sequence
 
@@ -13,7 +12,7 @@ from rclpy.utilities import remove_ros_args
 
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.exit_status import fail
+from phd_jdtc_ros.exit_status import ArgumentParser, fail
 
 from . import parameter_files
 from .parameter_files import ParameterFile
@@ -42,7 +41,7 @@ def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, 
     SystemExit
         With status 0 after the help, and with 2 after a refusal.
     """
-    parser = argparse.ArgumentParser(
+    parser = ArgumentParser(
         name,
         usage="%(prog)s [-h] [--ros-args ...]",
         description=purpose,
@@ -68,14 +67,15 @@ def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFil
     except ConfigError as error:
         raise SystemExit(fail(name, error)) from error
     except Exception as error:  # rclpy's own type for this is private
-        raise SystemExit(fail(name, ConfigError([_in_words(error)]))) from error
+        raise SystemExit(fail(name, ConfigError([in_words(error)]))) from error
 
 
-def _in_words(error: Exception) -> str:
+def in_words(error: Exception) -> str:
     """Return what rcl says of an argument, without the lines of its source."""
     text = re.sub(r", at \S+:\d+", "", " ".join(str(error).split()))
     for kind, form in _FORMS.items():
         found = re.search(f"Couldn't parse {kind}: '(.*)'", text)
         if found:
-            return f"{yaml_files.short(found[1])}: must be {form}"
-    return yaml_files.short(text)
+            hint = yaml_files.EMPTY_STRING if found[1].endswith(":=") else ""
+            return f"{yaml_files.one_line(found[1])}: must be {form}{hint}"
+    return yaml_files.one_line(text)

@@ -56,7 +56,7 @@ class ParameterFile:
             raise ConfigError(
                 [
                     f"{self.path}: has no section for this node, {node}; "
-                    f"it has {yaml_files.short(names) or 'none'}"
+                    f"it has {yaml_files.one_line(names) or 'none'}"
                 ]
             )
         return {name: value for given in matching for name, value in given.items()}

@@ -25,6 +25,8 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 
+from .arguments import in_words
+
 # The longest time until the spin loop notices a stop request.
 POLL_SECONDS = 0.1
 # A warning whose cause persists is logged at most once in this time.
@@ -93,6 +95,11 @@ def run(name: str, make_node: Callable[[], Node], argv: Sequence[str]) -> int:
         _spin(node, stop)
     except REPORTED as error:
         return fail(name, error)
+    except RuntimeError as error:
+        # The type of what rcl says of a node's name is private.
+        if not str(error).startswith("error creating node: "):
+            raise
+        return fail(name, RuntimeError(in_words(error)))
     finally:
         _end(node, stop)
     return node.exit_status or OK

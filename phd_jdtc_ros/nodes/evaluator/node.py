@@ -22,8 +22,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rich.console import Console
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Float64
 
-from msg_adapters import diagnostics, estimates, names, truth
+from msg_adapters import diagnostics, estimates, names, plots, quantities, truth
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
@@ -58,6 +59,9 @@ TABLE = (
     ),
     Parameter("cutoff", 1000.0, "OSPA's c, m.", SMALL),
     Parameter("order", 2.0, "OSPA's p.", 1.0, 100.0),
+    Parameter(
+        "publish_plots", True, "Publish ~/plot/..., one number per topic for plotting tools."
+    ),
     Parameter("report", "", "Path of the final report (JSON); none if empty."),
     Parameter("record", "", "Directory of a bag of everything published; none if empty."),
     Parameter(
@@ -94,6 +98,11 @@ class Evaluator(Node):
         self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
         self._complete_since: float | None = None
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
+        self._plots = {
+            quantity: self.create_publisher(Float64, f"~/plot/{quantity}", OUTPUT_QOS)
+            for quantity in quantities.of_evaluator(self._values["classes"])
+            if self._values["publish_plots"]
+        }
         self._recorder = self._make_recorder()
         self._subscribe()
         # By the wall clock, because simulated time stops with the replay, before the last scores.
@@ -121,7 +130,10 @@ class Evaluator(Node):
             **dict.fromkeys(self._values["radar_topics"], names.CLOUD),
             self._values["truth_topic"]: names.CLOUD,
             **names.published(
-                self._values["classes"], self._values["tracker"], self._scores.topic_name
+                self._values["classes"],
+                self._values["tracker"],
+                self._scores.topic_name,
+                self.get_fully_qualified_name(),
             ),
         }
         return Recorder(self, Path(self._values["record"]), topics)
@@ -177,6 +189,9 @@ class Evaluator(Node):
             self._scores.publish(
                 diagnostics.score_to_msg(score, self._values["cutoff"], self._values["order"])
             )
+            if self._plots:
+                for quantity, message in plots.score_to_msgs(score).items():
+                    self._plots[quantity].publish(message)
 
     def _check_complete(self) -> None:
         """End `LINGER_S` after the wanted number of stamps has the scores of both sources."""

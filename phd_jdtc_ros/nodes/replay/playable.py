@@ -16,10 +16,10 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.validate_full_topic_name import validate_full_topic_name
 
 from msg_adapters import interfaces, names
-from msg_adapters.errors import cut
 from msg_adapters.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.quoting import short
 from phd_jdtc_ros.core.types import FILTERED
 
 # Transient local topics: what was recorded before the chosen part is published too.
@@ -101,7 +101,7 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         reason = "; ".join(skipped) or f"it has {', '.join(sorted(bag.types)) or 'no topic'}"
         raise BagError(f"{bag.path}: has nothing to play: {reason}")
     detections = [topic for topic in detections if topic in classes]
-    return Playable(classes, (*detections, *truth), tuple(detections), tuple(map(cut, skipped)))
+    return Playable(classes, (*detections, *truth), tuple(detections), tuple(map(short, skipped)))
 
 
 def _trackers(topics: Iterable[str]) -> tuple[str, ...]:

@@ -5,12 +5,12 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from msg_adapters import names
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.exit_status import ArgumentParser
 
 _PURPOSE = (
     "Plays a bag's detections, truth and other topics, at a rate or in lock-step with a tracker."
@@ -82,7 +82,7 @@ def check(values: Mapping[str, Any]) -> None:
 
 def flags(argv: Sequence[str]) -> dict[str, Any]:
     """Return the parameters that are set by plain command-line flags, without ROS arguments."""
-    parser = argparse.ArgumentParser("sensor_replay", description=_PURPOSE)
+    parser = ArgumentParser("sensor_replay", description=_PURPOSE)
     parser.add_argument("bag", nargs="?", help="rosbag2 directory or MCAP file")
     parser.add_argument("--rate", type=float, help="speed; 0 is lock-step")
     parser.add_argument("--start", type=float, dest="start_s", help="skip, s")

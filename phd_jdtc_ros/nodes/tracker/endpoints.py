@@ -81,10 +81,11 @@ def publisher(
 def subscription(
     node: LifecycleNode,
     message_type: type,
+    topic: str,
     callback: Callable[..., None],
     health: InputHealth,
 ) -> Subscription:
-    """Return a subscription to `health.topic` whose QoS events are counted in `health`.
+    """Return a subscription to `topic` whose QoS events are counted in `health`.
 
     In addition to the usual policies, the deadline can be overridden.
 
@@ -115,7 +116,7 @@ def subscription(
     with overridable.qos_of(health.topic):
         return node.create_subscription(
             message_type,
-            health.topic,
+            topic,
             callback,
             _input_qos(),
             event_callbacks=SubscriptionEventCallbacks(

@@ -15,7 +15,7 @@ from statistics import median
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from msg_adapters import diagnostics, doubts
+from msg_adapters import diagnostics, doubts, names
 
 from .sequence_numbers import SequenceNumbers
 
@@ -29,6 +29,14 @@ WARNING_MEMORY_S = 10.0
 LEASE_S = 30.0
 # Number of latest intervals whose median is the usual one.
 KEPT_INTERVALS = 9
+# If more than this share of the time since a radar's previous message was spent on work, a loss is
+# the tracker's own: its queue overflows meanwhile. A loss on the way is as likely at any time.
+WORKING_SHARE = 0.5
+# With less idle time than this leaves, and no more scans than in real time, the tracker is at its
+# limit. A replay that waits for the tracker keeps it as busy, but with many scans a second.
+BUSY_SHARE = 0.95
+REAL_TIME = 0.9
+ADVICE = "turn down particles_per_target, max_particles or lag"
 
 
 class Rhythm:
@@ -61,6 +69,32 @@ class Rhythm:
         return median(self._intervals)
 
 
+class Losses:
+    """The messages that were lost within the last `WARNING_MEMORY_S`."""
+
+    def __init__(self) -> None:
+        self._lost: deque[tuple[float, int, bool]] = deque()
+
+    def add(self, now_s: float, count: int, overload: bool) -> None:
+        """Record lost messages, and whether they were lost because the tracker is too slow."""
+        self._lost.append((now_s, count, overload))
+        self._forget(now_s)
+
+    def recent(self, now_s: float) -> int:
+        """Return the number of messages lost lately."""
+        self._forget(now_s)
+        return sum(count for _, count, _ in self._lost)
+
+    def by_overload(self, now_s: float) -> int:
+        """Return the number of messages lost lately because the tracker is too slow."""
+        self._forget(now_s)
+        return sum(count for _, count, overload in self._lost if overload)
+
+    def _forget(self, now_s: float) -> None:
+        while self._lost and now_s - self._lost[0][0] >= WARNING_MEMORY_S:
+            self._lost.popleft()
+
+
 @dataclass(frozen=True)
 class Publishers:
     """The publishers on a topic according to the graph, which lists a killed one for a while.
@@ -83,9 +117,15 @@ class InputHealth:
 
     Parameters
     ----------
-    name, topic : str
+    name : str
+    topic : str
+        Its full name, after remapping.
     rhythm : Rhythm
         Of its usable reports, by the wall clock.
+
+    Attributes
+    ----------
+    losses : Losses
     """
 
     name: str
@@ -96,19 +136,35 @@ class InputHealth:
     incompatible_qos: int = 0
     doubts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
+    losses: Losses = field(default_factory=Losses)
     _heard_s: float | None = None
+    _worked_s: float = 0.0
     _numbering: SequenceNumbers = field(default_factory=SequenceNumbers)
     _listed_since_s: dict[Hashable, float] = field(default_factory=dict)
     _trouble_s: float | None = None
     _doubt_s: float | None = None
     _doubt: str = ""
 
-    def arrived(self, now_s: float, sequence: int | None) -> None:
-        """Count a message and those lost before it; `sequence` is its publisher's number for it."""
+    def arrived(self, now_s: float, sequence: int | None, worked_s: float) -> None:
+        """Count a message and those lost before it.
+
+        Parameters
+        ----------
+        now_s : float
+        sequence : int or None
+            Its publisher's number for it.
+        worked_s : float
+            Time that the tracker has worked so far, of `now_s`.
+        """
         self.received += 1
-        self._heard_s = now_s
         if sequence is not None:
+            before = self._numbering.lost
             self._numbering.add(sequence)
+            lost = self._numbering.lost - before
+            if lost > 0 and self._heard_s is not None:
+                share = (worked_s - self._worked_s) / max(now_s - self._heard_s, 1e-9)
+                self.losses.add(now_s, lost, share > WORKING_SHARE)
+        self._heard_s, self._worked_s = now_s, worked_s
 
     @property
     def gaps(self) -> int:
@@ -131,18 +187,29 @@ class InputHealth:
         self.deadlines_missed += count
         self._trouble_s = now_s
 
-    def silent(self, now_s: float, scans: float) -> bool:
-        """Return whether nothing has come for `scans` of its usual intervals and the slack."""
+    def silent(self, looked_s: float, scans: float) -> bool:
+        """Return whether nothing has come for `scans` of its usual intervals and the slack.
+
+        Parameters
+        ----------
+        looked_s : float
+            Until when all messages that have come have been received. A slow tracker is late, and
+            what waits in its queue meanwhile must not count as silence.
+        scans : float
+        """
         if self._heard_s is None:
             return True
-        return now_s - self._heard_s > scans * self.rhythm.interval_s + SILENCE_SLACK_S
+        return looked_s - self._heard_s > scans * self.rhythm.interval_s + SILENCE_SLACK_S
 
-    def judged(self, now_s: float, scans: float, publishers: Publishers) -> tuple[bytes, str]:
+    def judged(
+        self, now_s: float, looked_s: float, scans: float, publishers: Publishers
+    ) -> tuple[bytes, str]:
         """Return the level and the message of the worst condition.
 
         A silent radar is STALE and not ERROR, because tracking goes on without it.
         """
-        if self._shared(now_s, scans):
+        silent = self.silent(looked_s, scans)
+        if self._shared(now_s, silent):
             return DiagnosticStatus.ERROR, f"several publishers on {self.topic}, must be one"
         if publishers.incompatible:
             return DiagnosticStatus.ERROR, f"incompatible QoS on {self.topic}: " + "; ".join(
@@ -150,7 +217,7 @@ class InputHealth:
             )
         if self._heard_s is None:
             return DiagnosticStatus.STALE, "nothing received yet"
-        if self.silent(now_s, scans):
+        if silent:
             return DiagnosticStatus.STALE, f"silent for {now_s - self._heard_s:.1f} s"
         if len(publishers.identities) > 1:
             return DiagnosticStatus.WARN, (
@@ -159,26 +226,45 @@ class InputHealth:
             )
         if self._doubt_s is not None and now_s - self._doubt_s < WARNING_MEMORY_S:
             return DiagnosticStatus.WARN, self._doubt
+        lost = self.losses.recent(now_s)
+        if lost:
+            why = (
+                "the tracker is too slow, see its step time"
+                if self.losses.by_overload(now_s)
+                else "on the way to the tracker"
+            )
+            return DiagnosticStatus.WARN, (
+                f"{lost} messages lost in the last {WARNING_MEMORY_S:g} s: {why}"
+            )
         if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
             return DiagnosticStatus.WARN, "input was dropped or missed its deadline"
         return DiagnosticStatus.OK, "receiving"
 
-    def _shared(self, now_s: float, scans: float) -> bool:
+    def _shared(self, now_s: float, silent: bool) -> bool:
         """Return whether several publishers are alive, by their numbers or by the graph."""
-        if self._numbering.several and not self.silent(now_s, scans):
+        if self._numbering.several and not silent:
             return True
         lasting = [since for since in self._listed_since_s.values() if now_s - since > LEASE_S]
         return len(lasting) > 1
 
     def status(
-        self, node: str, now_s: float, scans: float, publishers: Publishers
+        self, node: str, now_s: float, looked_s: float, scans: float, publishers: Publishers
     ) -> DiagnosticStatus:
-        """Return the radar's status."""
+        """Return the radar's status.
+
+        Parameters
+        ----------
+        node : str
+            Full name of the tracker.
+        now_s, looked_s, scans : float
+            See `silent`.
+        publishers : Publishers
+        """
         self._listed_since_s = {
             identity: self._listed_since_s.get(identity, now_s)
             for identity in publishers.identities
         }
-        level, text = self.judged(now_s, scans, publishers)
+        level, text = self.judged(now_s, looked_s, scans, publishers)
         values: dict[str, object] = {"topic": self.topic, "received": self.received}
         if self._heard_s is not None:
             values["age_s"] = now_s - self._heard_s
@@ -191,20 +277,25 @@ class InputHealth:
             **{f"dropped_{reason}": count for reason, count in sorted(self.dropped.items())},
         }
         values |= dict(sorted(self.doubts.items()))
-        return diagnostics.status(f"{node}: {self.name}", values, level, text, self.name)
+        return diagnostics.status(
+            names.health(self.name, node), values, level, text, names.hardware(self.name, node)
+        )
 
 
 @dataclass
 class StepHealth:
-    """The tracker's own step time.
+    """The tracker's own step time, and whether it keeps up.
 
     Parameters
     ----------
     rhythm : Rhythm
         Of the scans, by their stamps.
+    pace : Rhythm
+        Of the steps, by the wall clock.
     """
 
     rhythm: Rhythm
+    pace: Rhythm
     step_ms: float | None = None
     scans: int = 0
     epoch: int = 0
@@ -212,34 +303,77 @@ class StepHealth:
     overdue: int = 0
     _targets_seen: bool = False
 
-    def stepped(self, stamp_ns: int, step_ms: float, targets: int = 0) -> None:
-        """Record a step: stamp, CPU time from receipt to publication, number of targets."""
+    def stepped(self, stamp_ns: int, now_s: float, step_ms: float, targets: int = 0) -> None:
+        """Record a step.
+
+        Parameters
+        ----------
+        stamp_ns : int
+            Of its scan.
+        now_s : float
+        step_ms : float
+            CPU time from receipt to publication.
+        targets : int
+            Number of reported targets.
+        """
         self.scans += 1
         if targets:
             self._targets_seen, self.overdue = True, 0
         self.rhythm.beat(stamp_ns * 1e-9)
+        self.pace.beat(now_s)
         self.step_ms = step_ms
 
-    def status(self, node: str, hardware_id: str, limit: float) -> DiagnosticStatus:
-        """Return the status of the step time; `limit` is in intervals between scans."""
-        interval_ms = 1e3 * self.rhythm.interval_s
-        level, text = DiagnosticStatus.OK, "in time"
+    def pause(self) -> None:
+        """Let the next step begin a new series."""
+        self.rhythm.pause()
+        self.pace.pause()
+
+    def judged(self, limit: float, lost: int, busy: float) -> tuple[bytes, str]:
+        """Return the level and the message; see `status`.
+
+        The interval between the scans that were received says nothing about those that were lost,
+        so losses come first.
+        """
         if self.step_ms is None:
-            level, text = DiagnosticStatus.STALE, "no scan yet"
-        elif self.step_ms > limit * interval_ms:
-            level, text = DiagnosticStatus.WARN, "too slow for the scan interval"
-        elif self.overdue and not self._targets_seen:
+            return DiagnosticStatus.STALE, "no scan yet"
+        if lost:
+            return DiagnosticStatus.WARN, (
+                f"overloaded, {lost} messages lost in the last {WARNING_MEMORY_S:g} s: {ADVICE}"
+            )
+        if self.step_ms > limit * 1e3 * self.rhythm.interval_s:
+            return DiagnosticStatus.WARN, f"too slow for the scan interval: {ADVICE}"
+        if busy > BUSY_SHARE and self.pace.interval_s > REAL_TIME * self.rhythm.interval_s:
+            return DiagnosticStatus.WARN, f"at its limit, busy for {busy:.0%} of the time: {ADVICE}"
+        if self.overdue and not self._targets_seen:
             # Once there were targets, it may well be that there are none now.
-            level, text = DiagnosticStatus.WARN, doubts.nothing_reported(self.overdue)
+            return DiagnosticStatus.WARN, doubts.nothing_reported(self.overdue)
+        return DiagnosticStatus.OK, "in time"
+
+    def status(self, node: str, limit: float, lost: int, busy: float) -> DiagnosticStatus:
+        """Return the status of the step time.
+
+        Parameters
+        ----------
+        node : str
+            Full name of the tracker.
+        limit : float
+            Of the step time, in intervals between scans.
+        lost : int
+            Messages of all radars that were lost lately because the tracker is too slow.
+        busy : float
+            Share of the latest time in which the tracker worked.
+        """
+        level, text = self.judged(limit, lost, busy)
         values = {
             **({} if self.step_ms is None else {"step_ms": self.step_ms}),
-            "scan_interval_ms": interval_ms,
+            "scan_interval_ms": 1e3 * self.rhythm.interval_s,
+            "busy": busy,
             "scans": self.scans,
             "epoch": self.epoch,
             "closed_by_wait": self.closed_by_wait,
             **({"scans_without_targets": self.overdue} if self.overdue else {}),
         }
-        return diagnostics.status(f"{node}: step time", values, level, text, hardware_id)
+        return diagnostics.status(names.health("step time", node), values, level, text, node)
 
 
 @dataclass
@@ -254,10 +388,10 @@ class OutputHealth:
         self.refused[topic] += count
         self._trouble_s = now_s
 
-    def status(self, node: str, hardware_id: str, now_s: float) -> DiagnosticStatus:
-        """Return the status of the outputs."""
+    def status(self, node: str, now_s: float) -> DiagnosticStatus:
+        """Return the status of the outputs; `node` is the full name of the tracker."""
         level, text = DiagnosticStatus.OK, "served"
         if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
             level, text = DiagnosticStatus.WARN, "a subscription asks for incompatible QoS"
         values = {f"incompatible_qos {topic}": n for topic, n in sorted(self.refused.items())}
-        return diagnostics.status(f"{node}: outputs", values, level, text, hardware_id)
+        return diagnostics.status(names.health("outputs", node), values, level, text, node)

@@ -8,7 +8,6 @@ A tracker node has one from its configuration to its clean-up.
 
 from __future__ import annotations
 
-import math
 import os
 import time
 from collections import Counter
@@ -34,9 +33,11 @@ from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.types import SMOOTHED
 
 from ..common.runtime import WARNING_PERIOD_S
+from ..common.throttled import ThrottledWarnings
 from . import endpoints
 from .checkpoint import Checkpoints
-from .health import InputHealth, OutputHealth, Rhythm, StepHealth
+from .health import WARNING_MEMORY_S, InputHealth, OutputHealth, Rhythm, StepHealth
+from .load import Load
 from .outputs import Outputs
 from .settings import Settings
 from .static_frames import StaticFrames
@@ -53,7 +54,7 @@ class LiveTracker:
     Raises
     ------
     ConfigError
-        If a topic's QoS override is not valid.
+        If a radar's topic is no possible name, or a topic's QoS override is not valid.
     """
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
@@ -62,13 +63,16 @@ class LiveTracker:
         config = settings.config
         nominal_s = config.model.modes.interval_s
         self._inputs = [
-            InputHealth(radar.name, radar.topic, Rhythm(nominal_s)) for radar in config.inputs
+            InputHealth(radar.name, _full_name(node, radar), Rhythm(nominal_s))
+            for radar in config.inputs
         ]
-        self._pace = StepHealth(Rhythm(nominal_s))
+        self._pace = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s))
+        self._load = Load(WARNING_MEMORY_S)
+        self._looked_s = self._judged_s = time.monotonic()
+        self._warnings = ThrottledWarnings(node.get_logger(), WARNING_PERIOD_S)
         self._served = OutputHealth()
         self._active = False
         self._neutral: set[str] = set()
-        self._warned_s: dict[tuple[int, str], float] = {}
         self._cpu_s = 0.0
         self._subscriptions: list[Subscription] = []
         self._outputs = Outputs(node, settings, self._served)
@@ -78,11 +82,12 @@ class LiveTracker:
             self._checkpoints = self._make_checkpoints()
             self._pipeline = new_pipeline(config, self._begin)
             for index, health in enumerate(self._inputs):
-                reader = reader_of(config.inputs[index])
+                radar = config.inputs[index]
+                reader = reader_of(radar)
                 on_message = partial(self._on_message, index, reader)
                 self._subscriptions.append(
                     endpoints.subscription(
-                        node, _message_class(config.inputs[index], reader), on_message, health
+                        node, _message_class(radar, reader), radar.topic, on_message, health
                     )
                 )
         except Exception:
@@ -134,10 +139,17 @@ class LiveTracker:
         """Process the radars' messages from now on."""
         self._active = True
 
-    def stop(self) -> None:
-        """Publish the estimates that are held back, and ignore later messages."""
-        self.flush()
+    def stop(self) -> int:
+        """Publish the estimates that are held back, and ignore later messages.
+
+        Returns
+        -------
+        int
+            As of `flush`.
+        """
+        published = self.flush()
         self._active = False
+        return published
 
     def retune(self, settings: Settings) -> None:
         """Use changed settings from the next scan on; their structure must be the same."""
@@ -180,7 +192,7 @@ class LiveTracker:
         if self._checkpoints is not None:
             self._checkpoints.discard()
         self._outputs.forget()
-        self._pace.rhythm.pause()
+        self._pace.pause()
         if self._patience is not None:
             self._patience.cancel()
 
@@ -189,9 +201,16 @@ class LiveTracker:
     ) -> None:
         if not self._active:
             return
+        begin_s = time.monotonic()
+        health = self._inputs[index]
+        health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
+        self._take(index, reader, message)
+        self._load.add(begin_s, time.monotonic())
+
+    def _take(self, index: int, reader: Reader, message: Any) -> None:
+        """Decode a message, and process the scans that it closes."""
         start = time.thread_time()
         radar, health = self._settings.config.inputs[index], self._inputs[index]
-        health.arrived(time.monotonic(), info.get("publication_sequence_number"))
         try:
             report = reader.from_msg(message, radar)
         except RejectedMessageError as error:
@@ -218,13 +237,10 @@ class LiveTracker:
         if not counts:
             return
         radar = self._settings.config.inputs[index]
-        now, texts = time.monotonic(), list(doubts.of(radar, counts))
-        self._inputs[index].doubt(counts, texts[0], now)
+        texts = list(doubts.of(radar, counts))
+        self._inputs[index].doubt(counts, texts[0], time.monotonic())
         for what, text in zip(counts, texts, strict=True):
-            # The logger's own limit is one for all doubts.
-            if now - self._warned_s.get((index, what), -math.inf) > WARNING_PERIOD_S:
-                self._warned_s[index, what] = now
-                self._node.get_logger().warning(f"{radar.topic}: {text}")
+            self._warnings.warn((radar.name, what), f"{radar.topic}: {text}")
 
     def _wait(self, new_scan: bool) -> None:
         """Start the timer if a new scan waits for reports; cancel it if no scan waits."""
@@ -234,9 +250,11 @@ class LiveTracker:
             self._patience.reset()
 
     def _on_overdue(self) -> None:
+        begin_s = time.monotonic()
         self._patience.cancel()
         events = self._pipeline.close_scans()
         self._pace.closed_by_wait += self._handle(events, time.thread_time())
+        self._load.add(begin_s, time.monotonic())
 
     def _handle(self, events: Iterable[Event], start: float) -> int:
         """Publish the pipeline's events; return the number of scans that were stepped.
@@ -265,7 +283,7 @@ class LiveTracker:
         now = time.thread_time()
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
-        self._pace.stepped(event.scan.stamp_ns, step_ms, step.targets)
+        self._pace.stepped(event.scan.stamp_ns, time.monotonic(), step_ms, step.targets)
         if event.overdue:
             self._pace.overdue = event.overdue
             self._node.get_logger().warning(doubts.nothing_reported(event.overdue))
@@ -286,32 +304,36 @@ class LiveTracker:
 
     def _drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
         health.drop(reason, count, time.monotonic())
-        self._node.get_logger().warning(
-            f"{health.name}: {text}", throttle_duration_sec=WARNING_PERIOD_S
-        )
+        self._warnings.warn((health.name, reason), f"{health.name}: {text}")
 
-    def silent(self) -> frozenset[str]:
-        """Return the names of the radars that are silent."""
-        now, scans = time.monotonic(), self._settings.node["silent_after_scans"]
-        return frozenset(radar.name for radar in self._inputs if radar.silent(now, scans))
+    def look(self) -> frozenset[str]:
+        """Return the names of the radars that are silent; to be called regularly.
+
+        The executor takes one message of every radar between two looks. So what had come before
+        the previous look has been received by now, however long the steps between them took.
+        """
+        self._judged_s, self._looked_s = self._looked_s, time.monotonic()
+        scans = self._settings.node["silent_after_scans"]
+        return frozenset(r.name for r in self._inputs if r.silent(self._judged_s, scans))
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Return a status for each radar, one for the step time and one for the outputs."""
-        now, name = time.monotonic(), self._node.get_name()
-        hardware_id = self._node.get_fully_qualified_name()
+        now, name = time.monotonic(), self._node.get_fully_qualified_name()
         values = self._settings.node
+        lost = sum(health.losses.by_overload(now) for health in self._inputs)
         return [
             *(
                 health.status(
                     name,
                     now,
+                    self._judged_s,
                     values["silent_after_scans"],
                     endpoints.publishers(self._node, listener),
                 )
                 for health, listener in zip(self._inputs, self._subscriptions, strict=True)
             ),
-            self._pace.status(name, hardware_id, values["step_time_limit"]),
-            self._served.status(name, hardware_id, now),
+            self._pace.status(name, values["step_time_limit"], lost, self._load.share(now)),
+            self._served.status(name, now),
         ]
 
     def summary(self) -> str:
@@ -323,6 +345,17 @@ class LiveTracker:
             for reason, count in sorted(health.dropped.items())
         ]
         return f"{received} clouds received, dropped: {', '.join(drops) or 'none'}"
+
+
+def _full_name(node: LifecycleNode, radar: RadarInput) -> str:
+    """Return the name of a radar's topic after remapping."""
+    try:
+        full: str = node.resolve_topic_name(radar.topic)
+    except RuntimeError as error:  # rcl's own, whose type is private
+        raise ConfigError(
+            [f"{radar.name}.topic: {radar.topic!r} given, must be a topic's name"]
+        ) from error
+    return full
 
 
 def _message_class(radar: RadarInput, reader: Reader) -> Any:

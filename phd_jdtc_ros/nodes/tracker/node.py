@@ -20,14 +20,15 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
-from msg_adapters import diagnostics
+from msg_adapters import diagnostics, names
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.exit_status import USAGE
+from phd_jdtc_ros.exit_status import USAGE, faults_of
 
 from ..common import arguments, parameters, runtime
 from ..common.parameter_files import ParameterFile
-from . import endpoints, settings
+from . import endpoints, manager_bond, settings
 from .live import LiveTracker
+from .manager_bond import ManagerBond
 from .name_claim import NameClaim
 
 HEALTH_PERIOD_S = 1.0
@@ -56,6 +57,7 @@ class Tracker(LifecycleNode):
         self._values = self._settings.values
         parameters.declare(self, self._settings.table, self._values, frozenset(self._values))
         self._live: LiveTracker | None = None
+        self._bond: ManagerBond | None = None
         self._fault: Exception | None = None
         self._summary = "never configured"
         self._shown: tuple[Any, float] = (None, 0.0)
@@ -109,6 +111,7 @@ class Tracker(LifecycleNode):
         Neither is done if another node has the name, and so the checkpoint, or if a step has
         failed.
         """
+        self._release()
         if self.exit_status is not None:
             return
         if self._live is not None:
@@ -125,7 +128,7 @@ class Tracker(LifecycleNode):
             self._live = LiveTracker(self, self._settings)
         except Exception as error:  # the transition's response has no room for the reason
             self._fault = error
-            self.get_logger().error(f"not configured: {error}")
+            self.get_logger().error("not configured: " + "\n".join(faults_of(error)))
             return TransitionCallbackReturn.FAILURE
         parameters.set_read_only(self, self._structure(), True)
         model = self._settings.config.model
@@ -140,6 +143,9 @@ class Tracker(LifecycleNode):
         done = super().on_activate(state)
         self._live.start()
         self.get_logger().info(self._what_is_tracked())
+        # One that starts by itself has no manager that would wait for a bond.
+        if not self._settings.node["autostart"]:
+            self._bond = manager_bond.form(self)
         return done
 
     def _what_is_tracked(self) -> str:
@@ -155,12 +161,17 @@ class Tracker(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish the scans held back, then stop receiving and publishing."""
-        self._live.stop()
+        self._release()
+        published = self._live.stop()
+        self.get_logger().info(
+            f"deactivated, {published} smoothed estimates published; {self._live.summary()}"
+        )
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Remove all topics."""
         self._tear_down()
+        self.get_logger().info("cleaned up; every parameter may change until the next configure")
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -168,6 +179,7 @@ class Tracker(LifecycleNode):
         if state.label == "active":
             self._live.stop()
         self._tear_down()
+        self.get_logger().info(f"shut down from {state.label}; {self._summary}")
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -175,7 +187,14 @@ class Tracker(LifecycleNode):
         self._tear_down()
         return super().on_error(state)
 
+    def _release(self) -> None:
+        """Tell a lifecycle manager that the tracker stops by intention."""
+        if self._bond is not None:
+            self._bond.end()
+            self._bond = None
+
     def _tear_down(self) -> None:
+        self._release()
         if self._live is not None:
             self._summary = self._live.summary()
             self._live.destroy()
@@ -266,7 +285,7 @@ class Tracker(LifecycleNode):
     def _watch(self) -> None:
         """Publish the health every second, and at once when a radar becomes silent or returns."""
         now = time.monotonic()
-        state = self._phase, self._live.silent() if self._phase == "active" else None
+        state = self._phase, self._live.look() if self._phase == "active" else None
         before, published = self._shown
         if state == before and now - published < HEALTH_PERIOD_S:
             return
@@ -277,14 +296,13 @@ class Tracker(LifecycleNode):
     def _statuses(self) -> list[DiagnosticStatus]:
         if self._phase == "active":
             return self._live.statuses()
-        name, text = self.get_name(), f"the tracker is {self._phase}"
-        lines = [
-            *((radar.name, radar.name) for radar in self._settings.config.inputs),
-            ("step time", self.get_fully_qualified_name()),
-        ]
+        name, text = self.get_fully_qualified_name(), f"the tracker is {self._phase}"
+        lines = {r.name: names.hardware(r.name, name) for r in self._settings.config.inputs}
         return [
-            diagnostics.status(f"{name}: {line}", {}, DiagnosticStatus.STALE, text, hardware_id)
-            for line, hardware_id in lines
+            diagnostics.status(
+                names.health(line, name), {}, DiagnosticStatus.STALE, text, hardware_id
+            )
+            for line, hardware_id in {**lines, "step time": name, "outputs": name}.items()
         ]
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The publishers of the tracker: detections, estimates, poses, markers, tracks, cardinality."""
+"""The publishers of the tracker: detections, estimates, poses, markers, tracks, figures, plots."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import Odometry, Path
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import (
@@ -23,7 +24,9 @@ from msg_adapters import (
     diagnostics,
     estimates,
     markers,
+    plots,
     poses,
+    quantities,
     radar_tracks,
     stamps,
     tracks,
@@ -116,6 +119,11 @@ class Outputs:
             )
             self._markers = make(MarkerArray, "~/markers", endpoints.latched_qos)
             self._cardinality = make(DiagnosticArray, "~/cardinality")
+            self._plots = {
+                quantity: make(Float64, f"~/plot/{quantity}")
+                for quantity in quantities.of_tracker(len(self._class_names))
+                if settings.node["publish_plots"]
+            }
             self._path = make(Path, "~/tracks/path") if settings.node["publish_path"] else None
             self._odometry = (
                 make(Odometry, "~/odometry") if settings.node["publish_odometry"] else None
@@ -211,3 +219,6 @@ class Outputs:
         self._cardinality.publish(
             diagnostics.array(stamp_ns, [diagnostics.status("tracker/cardinality", values)])
         )
+        if self._plots:
+            for quantity, message in plots.step_to_msgs(step, step_ms).items():
+                self._plots[quantity].publish(message)

@@ -43,6 +43,9 @@ TABLE = (
         "node does.",
     ),
     Parameter("publish_markers", True, "Publish ~/markers.", mutable=True),
+    Parameter(
+        "publish_plots", True, "Publish ~/plot/..., one number per topic for plotting tools."
+    ),
     Parameter("publish_path", False, "Publish ~/tracks/path, one message per track."),
     Parameter("publish_odometry", False, "Publish ~/odometry, one message per track."),
     Parameter("publish_radar_tracks", False, "Publish ~/radar_tracks (radar_msgs/RadarTracks)."),

@@ -6,7 +6,7 @@ import pytest
 from scenes import small
 
 from phd_jdtc_ros.core.smc import overload
-from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.types import Coverage, Detections
 
 RADAR = small().model.radars[1]
 
@@ -15,6 +15,15 @@ def crowd(count, amplitude):
     rng = np.random.default_rng(0)
     measurement = np.stack([rng.uniform(0, 17e3, count), rng.uniform(-np.pi, np.pi, count)], axis=1)
     return Detections(measurement, amplitude)
+
+
+AMPLITUDES = {
+    "none": None,
+    "equal": np.full(20_000, 30.0),
+    "noise": np.sqrt(
+        RADAR.threshold**2 + 2.0 * np.random.default_rng(1).standard_exponential(20_000)
+    ),
+}
 
 
 @pytest.fixture(autouse=True)
@@ -27,19 +36,19 @@ PREDICTED = crowd(1000, None).measurement
 
 def test_what_can_be_afforded_is_left_as_it_is():
     few = crowd(100, np.full(100, 5.0))
-    assert overload.thinned(PREDICTED, few, RADAR) == (few, RADAR, 1.0)
+    assert overload.thinned(PREDICTED, 4.0, few, RADAR) == (few, RADAR, 1.0)
 
 
 def test_with_amplitudes_the_threshold_is_raised():
-    rng = np.random.default_rng(1)
-    amplitude = np.sqrt(RADAR.threshold**2 + 2.0 * rng.standard_exponential(20_000))
+    amplitude = AMPLITUDES["noise"]
     many = crowd(20_000, amplitude)
-    kept, raised, share = overload.thinned(PREDICTED, many, RADAR)
+    kept, raised, share = overload.thinned(PREDICTED, 1e6, many, RADAR)
     assert share == 1.0
     assert RADAR.candidates(PREDICTED, kept) < 1.2 * overload.MOST_CANDIDATES
     assert sorted(kept.amplitude) == sorted(amplitude)[-len(kept) :]
     assert raised.threshold == kept.amplitude.min()
-    # Clutter is above the new threshold as often as it was above the old one, and of one density.
+    # If all may be targets, clutter is above the new threshold as often as it was above the old
+    # one, and of one density.
     part = raised.clutter_rate / RADAR.clutter_rate
     assert part == pytest.approx(len(kept) / 20_000, rel=0.1)
     np.testing.assert_allclose(
@@ -47,13 +56,48 @@ def test_with_amplitudes_the_threshold_is_raised():
     )
 
 
-@pytest.mark.parametrize("amplitude", [None, 30.0])
-def test_without_an_order_of_amplitudes_an_even_draw_is_kept(amplitude):
-    many = crowd(20_000, None if amplitude is None else np.full(20_000, amplitude))
-    kept, raised, share = overload.thinned(PREDICTED, many, RADAR)
+@pytest.mark.parametrize("amplitudes", AMPLITUDES)
+def test_a_crowd_that_no_target_explains_is_clutter(amplitudes):
+    many = crowd(20_000, AMPLITUDES[amplitudes])
+    kept, crowded, _ = overload.thinned(PREDICTED, 4.0, many, RADAR)
+    assert crowded.clutter_rate == len(kept) - 4.0
+    density = np.exp(crowded.log_clutter_intensity(crowd(20_000, None)))
+    area = 2.0 * np.pi * RADAR.clutter_max_range
+    np.testing.assert_allclose(density * area, len(kept) - 4.0)
+
+
+def test_a_crowd_of_a_sector_is_clutter_of_that_sector():
+    sector = Coverage(0.0, 0.1)
+    azimuths = [1.0, sector.width / (2.0 * np.pi)]
+    many = Detections(
+        crowd(20_000, None).measurement * azimuths + [0.0, 0.05], None, coverage=sector
+    )
+    kept, crowded, _ = overload.thinned(PREDICTED, 4.0, many, RADAR)
+    density = np.exp(crowded.log_clutter_intensity(kept))
+    area = sector.width * RADAR.clutter_max_range
+    np.testing.assert_allclose(density * area, len(kept) - 4.0)
+
+
+def test_a_crowd_with_unknown_amplitudes_has_a_threshold():
+    amplitude = np.where(np.arange(20_000) < 10, 30.0, np.nan)
+    kept, raised, _ = overload.thinned(PREDICTED, 4.0, crowd(20_000, amplitude), RADAR)
+    assert np.isnan(kept.amplitude).sum() == len(kept) - 10
+    assert (raised.threshold, np.isfinite(raised.clutter_rate)) == (30.0, True)
+
+
+def test_a_crowd_without_particles_is_bounded_too():
+    many = crowd(20_000, AMPLITUDES["equal"])
+    kept, crowded, _ = overload.thinned(PREDICTED[:0], 0.0, many, RADAR)
+    assert len(kept) == crowded.clutter_rate == overload.MOST_DETECTIONS
+
+
+@pytest.mark.parametrize("amplitudes", ["none", "equal"])
+def test_without_an_order_of_amplitudes_an_even_draw_is_kept(amplitudes):
+    many = crowd(20_000, AMPLITUDES[amplitudes])
+    kept, raised, share = overload.thinned(PREDICTED, 1e6, many, RADAR)
     assert RADAR.candidates(PREDICTED, kept) < 1.2 * overload.MOST_CANDIDATES
-    if amplitude is None:
+    if amplitudes == "none":
         assert share == len(kept) / 20_000
-        assert raised == RADAR
+        assert raised.clutter_rate == pytest.approx(share * RADAR.clutter_rate)
     quarters = np.histogram(kept.measurement[:, 1], 4, (-np.pi, np.pi))[0]
     assert quarters.max() < 1.3 * quarters.min()

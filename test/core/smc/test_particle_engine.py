@@ -229,6 +229,30 @@ def test_engine_step_reports_what_it_holds():
     assert step.figures["orphans"] == 0
 
 
+def test_engine_figures_tell_how_many_particles_the_targets_are_left_with():
+    def figures(noise):
+        """Return those of scans of radars whose noise is `noise` times the usual one."""
+        names = ("range_std", "azimuth_std_deg")
+        usual = small().values
+        given = {
+            f"{radar}.{name}": noise * usual[f"{radar}.{name}"]
+            for radar in usual["radars"]
+            for name in names
+        }
+        config = small(given)
+        scene = replace(short_scenario(8), radars=config.model.radars)
+        engine = new_engine(config)
+        return [engine.step(scan).figures for _, scan in simulate(scene, 3)]
+
+    usual, sharp = figures(1.0), figures(0.3)
+    for found in (*usual, *sharp):
+        assert 0 < found["effective_sample_size"] <= found["particles"]
+        assert 0.0 < found["effective_share"] <= 1.0
+    # Sharper detections leave fewer of them.
+    shares = [np.mean([found["effective_share"] for found in each]) for each in (usual, sharp)]
+    assert shares[1] < 0.8 * shares[0]
+
+
 def one_target_scans(config, scans=6):
     target = TargetScript(0, 1e4, (8e3, 6e3), (-30.0, 20.0), 0, scans - 1)
     scenario = replace(short_scenario(scans), targets=(target,), radars=config.model.radars)

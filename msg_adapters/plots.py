@@ -1,0 +1,44 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Figures as one number per message and topic, which is what plotting tools read.
+
+Such a message has no stamp: tools plot it at the time of its arrival.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from std_msgs.msg import Float64
+
+from phd_jdtc_ros.core.evaluation.metric_table import PLOTTED
+
+from . import quantities
+
+if TYPE_CHECKING:
+    from phd_jdtc_ros.core.engine import Step
+    from phd_jdtc_ros.core.evaluation.scan_scores import ScanScore
+
+
+def step_to_msgs(step: Step, step_ms: float) -> dict[str, Float64]:
+    """Return the numbers of a step of the tracker, by name; `step_ms` is its CPU time."""
+    mass = {f"cardinality/class_{k}": each for k, each in enumerate(step.class_mass)}
+    figures = {name: step.figures[name] for name in quantities.FIGURES if name in step.figures}
+    numbers = {"cardinality/total": step.class_mass.sum(), **mass, "step_ms": step_ms, **figures}
+    return {name: _to_msg(value) for name, value in numbers.items()}
+
+
+def score_to_msgs(score: ScanScore) -> dict[str, Float64]:
+    """Return the numbers of a scan's scores, by name."""
+    return {
+        quantities.of_score(score.source, key, name): _to_msg(value)
+        for key, values in score.values.items()
+        for name in PLOTTED
+        if (value := values[name]) is not None
+    }
+
+
+def _to_msg(value: float) -> Float64:
+    # Messages do not check types: of a number that is no float, the bytes would be garbage.
+    return Float64(data=float(value))

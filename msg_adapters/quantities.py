@@ -1,0 +1,31 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Names of the numbers that the nodes publish for plots, each on the topic ``~/plot/NAME``."""
+
+from __future__ import annotations
+
+from phd_jdtc_ros.core.evaluation.metric_table import PLOTTED
+from phd_jdtc_ros.core.types import SOURCES
+
+# Figures of an engine that are plotted, where it has them.
+FIGURES = ("particles", "effective_share")
+
+
+def of_tracker(classes: int) -> tuple[str, ...]:
+    """Return the names of the tracker's numbers."""
+    sets = ("total", *(f"class_{k}" for k in range(classes)))
+    return (*(f"cardinality/{key}" for key in sets), "step_ms", *FIGURES)
+
+
+def of_evaluator(classes: int) -> tuple[str, ...]:
+    """Return the names of the evaluator's numbers."""
+    sets = ("all", *(f"class_{k}" for k in range(classes)))
+    return tuple(
+        of_score(source, key, name) for source in SOURCES for key in sets for name in PLOTTED
+    )
+
+
+def of_score(source: str, key: str, name: str) -> str:
+    """Return the name of a score of a source and a set of targets."""
+    return f"{source}/{key}/{name}"

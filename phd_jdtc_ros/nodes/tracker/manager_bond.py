@@ -1,0 +1,86 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The bond to a lifecycle manager such as nav2's, which waits for one once a node is active.
+
+A bond is a pair of heartbeats: each side notices if the other one dies. It is that of the package
+``bondpy``, where that is installed. Without it a manager has to be told to ask for none, which is
+nav2's ``bond_timeout: 0.0``.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.lifecycle import LifecycleNode
+
+# As nav2's nodes have it: the topic is in the node's namespace, as the manager's is in its own, and
+# the bond is called as the node.
+TOPIC = "bond"
+HEARTBEAT_S = 0.1
+# The longest time that the end of a bond waits until the manager has been told of it.
+FAREWELL = Duration(seconds=2)
+
+
+class ManagerBond:
+    """One side of a bond, from its making to its end.
+
+    The bond has a thread that sends the heartbeats, so that a long step does not delay them.
+
+    Parameters
+    ----------
+    node : LifecycleNode
+    kind : type
+        ``bondpy.bondpy.Bond``.
+    """
+
+    def __init__(self, node: LifecycleNode, kind: Any) -> None:
+        self._node = node
+        self._ended = False
+        publishers, subscriptions = set(node.publishers), set(node.subscriptions)
+        self._bond = kind(
+            node,
+            TOPIC,
+            node.get_name(),
+            on_broken=self._on_broken,
+            on_formed=lambda: node.get_logger().info("bond to the lifecycle manager formed"),
+        )
+        self._bond.heartbeat_period = HEARTBEAT_S
+        self._bond.start()
+        self._publishers = set(node.publishers) - publishers
+        self._subscriptions = set(node.subscriptions) - subscriptions
+
+    def end(self) -> None:
+        """Tell the manager that the node stops by intention, and remove the bond's endpoints.
+
+        bondpy destroys them at once, so that its last message can be lost, and leaves them in the
+        node's lists, where the executor would wait for their events and fail.
+        """
+        self._ended = True
+        self._bond.break_bond()
+        for publisher in self._publishers:
+            publisher.wait_for_all_acked(FAREWELL)
+        self._bond.shutdown()
+        for publisher in self._publishers:
+            self._node.destroy_publisher(publisher)
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def _on_broken(self) -> None:
+        if not self._ended:
+            self._node.get_logger().info("no bond: there is no lifecycle manager that holds it")
+
+
+def form(node: LifecycleNode) -> ManagerBond | None:
+    """Begin a bond; return it, or None if ``bondpy`` is not installed."""
+    try:
+        kind = importlib.import_module("bondpy.bondpy").Bond
+    except ImportError:
+        node.get_logger().info(
+            "no bond to a lifecycle manager, bondpy is not installed; nav2's manager needs "
+            "bond_timeout: 0.0"
+        )
+        return None
+    return ManagerBond(node, kind)

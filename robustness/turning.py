@@ -1,0 +1,278 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Faults of a radar that turns: its detections' times, heights and deviations, and its sectors."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import point_cloud
+from phd_jdtc_ros.core.arrays import FloatArray
+
+from . import scans
+from .figures import Figure, measured_or_why
+from .radars import REPLY_S, Radars
+from .rig import Rig
+
+NAME = "faults of a turning radar"
+GOAL = "0 exits, 0 NaN, every one counted, the target tracked all the time"
+REFUSED = "detection probabilities that are none"
+REFUSED_GOAL = "1 and beyond refused with status 2; 0 starts, by the SNR bands"
+ROTATION_S, SECTORS = 4.0, 16
+# The antenna is slower in the turns after this one.
+SLOWER_AFTER, SLOWER = 14, 1.15
+WARM_UP, TURNS = 5, 20
+# East and north of the target and its velocity, m and m/s; its height.
+PLACE, VELOCITY, HEIGHT = np.array([9e3, 6e3]), np.array([-100.0, 60.0]), 2000.0
+CLUTTER_PER_SECTOR = 3
+# How far the estimate may be off, m.
+NEAR_M = 250.0
+PARAMETERS = {
+    "radars": "[radar_1]",
+    "interval_s": ROTATION_S,
+    "lag": 2,
+    "particles_per_target": 300,
+    "classes": "[aircraft]",
+    "motions": "[cv]",
+    "births": "[]",
+    "detection_births.rates": "[0.1]",
+    "detection_births.velocity_std": 100.0,
+    "detection_births.particles": 256,
+    "spawn.rate": 0.0,
+    "spawn.class_transition": "[]",
+    "spawn.mode_transition": "[]",
+    "aircraft.motions": "[cv]",
+    "aircraft.mode_transition": "[1.0]",
+    "aircraft.snr_band_db": "[10.0, 30.0]",
+    "cv.noise_density": 2.0,
+    "radar_1.position": "[0.0, 0.0]",
+    "radar_1.fields.amplitude": "''",
+    "radar_1.fields.time": "time",
+    "radar_1.fields.sector": "sector",
+    "radar_1.fields.height": "height",
+    "radar_1.fields.range_std": "deviation",
+    "radar_1.rotation_s": ROTATION_S,
+    "radar_1.sectors": SECTORS,
+    "radar_1.detection_probability": 0.95,
+    "radar_1.range_std": 30.0,
+    "radar_1.azimuth_std_deg": 0.1,
+    "radar_1.max_range": 30e3,
+    "radar_1.clutter_max_range": 30e3,
+    "radar_1.clutter_rate": float(CLUTTER_PER_SECTOR * SECTORS),
+}
+Columns = dict[str, FloatArray]
+Change = Callable[[Columns], None]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A faulty cloud of a sector.
+
+    Parameters
+    ----------
+    name, counted : str
+        `counted` is the key in the diagnostics, empty if nothing is to be counted.
+    change : callable
+        Spoils the columns of a good cloud, the target's detection excepted.
+    count : int
+    """
+
+    name: str
+    counted: str
+    change: Change
+    count: int = CLUTTER_PER_SECTOR
+
+
+def _values(name: str, value: float) -> Change:
+    """Return what gives the clutter of a cloud another value; the target comes last."""
+
+    def change(columns: Columns) -> None:
+        columns[name][:CLUTTER_PER_SECTOR] = value
+
+    return change
+
+
+def _all(name: str, value: Callable[[FloatArray], FloatArray]) -> Change:
+    def change(columns: Columns) -> None:
+        columns[name] = value(columns[name])
+
+    return change
+
+
+def _reversed(columns: Columns) -> None:
+    columns.update({name: column[::-1] for name, column in columns.items()})
+
+
+def _without(name: str) -> Change:
+    def change(columns: Columns) -> None:
+        del columns[name]
+
+    return change
+
+
+def faults() -> list[Fault]:
+    """Return all faults that a cloud may have."""
+    return [
+        Fault("time beyond the turn", "dropped_time", _values("time", 50.0)),
+        Fault("time before the turn", "dropped_time", _values("time", -50.0)),
+        Fault("time NaN", "dropped_time", _values("time", math.nan)),
+        Fault("time infinite", "dropped_time", _values("time", math.inf)),
+        Fault("times not in order", "", _reversed),
+        Fault("times of the turn before", "times_repaired", _values("time", -ROTATION_S)),
+        Fault("no time", "time_missing", _without("time"), 1),
+        Fault("height 1e9", "dropped_height", _values("height", 1e9)),
+        Fault("height -1e9", "dropped_height", _values("height", -1e9)),
+        Fault("height above the range", "dropped_height", _values("height", 29e3)),
+        Fault("height NaN", "heights_unknown", _values("height", math.nan)),
+        Fault("no height", "height_missing", _without("height"), 1),
+        Fault("deviation 0", "deviations_unusable", _values("deviation", 0.0)),
+        Fault("deviation negative", "deviations_unusable", _values("deviation", -1.0)),
+        Fault("deviation absurd", "deviations_unusable", _values("deviation", 1e30)),
+        Fault("deviation unknown", "", _values("deviation", math.nan)),
+        Fault("sector NaN", "sectors_unusable", _all("sector", lambda own: own * math.nan), 1),
+        Fault("sector 99", "sectors_unusable", _all("sector", lambda own: 0.0 * own + 99.0), 1),
+        Fault("two sectors", "sectors_unusable", _values("sector", 77.0), 1),
+        Fault(
+            "sector of the other side",
+            "sector_numbers_wrong",
+            _all("sector", lambda own: (own + SECTORS // 2) % SECTORS),
+            1,
+        ),
+    ]
+
+
+@dataclass
+class _Antenna:
+    """The radar's side: makes the clouds of one sector after the other."""
+
+    rng: np.random.Generator
+    time_s: float = 0.0
+    passed: int = 0
+
+    def next(self, change: Change | None = None) -> PointCloud2:
+        """Return the cloud of the next sector."""
+        part = self.passed % SECTORS
+        slower = SLOWER if self.passed // SECTORS > SLOWER_AFTER else 1.0
+        length_s = slower * ROTATION_S / SECTORS
+        share = np.sort(self.rng.uniform(0.0, 1.0, CLUTTER_PER_SECTOR))
+        width = 2.0 * np.pi / SECTORS
+        azimuth, time_s = width * (part + share), self.time_s + length_s * share
+        slant = self.rng.uniform(5e3, 28e3, CLUTTER_PER_SECTOR)
+        place = PLACE + VELOCITY * self.time_s
+        target = float(np.mod(np.arctan2(place[1], place[0]), 2.0 * np.pi)) / width - part
+        if 0.0 <= target < 1.0:
+            azimuth = np.append(azimuth, width * (part + target))
+            time_s = np.append(time_s, self.time_s + length_s * target)
+            slant = np.append(slant, math.hypot(*place, HEIGHT) + 30.0 * self.rng.standard_normal())
+        self.time_s += length_s
+        self.passed += 1
+        columns = {
+            "range": slant,
+            "azimuth": azimuth,
+            "time": time_s - self.time_s,
+            "sector": np.full(len(slant), float(part)),
+            "height": np.full(len(slant), HEIGHT),
+            "deviation": np.full(len(slant), 30.0),
+        }
+        if change is not None:
+            change(columns)
+        stamp_ns = scans.START_NS + round(self.time_s * 1e9)
+        return point_cloud.encode(stamp_ns, "radar_1", columns)
+
+
+def measure() -> Figure:
+    """Send every fault in a sector of its own between valid ones."""
+    return measured_or_why(NAME, GOAL, _measure)
+
+
+def _settings(**changes: object) -> list[str]:
+    given = {**PARAMETERS, **changes}
+    return [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+
+
+def _measure() -> tuple[str, bool, Mapping[str, Any]]:
+    with Rig() as rig:
+        tracker = rig.tracker(*_settings())
+        radars = rig.radars
+        radars.node.destroy_publisher(radars.outputs.pop())
+        radars.connected()
+        antenna = _Antenna(np.random.default_rng(1))
+        wanted, lost, away = Counter[str](), [], []
+        left = faults()
+        for sector in range(TURNS * SECTORS):
+            fault = left.pop(0) if sector > WARM_UP * SECTORS and sector % 7 == 0 and left else None
+            name = "valid" if fault is None else fault.name
+            if sector == 12 * SECTORS:
+                antenna.next()  # it is not sent
+                wanted["clouds_missing"] += 1
+            cloud = antenna.next(None if fault is None else fault.change)
+            answered = _send(radars, cloud)
+            if sector == 13 * SECTORS:
+                cloud.header.stamp.nanosec += 1
+                answered &= _send(radars, cloud)
+                wanted["sectors_repeated"] += 1
+            lost += [] if answered else [name]
+            if fault is not None:
+                wanted[fault.counted] += fault.count
+            if sector > WARM_UP * SECTORS:
+                away.append(_away(radars, antenna.time_s))
+            if not tracker.alive:
+                raise RuntimeError(f"{name}: the tracker ended:\n{tracker.text[-2000:]}")
+        counted = radars.values("radar_1")
+        not_finite = radars.not_finite
+    wanted = +Counter({key: count for key, count in wanted.items() if key})
+    found = {key: int(counted.get(key, 0)) for key in wanted}
+    missing = {key: (found[key], count) for key, count in wanted.items() if found[key] != count}
+    tracked = float(np.mean(np.array(away) < NEAR_M))
+    text = (
+        f"0 exits, {not_finite} with NaN, {len(lost)} clouds lost, {len(faults()) + 2} faults; "
+        f"{'every one counted' if not missing else f'counted wrongly: {missing}'}; the target is "
+        f"within {NEAR_M:g} m in {100.0 * tracked:.1f} % of the estimates"
+    )
+    reached = not (lost or missing or not_finite) and tracked > 0.98
+    return text, reached, {"counted": found, "wanted": dict(wanted), "tracked": tracked}
+
+
+def _send(radars: Radars, cloud: PointCloud2) -> bool:
+    """Send a cloud and wait for an estimate; return whether one came."""
+    before = len(radars.filtered)
+    radars.outputs[0].publish(cloud)
+    return radars.spin_until(lambda: len(radars.filtered) > before, REPLY_S)
+
+
+def _away(radars: Radars, time_s: float) -> float:
+    """Return how far the nearest of the latest estimates is from the target, m."""
+    stamp_ns, _ = radars.filtered[-1]
+    found = radars.found[stamp_ns]
+    if found is None or not len(found):
+        return math.inf
+    then_s = (stamp_ns - scans.START_NS) * 1e-9
+    place = PLACE + VELOCITY * min(then_s, time_s)
+    return float(np.hypot(*(found.position - place).T).min())
+
+
+def measure_refused() -> Figure:
+    """Start trackers with detection probabilities at and beyond their bounds."""
+    return measured_or_why(REFUSED, REFUSED_GOAL, _refused)
+
+
+def _refused() -> tuple[str, bool, Mapping[str, Any]]:
+    found = {}
+    with Rig() as rig:
+        for value in (1.0, 1.5, -0.1):
+            name = "radar_1.detection_probability"
+            node = rig.start("tracker", "--ros-args", *_settings(**{name: value}))
+            status = node.process.wait(30.0)
+            said = f"{name}: {value} given, must be a finite number, at least 0, at most 0.999"
+            found[str(value)] = status if said in node.text else f"{status}, not said why"
+        rig.tracker(*_settings(**{"radar_1.detection_probability": 0.0}))
+    text = ", ".join(f"{value}: status {status}" for value, status in found.items())
+    return f"{text}; 0 starts", set(found.values()) == {2}, found

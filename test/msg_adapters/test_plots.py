@@ -1,0 +1,48 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+from rclpy.serialization import deserialize_message, serialize_message
+from samples import STAMP_NS, estimates
+from std_msgs.msg import Float64
+
+from msg_adapters import plots, quantities
+from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+
+
+def received(messages):
+    """Return what arrives, by name."""
+    return {
+        name: deserialize_message(serialize_message(message), Float64).data
+        for name, message in messages.items()
+    }
+
+
+def test_step_is_one_number_for_each_quantity_of_the_tracker():
+    figures = {"particles": 1754, "effective_share": np.float64(0.5), "orphans": 3}
+    step = Step(estimates(), (), np.array([2.25, 1.5]), figures)
+    found = received(plots.step_to_msgs(step, 12.5))
+    assert found == {
+        "cardinality/total": 3.75,
+        "cardinality/class_0": 2.25,
+        "cardinality/class_1": 1.5,
+        "step_ms": 12.5,
+        "particles": 1754.0,
+        "effective_share": 0.5,
+    }
+    assert set(found) == set(quantities.of_tracker(2))
+
+
+def test_score_is_one_number_for_each_quantity_of_the_evaluator():
+    evaluation = Evaluation(classes=2, cutoff=1000.0, order=2.0)
+    evaluation.add_truth(STAMP_NS, PointSet(np.array([[0.0, 0.0]]), np.array([0])))
+    found = {}
+    for source in ("filtered", "smoothed"):
+        estimate = PointSet(np.array([[30.0, 40.0]]), np.array([0]))
+        (score,) = evaluation.add_estimates(source, STAMP_NS, estimate)
+        found |= received(plots.score_to_msgs(score))
+    assert set(found) == set(quantities.of_evaluator(2))
+    assert found["smoothed/all/ospa"] == found["filtered/class_0/localization"] == 50.0
+    assert (found["filtered/all/n_true"], found["filtered/class_1/n_est"]) == (1.0, 0.0)

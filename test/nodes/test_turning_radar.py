@@ -1,0 +1,173 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A live tracker and a radar that turns, over DDS: by sectors, by turns, and misconfigured."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import detections, diagnostics, estimates, names
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.configuration.schema import flatten
+from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
+from phd_jdtc_ros.core.sectors import coverage_of
+from phd_jdtc_ros.core.types import FULL_TURN, Detections
+
+START_NS = 1_700_000_000 * 10**9
+ROTATION_S, TURNS = 4.0, 6
+# East, north and velocities at the start; two aircraft far apart.
+AIRCRAFT = np.array([[20e3, 5e3, -200.0, 0.0], [-12e3, -15e3, 100.0, 150.0]])
+CLUTTER = 12
+
+PARAMETERS = {
+    "radars": ["tower"],
+    "interval_s": ROTATION_S,
+    "lag_s": 4.0,
+    "particles_per_target": 300,
+    "classes": ["aircraft"],
+    "motions": ["cv"],
+    "births": [],
+    "detection_births": {"rates": [0.1], "velocity_std": 150.0, "particles": 256},
+    "spawn": {"rate": 0.0, "class_transition": [], "mode_transition": []},
+    "aircraft": {"motions": ["cv"], "mode_transition": [1.0], "snr_band_db": [10.0, 30.0]},
+    "cv": {"noise_density": 5.0},
+    "tower": {
+        "topic": "/tower/plots",
+        "fields": {"amplitude": "", "time": "time", "sector": "sector"},
+        "azimuth_convention": "compass_cw",
+        "rotation_s": ROTATION_S,
+        "sectors": 16,
+        "detection_probability": 0.95,
+        "range_std": 30.0,
+        "azimuth_std_deg": 0.1,
+        "max_range": 40e3,
+        "clutter_rate": float(CLUTTER),
+        "clutter_max_range": 40e3,
+    },
+}
+
+
+def passed(world, turn):
+    """Return the azimuths of places, and when the antenna passes them in a turn from north."""
+    azimuth = np.arctan2(world[:, 1], world[:, 0])
+    return azimuth, ROTATION_S * (turn + np.mod(np.pi / 2 - azimuth, FULL_TURN) / FULL_TURN)
+
+
+def plots(turn, clutter, rng):
+    """Return ranges, azimuths and times (s since the start) of a turn's plots, clockwise."""
+    radius, angle = rng.uniform(5e3, 38e3, clutter), rng.uniform(0.0, FULL_TURN, clutter)
+    false = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    _, time_s = passed(AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * turn * ROTATION_S, turn)
+    world = np.concatenate([AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * time_s[:, None], false])
+    azimuth, time_s = passed(world, turn)
+    distance = np.hypot(*world.T) + 30.0 * rng.standard_normal(len(world))
+    return distance, azimuth + np.radians(0.1) * rng.standard_normal(len(azimuth)), time_s
+
+
+def clouds(config, per_turn, clutter=CLUTTER):
+    """Return the clouds as the radar's driver would publish them, each at the end of its part."""
+    rng, radar, sent = np.random.default_rng(4), config.inputs[0], []
+    for turn in range(TURNS):
+        distance, azimuth, time_s = plots(turn, clutter, rng)
+        for part in range(per_turn):
+            end_s = ROTATION_S * (turn + (part + 1) / per_turn)
+            inside = (time_s >= end_s - ROTATION_S / per_turn) & (time_s < end_s)
+            measurement = np.stack([distance[inside], azimuth[inside]], axis=1)
+            found = Detections(measurement, None, time_s[inside] - end_s)
+            if radar.sector_field:
+                found = replace(found, coverage=coverage_of(part, radar.sectors, radar.compass))
+            stamp_ns = START_NS + round(end_s * 1e9)
+            sent.append(detections.to_msg(found, stamp_ns, radar.frame, radar))
+    return sent
+
+
+def offline(config, sent):
+    """Return the filtered estimates of clouds, without a node."""
+    pipeline, found = new_pipeline(config), []
+    for cloud in sent:
+        report = detections.from_msg(cloud, config.inputs[0])
+        events = pipeline.add(0, report.stamp_ns, report.detections, report.sector)
+        for event in events:
+            assert isinstance(event, Stepped)
+            found += event.step.filtered
+    return found
+
+
+@pytest.fixture
+def tracker(processes, peer, tmp_path):
+    """Return a function that starts a tracker.
+
+    It returns the configuration, the radar's publisher, the tracker's estimates and its log.
+    """
+
+    def start(**changes):
+        given = {**dict(flatten(PARAMETERS)), **changes}
+        file = tmp_path / "turning.yaml"
+        qos = {"qos_overrides./tower/plots.subscription.reliability": "reliable"}
+        file.write_text(yaml.safe_dump({"/tracker": {"ros__parameters": {**given, **qos}}}))
+        output = peer.publisher(PointCloud2, "/tower/plots", 50)
+        found = peer.collect(PointCloud2, "/tracker/filtered/estimates", 1000)
+        process = processes.start("tracker", "--ros-args", "--params-file", file)
+        assert peer.spin_until(
+            lambda: (
+                output.get_subscription_count()
+                and peer.node.count_publishers("/tracker/filtered/estimates")
+            )
+        )
+        peer.spin_for(0.5)
+        return resolve(given), output, found, process.log
+
+    return start
+
+
+@pytest.mark.parametrize("per_turn", [16, 1])
+def test_a_turning_radar_is_tracked_live_as_offline(tracker, peer, per_turn):
+    layout = {"tower.sectors": 16 if per_turn > 1 else 0}
+    layout["tower.fields.sector"] = "sector" if per_turn > 1 else ""
+    config, output, found, _ = tracker(**layout)
+    sent = clouds(config, per_turn)
+    expected = offline(config, sent)
+    for cloud in sent:
+        before = len(found)
+        output.publish(cloud)
+        assert peer.spin_until(lambda before=before: len(found) > before)
+    assert peer.spin_until(lambda: len(found) >= len(expected))
+
+    heard = [estimates.from_msg(cloud) for cloud in found]
+    assert [one.stamp_ns for one in heard] == [one.stamp_ns for one in expected]
+    for one, other in zip(heard, expected, strict=True):
+        np.testing.assert_allclose(one.state, other.state, rtol=1e-5, atol=1e-3)
+    last = heard[-1]
+    truth = AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * (last.stamp_ns - START_NS) * 1e-9
+    away = np.hypot(*(last.position[:, None] - truth).transpose(2, 0, 1))
+    assert (away.min(axis=0) < 200.0).all()
+
+
+def test_sectors_that_are_not_configured_are_warned_of_with_what_to_set(tracker, peer):
+    layout = {"tower.sectors": 0, "tower.rotation_s": 0.0, "tower.fields.sector": ""}
+    config, output, found, log = tracker(**layout, **{"tower.clutter_rate": 150.0})
+    for cloud in clouds(config, 16, clutter=150)[:40]:
+        before = len(found)
+        output.publish(cloud)
+        assert peer.spin_until(lambda before=before: len(found) > before)
+    expected = "set tower.rotation_s and tower.sectors, or what the antenna did not pass counts"
+    assert peer.spin_until(lambda: expected in log.read_text())
+
+
+def test_times_that_are_missing_are_warned_of(tracker, peer):
+    _, output, _, _ = tracker(**{"tower.fields.time": "toa"})
+    named = resolve(dict(flatten(PARAMETERS)))
+    health = peer.collect(DiagnosticArray, "/diagnostics")
+    for cloud in clouds(named, 16)[:3]:
+        output.publish(cloud)
+
+    def counted():
+        found = [s for array in health for s in array.status if s.name == names.health("tower")]
+        return found and diagnostics.values_of(found[-1]).get("time_missing") == "3"
+
+    assert peer.spin_until(counted)
