@@ -13,6 +13,7 @@ from typing import Any
 
 from rich.console import Console
 
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
@@ -79,15 +80,15 @@ def _write_page(
 def main(argv: Sequence[str]) -> int:
     """Run the report tool."""
     parser = argparse.ArgumentParser("report", description=__doc__)
-    parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file with estimates")
+    parser.add_argument("bag", help=command.BAG)
     parser.add_argument("--out", type=Path, required=True, help="directory of the report")
     parser.add_argument("--title", help="title of the page; the bag's name if absent")
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:
-        config = command.tracker_config(arguments)
-        title = arguments.title or arguments.bag.name
-        return write(arguments.bag, arguments.out, config, title, None)
+        bag = resources.bag(arguments.bag)
+        config = command.tracker_config(arguments, bag)
+        return write(bag, arguments.out, config, arguments.title or bag.name, None)
 
     return command.guarded("report", work)

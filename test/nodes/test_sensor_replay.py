@@ -398,3 +398,32 @@ def test_replay_stops_at_once_while_it_waits_for_one_who_does_not_hear(processes
         assert time.monotonic() - started < 2.0
     finally:
         deaf.send_signal(signal.SIGCONT)
+
+
+def test_replay_says_what_of_the_bags_scene_the_tracker_does_not_have(processes, peer):
+    tracker = processes.start("tracker")
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
+    bag = BAG.parent / "one_radar"
+    process = processes.start("sensor_replay", bag, "--start-paused", *QUIET)
+    assert peer.spin_until(lambda: "was recorded with" in process.log.read_text())
+
+    (line,) = (line for line in process.log.read_text().splitlines() if "recorded with" in line)
+    assert "radars: [radar_1] recorded, [radar_1, radar_2] given; radar_1.position: " in line
+    assert line.endswith(f"those of the bag are in {bag / 'parameters.yaml'}")
+
+
+def test_replay_says_nothing_of_a_tracker_that_fits(processes, peer):
+    tracker = processes.start("tracker")
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
+    process = processes.start("sensor_replay", BAG, "--rate", "0", *QUIET)
+    assert peer.spin_until(lambda: process.poll() is not None)
+
+    assert process.returncode == 0
+    assert "recorded with" not in process.log.read_text()
+
+
+def test_replay_finds_a_shipped_bag_by_its_name(processes, peer, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ("--rate", "1000", "--duration", "12", *QUIET, "-p", "subscriber_timeout_s:=0.0")
+    status, text = processes.run("sensor_replay", "one_radar", *words)
+    assert status == 0, text

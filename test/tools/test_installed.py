@@ -65,7 +65,8 @@ def run(installed, directory, *arguments, **environment):
 
 def test_an_installed_package_finds_its_files_from_any_directory(installed, tmp_path):
     text = (
-        "from phd_jdtc_ros.tools import demo, monte_carlo, resources\n"
+        "from phd_jdtc_ros import resources\n"
+        "from phd_jdtc_ros.tools import demo, monte_carlo\n"
         "import phd_jdtc_ros\n"
         "print(phd_jdtc_ros.__file__, demo.shipped_bag(), *resources.isolation().values(),"
         " resources.find(monte_carlo.PUBLISHED))\n"

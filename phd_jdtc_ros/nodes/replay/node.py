@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from enum import Enum, auto
-from pathlib import Path
 from typing import Any
 
 from rclpy.duration import Duration
@@ -20,12 +19,13 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import stamps
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 
 from ..common import arguments, parameters, runtime
 from ..common.parameter_files import ParameterFile
-from . import playable, replay_parameters, seek_parameter
+from . import playable, replay_parameters, scene_check, seek_parameter
 from .bag_clock import BagClock
 from .lock_step import GIVE_UP_S, LockStep
 from .playback import Group, Playback
@@ -66,7 +66,8 @@ class SensorReplay(Node):
         self._values = parameters.resolve(self, replay_parameters.AT_THE_START, flags, files)
         replay_parameters.check(self._values)
         self.exit_status: int | None = None
-        bag = BagReader(Path(self._values["bag"]))
+        path = resources.bag(self._values["bag"])
+        bag = BagReader(path)
         self._played = playable.choose(bag, self._values["topics"])
         for line in self._played.skipped:
             self.get_logger().warning(line)
@@ -110,6 +111,7 @@ class SensorReplay(Node):
         ):
             self.create_service(Trigger, f"~/{name}", callback)
         seek_parameter.declare(self, self._seek_fault, self._seek)
+        scene_check.begin(self, path, self._values["estimates_topic"])
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
 
