@@ -25,7 +25,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from launch import LaunchDescription
+from launch import Event, EventHandler, LaunchDescription
 from msg_adapters import names
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.tools import launching
@@ -48,6 +48,18 @@ TRACKER_ARGUMENTS = {
 FINISH_S = 10.0
 # Log text of each of the replay's subscribers once it is ready.
 READY = {"tracker": "tracking ", "evaluator": "waiting for "}
+
+
+class Failure(Event):
+    """A node has failed: the launch shuts down with status 1, which it has for an exception alone.
+
+    As an event, so that others learn of the node's end before.
+    """
+
+    name = "phd_jdtc_ros.Failure"
+
+    def __init__(self, reason):
+        self.reason = reason
 
 
 def generate_launch_description():
@@ -106,6 +118,7 @@ def _nodes(context, share):
             {
                 "tracker": tracker_name,
                 "classes": len(demo.config.model.modes.classes),
+                "world_frame": demo.config.world_frame,
                 "radar_topics": topics,
                 # Without truth there is nothing to report.
                 "report": f"{out}/metrics.json" if scans else "",
@@ -126,6 +139,7 @@ def _nodes(context, share):
                 "flush_service": f"{tracker_name}/flush",
                 "estimates_topic": names.estimates("filtered", tracker_name),
                 "subscriber_timeout_s": 20.0,
+                "truth_timeout_s": 20.0,
                 "progress": False,
             }
         ],
@@ -133,7 +147,11 @@ def _nodes(context, share):
     # The evaluator ends by itself once it has seen everything.
     finished = OnProcessExit(target_action=evaluator, on_exit=_end_with)
     ended = OnProcessExit(on_exit=partial(_end_after, flags["respawn"]))
-    handlers = [RegisterEventHandler(h) for h in (finished, ended, _once_heard(replay))]
+    failed = EventHandler(
+        matcher=lambda event: isinstance(event, Failure),
+        entities=[OpaqueFunction(function=lambda now: launching.fail(now.locals.event.reason))],
+    )
+    handlers = [RegisterEventHandler(h) for h in (finished, ended, failed, _once_heard(replay))]
     # The tracker's launch file sets the environment for all nodes that follow it.
     return [*handlers, tracker, evaluator]
 
@@ -159,13 +177,8 @@ def _once_heard(replay):
 def _end_with(event, context):
     """Shut down, and as a failure if the evaluator has failed."""
     if event.returncode:
-        return _failure("evaluator")
+        return [EmitEvent(event=Failure("evaluator failed"))]
     return [EmitEvent(event=Shutdown())]
-
-
-def _failure(name):
-    """Shut down with status 1, which launch has for an exception alone."""
-    return [OpaqueFunction(function=lambda context: launching.fail(f"{name} failed"))]
 
 
 def _end_after(respawn, event, context):
@@ -180,4 +193,4 @@ def _end_after(respawn, event, context):
     again = name == "tracker" and respawn and launching.respawns(event.returncode)
     if not event.returncode or again or name not in ("tracker", "sensor_replay"):
         return []
-    return _failure(name)
+    return [EmitEvent(event=Failure(f"{name} failed"))]

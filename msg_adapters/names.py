@@ -15,6 +15,10 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 POSES = "geometry_msgs/msg/PoseArray"
 MARKERS = "visualization_msgs/msg/MarkerArray"
 FIGURES = "diagnostic_msgs/msg/DiagnosticArray"
+PATH = "nav_msgs/msg/Path"
+ODOMETRY = "nav_msgs/msg/Odometry"
+RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
+DETECTIONS_3D = "vision_msgs/msg/Detection3DArray"
 
 
 def detections(radar: str) -> str:
@@ -38,7 +42,7 @@ def cardinality(tracker: str = TRACKER) -> str:
 
 
 def published(classes: int, tracker: str = TRACKER, scores: str = OSPA) -> dict[str, str]:
-    """Return every topic that the tracker and the evaluator publish, with its type."""
+    """Return every topic that the tracker and the evaluator always publish, with its type."""
     sources = ("filtered", "smoothed")
     clouds = {estimates(source, tracker): CLOUD for source in sources}
     arrays = {poses(s, k, tracker): POSES for s in sources for k in range(classes)}
@@ -49,4 +53,14 @@ def published(classes: int, tracker: str = TRACKER, scores: str = OSPA) -> dict[
         cardinality(tracker): FIGURES,
         DIAGNOSTICS: FIGURES,
         scores: FIGURES,
+    }
+
+
+def optional(tracker: str = TRACKER) -> dict[str, str]:
+    """Return every topic that the tracker publishes if it is asked to, with its type."""
+    return {
+        f"{tracker}/tracks/path": PATH,
+        f"{tracker}/odometry": ODOMETRY,
+        f"{tracker}/radar_tracks": RADAR_TRACKS,
+        f"{tracker}/detections_3d": DETECTIONS_3D,
     }

@@ -63,7 +63,7 @@ def score_tables(summary: dict[str, Any]) -> Group:
     distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
     gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_ospa2(summary)}"
     tables = [
-        _reduced(OSPA, summary, f"means over {summary['scans']} scans (OSPA: {distance})"),
+        _reduced(OSPA, summary, f"means over {_scans(summary)} scans (OSPA: {distance})"),
         _plain(GOSPA, summary, f"means over the scans (GOSPA: {distance})", None),
         _plain(SURVEILLANCE, summary, "surveillance figures", gaps),
     ]
@@ -72,6 +72,12 @@ def score_tables(summary: dict[str, Any]) -> Group:
     if summary[SMOOTHED]["all"]["confusion"] is not None:
         tables.append(_confusion(summary[SMOOTHED]["all"]["confusion"]))
     return Group(*[part for table in tables for part in ("", table)][1:])
+
+
+def _scans(summary: dict[str, Any]) -> str:
+    """Return the number of scans, and of how many if some were not scored."""
+    scored, known = summary["scans"], summary["truth_scans"]
+    return str(scored) if scored == known else f"{scored} of {known}"
 
 
 def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:

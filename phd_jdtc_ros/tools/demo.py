@@ -151,9 +151,11 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
         "record": out / RECORDING,
         "radar_topics": f"[{', '.join(topics)}]",
         "classes": len(config.model.modes.classes),
+        "world_frame": config.world_frame,
         "exit_after_scans": scans,
     }
-    flushing = {"flush_service": f"{names.TRACKER}/flush", "subscriber_timeout_s": 20.0}
+    patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
+    flushing = {"flush_service": f"{names.TRACKER}/flush", **patient}
     with Processes(logs) as nodes:
         bag_parameters.write(parameters, config.values)
         nodes.start("evaluator", [], reporting)
@@ -234,7 +236,6 @@ def main(argv: Sequence[str]) -> int:
             if not run_nodes(bag, config, new, out / LOGS):
                 return FAILED
             _replace(out, new)
-        bag_parameters.write(out / RECORDING / PARAMETERS, config.values)
         summary = json.loads((out / METRICS).read_text())
         report.write(out / RECORDING, out, config, bag.resolve().name, summary)
         return OK

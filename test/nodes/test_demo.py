@@ -147,6 +147,7 @@ def earlier(directory):
 def test_demo_replaces_its_own_files_alone(tmp_path, monkeypatch):
     def run_nodes(_, __, new, ___):
         (new / "estimates").mkdir()
+        (new / "estimates" / "metadata.yaml").touch()
         (new / "metrics.json").write_text("{}")
         return True
 
@@ -156,7 +157,7 @@ def test_demo_replaces_its_own_files_alone(tmp_path, monkeypatch):
     logs = {tmp_path / name for name in ARTEFACTS if name.startswith("logs/")}
     assert run("demo", ["--bag", str(BAG), "--out", str(tmp_path)]) == 0
 
-    written = {tmp_path / "metrics.json", tmp_path / "estimates" / "parameters.yaml"}
+    written = {tmp_path / "metrics.json", tmp_path / "estimates" / "metadata.yaml"}
     assert {path for path in tmp_path.rglob("*") if path.is_file()} == mine | logs | written
     assert (tmp_path / "metrics.json").read_text() == "{}"
 

@@ -15,6 +15,7 @@ from std_msgs.msg import String
 from msg_adapters import names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.nodes.evaluator.recorder import STATIC_FRAMES, STATIC_FRAMES_TYPE, Recorder
 from phd_jdtc_ros.tools.demo import shipped_bag
 
@@ -92,7 +93,8 @@ def record(executables, peer, directory, restrict):
 
 def check_stopped_cleanly(outcome, directory, reason):
     alive, status, text = outcome
-    assert (alive, status) == (True, 0)
+    # Without a tracker there is nothing that the report could have.
+    assert (alive, status) == (True, 1)
     assert text.count("recording stopped") == 1
     assert reason in text
     assert "Traceback" not in text
@@ -136,3 +138,51 @@ def test_recorder_stops_on_a_full_disk_and_the_node_goes_on(executables, peer, s
     outcome = record(executables, peer, small_disk / "bag", lambda _: None)
 
     check_stopped_cleanly(outcome, small_disk / "bag", os.strerror(errno.ENOSPC))
+
+
+def recorded(executables, peer, tmp_path, *arguments, radar_topics=()):
+    """Record a tracker that gets a scan of each radar; return the bag and the evaluator's log."""
+    words = ("--ros-args", "-p", f"record:={tmp_path / 'bag'}", *radar_topics)
+    evaluator = executables.start("evaluator", *words)
+    tracker = executables.start("tracker", "--ros-args", *arguments)
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
+    assert peer.spin_until((tmp_path / "bag" / "parameters.yaml").exists)
+    replay = executables.start(
+        *("sensor_replay", shipped_bag(), "--rate", "0", "--duration", "60"),
+        *("--ros-args", "-p", "flush_service:=/tracker/flush"),
+    )
+    assert peer.spin_until(lambda: replay.poll() is not None)
+    evaluator.send_signal(signal.SIGTERM)
+    assert evaluator.wait(30.0) == 0
+    return tmp_path / "bag", evaluator.log.read_text()
+
+
+def test_recording_holds_what_the_tracker_publishes_when_asked(processes, peer, tmp_path):
+    bag, _ = recorded(
+        *(processes, peer, tmp_path, "-p", "publish_odometry:=true", "-p", "publish_path:=true"),
+    )
+    reader = BagReader(bag)
+    assert reader.counts["/tracker/odometry"] > 0
+    assert reader.counts["/tracker/tracks/path"] > 0
+    assert reader.types["/tracker/odometry"] == "nav_msgs/msg/Odometry"
+
+
+def test_recording_is_without_the_topics_that_are_off_and_has_the_parameters(
+    processes, peer, tmp_path
+):
+    bag, text = recorded(processes, peer, tmp_path, "-p", "lag:=2", "-p", "publish_path:=false")
+    reader = BagReader(bag)
+    assert not {"/tracker/odometry", "/tracker/tracks/path"} & {*reader.types}
+    assert bag_parameters.read(bag)["lag"] == 2
+    assert "is not recorded" not in text
+
+
+def test_recording_that_leaves_a_radar_out_is_warned_of(processes, peer, tmp_path):
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"record:={tmp_path / 'bag'}")
+    given = ("-p", "radar_2.topic:=/north/plots", "-r", "/radar_1/detections:=/south/plots")
+    processes.start("tracker", "--ros-args", *given)
+    for topic in ("/north/plots", "/south/plots"):
+        text = f"{topic}, of which /tracker has a radar's detections, is not among radar_topics"
+        assert peer.spin_until(lambda text=text: text in evaluator.log.read_text())
+    peer.spin_until(lambda: evaluator.log.read_text().count("not among") > 2, 1.5)
+    assert evaluator.log.read_text().count("is not recorded") == 2

@@ -27,6 +27,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 TOPICS = (names.detections("radar_1"), names.detections("radar_2"), names.TRUTH)
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 QUIET = ("--ros-args", "-p", "progress:=false")
 
 
@@ -337,8 +338,40 @@ def test_replay_warns_when_nobody_listens(processes):
     )
 
     assert status == 0
-    topics = ("/ground_truth/targets", "/radar")
-    assert any(f"nothing is connected to {topic}" in text for topic in topics)
+    assert "nothing is connected to /radar_1/detections, /radar_2/detections; playing" in text
+
+
+def test_replay_without_an_evaluator_hardly_waits_for_one(processes, peer):
+    """Far shorter than for the radars' subscribers, whose time is longer than the test has."""
+    for topic in TOPICS[:2]:
+        peer.collect(PointCloud2, topic, DEEP)
+    status, text = processes.run(
+        *("sensor_replay", BAG, "--rate", "1000", *QUIET, "-p", "subscriber_timeout_s:=3600.0")
+    )
+
+    assert status == 0
+    assert f"nothing is connected to {names.TRUTH}; playing without waiting for it" in text
+
+
+def test_replay_waits_for_the_truths_subscribers_as_long_as_it_is_told(processes, peer):
+    clock = peer.collect(Clock, "/clock", QoSProfile(depth=1, reliability=BEST_EFFORT))
+    for topic in TOPICS[:2]:
+        peer.collect(PointCloud2, topic, DEEP)
+    words = ("-p", "truth_timeout_s:=3600.0")
+    process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET, *words)
+    # Longer than it would wait otherwise, by its own clock of 100 Hz.
+    assert peer.spin_until(lambda: len(clock) > 200)
+    assert {stamps.to_ns(tick.clock) for tick in clock} == {BagReader(BAG).start_ns}
+    late = peer.collect(PointCloud2, names.TRUTH, DEEP)
+    assert peer.spin_until(lambda: process.poll() is not None and len(late) == 80)
+
+
+def test_replay_says_in_the_end_how_much_it_published(processes):
+    words = ("--duration", "12", *QUIET, "-p", "subscriber_timeout_s:=0.0")
+    status, text = processes.run("sensor_replay", BAG, "--rate", "1000", *words)
+
+    assert status == 0
+    assert f"published: {TOPICS[0]} 3, {TOPICS[1]} 3, {TOPICS[2]} 3\n" in text
 
 
 def test_replay_fails_where_the_flush_service_is_missing(processes):

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import re
+import signal
 import time
 
 import numpy as np
@@ -368,3 +370,29 @@ def test_tracker_without_amplitudes_warns_once_and_tracks(processes, peer):
 
     assert len(estimates.from_msg(radars.filtered[-1])) >= 2
     assert tracker.log.read_text().count("no field 'rcs'") == 1
+
+
+def test_tracker_says_in_the_end_what_was_lost_on_the_way(processes, peer):
+    tracker = processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
+    group = Radars(peer)
+    group.connect()
+    group.track(0)
+    # While it sleeps more comes than its queues hold.
+    tracker.send_signal(signal.SIGSTOP)
+    for index in range(1, 60):
+        group.send(index, radars=(0,))
+    tracker.send_signal(signal.SIGCONT)
+
+    def counted():
+        values = diagnostics.values_of(group.drops(1))
+        return int(values["received"]) + int(values["gaps"]) == 60
+
+    assert peer.spin_until(counted)
+    tracker.send_signal(signal.SIGTERM)
+
+    assert tracker.wait(30.0) == 0
+    (said,) = re.findall(r"stopped; .*", tracker.log.read_text())
+    received, lost = map(int, re.findall(r"(\d+) clouds received.* radar_1 (\d+), ", said)[0])
+    assert lost > 0
+    # One of the other radar.
+    assert received + lost == 60 + 1

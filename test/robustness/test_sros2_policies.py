@@ -30,8 +30,8 @@ ARGUMENTS = {
         *("-p", "flush_service:=/tracker/flush"),
     ),
 }
-# Recorded where tf2_msgs is installed; the wheels do not bring it.
-OPTIONAL = {"/tf_static"}
+# Recorded where tf2_msgs, radar_msgs and vision_msgs are installed; the wheels do not bring them.
+OPTIONAL = {"/tf_static", "/tracker/radar_tracks", "/tracker/detections_3d"}
 
 
 def allowed():

@@ -126,11 +126,40 @@ def _check_rest(values: Mapping[str, Any]) -> list[str]:
     return faults
 
 
+def _check_radars(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for radar in values["radars"]:
+        clutter, limit = values[f"{radar}.clutter_max_range"], values[f"{radar}.max_range"]
+        if clutter > limit:
+            faults.append(
+                f"{radar}.clutter_max_range: {clutter:g} given, must be at most max_range, "
+                f"{limit:g}, beyond which detections are ignored"
+            )
+        if values[f"{radar}.message"] == "point_cloud":
+            faults += _field_faults(values, radar)
+    return faults
+
+
+def _field_faults(values: Mapping[str, Any], radar: str) -> list[str]:
+    """Return a fault for each quantity of a cloud whose field another quantity has too."""
+    faults: list[str] = []
+    taken: dict[str, str] = {}
+    for quantity in ("range", "azimuth", "elevation", "amplitude"):
+        key = f"{radar}.fields.{quantity}"
+        field = values[key]
+        if field and field in taken:
+            faults.append(f"{key}: {field!r} given, {taken[field]} has it too")
+        elif field:
+            taken[field] = f"{radar}.fields.{quantity}"
+    return faults
+
+
 CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_names,
     _check_classes,
     _check_spawn,
     _check_rest,
+    _check_radars,
 )
 
 

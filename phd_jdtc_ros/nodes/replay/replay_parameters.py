@@ -45,7 +45,14 @@ AT_THE_START = (
     Parameter(
         "subscriber_timeout_s",
         5.0,
-        "Longest wait for subscribers of the detections and the truth, s.",
+        "Longest wait for subscribers of the detections, s.",
+        0.0,
+        3600.0,
+    ),
+    Parameter(
+        "truth_timeout_s",
+        1.0,
+        "Longest further wait for subscribers of the truth, which a tracker does not need, s.",
         0.0,
         3600.0,
     ),
