@@ -26,6 +26,11 @@ SOURCES = (
     "resource",
 )
 FEW_PARTICLES = ("-p", "particles_per_target:=100", "-p", "particles_per_birth:=256")
+STUDY = """
+lags: [0]
+cases: {{short: {{scenario: {scenario}}}}}
+variants: {{particles: {{kind: particles}}}}
+"""
 FILES = ("setup.py", "setup.cfg", "pyproject.toml", "package.xml", "README.md")
 
 
@@ -113,8 +118,9 @@ def test_installed_offline_scripts_work_from_an_empty_directory(installed, tmp_p
     script("simulate", "--scenario", scenario_file, "--out", "short")
     script("track_bag", "short", "--out", "tracked", *FEW_PARTICLES)
     script("report", "tracked", "--out", "page")
-    chosen = ("--runs", "1", "--workers", "1", "--case", "clutter 20", "--variant", "particles")
-    script("monte_carlo", *chosen, *FEW_PARTICLES)
+    study = STUDY.format(scenario=scenario_file)
+    (tmp_path / "study.yaml").write_text(study)
+    script("monte_carlo", "--study", "study.yaml", "--runs", "1", "--workers", "1", *FEW_PARTICLES)
     assert (tmp_path / "page" / "report.html").is_file()
     assert (tmp_path / "out" / "study" / "summary.json").is_file()
 
