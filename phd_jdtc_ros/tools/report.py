@@ -46,6 +46,8 @@ def write(
         The run's figures if they are known; otherwise they are computed from the bag.
     """
     run = load.record(bag, config)
+    if run.class_fault:
+        print(f"report: {run.class_fault}", file=sys.stderr)
     out.mkdir(parents=True, exist_ok=True)
     evaluation = run.evaluate(command.CUTOFF, command.ORDER)
     if summary is None:

@@ -159,6 +159,8 @@ def main(argv: Sequence[str]) -> int:
                 raise
             status = fail("track_bag", error)
         run = load.record(arguments.out, config)
+        if run.class_fault:
+            print(f"track_bag: {run.class_fault}", file=sys.stderr)
         if run.truth:
             summary = run.evaluate(command.CUTOFF, command.ORDER).summary()
             Console().print(score_tables(summary))

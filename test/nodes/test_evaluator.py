@@ -8,7 +8,6 @@ import signal
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.duration import Duration
 from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
@@ -45,7 +44,7 @@ def found(stamp_ns, positions, classes, labels=None):
 class Source:
     """Stands where a tracker and a replay would."""
 
-    def __init__(self, peer, scores=names.OSPA):
+    def __init__(self, peer, scores=names.OSPA, node="/evaluator"):
         self.peer = peer
         self.truth = peer.publisher(PointCloud2, names.TRUTH, 50)
         self.clouds = {
@@ -55,7 +54,8 @@ class Source:
         everyone = [self.truth, *self.clouds.values()]
         assert peer.spin_until(lambda: all(p.get_subscription_count() for p in everyone))
         assert peer.spin_until(lambda: peer.node.count_publishers(scores))
-        peer.spin_for(0.5)
+        self.node = node
+        peer.meet(node)
 
     def send(self, stamp_ns, true, filtered, smoothed):
         self.clouds["filtered"].publish(estimates.to_msg(found(stamp_ns, *filtered), "map"))
@@ -65,10 +65,9 @@ class Source:
     def send_truth(self, stamp_ns, true=([], []), frame="map"):
         self.truth.publish(truth.to_msg(targets(stamp_ns, *true), frame))
 
-    def delivered(self):
-        """Wait until the evaluator has received everything."""
-        patient = Duration(seconds=20.0)
-        return all(p.wait_for_all_acked(patient) for p in (self.truth, *self.clouds.values()))
+    def taken(self):
+        """Wait until the evaluator has taken everything; no test sends more on a topic."""
+        self.peer.meet(self.node, times=10)
 
 
 def test_evaluator_publishes_scores_and_writes_the_report(processes, peer, tmp_path):
@@ -177,7 +176,7 @@ def test_evaluator_lives_on_after_foreign_figures_and_leaves_them_out(processes,
         figures.publish(diagnostics.array(SECOND, [status]))
     source.send(SECOND, ([], []), ([], []), ([], []))
     assert peer.spin_until(lambda: len(source.scores) == 2)
-    peer.spin_for(0.5)
+    source.taken()
     evaluator.send_signal(signal.SIGINT)
 
     assert evaluator.wait(10.0) == 0
@@ -215,10 +214,10 @@ def test_evaluator_in_a_namespace_records_its_own_scores(processes, peer, tmp_pa
         *("evaluator", "--ros-args", "-r", "__ns:=/alpha", "-p", f"record:={tmp_path / 'bag'}")
     )
     scores = f"/alpha{names.OSPA}"
-    source = Source(peer, scores)
+    source = Source(peer, scores, "/alpha/evaluator")
     source.send(SECOND, ([], []), ([], []), ([], []))
     assert peer.spin_until(lambda: len(source.scores) == 2)
-    peer.spin_for(0.5)
+    source.taken()
     evaluator.send_signal(signal.SIGINT)
 
     assert evaluator.wait(10.0) == 0
@@ -271,7 +270,7 @@ def test_evaluator_says_how_many_scans_it_never_saw(processes, peer, tmp_path):
     source.clouds["filtered"].publish(estimates.to_msg(found(5 * SECOND, *EMPTY), "map"))
     source.send_truth(5 * SECOND)
     assert peer.spin_until(lambda: len(source.scores) == 7)
-    assert source.delivered()
+    source.taken()
     status, text = ended(evaluator)
 
     assert status == 0
@@ -326,7 +325,7 @@ def test_evaluator_says_why_nothing_is_scored(processes, peer, tmp_path, sent, r
         if "filtered" in sent:
             cloud = estimates.to_msg(found(second * SECOND, *EMPTY), "map")
             source.clouds["filtered"].publish(cloud)
-    assert source.delivered()
+    source.taken()
     status, text = ended(evaluator)
 
     assert f"nothing is scored: {reason}" in text
@@ -368,7 +367,7 @@ def test_evaluator_refuses_clouds_of_another_frame_and_of_classes_that_there_are
     source.clouds["filtered"].publish(estimates.to_msg(found(SECOND, [(0.0, 0.0)], [0]), "odom"))
     source.clouds["filtered"].publish(estimates.to_msg(found(SECOND, *EMPTY), "base_link"))
     assert peer.spin_until(lambda: len(source.scores) == 1)
-    assert source.delivered()
+    source.taken()
     status, text = ended(evaluator)
 
     assert status == 0
@@ -393,7 +392,7 @@ def test_evaluator_scores_a_repeated_stamp_once(processes, peer, tmp_path):
     for _ in range(3):
         source.send(SECOND, EMPTY, EMPTY, EMPTY)
     source.send(2 * SECOND, EMPTY, EMPTY, EMPTY)
-    assert source.delivered()
+    source.taken()
     assert peer.spin_until(lambda: len(source.scores) >= 4)
     status, text = ended(evaluator)
 

@@ -28,10 +28,9 @@ def test_recorder_writes_what_arrives(peer, tmp_path):
     recorder = Recorder(peer.node, tmp_path / "bag", {"/note": STRING})
     output = peer.publisher(String, "/note")
     assert peer.spin_until(output.get_subscription_count)
-    peer.spin_for(0.3)
     for k in range(5):
         output.publish(String(data=f"note {k}"))
-    peer.spin_for(0.5)
+    assert peer.spin_until(lambda: recorder.written["/note"] == 5)
     recorder.close()
 
     bag = BagReader(tmp_path / "bag")
@@ -43,10 +42,16 @@ def test_recorder_hears_drivers_that_offer_best_effort_alone(peer, tmp_path):
     recorder = Recorder(peer.node, tmp_path / "bag", {"/note": STRING})
     modest = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
     outputs = [peer.publisher(String, "/note", modest), peer.publisher(String, "/note")]
-    peer.spin_for(1.0)
+
+    def modest_as_well():
+        found = peer.node.get_subscriptions_info_by_topic("/note")
+        return [info.qos_profile.reliability for info in found] == [ReliabilityPolicy.BEST_EFFORT]
+
+    assert peer.spin_until(modest_as_well)
+    peer.settled(*outputs)
     for output in outputs:
         output.publish(String(data="note"))
-    peer.spin_for(0.5)
+    assert peer.spin_until(lambda: recorder.written["/note"] == 2)
     recorder.close()
 
     # Each once, though one of them was heard before too.
@@ -57,9 +62,8 @@ def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     # Of a type that is everywhere; what matters is the name and the durability.
     peer.publisher(String, STATIC_FRAMES, latched).publish(String(data="map to radar_1"))
-    peer.spin_for(0.3)
     recorder = Recorder(peer.node, tmp_path / "bag", {STATIC_FRAMES: STRING})
-    peer.spin_for(1.0)
+    assert peer.spin_until(lambda: recorder.written[STATIC_FRAMES])
     recorder.close()
 
     bag = BagReader(tmp_path / "bag")
@@ -85,7 +89,8 @@ def record(executables, peer, directory, restrict):
     assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)
     restrict(evaluator)
     replay = executables.start("sensor_replay", shipped_bag(), "--rate", "200")
-    assert peer.spin_until(lambda: replay.poll() is not None, 30.0)
+    assert peer.spin_until(lambda: replay.poll() is not None)
+    assert peer.spin_until(lambda: "recording stopped" in evaluator.log.read_text())
     alive = evaluator.poll() is None
     evaluator.send_signal(signal.SIGTERM)
     return alive, evaluator.wait(15.0), evaluator.log.read_text()
@@ -184,5 +189,6 @@ def test_recording_that_leaves_a_radar_out_is_warned_of(processes, peer, tmp_pat
     for topic in ("/north/plots", "/south/plots"):
         text = f"{topic}, of which /tracker has a radar's detections, is not among radar_topics"
         assert peer.spin_until(lambda text=text: text in evaluator.log.read_text())
-    peer.spin_until(lambda: evaluator.log.read_text().count("not among") > 2, 1.5)
+    # It has looked again by then.
+    peer.meet("/evaluator", times=2)
     assert evaluator.log.read_text().count("is not recorded") == 2

@@ -107,15 +107,15 @@ def test_replay_pauses_steps_and_resumes(processes, peer, listener):
     processes.start("sensor_replay", BAG, "--rate", "30", "--start-paused", *QUIET)
     peer.call(Trigger, "/sensor_replay/step")
     assert peer.spin_until(lambda: listener.scans == 1)
-    peer.spin_for(0.5)
+    peer.ticks(50)
     assert listener.scans == 1
 
     peer.call(Trigger, "/sensor_replay/resume")
     assert peer.spin_until(lambda: listener.scans >= 4)
     peer.call(Trigger, "/sensor_replay/pause")
-    peer.spin_for(0.2)
+    peer.meet("/sensor_replay")
     held = listener.scans
-    peer.spin_for(0.6)
+    peer.ticks(60)
     assert listener.scans == held
 
 
@@ -252,7 +252,7 @@ def test_replay_publishes_the_clock_at_100_hz_and_before_every_stamp(processes, 
 def test_replay_waits_for_its_subscribers(processes, peer):
     process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET)
     assert peer.spin_until(lambda: peer.node.count_publishers(names.TRUTH) == 1)
-    peer.spin_for(1.0)
+    peer.ticks(50)
     late = Listener(peer)
     assert peer.spin_until(lambda: process.poll() is not None and late.scans == 80)
 
@@ -262,7 +262,7 @@ def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(proce
     estimates = peer.publisher(PointCloud2, names.estimates("filtered"))
     processes.start("sensor_replay", BAG, "--rate", "0", *QUIET)
     assert peer.spin_until(lambda: listener.scans == 1)
-    peer.spin_for(0.5)
+    peer.ticks(10)
     assert listener.scans == 1
 
     for expected in (2, 3, 4):
@@ -270,7 +270,7 @@ def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(proce
         cloud.header.stamp = stamps.from_ns(stamps.of_cdr(listener.data[names.TRUTH][-1]))
         estimates.publish(cloud)
         assert peer.spin_until(lambda expected=expected: listener.scans == expected)
-        peer.spin_for(0.2)
+        peer.ticks(10)
         assert listener.scans == expected
 
 
@@ -290,13 +290,13 @@ def test_replay_in_lock_step_keeps_it_from_one_turn_of_a_loop_to_the_next(proces
     assert peer.spin_until(lambda: listener.scans == 2)
     last = stamps.of_cdr(listener.data[names.TRUTH][1])
     # The last scan has not been answered, so the next turn does not begin.
-    peer.spin_for(0.3)
+    peer.ticks(10)
     assert listener.scans == 2
     answer(last)
     assert peer.spin_until(lambda: listener.scans == 3)
     # An estimate that is late comes from the turn before and answers nothing of this one.
     answer(last)
-    peer.spin_for(0.3)
+    peer.ticks(10)
     assert listener.scans == 3
     answer(first)
     assert peer.spin_until(lambda: listener.scans == 4)
@@ -321,10 +321,10 @@ def test_replay_in_lock_step_outlasts_a_long_pause(peer, listener, on):
     try:
         assert peer.spin_until(lambda: listener.scans == 1)
         peer.call(Trigger, "/sensor_replay/pause")
-        peer.spin_for(3.5)
+        peer.ticks(350)
         before = listener.scans
         peer.call(Trigger, f"/sensor_replay/{on}")
-        assert peer.spin_until(lambda: listener.scans > before, 3.0)
+        assert peer.spin_until(lambda: listener.scans > before)
         assert process.poll() is None
     finally:
         process.kill()
@@ -423,7 +423,7 @@ def test_replay_stops_at_once_while_it_waits_for_one_who_does_not_hear(processes
     deaf.send_signal(signal.SIGSTOP)
     try:
         assert peer.spin_until(lambda: listener.scans == 80)
-        peer.spin_for(0.3)
+        peer.ticks(5)
         assert process.poll() is None
         started = time.monotonic()
         process.send_signal(signal.SIGTERM)

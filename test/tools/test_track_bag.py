@@ -625,3 +625,15 @@ def test_track_bag_refuses_parameters_beside_the_bag_that_are_none(track, short_
     shutil.copytree(short_bag, tmp_path / "copy")
     (tmp_path / "copy" / "parameters.yaml").write_text("/**: {ros__parameters: {lak: 2}}\n")
     assert track(tmp_path / "copy")[0] == 2
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_track_bag_says_that_the_truth_has_more_classes(track, tmp_path, capsys, beside):
+    shutil.copytree(ROOT / "bags" / "three_classes", tmp_path / "bag")
+    if not beside:
+        (tmp_path / "bag" / "parameters.yaml").unlink()
+    assert track(tmp_path / "bag")[0] == 0
+    said = (
+        "track_bag: the truth has class_id 2, and the tracker 2 classes" in capsys.readouterr().err
+    )
+    assert said is not beside

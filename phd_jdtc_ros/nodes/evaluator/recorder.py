@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -53,6 +54,11 @@ class Recorder:
     optional : mapping of topic to type name
         Those that are in the bag only if something comes on them, and whose types need not be
         installed.
+
+    Attributes
+    ----------
+    written : Counter
+        Number of recorded messages by topic.
     """
 
     def __init__(
@@ -67,6 +73,7 @@ class Recorder:
         self._clock = node.get_clock()
         self._logger = node.get_logger()
         self._bag: BagWriter | None = BagWriter(directory)
+        self.written: Counter[str] = Counter()
         self._subscriptions: dict[str, Subscription] = {}
         self._undeclared = {topic: kind for topic, kind in (optional or {}).items() if _has(kind)}
         frames = {STATIC_FRAMES: STATIC_FRAMES_TYPE} if _has(STATIC_FRAMES_TYPE) else {}
@@ -105,6 +112,7 @@ class Recorder:
             if topic in self._undeclared:
                 self._bag.add_topic(Topic(topic, self._undeclared.pop(topic)))
             self._bag.write(topic, data, self._clock.now().nanoseconds)
+            self.written[topic] += 1
         except BagError as error:  # a full disk ends the recording, not the node
             self._bag = None
             self._logger.error(f"recording stopped: {error}")
