@@ -20,7 +20,8 @@ endif
 .PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage check format bags parameters clean
 
 help:
-	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo"
+	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
+	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=6 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
 	@echo "make faults  the fault matrix on live nodes, into out/faults"
@@ -67,7 +68,7 @@ $(VENV)/.ready-bench: $(VENV)/.ready
 	@touch $@
 
 demo: $(VENV)/.ready
-	@$(RUN) -m phd_jdtc_ros demo
+	@$(RUN) -m phd_jdtc_ros demo $(if $(BAG),--bag $(BAG))
 
 RUNS ?= 50
 

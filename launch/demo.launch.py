@@ -4,7 +4,7 @@
 """
 Replay the shipped bag through the tracker and score it.
 
-ros2 launch phd_jdtc_ros demo.launch.py [bag:=PATH] [rate:=0.0] [out:=DIR] [rviz:=true] ...
+ros2 launch phd_jdtc_ros demo.launch.py [bag:=NAME_OR_PATH] [rate:=0.0] [out:=DIR] [rviz:=true] ...
 """
 
 from functools import partial
@@ -24,9 +24,8 @@ from launch.events import Shutdown
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 
-from launch import LaunchDescription
+from launch import Event, EventHandler, LaunchDescription
 from msg_adapters import names
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.tools import launching
@@ -34,7 +33,7 @@ from phd_jdtc_ros.tools import launching
 PACKAGE = "phd_jdtc_ros"
 # The arguments of the tracker's launch file, with the demo's defaults.
 TRACKER_ARGUMENTS = {
-    "params_file": ("", "ROS parameter file of the tracker; the defaults if empty"),
+    "params_file": ("", "ROS parameter file of the tracker; if empty, that beside the bag"),
     "namespace": ("", "namespace of the tracker and the evaluator; none if empty"),
     "node_name": ("tracker", "name of the tracker"),
     "log_level": ("info", "log level of the tracker: debug, info, warn, error or fatal"),
@@ -51,13 +50,27 @@ FINISH_S = 10.0
 READY = {"tracker": "tracking ", "evaluator": "waiting for "}
 
 
+class Failure(Event):
+    """A node has failed: the launch shuts down with status 1, which it has for an exception alone.
+
+    As an event, so that others learn of the node's end before.
+    """
+
+    name = "phd_jdtc_ros.Failure"
+
+    def __init__(self, reason):
+        self.reason = reason
+
+
 def generate_launch_description():
     """Return the arguments and the three nodes; the launch ends with the evaluator."""
     share = get_package_share_directory(PACKAGE)
     return LaunchDescription(
         [
             DeclareLaunchArgument(
-                "bag", default_value=f"{share}/bags/paper_scenario", description="bag to replay"
+                "bag",
+                default_value="paper_scenario",
+                description="bag to replay: the name of a shipped one, or a path",
             ),
             DeclareLaunchArgument(
                 "rate", default_value="0.0", description="rate of the replay; 0 is lock-step"
@@ -76,18 +89,24 @@ def generate_launch_description():
 
 def _nodes(context, share):
     given = {name: LaunchConfiguration(name).perform(context) for name in TRACKER_ARGUMENTS}
-    out, bag = (LaunchConfiguration(name).perform(context) for name in ("out", "bag"))
+    out, bag, rate = (LaunchConfiguration(name).perform(context) for name in ("out", "bag", "rate"))
     flags = launching.booleans({name: given[name] for name in ("use_sim_time", "respawn")})
     namespace = launching.full_namespace(
         context.launch_configurations.get("ros_namespace"), given["namespace"]
     )
     tracker_name = launching.full_name(namespace, given["node_name"])
-    config = launching.load(given["params_file"], tracker_name)
-    topics = [source.topic for source in config.inputs]
+    rate = launching.rate(rate)
+    demo = launching.demo(bag, given["params_file"], tracker_name, Path(out))
+    scans = BagReader(demo.bag).counts[names.TRUTH]
+    topics = [source.topic for source in demo.config.inputs]
     tracker = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(f"{share}/launch/tracker.launch.py"),
         # Nothing may be lost between two nodes that wait for each other.
-        launch_arguments={**given, "reliable_topics": ",".join(topics)}.items(),
+        launch_arguments={
+            **given,
+            "params_file": demo.params_file,
+            "reliable_topics": ",".join(topics),
+        }.items(),
     )
     evaluator = Node(
         package=PACKAGE,
@@ -98,11 +117,13 @@ def _nodes(context, share):
         parameters=[
             {
                 "tracker": tracker_name,
-                "classes": len(config.model.modes.classes),
-                "class_names": [kind.name for kind in config.model.modes.classes],
+                "classes": len(demo.config.model.modes.classes),
+                "class_names": [kind.name for kind in demo.config.model.modes.classes],
+                "world_frame": demo.config.world_frame,
                 "radar_topics": topics,
-                "report": f"{out}/metrics.json",
-                "exit_after_scans": BagReader(Path(bag)).counts[names.TRUTH],
+                # Without truth there is nothing to report.
+                "report": f"{out}/metrics.json" if scans else "",
+                "exit_after_scans": scans,
                 "use_sim_time": flags["use_sim_time"],
             },
         ],
@@ -114,19 +135,24 @@ def _nodes(context, share):
         output="screen",
         parameters=[
             {
-                "bag": bag,
-                "rate": ParameterValue(LaunchConfiguration("rate"), value_type=float),
+                "bag": str(demo.bag),
+                "rate": rate,
                 "flush_service": f"{tracker_name}/flush",
                 "estimates_topic": names.estimates("filtered", tracker_name),
                 "subscriber_timeout_s": 20.0,
+                "truth_timeout_s": 20.0,
                 "progress": False,
             }
         ],
     )
     # The evaluator ends by itself once it has seen everything.
-    finished = OnProcessExit(target_action=evaluator, on_exit=[EmitEvent(event=Shutdown())])
+    finished = OnProcessExit(target_action=evaluator, on_exit=_end_with)
     ended = OnProcessExit(on_exit=partial(_end_after, flags["respawn"]))
-    handlers = [RegisterEventHandler(h) for h in (finished, ended, _once_heard(replay))]
+    failed = EventHandler(
+        matcher=lambda event: isinstance(event, Failure),
+        entities=[OpaqueFunction(function=lambda now: launching.fail(now.locals.event.reason))],
+    )
+    handlers = [RegisterEventHandler(h) for h in (finished, ended, failed, _once_heard(replay))]
     # The tracker's launch file sets the environment for all nodes that follow it.
     return [*handlers, tracker, evaluator]
 
@@ -149,8 +175,15 @@ def _once_heard(replay):
     return OnProcessIO(on_stdout=listen, on_stderr=listen)
 
 
+def _end_with(event, context):
+    """Shut down, and as a failure if the evaluator has failed."""
+    if event.returncode:
+        return [EmitEvent(event=Failure("evaluator failed"))]
+    return [EmitEvent(event=Shutdown())]
+
+
 def _end_after(respawn, event, context):
-    """Shut down soon after the replay ends, and at once if it or the tracker failed.
+    """Shut down soon after the replay ends, and as a failure at once if it or the tracker failed.
 
     With `respawn`, a failed tracker is started again instead, if that can be of use.
     """
@@ -161,4 +194,4 @@ def _end_after(respawn, event, context):
     again = name == "tracker" and respawn and launching.respawns(event.returncode)
     if not event.returncode or again or name not in ("tracker", "sensor_replay"):
         return []
-    return [EmitEvent(event=Shutdown(reason=f"{name} failed"))]
+    return [EmitEvent(event=Failure(f"{name} failed"))]

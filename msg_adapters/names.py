@@ -21,6 +21,10 @@ MARKERS = "visualization_msgs/msg/MarkerArray"
 FIGURES = "diagnostic_msgs/msg/DiagnosticArray"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 NUMBER = "std_msgs/msg/Float64"
+PATH = "nav_msgs/msg/Path"
+ODOMETRY = "nav_msgs/msg/Odometry"
+RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
+DETECTIONS_3D = "vision_msgs/msg/Detection3DArray"
 
 
 def detections(radar: str) -> str:
@@ -69,7 +73,7 @@ def hardware(radar: str, tracker: str = TRACKER) -> str:
 def published(
     classes: int, tracker: str = TRACKER, scores: str = OSPA, evaluator: str = EVALUATOR
 ) -> dict[str, str]:
-    """Return every topic that the tracker and the evaluator publish, with its type."""
+    """Return every topic that the two nodes publish unless told not to, with its type."""
     sources = ("filtered", "smoothed")
     clouds = {estimates(source, tracker): CLOUD for source in sources}
     arrays = {poses(s, k, tracker): POSES for s in sources for k in range(classes)}
@@ -86,4 +90,14 @@ def published(
         cardinality(tracker): FIGURES,
         DIAGNOSTICS: FIGURES,
         scores: FIGURES,
+    }
+
+
+def optional(tracker: str = TRACKER) -> dict[str, str]:
+    """Return every topic that the tracker publishes if it is asked to, with its type."""
+    return {
+        f"{tracker}/tracks/path": PATH,
+        f"{tracker}/odometry": ODOMETRY,
+        f"{tracker}/radar_tracks": RADAR_TRACKS,
+        f"{tracker}/detections_3d": DETECTIONS_3D,
     }

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from phd_jdtc_ros.tools.resources import PROFILE_VARIABLES
+from phd_jdtc_ros.resources import PROFILE_VARIABLES
 
 PROFILE = Path(__file__).parents[1] / "config" / "dds" / "localhost_only.xml"
 ISOLATED = dict.fromkeys(PROFILE_VARIABLES, str(PROFILE))

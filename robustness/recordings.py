@@ -62,6 +62,8 @@ def _full() -> tuple[str, bool, Mapping[str, Any]]:
         while "No space left" not in recorder.text and index < MOST_SCANS:
             rig.radars.track(index)
             index += 1
+        # It writes what has been tracked some time later, on a busy machine seconds.
+        recorder.said("No space left")
         answered = _track(rig, index)
         alive = recorder.alive
         status = recorder.stop()
@@ -86,7 +88,10 @@ def _read_only() -> tuple[str, bool, Mapping[str, Any]]:
 
 
 def _evaluator(rig: Rig, prefix: Sequence[str], disk: Path) -> Node:
-    return rig.start("evaluator", "--ros-args", "-p", f"record:={disk / 'bag'}", prefix=prefix)
+    node = rig.start("evaluator", "--ros-args", "-p", f"record:={disk / 'bag'}", prefix=prefix)
+    # Only then it records what is tracked; on a disk that is read-only it ends instead.
+    node.said("waiting for")
+    return node
 
 
 def _connect(rig: Rig) -> None:

@@ -85,6 +85,17 @@ class Record:
         """Return the ``filtered`` or the ``smoothed`` estimates."""
         return {FILTERED: self.filtered, SMOOTHED: self.smoothed}[source]
 
+    @property
+    def class_fault(self) -> str | None:
+        """What is wrong with the classes of the truth; None if the tracker has them all."""
+        known = [int(truth.class_id.max()) for truth in self.truth if len(truth.class_id)]
+        if not known or max(known) < self.classes:
+            return None
+        return (
+            f"the truth has class_id {max(known)}, and the tracker {self.classes} classes: targets "
+            "of the others are scored in total only"
+        )
+
     def evaluate(self, cutoff: float, order: float) -> Evaluation:
         """Return the scores of the run; `cutoff` in metres."""
         names = self.sets.class_names

@@ -69,7 +69,7 @@ def score_tables(summary: dict[str, Any]) -> Group:
     distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
     gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_of_tracks(summary)}"
     tables = [
-        _reduced(OSPA, summary, f"means over {summary['scans']} scans (OSPA: {distance})"),
+        _reduced(OSPA, summary, f"means over {_scans(summary)} scans (OSPA: {distance})"),
         _plain(GOSPA, summary, f"means over the scans (GOSPA: {distance})", None),
         _plain(SURVEILLANCE, summary, "surveillance figures", gaps),
     ]
@@ -79,6 +79,12 @@ def score_tables(summary: dict[str, Any]) -> Group:
     if matrix is not None and not sets.one_class:
         tables.append(_confusion(matrix, sets))
     return Group(*[part for table in tables for part in ("", table)][1:])
+
+
+def _scans(summary: dict[str, Any]) -> str:
+    """Return the number of scans, and of how many if some were not scored."""
+    scored, known = summary["scans"], summary["truth_scans"]
+    return str(scored) if scored == known else f"{scored} of {known}"
 
 
 def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:

@@ -14,15 +14,19 @@ from typing import Any
 
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.core.configuration import scene
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError
 from phd_jdtc_ros.core.quoting import short
 from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
+from phd_jdtc_ros.nodes.common import bag_parameters
 
 from . import params_file, tracker_params
 
 # Default cut-off c (metres) and order p of OSPA.
 CUTOFF, ORDER = 1000.0, 2.0
+# What a bag may be given as.
+BAG = "rosbag2 directory, MCAP file, or the name of a shipped bag"
 
 
 def guarded(name: str, work: Callable[[], int]) -> int:
@@ -45,7 +49,8 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--scenario",
         type=Path,
-        help="scenario file, whose parameters are used; the reference scenario if absent",
+        help="scenario file, whose parameters are used; without one and without --params-file "
+        "those beside the bag, or else the reference scenario's",
     )
     parser.add_argument(
         "--params-file", type=Path, action="append", default=[], help="ROS parameter file"
@@ -77,12 +82,32 @@ def _cutoff(text: str) -> float:
     return cutoff
 
 
-def tracker_config(arguments: argparse.Namespace) -> TrackerConfig:
-    """Return the configuration that the parameter arguments describe."""
+def tracker_config(arguments: argparse.Namespace, bag: Path | None = None) -> TrackerConfig:
+    """Return the configuration that the parameter arguments describe.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+    bag : Path or None
+        The bag that is read. The parameters beside it are those used if neither a scenario nor a
+        file is given; if others are given that do not fit its scene, warnings say so.
+
+    Raises
+    ------
+    ConfigError
+        With every fault.
+    """
+    recorded = None if bag is None else bag_parameters.read(bag)
     given: dict[str, Any] = {}
     if arguments.scenario is not None:
         given = params_file.scenario_parameters(yaml_files.load(arguments.scenario))
+    elif recorded is not None and not arguments.params_file:
+        given = dict(recorded)
     paths: Sequence[Path] = arguments.params_file
     given |= params_file.from_arguments(paths, arguments.assignments)
     # The file may be a live tracker's, with the node's own parameters.
-    return tracker_params.config(given)
+    config = tracker_params.config(given)
+    if bag is not None and recorded is not None:
+        for line in scene.differences(tracker_params.config(recorded).values, config.values):
+            print(f"{bag_parameters.path_of(bag)}: {line}", file=sys.stderr)
+    return config

@@ -4,13 +4,16 @@
 """The demo in one command: replay, track and evaluate over DDS, then write the report.
 
 The three nodes run as separate processes in their own ROS domain, on this machine only. The replay
-is in lock-step with the tracker, so it runs as fast as the CPU allows and loses no message.
+is in lock-step with the tracker, so it runs as fast as the CPU allows and loses no message. The
+tracker has the parameters beside the bag, unless others are given. What an earlier demo has left is
+replaced once the nodes have ended well; until then it stays as it is.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,25 +23,31 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from msg_adapters import names
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.report.pictures import figures
 
-from . import command, report, resources
+from . import command, report
 
 START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.
 FINISH_S = 30.0
 METRICS, RECORDING, LOGS = "metrics.json", "estimates", "logs"
+PARAMETERS = bag_parameters.NAME
+# Where a demo writes until its nodes have ended well, relative to its output directory.
+UNFINISHED = ".unfinished"
 # All files that a demo writes, relative to its output directory.
 ARTEFACTS = (
     METRICS,
     report.PAGE,
     *(f"{picture.name}.png" for picture in figures.PICTURES),
     *(f"{LOGS}/{node}.log" for node in ("evaluator", "tracker", "sensor_replay")),
-    *(f"{RECORDING}/{name}" for name in (f"{RECORDING}_0.mcap", "metadata.yaml")),
+    f"{LOGS}/{PARAMETERS}",
+    *(f"{RECORDING}/{name}" for name in (f"{RECORDING}_0.mcap", "metadata.yaml", PARAMETERS)),
 )
 
 
@@ -117,24 +126,39 @@ class Processes:
         return "\n".join((self._logs / f"{name}.log").read_text().splitlines()[-10:])
 
 
-def run_nodes(bag: Path, out: Path) -> bool:
-    """Run the three nodes over a bag, with output to `out`; return whether none of them failed."""
+def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
+    """Run the three nodes over a bag; return whether none of them failed.
+
+    Parameters
+    ----------
+    bag : Path
+    config : TrackerConfig
+        What the tracker gets.
+    out : Path
+        Directory for the results.
+    logs : Path
+        Directory for what the nodes log, and for the tracker's parameters.
+    """
     scans = BagReader(bag).counts[names.TRUTH]
     if not scans:
         raise BagError(f"{bag}: no message on {names.TRUTH}, the truth that the demo needs")
-    reliable = {
-        f"qos_overrides.{radar.topic}.subscription.reliability": "reliable"
-        for radar in resolve({}).inputs
-    }
+    topics = [radar.topic for radar in config.inputs]
+    reliable = {f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in topics}
+    parameters = logs / PARAMETERS
     reporting = {
         "report": out / METRICS,
         "record": out / RECORDING,
+        "radar_topics": f"[{', '.join(topics)}]",
+        "classes": len(config.model.modes.classes),
+        "world_frame": config.world_frame,
         "exit_after_scans": scans,
     }
-    flushing = {"flush_service": f"{names.TRACKER}/flush", "subscriber_timeout_s": 20.0}
-    with Processes(out / LOGS) as nodes:
+    patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
+    flushing = {"flush_service": f"{names.TRACKER}/flush", **patient}
+    with Processes(logs) as nodes:
+        bag_parameters.write(parameters, config.values)
         nodes.start("evaluator", [], reporting)
-        nodes.start("tracker", [], reliable)
+        nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], reliable)
         # The replay waits for its own subscribers, but cannot see whether the evaluator has found
         # the tracker. That has to happen while the replay starts.
         if not (nodes.wait_for("evaluator", "waiting") and nodes.wait_for("tracker", "tracking")):
@@ -162,39 +186,73 @@ def _interrupts_deferred() -> Iterator[None]:
 
 def shipped_bag() -> Path:
     """Return the reference scenario's bag, from the checkout or the installed package."""
-    return resources.find(Path("bags/paper_scenario"))
+    return resources.bag(resources.DEFAULT_BAG)
 
 
-def _clear(out: Path) -> None:
-    """Remove the files of an earlier demo, and no others."""
+def _default_out(given: str) -> Path:
+    """Return where the demo of a bag goes: that of a shipped one other than the default by name."""
+    named = Path(given).name == given != resources.DEFAULT_BAG and not Path(given).exists()
+    return Path("out", f"demo_{given}" if named else "demo")
+
+
+def _replace(out: Path, new: Path) -> None:
+    """Put what is in `new` in the place of the results of an earlier demo, and of no other file."""
     for name in ARTEFACTS:
-        (out / name).unlink(missing_ok=True)
-    # A recording needs a new directory; one with other files in it is not removed.
+        if not name.startswith(f"{LOGS}/"):
+            (out / name).unlink(missing_ok=True)
     if (out / RECORDING).is_dir():
         (out / RECORDING).rmdir()
+    for path in new.iterdir():
+        path.rename(out / path.name)
+
+
+def _check_recording(out: Path) -> None:
+    """Refuse to begin if the recording's directory could not be replaced in the end."""
+    ours = {out / name for name in ARTEFACTS}
+    others = [path for path in (out / RECORDING).glob("*") if path not in ours]
+    if others:
+        raise BagError(f"{others[0]}: is not of a demo, so {out / RECORDING} is not replaced")
 
 
 def main(argv: Sequence[str]) -> int:
     """Run the demo."""
     parser = ArgumentParser("demo", description=__doc__)
-    parser.add_argument("--bag", type=Path, default=shipped_bag())
-    parser.add_argument("--out", type=Path, default=Path("out/demo"))
+    parser.add_argument("--bag", default=resources.DEFAULT_BAG, help=command.BAG)
+    parser.add_argument(
+        "--out", type=Path, help="directory; out/demo, or out/demo_NAME for a bag given by its name"
+    )
+    command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:
-        if not arguments.bag.exists():
-            raise BagError(f"{arguments.bag}: no such bag")
-        out: Path = arguments.out
-        _clear(out)
-        # On SIGTERM the nodes are stopped too.
-        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-        try:
-            if not run_nodes(arguments.bag, out):
+        bag = resources.bag(arguments.bag)
+        if not bag.exists():
+            raise BagError(f"{bag}: no such bag")
+        out: Path = arguments.out or _default_out(arguments.bag)
+        config = command.tracker_config(arguments, bag)
+        _check_recording(out)
+        with _unfinished(out) as new:
+            if not run_nodes(bag, config, new, out / LOGS):
                 return FAILED
-        finally:
-            signal.signal(signal.SIGTERM, before)
+            _replace(out, new)
         summary = json.loads((out / METRICS).read_text())
-        report.write(out / RECORDING, out, resolve({}), arguments.bag.resolve().name, summary)
+        report.write(out / RECORDING, out, config, bag.resolve().name, summary)
         return OK
 
     return command.guarded("demo", work)
+
+
+@contextmanager
+def _unfinished(out: Path) -> Iterator[Path]:
+    """Have a new directory below `out`, which is removed in the end, on SIGTERM too."""
+    new = out / UNFINISHED
+    shutil.rmtree(new, ignore_errors=True)
+    new.mkdir(parents=True)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield new
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        if any(new.iterdir()) and (out / METRICS).exists():
+            print(f"demo: the results in {out} are those of an earlier demo", file=sys.stderr)
+        shutil.rmtree(new, ignore_errors=True)

@@ -6,11 +6,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import USAGE
+from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.nodes.replay import replay_parameters
 
 from . import tracker_params
 
@@ -48,6 +53,21 @@ def whole(name: str, text: str) -> int:
     return int(text)
 
 
+def rate(text: str) -> float:
+    """Return the value of the launch argument that is the rate of a replay.
+
+    Raises
+    ------
+    ConfigError
+        If the replay would refuse it.
+    """
+    try:
+        given: float | str = float(text)
+    except ValueError:
+        given = text
+    return replay_parameters.rate(given)
+
+
 def full_namespace(pushed: str | None, given: str) -> str:
     """Return the full namespace of a node, ``/`` for the root.
 
@@ -78,6 +98,65 @@ def load(params_file: str, tracker: str) -> TrackerConfig:
     if not params_file:
         return tracker_params.config({})
     return tracker_params.load(Path(params_file), tracker)
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What a demo plays, and to which tracker.
+
+    Parameters
+    ----------
+    bag : Path
+    params_file : str
+        Of the tracker; empty for its defaults.
+    config : TrackerConfig
+    """
+
+    bag: Path
+    params_file: str
+    config: TrackerConfig
+
+
+def demo(bag: str, params_file: str, tracker: str, out: Path) -> Demo:
+    """Return the demo of a bag, with the parameters beside it unless a file is given.
+
+    Parameters
+    ----------
+    bag : str
+        Path of a bag, or the name of a shipped one.
+    params_file : str
+        Of the tracker; empty if there is none.
+    tracker : str
+        Its full name.
+    out : Path
+        Directory for a parameter file with the tracker's name.
+
+    Raises
+    ------
+    BagError
+        If there is no bag of that name.
+    ConfigError
+        With every fault of the parameters.
+    """
+    found = resources.bag(bag)
+    recorded = None if params_file else bag_parameters.read(found)
+    if recorded is None:
+        return Demo(found, params_file, load(params_file, tracker))
+    config = tracker_params.config(recorded)
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / bag_parameters.NAME
+    bag_parameters.write(path, config.values, section=tracker)
+    return Demo(found, str(path), config)
+
+
+def fail(reason: str) -> NoReturn:
+    """Let a launch end with a status other than 0, which launch does for an exception alone.
+
+    Raises
+    ------
+    RuntimeError
+    """
+    raise RuntimeError(reason)
 
 
 def respawns(status: int) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
@@ -51,6 +52,8 @@ def write(
         c of OSPA, metres.
     """
     run = load.record(bag, config)
+    if run.class_fault:
+        print(f"report: {run.class_fault}", file=sys.stderr)
     out.mkdir(parents=True, exist_ok=True)
     evaluation = run.evaluate(cutoff, command.ORDER)
     if summary is None:
@@ -87,7 +90,7 @@ def _write_page(
 def main(argv: Sequence[str]) -> int:
     """Run the report tool."""
     parser = ArgumentParser("report", description=__doc__)
-    parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file with estimates")
+    parser.add_argument("bag", help=command.BAG)
     parser.add_argument("--out", type=Path, required=True, help="directory of the report")
     parser.add_argument("--title", help="title of the page; the bag's name if absent")
     command.add_cutoff_argument(parser)
@@ -95,8 +98,9 @@ def main(argv: Sequence[str]) -> int:
     arguments = parser.parse_args(argv)
 
     def work() -> int:
-        config = command.tracker_config(arguments)
-        title = arguments.title or arguments.bag.name
-        return write(arguments.bag, arguments.out, config, title, None, arguments.cutoff)
+        bag = resources.bag(arguments.bag)
+        config = command.tracker_config(arguments, bag)
+        title = arguments.title or bag.name
+        return write(bag, arguments.out, config, title, None, arguments.cutoff)
 
     return command.guarded("report", work)

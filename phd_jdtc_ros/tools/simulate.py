@@ -13,6 +13,7 @@ from msg_adapters import interfaces, names, truth
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.simulation import scenario, scenario_file
@@ -21,22 +22,21 @@ from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.simulation.sweep import simulate_reports
 from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
+from phd_jdtc_ros.nodes.common import bag_parameters
 
 from . import command
 
 DEPTH = 50
 
 
-def write_bag(
-    directory: Path, run: Scenario, inputs: tuple[RadarInput, ...], world_frame: str, seed: int
-) -> None:
-    """Simulate a scenario into a new bag; equal arguments give equal bytes.
+def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) -> None:
+    """Simulate a scenario into a new bag, with the parameters beside it that a tracker needs.
 
-    Every radar's messages have the layout that `inputs` says, so that the same parameters read
-    them.
+    Equal arguments give equal bytes. Every radar's messages have the layout that `config` says, so
+    that the same parameters read them.
     """
     with BagWriter(directory) as bag:
-        for radar in inputs:
+        for radar in config.inputs:
             kind = reader_of(radar)
             bag.add_topic(
                 Topic(
@@ -48,8 +48,9 @@ def write_bag(
                 )
             )
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
-        for stamp_ns, topic, data in _messages(run, inputs, world_frame, seed):
+        for stamp_ns, topic, data in _messages(run, config.inputs, config.world_frame, seed):
             bag.write(topic, data, stamp_ns)
+    bag_parameters.write(directory / bag_parameters.NAME, config.values)
 
 
 def _messages(
@@ -94,7 +95,7 @@ def main(argv: Sequence[str]) -> int:
         config = command.tracker_config(arguments)
         radars = config.model.radars
         run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)
-        write_bag(arguments.out, run, config.inputs, config.world_frame, arguments.seed)
+        write_bag(arguments.out, run, config, arguments.seed)
         print(f"{arguments.out}: {run.scans} scans, {len(radars)} radars, seed {arguments.seed}")
         return OK
 

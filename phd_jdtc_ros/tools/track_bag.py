@@ -20,6 +20,7 @@ from rich.progress import track
 from msg_adapters import doubts, estimates, interfaces, names
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
@@ -28,6 +29,7 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
+from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.table import score_tables
 
@@ -133,25 +135,27 @@ def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTra
                     tracker.add(entry)
         finally:
             tracker.finish()
+            bag_parameters.write(out / bag_parameters.NAME, config.values)
     return tracker
 
 
 def main(argv: Sequence[str]) -> int:
     """Run the offline tracker."""
     parser = ArgumentParser("track_bag", description=__doc__)
-    parser.add_argument("bag", type=Path, help="rosbag2 directory or MCAP file")
+    parser.add_argument("bag", help=command.BAG)
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
     command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:
-        config = command.tracker_config(arguments)
+        source = resources.bag(arguments.bag)
+        config = command.tracker_config(arguments, source)
         status = OK
         if arguments.out.exists():
             raise BagError(f"{arguments.out}: already exists, a bag is not overwritten")
         try:
-            tracker = track_bag(BagReader(arguments.bag), config, arguments.out)
+            tracker = track_bag(BagReader(source), config, arguments.out)
             drops = ", ".join(f"{reason} {n}" for reason, n in sorted(tracker.dropped.items()))
             print(f"{arguments.out}: {tracker.scans} scans tracked, dropped: {drops or 'none'}")
             for warning in tracker.warnings():
@@ -161,6 +165,8 @@ def main(argv: Sequence[str]) -> int:
                 raise
             status = fail("track_bag", error)
         run = load.record(arguments.out, config)
+        if run.class_fault:
+            print(f"track_bag: {run.class_fault}", file=sys.stderr)
         if run.truth:
             summary = run.evaluate(arguments.cutoff, command.ORDER).summary()
             Console().print(score_tables(summary))

@@ -29,7 +29,7 @@ def test_the_shipped_bag_is_the_reference_scenario_of_seed_0(tmp_path):
     config = resolve({})
     fresh = tmp_path / "paper_scenario"
     run = scenario.paper_scenario(config.model.radars)
-    simulate.write_bag(fresh, run, config.inputs, config.world_frame, 0)
+    simulate.write_bag(fresh, run, config, 0)
     assert sorted(p.name for p in SHIPPED.iterdir()) == sorted(p.name for p in fresh.iterdir())
     for path in fresh.iterdir():
         assert (SHIPPED / path.name).read_bytes() == path.read_bytes()

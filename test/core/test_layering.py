@@ -54,11 +54,15 @@ PARTS = {
     "bags": ("core", "msg_adapters"),
     "exit_status": ("bags", "core"),
     "yaml_files": ("core",),
+    "resources": ("bags",),
     "report": ("bags", "core", "msg_adapters"),
     "study": ("core", "report"),
-    "nodes": ("bags", "core", "exit_status", "msg_adapters", "report", "yaml_files"),
+    "nodes": (
+        *("bags", "core", "exit_status", "msg_adapters", "report", "resources", "yaml_files"),
+    ),
     "tools": (
-        *("bags", "core", "exit_status", "msg_adapters", "nodes", "report", "study", "yaml_files"),
+        *("bags", "core", "exit_status", "msg_adapters", "nodes", "report", "resources"),
+        *("study", "yaml_files"),
     ),
 }
 

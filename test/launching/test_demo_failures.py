@@ -3,6 +3,7 @@
 
 """What the demo's launch file does about a node that cannot start, and about no truth."""
 
+import json
 from itertools import islice
 from pathlib import Path
 
@@ -34,8 +35,8 @@ BAD = """
 """
 
 
-def ended(arguments, monkeypatch):
-    """Run the demo with arguments; return the exit status of each process by its name."""
+def ended(arguments, monkeypatch, status=0):
+    """Run the demo, which ends with `status`; return that of each process by its name."""
     for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
         # What launch sets in this very process shall not outlive the test.
         monkeypatch.setenv(name, "")
@@ -54,7 +55,7 @@ def ended(arguments, monkeypatch):
     service.include_launch_description(
         launch.LaunchDescription([actions.RegisterEventHandler(watch), demo])
     )
-    service.run()
+    assert service.run() == status
     return found
 
 
@@ -62,7 +63,7 @@ def ended(arguments, monkeypatch):
 def test_demo_ends_with_a_tracker_that_cannot_start(tmp_path, monkeypatch):
     path = tmp_path / "bad.yaml"
     path.write_text(BAD)
-    found = ended({"params_file": path, "out": tmp_path / "out"}, monkeypatch)
+    found = ended({"params_file": path, "out": tmp_path / "out"}, monkeypatch, status=1)
 
     assert found["tracker"] == 2
     # Ended with it, and the replay was never started.
@@ -81,3 +82,27 @@ def test_demo_ends_after_a_bag_without_truth(tmp_path, monkeypatch):
     found = ended({"bag": tmp_path / "bag", "out": tmp_path / "out"}, monkeypatch)
 
     assert found == {"tracker": 0, "evaluator": 0, "sensor_replay": 0}
+
+
+@pytest.mark.timeout(60)
+def test_demo_starts_nothing_with_a_rate_that_the_replay_would_refuse(tmp_path, monkeypatch):
+    given = {"rate": "-1", "out": tmp_path / "out"}
+    assert ended(given, monkeypatch, status=1) == {}
+
+
+@pytest.mark.timeout(60)
+def test_demo_fails_if_its_replay_fails(tmp_path, monkeypatch):
+    whole = next((SHARE / "bags" / "paper_scenario").glob("*.mcap")).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[: len(whole) // 2])
+    found = ended({"bag": cut, "out": tmp_path / "out"}, monkeypatch, status=1)
+    assert found["sensor_replay"] == 3
+
+
+@pytest.mark.timeout(120)
+def test_demo_of_a_shipped_bag_needs_no_more_than_its_name(tmp_path, monkeypatch):
+    found = ended({"bag": "three_classes", "out": tmp_path / "out"}, monkeypatch)
+    assert found == {"tracker": 0, "evaluator": 0, "sensor_replay": 0}
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert {"class_0", "class_1", "class_2"} < {*metrics["smoothed"]}
+    assert metrics["smoothed"]["all"]["ospa"] < 200.0

@@ -10,7 +10,10 @@ import time
 import pytest
 import rclpy
 from forked import Forked
+from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 
 DEADLINE_S = 60.0
 
@@ -76,8 +79,48 @@ class Peer:
             self._executor.spin_once(timeout_sec=0.02)
         return True
 
-    def spin_for(self, seconds):
+    def pace(self, seconds):
+        """Let time pass between two messages, as a radar does; never to wait for something."""
         self.spin_until(lambda: False, seconds)
+
+    def meet(self, node="/tracker", times=1):
+        """Wait until a node has discovered all that this one has, and has taken what was sent.
+
+        What a node announces arrives in order, and the client of its service is announced last. In
+        each of the `times` that the node answers, its executor takes one message of each topic.
+        """
+        client = self.node.create_client(GetParameters, f"{node}/get_parameters")
+        for _ in range(times):
+            assert self._answered(client), f"{node} does not answer"
+        self.node.destroy_client(client)
+
+    def _answered(self, client, timeout=DEADLINE_S):
+        end = time.monotonic() + timeout
+        while time.monotonic() < end:
+            assert self.spin_until(client.service_is_ready, timeout)
+            future = client.call_async(GetParameters.Request())
+            # It may have gone to one that has been killed and is in the graph still.
+            if self.spin_until(future.done, 1.0):
+                return True
+            client.remove_pending_request(future)
+        return False
+
+    def settled(self, *outputs):
+        """Wait until publishers are connected with every subscriber that the graph has."""
+        assert self.spin_until(
+            lambda: all(
+                output.get_subscription_count() == self.node.count_subscribers(output.topic_name)
+                for output in outputs
+            )
+        )
+
+    def ticks(self, count):
+        """Wait until a replay's clock of 100 Hz by the wall clock has ticked."""
+        qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+        heard = []
+        subscription = self.node.create_subscription(Clock, "/clock", heard.append, qos)
+        assert self.spin_until(lambda: len(heard) >= count)
+        self.node.destroy_subscription(subscription)
 
     def collect(self, message_type, topic, qos=10):
         found = []

@@ -16,6 +16,7 @@ from msg_adapters import estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.tools.demo import ARTEFACTS
 
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
@@ -134,16 +135,50 @@ def test_demo_makes_what_it_would_remove(demo):
     assert {str(p.relative_to(demo)) for p in demo.rglob("*") if p.is_file()} == {*ARTEFACTS}
 
 
-def test_demo_removes_its_own_files_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr("phd_jdtc_ros.tools.demo.run_nodes", lambda *_: False)
-    mine = {tmp_path / name for name in ("photo.png", "logs/mine.log", "notes.html")}
-    for path in (*mine, *(tmp_path / name for name in ARTEFACTS)):
+def earlier(directory):
+    """Write what a demo and its user may have left."""
+    mine = {directory / name for name in ("photo.png", "logs/mine.log", "notes.html")}
+    for path in (*mine, *(directory / name for name in ARTEFACTS)):
         path.parent.mkdir(exist_ok=True)
-        path.touch()
-    assert run("demo", ["--bag", str(BAG), "--out", str(tmp_path)]) == 1
+        path.write_text("of an earlier demo")
+    return mine
 
-    assert {path for path in tmp_path.rglob("*") if path.is_file()} == mine
-    assert not (tmp_path / "estimates").exists()
+
+def test_demo_replaces_its_own_files_alone(tmp_path, monkeypatch):
+    def run_nodes(_, __, new, ___):
+        (new / "estimates").mkdir()
+        (new / "estimates" / "metadata.yaml").touch()
+        (new / "metrics.json").write_text("{}")
+        return True
+
+    monkeypatch.setattr("phd_jdtc_ros.tools.demo.run_nodes", run_nodes)
+    monkeypatch.setattr("phd_jdtc_ros.tools.report.write", lambda *_: 0)
+    mine = earlier(tmp_path)
+    logs = {tmp_path / name for name in ARTEFACTS if name.startswith("logs/")}
+    assert run("demo", ["--bag", str(BAG), "--out", str(tmp_path)]) == 0
+
+    written = {tmp_path / "metrics.json", tmp_path / "estimates" / "metadata.yaml"}
+    assert {path for path in tmp_path.rglob("*") if path.is_file()} == mine | logs | written
+    assert (tmp_path / "metrics.json").read_text() == "{}"
+
+
+@pytest.mark.parametrize("how", ["failed", "interrupted"])
+def test_demo_that_does_not_end_well_leaves_the_earlier_results(tmp_path, monkeypatch, capsys, how):
+    def run_nodes(_, __, new, ___):
+        (new / "metrics.json").write_text("null")
+        if how == "interrupted":
+            raise KeyboardInterrupt
+        return False
+
+    monkeypatch.setattr("phd_jdtc_ros.tools.demo.run_nodes", run_nodes)
+    earlier(tmp_path)
+    before = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
+    status = run("demo", ["--bag", str(BAG), "--out", str(tmp_path)])
+
+    assert status == {"failed": 1, "interrupted": 130}[how]
+    assert {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()} == before
+    text = f"demo: the results in {tmp_path} are those of an earlier demo\n"
+    assert text in capsys.readouterr().err
 
 
 def test_demo_refuses_a_recording_with_other_files(tmp_path, capsys):
@@ -153,7 +188,24 @@ def test_demo_refuses_a_recording_with_other_files(tmp_path, capsys):
     assert run("demo", ["--bag", str(BAG), "--out", str(tmp_path)]) == 2
 
     assert path.exists()
-    assert capsys.readouterr().err == f"demo: {path.parent}: Directory not empty\n"
+    assert capsys.readouterr().err == (
+        f"demo: {path}: is not of a demo, so {path.parent} is not replaced\n"
+    )
+
+
+def test_demo_of_a_shipped_bag_needs_no_more_than_its_name(tmp_path, monkeypatch):
+    # The nodes of this checkout, though another may be installed.
+    monkeypatch.setenv("PYTHONPATH", str(BAG.parents[1]))
+    monkeypatch.chdir(tmp_path)
+    assert run("demo", ["--bag", "one_radar"]) == 0
+    out = tmp_path / "out" / "demo_one_radar"
+    metrics = json.loads((out / "metrics.json").read_text())
+
+    assert metrics["scans"] == 60
+    assert metrics["smoothed"]["all"]["ospa"] < 200.0
+    assert {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()} == {*ARTEFACTS}
+    # So that the report of the recording needs no more than that either.
+    assert bag_parameters.read(out / "estimates") == bag_parameters.read(BAG.parent / "one_radar")
 
 
 def children(pid):

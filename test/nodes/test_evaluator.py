@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import json
+import re
 import signal
 
 import numpy as np
@@ -43,7 +44,7 @@ def found(stamp_ns, positions, classes, labels=None):
 class Source:
     """Stands where a tracker and a replay would."""
 
-    def __init__(self, peer, scores=names.OSPA):
+    def __init__(self, peer, scores=names.OSPA, node="/evaluator"):
         self.peer = peer
         self.truth = peer.publisher(PointCloud2, names.TRUTH, 50)
         self.clouds = {
@@ -53,12 +54,20 @@ class Source:
         everyone = [self.truth, *self.clouds.values()]
         assert peer.spin_until(lambda: all(p.get_subscription_count() for p in everyone))
         assert peer.spin_until(lambda: peer.node.count_publishers(scores))
-        peer.spin_for(0.5)
+        self.node = node
+        peer.meet(node)
 
     def send(self, stamp_ns, true, filtered, smoothed):
         self.clouds["filtered"].publish(estimates.to_msg(found(stamp_ns, *filtered), "map"))
-        self.truth.publish(truth.to_msg(targets(stamp_ns, *true), "map"))
+        self.send_truth(stamp_ns, true)
         self.clouds["smoothed"].publish(estimates.to_msg(found(stamp_ns, *smoothed), "map"))
+
+    def send_truth(self, stamp_ns, true=([], []), frame="map"):
+        self.truth.publish(truth.to_msg(targets(stamp_ns, *true), frame))
+
+    def taken(self):
+        """Wait until the evaluator has taken everything; no test sends more on a topic."""
+        self.peer.meet(self.node, times=10)
 
 
 def test_evaluator_publishes_scores_and_writes_the_report(processes, peer, tmp_path):
@@ -167,7 +176,7 @@ def test_evaluator_lives_on_after_foreign_figures_and_leaves_them_out(processes,
         figures.publish(diagnostics.array(SECOND, [status]))
     source.send(SECOND, ([], []), ([], []), ([], []))
     assert peer.spin_until(lambda: len(source.scores) == 2)
-    peer.spin_for(0.5)
+    source.taken()
     evaluator.send_signal(signal.SIGINT)
 
     assert evaluator.wait(10.0) == 0
@@ -205,10 +214,10 @@ def test_evaluator_in_a_namespace_records_its_own_scores(processes, peer, tmp_pa
         *("evaluator", "--ros-args", "-r", "__ns:=/alpha", "-p", f"record:={tmp_path / 'bag'}")
     )
     scores = f"/alpha{names.OSPA}"
-    source = Source(peer, scores)
+    source = Source(peer, scores, "/alpha/evaluator")
     source.send(SECOND, ([], []), ([], []), ([], []))
     assert peer.spin_until(lambda: len(source.scores) == 2)
-    peer.spin_for(0.5)
+    source.taken()
     evaluator.send_signal(signal.SIGINT)
 
     assert evaluator.wait(10.0) == 0
@@ -264,3 +273,153 @@ def test_evaluator_refuses_names_of_another_number_of_classes(processes):
 
     assert status == 2
     assert "class_names: ['ship'] given, must be empty or 2 names" in text
+
+
+EMPTY = ([], [])
+
+
+def ended(evaluator):
+    """Stop the evaluator; return its exit status and its output without line breaks."""
+    evaluator.send_signal(signal.SIGINT)
+    return evaluator.wait(30.0), " ".join(evaluator.log.read_text().split())
+
+
+def test_evaluator_says_how_many_scans_it_never_saw(processes, peer, tmp_path):
+    report = tmp_path / "metrics.json"
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
+    source = Source(peer)
+    for second in (1, 2, 3):
+        source.send(second * SECOND, EMPTY, EMPTY, EMPTY)
+    source.send_truth(4 * SECOND)
+    source.clouds["filtered"].publish(estimates.to_msg(found(5 * SECOND, *EMPTY), "map"))
+    source.send_truth(5 * SECOND)
+    assert peer.spin_until(lambda: len(source.scores) == 7)
+    source.taken()
+    status, text = ended(evaluator)
+
+    assert status == 0
+    assert "1 of 5 scans have no filtered estimates" in text
+    assert "2 of 5 scans have no smoothed estimates" in text
+    metrics = json.loads(report.read_text())
+    assert (metrics["scans"], metrics["truth_scans"]) == (3, 5)
+    assert "means over 3 of 5 scans" in text
+
+
+def test_evaluator_counts_what_was_lost_on_the_way(processes, peer):
+    """By the publishers' numbers: here it sleeps while more comes than its queues hold."""
+    evaluator = processes.start("evaluator")
+    source = Source(peer)
+    source.send(SECOND, EMPTY, EMPTY, EMPTY)
+    assert peer.spin_until(lambda: len(source.scores) == 2)
+    evaluator.send_signal(signal.SIGSTOP)
+    for second in range(2, 400):
+        source.send_truth(second * SECOND)
+    evaluator.send_signal(signal.SIGCONT)
+    source.send(400 * SECOND, EMPTY, EMPTY, EMPTY)
+    assert peer.spin_until(lambda: len(source.scores) == 4)
+    status, text = ended(evaluator)
+
+    lost = re.search(rf"(\d+) messages on {names.TRUTH} were lost on the way here", text)
+    assert status == 0
+    assert 200 <= int(lost[1]) <= 398
+
+
+@pytest.mark.parametrize(
+    ("sent", "reason"),
+    [
+        ((), f"neither truth on {names.TRUTH} nor estimates came"),
+        (("filtered",), f"no truth came on {names.TRUTH}"),
+        (("truth",), f"no estimates came on {names.estimates('filtered')} or "),
+        (
+            ("truth", "filtered"),
+            f"truth and estimates have no common stamp ({names.TRUTH} begins at 1.500 s, "
+            f"{names.estimates('filtered')} begins at 1.000 s)",
+        ),
+    ],
+    ids=["nothing", "no truth", "no estimates", "no common stamp"],
+)
+@pytest.mark.parametrize("wanted", [True, False], ids=["a report is wanted", "none is"])
+def test_evaluator_says_why_nothing_is_scored(processes, peer, tmp_path, sent, reason, wanted):
+    words = ("--ros-args", "-p", f"report:={tmp_path / 'metrics.json'}") if wanted else ()
+    evaluator = processes.start("evaluator", *words)
+    source = Source(peer)
+    for second in (1, 2):
+        if "truth" in sent:
+            source.send_truth(second * SECOND + SECOND // 2)
+        if "filtered" in sent:
+            cloud = estimates.to_msg(found(second * SECOND, *EMPTY), "map")
+            source.clouds["filtered"].publish(cloud)
+    source.taken()
+    status, text = ended(evaluator)
+
+    assert f"nothing is scored: {reason}" in text
+    assert status == (1 if wanted else 0)
+
+
+def test_evaluator_says_while_it_runs_that_no_stamp_fits(processes, peer):
+    evaluator = processes.start("evaluator")
+    source = Source(peer)
+    for second in range(1, 31):
+        source.send_truth(second * SECOND + 1)
+        cloud = estimates.to_msg(found(second * SECOND, *EMPTY), "map")
+        source.clouds["smoothed"].publish(cloud)
+    assert peer.spin_until(lambda: "have no common stamp" in evaluator.log.read_text())
+    assert evaluator.poll() is None
+
+
+def test_evaluator_never_writes_nothing_over_the_figures_of_an_earlier_run(processes, tmp_path):
+    report = tmp_path / "metrics.json"
+    report.write_text("good")
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
+    while "waiting" not in evaluator.log.read_text():
+        assert evaluator.poll() is None
+    status, text = ended(evaluator)
+
+    assert status == 1
+    assert f"no report: {report} stays that of an earlier run" in text
+    assert report.read_text() == "good"
+
+
+def test_evaluator_refuses_clouds_of_another_frame_and_of_classes_that_there_are_not(
+    processes, peer
+):
+    evaluator = processes.start("evaluator", "--ros-args", "-p", "world_frame:=odom")
+    source = Source(peer)
+    source.send_truth(SECOND, frame="odom")
+    source.send_truth(2 * SECOND, frame="map")
+    source.send_truth(3 * SECOND, ([(0.0, 0.0)], [2]), frame="odom")
+    source.clouds["filtered"].publish(estimates.to_msg(found(SECOND, [(0.0, 0.0)], [0]), "odom"))
+    source.clouds["filtered"].publish(estimates.to_msg(found(SECOND, *EMPTY), "base_link"))
+    assert peer.spin_until(lambda: len(source.scores) == 1)
+    source.taken()
+    status, text = ended(evaluator)
+
+    assert status == 0
+    assert f"{names.TRUTH}: frame_id is 'map', must be world_frame, 'odom'" in text
+    assert f"2 clouds on {names.TRUTH} did not fit" in text
+    assert f"1 clouds on {names.estimates('filtered')} did not fit" in text
+    # Only those that fit are of the truth.
+    assert "of 1 scans have no smoothed estimates" in text
+
+
+def test_evaluator_says_which_class_there_is_not(processes, peer):
+    evaluator = processes.start("evaluator")
+    source = Source(peer)
+    source.send_truth(SECOND, ([(0.0, 0.0)], [2]))
+    assert peer.spin_until(lambda: "must be below classes, 2" in evaluator.log.read_text())
+
+
+def test_evaluator_scores_a_repeated_stamp_once(processes, peer, tmp_path):
+    report = tmp_path / "metrics.json"
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"report:={report}")
+    source = Source(peer)
+    for _ in range(3):
+        source.send(SECOND, EMPTY, EMPTY, EMPTY)
+    source.send(2 * SECOND, EMPTY, EMPTY, EMPTY)
+    source.taken()
+    assert peer.spin_until(lambda: len(source.scores) >= 4)
+    status, text = ended(evaluator)
+
+    assert (status, len(source.scores)) == (0, 4)
+    assert json.loads(report.read_text())["scans"] == 2
+    assert "6 clouds had a stamp that was there already" in text

@@ -205,7 +205,7 @@ class Operator:
                 and self.peer.node.count_publishers("/tracker/smoothed/estimates")
             )
         )
-        self.peer.spin_for(0.5)
+        self.peer.meet()
 
     def send(self, first, last):
         """Send scans one by one; wait each time for the estimates of the scan before."""
@@ -251,7 +251,7 @@ def test_tracker_lives_and_tracks_as_its_operator_says(processes, peer, tmp_path
     operator.connect()
     for index, cloud in SCENE[:4]:
         operator.outputs[index].publish(cloud)
-    peer.spin_for(0.5)
+    peer.meet(times=len(SCENE[:4]))
     assert not operator.filtered
 
     assert operator.change(Transition.TRANSITION_ACTIVATE)
@@ -270,7 +270,7 @@ def test_tracker_lives_and_tracks_as_its_operator_says(processes, peer, tmp_path
     assert operator.get("existence_threshold", "east.clutter_rate") == [1.0, 6.0]
     operator.send(half, half + 2)
     assert operator.set(existence_threshold=0.6, east__clutter_rate=5.0).successful
-    peer.spin_for(0.3)
+    assert peer.spin_until(lambda: stamp_of(operator.filtered[-1]) >= STAMPS[half])
     widths = {stamp_of(cloud): cloud.width for cloud in operator.filtered}
     assert widths[STAMPS[half - 2]] == 3
     assert widths[STAMPS[half]] == 0
@@ -285,7 +285,7 @@ def test_tracker_lives_and_tracks_as_its_operator_says(processes, peer, tmp_path
     assert operator.change(Transition.TRANSITION_DEACTIVATE)
     assert peer.spin_until(lambda: len(operator.smoothed) == len(SCENE))
     operator.outputs[0].publish(SCENE[0][1])
-    peer.spin_for(0.3)
+    peer.meet(times=2)
     assert [stamp_of(cloud) for cloud in operator.filtered] == STAMPS
     assert [stamp_of(cloud) for cloud in operator.smoothed] == STAMPS
 

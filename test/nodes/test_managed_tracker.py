@@ -91,7 +91,7 @@ def test_silent_radar_is_noticed_while_the_other_is_tracked(processes, peer):
     group = connected(peer)
     for index in range(8):
         group.track(index)
-        peer.spin_for(0.2)
+        peer.pace(0.2)
     group.health.clear()
 
     def reported():
@@ -123,7 +123,7 @@ def test_second_publisher_is_an_error_while_it_publishes(processes, peer):
             group.send(index)
             if both:
                 other.publish(detections.to_msg(scan.detections[0], scan.stamp_ns, "radar_1"))
-            peer.spin_for(0.3)
+            peer.pace(0.3)
             first, second, *_ = group.health[-1].status
             assert second.level != DiagnosticStatus.ERROR
             if fitting(first.level):
@@ -173,7 +173,7 @@ def test_output_qos_can_be_overridden_and_who_is_not_served_is_told(processes, p
     heard = peer.collect(PointCloud2, ESTIMATES, BEST_EFFORT)
     assert wait_for_level(group, "outputs", DiagnosticStatus.WARN)
     values = diagnostics.values_of(line(group, "outputs"))
-    peer.spin_for(0.3)
+    peer.meet()
     group.send(0)
     assert peer.spin_until(lambda: heard)
 
@@ -201,7 +201,7 @@ def test_gaps_in_the_publishers_numbers_are_counted(processes, peer):
     assert change(peer, Transition.TRANSITION_DEACTIVATE)
     for index in range(1, 5):
         group.send(index)
-    peer.spin_for(0.5)
+    peer.meet(times=10)
     assert change(peer, Transition.TRANSITION_ACTIVATE)
     group.track(5)
     assert diagnostics.values_of(line(group, "radar_1"))["gaps"] == "4"
@@ -239,10 +239,11 @@ def test_every_transition_is_logged(processes, peer):
         assert change(peer, transition)
     text = tracker.log.read_text()
     said = [line.split("]: ")[-1] for line in text.splitlines() if "[tracker]: " in line]
+    received = "6 clouds received, lost on the way: none, dropped: none"
     assert said[-3:] == [
-        "deactivated, 2 smoothed estimates published; 6 clouds received, dropped: none",
+        f"deactivated, 2 smoothed estimates published; {received}",
         "cleaned up; every parameter may change until the next configure",
-        "shut down from unconfigured; 6 clouds received, dropped: none",
+        f"shut down from unconfigured; {received}",
     ]
 
 
@@ -255,7 +256,7 @@ def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer)
     for index in itertools.count():
         stamp_ns = SCANS[0].stamp_ns + index * 20_000_000
         group.send(index % 40, stamp_ns=stamp_ns)
-        peer.spin_for(0.02)
+        peer.pace(0.02)
         for message in group.health:
             for status in message.status:
                 found.setdefault(status.name, set()).add((status.level, status.message))
@@ -282,8 +283,9 @@ def test_wait_by_the_wall_clock_closes_a_scan_and_is_counted(processes, peer):
     group.track(0)
     sent = time.monotonic()
     group.send(1, radars=(0,))
-    assert peer.spin_until(lambda: len(group.filtered) == 2, 5.0)
-    assert 0.4 <= time.monotonic() - sent < 1.0
+    # How soon is not asked here, because on a busy machine it is not the tracker's doing.
+    assert peer.spin_until(lambda: len(group.filtered) == 2)
+    assert time.monotonic() - sent >= 0.4
     group.send(1, radars=(1,))  # too late for its scan
     group.track(2)
     assert diagnostics.values_of(line(group, "step time"))["closed_by_wait"] == "1"
@@ -330,7 +332,7 @@ def test_markers_can_be_left_out(processes, peer):
     markers = peer.collect(MarkerArray, "/tracker/markers")
     for index in range(2):
         group.track(index)
-    peer.spin_for(0.3)
+    peer.meet(times=2)
     assert markers == []
 
 
@@ -362,11 +364,14 @@ def test_markers_are_taken_back_when_they_are_switched_off_and_at_a_reset(proces
 
 def test_tracker_that_cannot_be_configured_keeps_no_topic(processes, peer, tmp_path):
     path = {"checkpoint.path": tmp_path / "none" / "tracker.ckpt"}
+    health = peer.collect(DiagnosticArray, "/diagnostics")
     start(processes, *options(autostart=False, **path))
     assert not change(peer, Transition.TRANSITION_CONFIGURE)
     assert state(peer) == "unconfigured"
-    # Discovery is slower than a service.
-    assert not peer.spin_until(lambda: peer.node.count_publishers(ESTIMATES), 1.5)
+    # Discovery is slower than a service, and faster than the second report from now on.
+    before = len(health)
+    assert peer.spin_until(lambda: len(health) > before + 1)
+    assert not peer.node.count_publishers(ESTIMATES)
 
 
 def test_cleaned_up_tracker_can_be_configured_again_and_is_as_new(processes, peer):

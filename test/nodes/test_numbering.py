@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from phd_jdtc_ros.nodes.tracker.sequence_numbers import WINDOW, SequenceNumbers
+from phd_jdtc_ros.nodes.common.sequence_numbers import WINDOW, SequenceNumbers
 
 
 def heard(numbers):

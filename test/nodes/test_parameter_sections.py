@@ -3,6 +3,8 @@
 
 """The tools read a parameter file as the node does."""
 
+from pathlib import Path
+
 import pytest
 import rclpy
 
@@ -10,6 +12,8 @@ from phd_jdtc_ros.nodes.common import parameter_files, parameters
 from phd_jdtc_ros.tools import params_file
 
 pytestmark = pytest.mark.live
+
+ROOT = Path(__file__).parents[2]
 
 FILES = {
     "everyone": "/**: {ros__parameters: {lag: 1}}",
@@ -46,3 +50,20 @@ def test_tools_read_the_sections_that_a_node_reads(tmp_path, text):
 
     assert found
     assert params_file.load(path) == found
+
+
+@pytest.mark.parametrize("name", ["three_classes", "mine"])
+def test_scenario_file_is_refused_with_what_to_give_instead(processes, tmp_path, name):
+    path = tmp_path / f"{name}.yaml"
+    path.write_text((ROOT / "config" / "scenarios" / "three_classes.yaml").read_text())
+    status, text = processes.run("tracker", "--ros-args", "--params-file", path)
+    instead = {
+        "three_classes": "bags/three_classes/parameters.yaml",
+        "mine": "the parameters.yaml that simulate writes",
+    }[name]
+
+    assert status == 2
+    assert text == (
+        f"tracker: {path}: is a scenario file, must be a parameter file: give {instead}; offline "
+        "tools take the scenario as --scenario\n"
+    )

@@ -15,6 +15,7 @@ from std_msgs.msg import String
 from msg_adapters import names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.nodes.evaluator.recorder import Recorder
 from phd_jdtc_ros.tools.demo import shipped_bag
 
@@ -27,10 +28,9 @@ def test_recorder_writes_what_arrives(peer, tmp_path):
     recorder = Recorder(peer.node, tmp_path / "bag", {"/note": STRING})
     output = peer.publisher(String, "/note")
     assert peer.spin_until(output.get_subscription_count)
-    peer.spin_for(0.3)
     for k in range(5):
         output.publish(String(data=f"note {k}"))
-    peer.spin_for(0.5)
+    assert peer.spin_until(lambda: recorder.written["/note"] == 5)
     recorder.close()
 
     bag = BagReader(tmp_path / "bag")
@@ -42,10 +42,16 @@ def test_recorder_hears_drivers_that_offer_best_effort_alone(peer, tmp_path):
     recorder = Recorder(peer.node, tmp_path / "bag", {"/note": STRING})
     modest = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
     outputs = [peer.publisher(String, "/note", modest), peer.publisher(String, "/note")]
-    peer.spin_for(1.0)
+
+    def modest_as_well():
+        found = peer.node.get_subscriptions_info_by_topic("/note")
+        return [info.qos_profile.reliability for info in found] == [ReliabilityPolicy.BEST_EFFORT]
+
+    assert peer.spin_until(modest_as_well)
+    peer.settled(*outputs)
     for output in outputs:
         output.publish(String(data="note"))
-    peer.spin_for(0.5)
+    assert peer.spin_until(lambda: recorder.written["/note"] == 2)
     recorder.close()
 
     # Each once, though one of them was heard before too.
@@ -56,9 +62,8 @@ def test_recorder_takes_static_frames_published_before_it_began(peer, tmp_path):
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     # Of a type that is everywhere; what matters is the name and the durability.
     peer.publisher(String, names.STATIC_FRAMES, latched).publish(String(data="map to radar_1"))
-    peer.spin_for(0.3)
     recorder = Recorder(peer.node, tmp_path / "bag", {names.STATIC_FRAMES: STRING})
-    peer.spin_for(1.0)
+    assert peer.spin_until(lambda: recorder.written[names.STATIC_FRAMES])
     recorder.close()
 
     bag = BagReader(tmp_path / "bag")
@@ -77,7 +82,8 @@ def record(executables, peer, directory, restrict):
     assert peer.spin_until(lambda: peer.node.count_subscribers(names.TRUTH) == 2)
     restrict(evaluator)
     replay = executables.start("sensor_replay", shipped_bag(), "--rate", "200")
-    assert peer.spin_until(lambda: replay.poll() is not None, 30.0)
+    assert peer.spin_until(lambda: replay.poll() is not None)
+    assert peer.spin_until(lambda: "recording stopped" in evaluator.log.read_text())
     alive = evaluator.poll() is None
     evaluator.send_signal(signal.SIGTERM)
     return alive, evaluator.wait(15.0), evaluator.log.read_text()
@@ -85,7 +91,8 @@ def record(executables, peer, directory, restrict):
 
 def check_stopped_cleanly(outcome, directory, reason):
     alive, status, text = outcome
-    assert (alive, status) == (True, 0)
+    # Without a tracker there is nothing that the report could have.
+    assert (alive, status) == (True, 1)
     assert text.count("recording stopped") == 1
     assert reason in text
     assert "Traceback" not in text
@@ -129,3 +136,52 @@ def test_recorder_stops_on_a_full_disk_and_the_node_goes_on(executables, peer, s
     outcome = record(executables, peer, small_disk / "bag", lambda _: None)
 
     check_stopped_cleanly(outcome, small_disk / "bag", os.strerror(errno.ENOSPC))
+
+
+def recorded(executables, peer, tmp_path, *arguments, radar_topics=()):
+    """Record a tracker that gets a scan of each radar; return the bag and the evaluator's log."""
+    words = ("--ros-args", "-p", f"record:={tmp_path / 'bag'}", *radar_topics)
+    evaluator = executables.start("evaluator", *words)
+    tracker = executables.start("tracker", "--ros-args", *arguments)
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
+    assert peer.spin_until((tmp_path / "bag" / "parameters.yaml").exists)
+    replay = executables.start(
+        *("sensor_replay", shipped_bag(), "--rate", "0", "--duration", "60"),
+        *("--ros-args", "-p", "flush_service:=/tracker/flush"),
+    )
+    assert peer.spin_until(lambda: replay.poll() is not None)
+    evaluator.send_signal(signal.SIGTERM)
+    assert evaluator.wait(30.0) == 0
+    return tmp_path / "bag", evaluator.log.read_text()
+
+
+def test_recording_holds_what_the_tracker_publishes_when_asked(processes, peer, tmp_path):
+    bag, _ = recorded(
+        *(processes, peer, tmp_path, "-p", "publish_odometry:=true", "-p", "publish_path:=true"),
+    )
+    reader = BagReader(bag)
+    assert reader.counts["/tracker/odometry"] > 0
+    assert reader.counts["/tracker/tracks/path"] > 0
+    assert reader.types["/tracker/odometry"] == "nav_msgs/msg/Odometry"
+
+
+def test_recording_is_without_the_topics_that_are_off_and_has_the_parameters(
+    processes, peer, tmp_path
+):
+    bag, text = recorded(processes, peer, tmp_path, "-p", "lag:=2", "-p", "publish_path:=false")
+    reader = BagReader(bag)
+    assert not {"/tracker/odometry", "/tracker/tracks/path"} & {*reader.types}
+    assert bag_parameters.read(bag)["lag"] == 2
+    assert "is not recorded" not in text
+
+
+def test_recording_that_leaves_a_radar_out_is_warned_of(processes, peer, tmp_path):
+    evaluator = processes.start("evaluator", "--ros-args", "-p", f"record:={tmp_path / 'bag'}")
+    given = ("-p", "radar_2.topic:=/north/plots", "-r", "/radar_1/detections:=/south/plots")
+    processes.start("tracker", "--ros-args", *given)
+    for topic in ("/north/plots", "/south/plots"):
+        text = f"{topic}, of which /tracker has a radar's detections, is not among radar_topics"
+        assert peer.spin_until(lambda text=text: text in evaluator.log.read_text())
+    # It has looked again by then.
+    peer.meet("/evaluator", times=2)
+    assert evaluator.log.read_text().count("is not recorded") == 2

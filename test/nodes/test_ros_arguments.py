@@ -125,7 +125,8 @@ def test_file_with_a_section_for_the_tracker_is_named_at_activation(
     path = tmp_path / "site.yaml"
     path.write_text(
         f"{section}:\n  ros__parameters:\n    radars: [north]\n"
-        "    north: {topic: plots, max_range: 1e4}\n    particles_per_target: 100\n"
+        "    north: {topic: plots, max_range: 1e4, clutter_max_range: 1e4}\n"
+        "    particles_per_target: 100\n"
     )
     tracker = processes.start(
         "tracker", "--ros-args", "-r", "__ns:=/s1", "--params-file", path, *FAST

@@ -12,10 +12,10 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from test_tracker import FAST, RELIABLE, SCANS, Radars
 
-from phd_jdtc_ros.nodes.tracker.name_claim import NEWCOMER_S
-
 CLAIMS = "/tracker/_instance"
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+DEEP = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+DEADLINE_S = 60.0
 SAID = "another tracker runs as /tracker: this one ends"
 
 
@@ -25,6 +25,15 @@ def start(processes, *arguments):
 
 def tracking(peer, process):
     return peer.spin_until(lambda: "tracking" in process.log.read_text())
+
+
+def holders(peer, topic=CLAIMS):
+    """Return the claims, as they come, of trackers that hold the name and no longer give way."""
+    found = []
+    peer.node.create_subscription(
+        String, topic, lambda claim: claim.data.startswith("holds ") and found.append(claim), DEEP
+    )
+    return found
 
 
 def ended(process, timeout=15.0):
@@ -39,7 +48,8 @@ def test_second_tracker_of_the_same_name_says_so_and_ends(processes, peer, newco
     first = start(processes)
     assert tracking(peer, first)
     if not newcomer:
-        peer.spin_for(NEWCOMER_S)
+        holding = holders(peer)
+        assert peer.spin_until(lambda: holding)
     radars = Radars(peer)
     radars.connect()
     radars.track(0)
@@ -60,22 +70,26 @@ def test_second_tracker_ends_beside_one_that_is_busy(processes, peer):
     assert tracking(peer, first)
     radars = Radars(peer)
     radars.connect()
-    second, sent = start(processes), 0
-    while second.poll() is None and sent < len(SCANS):
-        radars.send(sent)
+    sent, end = 10, time.monotonic() + DEADLINE_S
+    # As many as its queue holds, so that it is busy before the second comes.
+    for index in range(sent):
+        radars.send(index)
+    second = start(processes)
+    while second.poll() is None and time.monotonic() < end:
+        stamp_ns = SCANS[0].stamp_ns + sent * (SCANS[1].stamp_ns - SCANS[0].stamp_ns)
+        radars.send(sent % len(SCANS), stamp_ns=stamp_ns)
         sent += 1
-        peer.spin_for(0.15)
+        peer.pace(0.15)
     assert second.poll() == 2
     assert len(radars.filtered) < sent - 1  # busy to the end
     assert first.poll() is None
 
 
 def test_one_of_several_trackers_started_at_once_stays(processes, peer):
+    holding = holders(peer)
     together = [start(processes) for _ in range(3)]
-    end = time.monotonic() + 20.0
-    while sum(process.poll() is None for process in together) > 1 and time.monotonic() < end:
-        time.sleep(0.02)
-    peer.spin_for(NEWCOMER_S)
+    assert peer.spin_until(lambda: sum(process.poll() is None for process in together) <= 1)
+    assert peer.spin_until(lambda: holding)
     status = sorted(str(process.poll()) for process in together)
     assert status == ["2", "2", "None"]
     (stays,) = [process for process in together if process.poll() is None]
@@ -85,7 +99,8 @@ def test_one_of_several_trackers_started_at_once_stays(processes, peer):
 def test_killed_tracker_does_not_hold_up_its_restart(processes, peer):
     killed = start(processes)
     assert tracking(peer, killed)
-    peer.spin_for(NEWCOMER_S)  # it holds the name
+    holding = holders(peer)
+    assert peer.spin_until(lambda: holding)
     killed.send_signal(signal.SIGKILL)
     killed.wait()
     again = start(processes)
@@ -93,18 +108,20 @@ def test_killed_tracker_does_not_hold_up_its_restart(processes, peer):
     radars = Radars(peer)
     # The killed one is in the graph still.
     assert peer.spin_until(lambda: peer.node.count_publishers(CLAIMS) == 2)
-    peer.spin_for(1.0)
+    radars.connect(before=(0, 0, 0))
     radars.track(0)
-    peer.spin_for(NEWCOMER_S)
+    assert peer.spin_until(lambda: len({claim.data for claim in holding}) == 2)
     assert again.poll() is None
     assert SAID not in again.log.read_text()
 
 
 def test_trackers_of_other_names_or_namespaces_run_side_by_side(processes, peer):
+    names = ("/tracker", "/tracker_2", "/north/tracker")
+    holding = [holders(peer, f"{name}/_instance") for name in names]
     others = [start(processes, "-r", other) for other in ("__node:=tracker_2", "__ns:=/north")]
     together = [start(processes), *others]
     assert all(tracking(peer, process) for process in together)
-    peer.spin_for(NEWCOMER_S + 1.0)
+    assert peer.spin_until(lambda: all(holding))
     assert [process.poll() for process in together] == [None] * 3
 
 
@@ -130,7 +147,7 @@ def test_what_is_no_claim_of_an_elder_moves_nobody(processes, peer):
     younger = f"claims {time.time_ns() + 10**12:020d} {0:032x}"
     for data in ("", "holds", "holds  ", "holds 1 2", "claims 0 0", "claims\n0 0", younger):
         output.publish(String(data=data))
-        peer.spin_for(0.1)
+    peer.meet(times=10)
     assert tracker.poll() is None
 
 
@@ -147,6 +164,6 @@ def test_bytes_that_are_no_string_move_nobody(processes, peer):
         b"\x03\x00\x00\x00abc",
     ):
         output.publish(head + body)
-        peer.spin_for(0.1)
+    peer.meet(times=10)
     assert tracker.poll() is None
     assert "Traceback" not in tracker.log.read_text()

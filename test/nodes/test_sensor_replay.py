@@ -27,6 +27,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 TOPICS = (names.detections("radar_1"), names.detections("radar_2"), names.TRUTH)
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
 QUIET = ("--ros-args", "-p", "progress:=false")
 
 
@@ -106,15 +107,15 @@ def test_replay_pauses_steps_and_resumes(processes, peer, listener):
     processes.start("sensor_replay", BAG, "--rate", "30", "--start-paused", *QUIET)
     peer.call(Trigger, "/sensor_replay/step")
     assert peer.spin_until(lambda: listener.scans == 1)
-    peer.spin_for(0.5)
+    peer.ticks(50)
     assert listener.scans == 1
 
     peer.call(Trigger, "/sensor_replay/resume")
     assert peer.spin_until(lambda: listener.scans >= 4)
     peer.call(Trigger, "/sensor_replay/pause")
-    peer.spin_for(0.2)
+    peer.meet("/sensor_replay")
     held = listener.scans
-    peer.spin_for(0.6)
+    peer.ticks(60)
     assert listener.scans == held
 
 
@@ -251,7 +252,7 @@ def test_replay_publishes_the_clock_at_100_hz_and_before_every_stamp(processes, 
 def test_replay_waits_for_its_subscribers(processes, peer):
     process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET)
     assert peer.spin_until(lambda: peer.node.count_publishers(names.TRUTH) == 1)
-    peer.spin_for(1.0)
+    peer.ticks(50)
     late = Listener(peer)
     assert peer.spin_until(lambda: process.poll() is not None and late.scans == 80)
 
@@ -261,7 +262,7 @@ def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(proce
     estimates = peer.publisher(PointCloud2, names.estimates("filtered"))
     processes.start("sensor_replay", BAG, "--rate", "0", *QUIET)
     assert peer.spin_until(lambda: listener.scans == 1)
-    peer.spin_for(0.5)
+    peer.ticks(10)
     assert listener.scans == 1
 
     for expected in (2, 3, 4):
@@ -269,7 +270,7 @@ def test_replay_in_lock_step_publishes_a_stamp_once_the_estimate_came_back(proce
         cloud.header.stamp = stamps.from_ns(stamps.of_cdr(listener.data[names.TRUTH][-1]))
         estimates.publish(cloud)
         assert peer.spin_until(lambda expected=expected: listener.scans == expected)
-        peer.spin_for(0.2)
+        peer.ticks(10)
         assert listener.scans == expected
 
 
@@ -289,13 +290,13 @@ def test_replay_in_lock_step_keeps_it_from_one_turn_of_a_loop_to_the_next(proces
     assert peer.spin_until(lambda: listener.scans == 2)
     last = stamps.of_cdr(listener.data[names.TRUTH][1])
     # The last scan has not been answered, so the next turn does not begin.
-    peer.spin_for(0.3)
+    peer.ticks(10)
     assert listener.scans == 2
     answer(last)
     assert peer.spin_until(lambda: listener.scans == 3)
     # An estimate that is late comes from the turn before and answers nothing of this one.
     answer(last)
-    peer.spin_for(0.3)
+    peer.ticks(10)
     assert listener.scans == 3
     answer(first)
     assert peer.spin_until(lambda: listener.scans == 4)
@@ -320,10 +321,10 @@ def test_replay_in_lock_step_outlasts_a_long_pause(peer, listener, on):
     try:
         assert peer.spin_until(lambda: listener.scans == 1)
         peer.call(Trigger, "/sensor_replay/pause")
-        peer.spin_for(3.5)
+        peer.ticks(350)
         before = listener.scans
         peer.call(Trigger, f"/sensor_replay/{on}")
-        assert peer.spin_until(lambda: listener.scans > before, 3.0)
+        assert peer.spin_until(lambda: listener.scans > before)
         assert process.poll() is None
     finally:
         process.kill()
@@ -337,8 +338,40 @@ def test_replay_warns_when_nobody_listens(processes):
     )
 
     assert status == 0
-    topics = ("/ground_truth/targets", "/radar")
-    assert any(f"nothing is connected to {topic}" in text for topic in topics)
+    assert "nothing is connected to /radar_1/detections, /radar_2/detections; playing" in text
+
+
+def test_replay_without_an_evaluator_hardly_waits_for_one(processes, peer):
+    """Far shorter than for the radars' subscribers, whose time is longer than the test has."""
+    for topic in TOPICS[:2]:
+        peer.collect(PointCloud2, topic, DEEP)
+    status, text = processes.run(
+        *("sensor_replay", BAG, "--rate", "1000", *QUIET, "-p", "subscriber_timeout_s:=3600.0")
+    )
+
+    assert status == 0
+    assert f"nothing is connected to {names.TRUTH}; playing without waiting for it" in text
+
+
+def test_replay_waits_for_the_truths_subscribers_as_long_as_it_is_told(processes, peer):
+    clock = peer.collect(Clock, "/clock", QoSProfile(depth=1, reliability=BEST_EFFORT))
+    for topic in TOPICS[:2]:
+        peer.collect(PointCloud2, topic, DEEP)
+    words = ("-p", "truth_timeout_s:=3600.0")
+    process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET, *words)
+    # Longer than it would wait otherwise, by its own clock of 100 Hz.
+    assert peer.spin_until(lambda: len(clock) > 200)
+    assert {stamps.to_ns(tick.clock) for tick in clock} == {BagReader(BAG).start_ns}
+    late = peer.collect(PointCloud2, names.TRUTH, DEEP)
+    assert peer.spin_until(lambda: process.poll() is not None and len(late) == 80)
+
+
+def test_replay_says_in_the_end_how_much_it_published(processes):
+    words = ("--duration", "12", *QUIET, "-p", "subscriber_timeout_s:=0.0")
+    status, text = processes.run("sensor_replay", BAG, "--rate", "1000", *words)
+
+    assert status == 0
+    assert f"published: {TOPICS[0]} 3, {TOPICS[1]} 3, {TOPICS[2]} 3\n" in text
 
 
 def test_replay_fails_where_the_flush_service_is_missing(processes):
@@ -390,7 +423,7 @@ def test_replay_stops_at_once_while_it_waits_for_one_who_does_not_hear(processes
     deaf.send_signal(signal.SIGSTOP)
     try:
         assert peer.spin_until(lambda: listener.scans == 80)
-        peer.spin_for(0.3)
+        peer.ticks(5)
         assert process.poll() is None
         started = time.monotonic()
         process.send_signal(signal.SIGTERM)
@@ -398,3 +431,32 @@ def test_replay_stops_at_once_while_it_waits_for_one_who_does_not_hear(processes
         assert time.monotonic() - started < 2.0
     finally:
         deaf.send_signal(signal.SIGCONT)
+
+
+def test_replay_says_what_of_the_bags_scene_the_tracker_does_not_have(processes, peer):
+    tracker = processes.start("tracker")
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
+    bag = BAG.parent / "one_radar"
+    process = processes.start("sensor_replay", bag, "--start-paused", *QUIET)
+    assert peer.spin_until(lambda: "was recorded with" in process.log.read_text())
+
+    (line,) = (line for line in process.log.read_text().splitlines() if "recorded with" in line)
+    assert "radars: [radar_1] recorded, [radar_1, radar_2] given; radar_1.position: " in line
+    assert line.endswith(f"those of the bag are in {bag / 'parameters.yaml'}")
+
+
+def test_replay_says_nothing_of_a_tracker_that_fits(processes, peer):
+    tracker = processes.start("tracker")
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
+    process = processes.start("sensor_replay", BAG, "--rate", "0", *QUIET)
+    assert peer.spin_until(lambda: process.poll() is not None)
+
+    assert process.returncode == 0
+    assert "recorded with" not in process.log.read_text()
+
+
+def test_replay_finds_a_shipped_bag_by_its_name(processes, peer, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ("--rate", "1000", "--duration", "12", *QUIET, "-p", "subscriber_timeout_s:=0.0")
+    status, text = processes.run("sensor_replay", "one_radar", *words)
+    assert status == 0, text

@@ -150,7 +150,10 @@ def test_replay_refuses_a_start_beyond_all_numbers(processes):
 def test_replay_needs_a_bag(processes):
     status, text = processes.run("sensor_replay")
 
-    assert (status, text) == (2, "sensor_replay: bag: '' given, must be the path of a bag\n")
+    assert status == 2
+    assert text == (
+        "sensor_replay: bag: '' given, must be the path of a bag or the name of a shipped one\n"
+    )
 
 
 def test_replay_refuses_a_missing_bag(processes, tmp_path):

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import re
+import signal
 import time
 
 import numpy as np
@@ -47,7 +49,7 @@ class Radars:
         assert self.peer.spin_until(
             lambda: all(now > then for now, then in zip(self.known(), before, strict=True))
         )
-        self.peer.spin_for(0.5)
+        self.peer.meet()
 
     def send(self, index, radars=(0, 1), stamp_ns=None):
         scan = SCANS[index]
@@ -98,7 +100,7 @@ def test_tracker_publishes_filtered_and_lagged_smoothed_estimates(radars):
 
 def test_tracker_takes_radars_in_any_order_of_arrival(radars):
     radars.send(0, radars=(1,))
-    radars.peer.spin_for(0.3)
+    assert diagnostics.values_of(radars.drops(2))["received"] == "1"
     assert not radars.filtered
     radars.track(0, radars=(0,))
 
@@ -126,7 +128,8 @@ def test_tracker_reset_forgets_without_publishing(radars):
     assert radars.peer.spin_until(lambda: len(radars.smoothed) == 1)
     assert radars.peer.call(Trigger, "/tracker/reset").success
     radars.track(0)
-    radars.peer.spin_for(0.3)
+    # Smoothed estimates are published before the answer to what is asked after them.
+    radars.peer.meet(times=2)
 
     assert len(radars.smoothed) == 1
     assert bytes(radars.filtered[-1].data) == first
@@ -314,7 +317,7 @@ def test_tracker_publishes_poses_markers_and_cardinality(processes, peer, radars
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )
-    peer.spin_for(0.5)
+    peer.meet()
     for index in range(3):
         radars.track(index)
     # A late joiner still gets the last markers.
@@ -368,3 +371,29 @@ def test_tracker_without_amplitudes_warns_once_and_tracks(processes, peer):
 
     assert len(estimates.from_msg(radars.filtered[-1])) >= 2
     assert tracker.log.read_text().count("no field 'rcs'") == 1
+
+
+def test_tracker_says_in_the_end_what_was_lost_on_the_way(processes, peer):
+    tracker = processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
+    group = Radars(peer)
+    group.connect()
+    group.track(0)
+    # While it sleeps more comes than its queues hold.
+    tracker.send_signal(signal.SIGSTOP)
+    for index in range(1, 60):
+        group.send(index, radars=(0,))
+    tracker.send_signal(signal.SIGCONT)
+
+    def counted():
+        values = diagnostics.values_of(group.drops(1))
+        return int(values["received"]) + int(values["gaps"]) == 60
+
+    assert peer.spin_until(counted)
+    tracker.send_signal(signal.SIGTERM)
+
+    assert tracker.wait(30.0) == 0
+    (said,) = re.findall(r"stopped; .*", tracker.log.read_text())
+    received, lost = map(int, re.findall(r"(\d+) clouds received.* radar_1 (\d+), ", said)[0])
+    assert lost > 0
+    # One of the other radar.
+    assert received + lost == 60 + 1

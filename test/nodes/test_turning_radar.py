@@ -119,7 +119,7 @@ def tracker(processes, peer, tmp_path):
                 and peer.node.count_publishers("/tracker/filtered/estimates")
             )
         )
-        peer.spin_for(0.5)
+        peer.meet()
         return resolve(given), output, found, process.log
 
     return start

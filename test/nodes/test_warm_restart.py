@@ -22,8 +22,8 @@ def start(processes, path, every=1, *others):
 def tracked(peer, processes, first, last, *arguments):
     """Track some scans with a new tracker; return it, its radars and what it said of each."""
     group = Radars(peer)
-    peer.spin_for(0.2)
     # A killed one stays in the graph for a while.
+    peer.settled(*group.outputs)
     before = group.known()
     process = start(processes, *arguments)
     group.connect(before)
@@ -47,7 +47,7 @@ def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_
     end(peer, process, group)
     path = tmp_path / "tracker.ckpt"
     process, group, _ = tracked(peer, processes, 0, KILLED_AFTER, path)
-    peer.spin_for(0.5)  # it is written after the estimates have gone out
+    peer.meet()  # it is written after the estimates have gone out
     end(peer, process, group, kill=True)
     assert path.exists()
     process, group, rest = tracked(peer, processes, KILLED_AFTER, SCANS, path)

@@ -27,7 +27,7 @@ def bag(tmp_path_factory):
     directory = tmp_path_factory.mktemp("load")
     target = TargetScript(0, 3e4, (-10e3, 10e3), (36.0, -44.0), 0, 3)
     scenario = Scenario(1000 * SECOND, 6.0, 4, (target,), CONFIG.model.radars)
-    write_bag(directory / "in", scenario, CONFIG.inputs, CONFIG.world_frame, 0)
+    write_bag(directory / "in", scenario, CONFIG, 0)
     track_bag(BagReader(directory / "in"), CONFIG, directory / "out")
     return directory / "out"
 

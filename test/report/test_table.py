@@ -66,7 +66,7 @@ def test_metrics_hold_what_the_file_promises(evaluation):
     found = metrics(evaluation, np.ones(2))
     assert set(found) == {
         "filtered", "smoothed", "reduction", "class_accuracy", "p", "c", "scans", "step_ms",
-        "long_gap_s", "ospa2_window", "identity_switches", "class_names",
+        "truth_scans", "long_gap_s", "ospa2_window", "identity_switches", "class_names",
     }  # fmt: skip
     promised = {
         "ospa", "localization", "cardinality", "cardinality_abs_error",
@@ -237,3 +237,9 @@ def test_score_tables_shows_a_loss_as_negative(evaluation):
     summary["filtered"], summary["smoothed"] = summary["smoothed"], summary["filtered"]
     (_, rows, _), *_ = tables(summary)
     assert rows[2] == ["", "reduction", "-300%", "-300%", "-", "-"]
+
+
+def test_tables_say_how_many_scans_of_the_truth_they_leave_out(evaluation):
+    evaluation.add_truth(99, points([], []))
+    (title, *_), *_ = tables(metrics(evaluation, np.zeros(0)))
+    assert title.startswith("means over 2 of 3 scans (OSPA: ")

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from phd_jdtc_ros.tools.resources import PROFILE_VARIABLES, isolation
+from phd_jdtc_ros.resources import PROFILE_VARIABLES, isolation
 from robustness import network
 from robustness.isolation import ISOLATED, PROFILE
 

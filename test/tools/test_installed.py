@@ -3,6 +3,7 @@
 
 """An installed package, away from its checkout."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -10,6 +11,8 @@ import sys
 from pathlib import Path
 
 import pytest
+
+from phd_jdtc_ros.__main__ import EXECUTABLES
 
 ROOT = Path(__file__).parents[2]
 SOURCES = (
@@ -22,6 +25,12 @@ SOURCES = (
     "bags",
     "resource",
 )
+FEW_PARTICLES = ("-p", "particles_per_target:=100", "-p", "particles_per_birth:=256")
+STUDY = """
+lags: [0]
+cases: {{short: {{scenario: {scenario}}}}}
+variants: {{particles: {{kind: particles}}}}
+"""
 FILES = ("setup.py", "setup.cfg", "pyproject.toml", "package.xml", "README.md")
 
 
@@ -40,6 +49,7 @@ def installed(tmp_path_factory):
         [
             *(sys.executable, "setup.py", "--quiet"),
             *("install_lib", "-d", target, "install_data", "-d", target),
+            *("install_egg_info", "-d", target, "install_scripts", "-d", target / "bin"),
         ],
         cwd=home / "source",
         check=True,
@@ -52,8 +62,13 @@ def installed(tmp_path_factory):
 
 def run(installed, directory, *arguments, **environment):
     """Run Python with the installed package from another directory."""
+    return start(installed, directory, sys.executable, *arguments, **environment)
+
+
+def start(installed, directory, *command, **environment):
+    """Run a command with the installed package from another directory."""
     done = subprocess.run(
-        [sys.executable, *arguments],
+        [*map(str, command)],
         cwd=directory,
         env={**os.environ, "PYTHONPATH": str(installed), **environment},
         capture_output=True,
@@ -65,7 +80,8 @@ def run(installed, directory, *arguments, **environment):
 
 def test_an_installed_package_finds_its_files_from_any_directory(installed, tmp_path):
     text = (
-        "from phd_jdtc_ros.tools import demo, monte_carlo, resources\n"
+        "from phd_jdtc_ros import resources\n"
+        "from phd_jdtc_ros.tools import demo, monte_carlo\n"
         "import phd_jdtc_ros\n"
         "print(phd_jdtc_ros.__file__, demo.shipped_bag(), *resources.isolation().values(),"
         " resources.find(monte_carlo.PUBLISHED))\n"
@@ -81,11 +97,45 @@ def test_an_installed_package_finds_its_files_from_any_directory(installed, tmp_
     )
 
 
-@pytest.mark.parametrize("name", ["demo", "monte_carlo"])
-def test_an_installed_tool_starts_from_any_directory(installed, tmp_path, name):
-    status, out, err = run(installed, tmp_path, "-m", "phd_jdtc_ros", name, "--help")
+def test_every_executable_has_a_console_script(installed):
+    assert {path.name for path in (installed / "bin").iterdir()} == {*EXECUTABLES}
+
+
+@pytest.mark.parametrize("name", ["tracker", "sensor_replay", "evaluator"])
+def test_an_installed_node_starts_from_an_empty_directory(installed, tmp_path, name):
+    status, out, err = start(installed, tmp_path, installed / "bin" / name, "--help")
     assert (status, err) == (0, "")
     assert out.startswith(f"usage: {name}")
+    assert not [*tmp_path.iterdir()]
+
+
+def test_installed_offline_scripts_work_from_an_empty_directory(installed, tmp_path, scenario_file):
+    def script(name, *arguments):
+        command = (installed / "bin" / name, *arguments)
+        status, _, err = start(installed, tmp_path, *command, PHD_JDTC_KERNELS="numpy")
+        assert status == 0, err
+
+    script("simulate", "--scenario", scenario_file, "--out", "short")
+    script("track_bag", "short", "--out", "tracked", *FEW_PARTICLES)
+    script("report", "tracked", "--out", "page")
+    study = STUDY.format(scenario=scenario_file)
+    (tmp_path / "study.yaml").write_text(study)
+    script("monte_carlo", "--study", "study.yaml", "--runs", "1", "--workers", "1", *FEW_PARTICLES)
+    assert (tmp_path / "page" / "report.html").is_file()
+    assert (tmp_path / "out" / "study" / "summary.json").is_file()
+
+
+@pytest.mark.live
+def test_installed_demo_runs_from_an_empty_directory(installed, tmp_path, short_bag):
+    """The nodes are those of the installation too, whatever else there is."""
+    status, _, err = start(
+        *(installed, tmp_path, installed / "bin" / "demo", "--bag", short_bag, *FEW_PARTICLES),
+        PHD_JDTC_KERNELS="numpy",
+    )
+    assert status == 0, err
+    out = tmp_path / "out" / "demo"
+    assert json.loads((out / "metrics.json").read_text())["scans"] == 8
+    assert (out / "report.html").is_file()
 
 
 def test_without_ros_a_node_names_the_extra_in_one_line(installed, tmp_path):

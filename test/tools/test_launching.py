@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import CORRUPT, FAILED, OK, USAGE
 from phd_jdtc_ros.tools import launching
@@ -76,3 +77,39 @@ def test_tracker_is_not_started_again_after_a_fault_of_its_arguments(status, aga
 @pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.py")), ids=lambda path: path.stem)
 def test_launch_files_compile(path):
     compile(path.read_text(), str(path), "exec")
+
+
+@pytest.mark.parametrize("text", ["-1", "0.05", "nan", "fast", "", "1001"])
+def test_rate_refuses_what_the_replay_would_refuse(text):
+    assert [launching.rate(good) for good in ("0", "0.1", "2")] == [0.0, 0.1, 2.0]
+    (fault,) = faults(launching.rate, text)
+    assert fault.startswith("rate: ")
+
+
+def test_demo_of_a_shipped_bag_has_its_parameters_for_the_tracker_of_that_name(tmp_path):
+    found = launching.demo("three_classes", "", "/s1/t2", tmp_path / "out")
+
+    assert found.bag.samefile(ROOT / "bags" / "three_classes")
+    assert [kind.name for kind in found.config.model.modes.classes] == ["weak", "medium", "strong"]
+    assert launching.load(found.params_file, "/s1/t2").values == found.config.values
+
+
+def test_demo_with_a_file_of_its_own_takes_that(tmp_path):
+    path = tmp_path / "site.yaml"
+    path.write_text("/tracker: {ros__parameters: {lag: 2}}\n")
+    found = launching.demo("three_classes", str(path), "/tracker", tmp_path / "out")
+
+    assert (found.params_file, found.config.lag.scans) == (str(path), 2)
+    assert not (tmp_path / "out").exists()
+
+
+def test_demo_of_a_bag_without_parameters_has_the_defaults(tmp_path):
+    found = launching.demo(str(tmp_path), "", "/tracker", tmp_path / "out")
+
+    assert (found.bag, found.params_file) == (tmp_path, "")
+    assert found.config.values == resolve({}).values
+
+
+def test_failure_is_an_exception_because_launch_ends_with_0_otherwise():
+    with pytest.raises(RuntimeError, match="tracker failed"):
+        launching.fail("tracker failed")

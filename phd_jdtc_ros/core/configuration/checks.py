@@ -17,7 +17,7 @@ import numpy as np
 from ..arrays import FloatArray
 from ..models import amplitude_density
 from ..models.modes import markov_generator
-from .parameters import GROUPS, TOP
+from .parameters import GROUPS, RADAR, TOP
 
 # A target that cannot be missed would be lost for good with its first miss.
 MOST_PROBABILITY = 0.999
@@ -184,6 +184,34 @@ def _check_turns(values: Mapping[str, Any]) -> list[str]:
     return faults
 
 
+def _check_radars(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for radar in values["radars"]:
+        clutter, limit = values[f"{radar}.clutter_max_range"], values[f"{radar}.max_range"]
+        if clutter > limit:
+            faults.append(
+                f"{radar}.clutter_max_range: {clutter:g} given, must be at most max_range, "
+                f"{limit:g}, beyond which detections are ignored"
+            )
+        if values[f"{radar}.message"] == "point_cloud":
+            faults += _field_faults(values, radar)
+    return faults
+
+
+def _field_faults(values: Mapping[str, Any], radar: str) -> list[str]:
+    """Return a fault for each quantity of a cloud whose field another quantity has too."""
+    faults: list[str] = []
+    taken: dict[str, str] = {}
+    for quantity in (entry.name for entry in RADAR if entry.name.startswith("fields.")):
+        key = f"{radar}.{quantity}"
+        field = values[key]
+        if field and field in taken:
+            faults.append(f"{key}: {field!r} given, {taken[field]} has it too")
+        elif field:
+            taken[field] = key
+    return faults
+
+
 CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_names,
     _check_classes,
@@ -191,6 +219,7 @@ CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_rest,
     _check_visibility,
     _check_turns,
+    _check_radars,
 )
 
 

@@ -17,6 +17,10 @@ from .true_tracks import TrueTracks
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
 
+# A stamp of the truth that comes again, earlier than more than so many others, begins another pass:
+# as a tracker begins a new run, see RESET_THRESHOLD_SCANS.
+JUMP_SCANS = 3
+
 Key = TypeVar("Key")
 Value = TypeVar("Value")
 
@@ -44,9 +48,15 @@ class Evaluation:
     Attributes
     ----------
     scores : dict
-        By source and stamp, the last `keep` of each. A repeated stamp is scored again.
+        By source and stamp, the last `keep` of each.
     scored : dict
         Number of scores by source.
+    truth_scans : int
+        Number of stamps of the truth.
+    repeated : int
+        Number of sets of a stamp that was there already, which are not scored: a stamp is scored
+        once in each pass. If the stamps of the truth jump back, another pass begins, as in the
+        replay of a bag in a loop.
     """
 
     classes: int
@@ -55,11 +65,18 @@ class Evaluation:
     keep: int | None = None
     class_names: tuple[str, ...] = ()
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
+    truth_scans: int = field(init=False, default=0)
+    repeated: int = field(init=False, default=0)
     _runs: dict[str, RunScores] = field(init=False)
     _truth: TrueTracks = field(init=False)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
     # Stamps for which only one source has a score so far, and that source.
     _half: dict[int, str] = field(init=False, default_factory=dict)
+    # Of this pass the stamps of the truth, and source and stamp of what has been scored; and of the
+    # pass before what was still to come.
+    _seen: dict[int, None] = field(init=False, default_factory=dict)
+    _done: dict[tuple[str, int], None] = field(init=False, default_factory=dict)
+    _owed: set[tuple[str, int]] = field(init=False, default_factory=set)
     _scans: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
@@ -75,6 +92,13 @@ class Evaluation:
 
     def add_truth(self, stamp_ns: int, truth: PointSet) -> list[ScanScore]:
         """Add the targets of a stamp; return the scores that became possible."""
+        if stamp_ns in self._seen:
+            if sum(other > stamp_ns for other in self._seen) <= JUMP_SCANS:
+                self.repeated += 1
+                return []
+            self._begin_pass()
+        self.truth_scans += 1
+        self._put(self._seen, stamp_ns, None)
         self._truth.add(stamp_ns, truth)
         scores = []
         for source, waiting_ns in sorted(self._waiting, key=_by_stamp):
@@ -86,17 +110,30 @@ class Evaluation:
 
     def add_estimates(self, source: str, stamp_ns: int, estimate: PointSet) -> list[ScanScore]:
         """Add a source's estimates of a stamp; return the scores that became possible."""
+        key = source, stamp_ns
         targets = self._truth.at(stamp_ns)
+        if key in self._owed and targets is not None:
+            self._owed.remove(key)
+        elif key in self._done or key in self._waiting:
+            self.repeated += 1
+            return []
         if targets is None:
-            self._put(self._waiting, (source, stamp_ns), estimate)
+            self._put(self._waiting, key, estimate)
             return []
         return [self._score(source, stamp_ns, targets, estimate)]
 
-    def _put(self, store: dict[Key, Value], key: Key, value: Value) -> None:
-        """Store as the newest entry, and remove the oldest ones beyond `keep`."""
+    def _begin_pass(self) -> None:
+        """Let the stamps be scored again; a tracker's last estimates of a pass come after it."""
+        every = {(source, stamp) for source in SOURCES for stamp in self._seen}
+        self._owed = every.difference(self._done)
+        self._done.clear()
+        self._seen.clear()
+
+    def _put(self, store: dict[Key, Value], key: Key, value: Value, each: int = 1) -> None:
+        """Store as the newest entry, and remove the oldest ones beyond `each` times `keep`."""
         store.pop(key, None)
         store[key] = value
-        while self.keep is not None and len(store) > self.keep:
+        while self.keep is not None and len(store) > each * self.keep:
             del store[next(iter(store))]
 
     def _score(
@@ -105,6 +142,7 @@ class Evaluation:
         scan = PairedScan.of(stamp_ns, targets, estimate, self.cutoff)
         score = ScanScore(source, stamp_ns, self._runs[source].add(scan))
         self._put(self.scores[source], stamp_ns, score)
+        self._put(self._done, (source, stamp_ns), None, len(SOURCES))
         if self._half.get(stamp_ns, source) == source:
             self._put(self._half, stamp_ns, source)
         else:
@@ -121,7 +159,8 @@ class Evaluation:
             The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
             smoothing; ``class_accuracy`` and ``identity_switches`` of the smoothed estimates;
             ``p``, ``c``; ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of
-            stamps with scores of both sources; ``class_names``. A figure without data is None.
+            stamps with scores of both sources, of ``truth_scans`` stamps of the truth;
+            ``class_names``. A figure without data is None.
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
@@ -129,7 +168,7 @@ class Evaluation:
         result["identity_switches"] = result[SMOOTHED][ALL][IDENTITY_SWITCHES.key]
         result["p"], result["c"] = self.order, self.cutoff
         result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
-        result["scans"] = self._scans
+        result["scans"], result["truth_scans"] = self._scans, self.truth_scans
         result["class_names"] = list(self.class_names or map(class_set, range(self.classes)))
         return result
 

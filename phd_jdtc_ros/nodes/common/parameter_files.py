@@ -16,9 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros import yaml_files
+from phd_jdtc_ros import resources, yaml_files
 from phd_jdtc_ros.core.configuration.schema import ConfigError, flatten
 
+# Name of the file of a tracker's parameters in a bag's directory.
+BAG_PARAMETERS = "parameters.yaml"
 # Regular expressions for the wildcards in a section's name, with the preceding slash.
 _WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
 
@@ -78,7 +80,10 @@ def read(path: Path) -> ParameterFile:
         If it cannot be read, or has a parameter twice in a section.
     """
     found, faults = [], []
-    for name, given in _sections(yaml_files.load(path)):
+    document = yaml_files.load(path)
+    if isinstance(document, Mapping) and isinstance(document.get("targets"), Sequence):
+        raise ConfigError([_scenario_fault(path)])
+    for name, given in _sections(document):
         leaves = list(flatten(given))
         faults += [
             f"{path}: {name}: {leaf} is given twice"
@@ -89,6 +94,16 @@ def read(path: Path) -> ParameterFile:
     if faults:
         raise ConfigError(faults)
     return ParameterFile(path, tuple(found))
+
+
+def _scenario_fault(path: Path) -> str:
+    """Return what to give in the place of a scenario file."""
+    shipped = resources.find(Path("bags", path.stem, BAG_PARAMETERS))
+    instead = shipped if shipped.is_file() else f"the {BAG_PARAMETERS} that simulate writes"
+    return (
+        f"{path}: is a scenario file, must be a parameter file: give {instead}; offline tools take "
+        "the scenario as --scenario"
+    )
 
 
 def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:

@@ -10,7 +10,7 @@ import math
 import os
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,18 +24,21 @@ from rich.console import Console
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
-from msg_adapters import diagnostics, estimates, names, plots, quantities, truth
-from msg_adapters.errors import RejectedMessageError
+from msg_adapters import diagnostics, estimates, names, plots, quantities, stamps, truth
+from msg_adapters.errors import RejectedMessageError, quoted
 from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet, ScanScore
-from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
 from phd_jdtc_ros.exit_status import FAILED, OK
 from phd_jdtc_ros.report.table import metrics, score_tables
 
 from ..common import arguments, overridable, parameters, runtime
 from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
+from ..common.tracker_parameters import TrackerParameters
+from .coverage import Coverage
+from .missing_radars import MissingRadars
 from .recorder import Recorder
 
 INPUT_DEPTH = 100
@@ -50,6 +53,7 @@ KEPT_SCANS, KEPT_STEPS = 1000, 100_000
 TABLE = (
     Parameter("tracker", names.TRACKER, "Full name of the tracker node."),
     Parameter("truth_topic", names.TRUTH, "Topic of the truth."),
+    Parameter("world_frame", "map", "Frame of the truth and of the estimates."),
     Parameter("classes", 2, "Number of target classes.", 1, 1000),
     Parameter(
         "class_names",
@@ -95,6 +99,11 @@ class Evaluator(Node):
             KEPT_SCANS,
             _class_names(self._values),
         )
+        tracker = self._values["tracker"]
+        self._coverage = Coverage(
+            self._values["truth_topic"], {s: names.estimates(s, tracker) for s in SOURCES}
+        )
+        self._warned_unmatched = False
         self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
         self._complete_since: float | None = None
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
@@ -107,7 +116,7 @@ class Evaluator(Node):
         self._subscribe()
         # By the wall clock, because simulated time stops with the replay, before the last scores.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(CHECK_PERIOD_S, self._check_complete, clock=steady)
+        self.create_timer(CHECK_PERIOD_S, self._look, clock=steady)
         self.get_logger().info("waiting for estimates and truth")
 
     def _subscribe(self) -> None:
@@ -115,8 +124,8 @@ class Evaluator(Node):
         inputs = [
             (PointCloud2, self._values["truth_topic"], self._on_truth),
             *(
-                (PointCloud2, names.estimates(source, tracker), partial(self._on_estimates, source))
-                for source in SOURCES
+                (PointCloud2, topic, partial(self._on_estimates, source))
+                for source, topic in self._coverage.estimates.items()
             ),
             (DiagnosticArray, names.cardinality(tracker), self._on_figures),
         ]
@@ -126,48 +135,104 @@ class Evaluator(Node):
     def _make_recorder(self) -> Recorder | None:
         if not self._values["record"]:
             return None
+        directory, tracker = Path(self._values["record"]), self._values["tracker"]
         topics = {
             **dict.fromkeys(self._values["radar_topics"], names.CLOUD),
             self._values["truth_topic"]: names.CLOUD,
             **names.published(
                 self._values["classes"],
-                self._values["tracker"],
+                tracker,
                 self._scores.topic_name,
                 self.get_fully_qualified_name(),
             ),
         }
-        return Recorder(self, Path(self._values["record"]), topics)
+        recorder = Recorder(self, directory, topics, names.optional(tracker))
+        TrackerParameters(self, tracker, recorder.write_parameters)
+        MissingRadars(self, tracker, {self.resolve_topic_name(topic) for topic in topics})
+        return recorder
 
     def close(self) -> None:
-        """Write the report and finish the recording."""
+        """Write the report and finish the recording, and say what was not scored."""
         if self._recorder is not None:
             self._recorder.close()
+        if any(self._evaluation.scored.values()):
+            for line in self._coverage.gaps(self._evaluation):
+                self.get_logger().warning(line)
+        else:
+            self._say_that_nothing_is_scored()
         summary = metrics(self._evaluation, np.array(self._step_ms))
         if self._report is not None:
-            try:
-                self._report.write_text(json.dumps(summary, indent=2) + "\n")
-            except OSError as error:  # the disk may have become full since the start
-                self.get_logger().error(f"no report: {self._report}: {error.strerror}")
-                self.exit_status = FAILED
+            self._write_report(self._report, summary)
         if summary["scans"]:
             Console().print(score_tables(summary))
 
-    def _on_truth(self, cloud: PointCloud2) -> None:
-        try:
-            targets = truth.from_msg(cloud)
-        except RejectedMessageError as error:
-            self._warn(f"{self._values['truth_topic']}: {error}")
-            return
-        self._publish(self._evaluation.add_truth(targets.stamp_ns, PointSet.of(targets)))
+    def _say_that_nothing_is_scored(self) -> None:
+        """Say why, and fail if scores were asked for."""
+        wanted = self._report is not None or self._values["exit_after_scans"]
+        reasons = [self._coverage.nothing_scored(), *self._coverage.gaps(self._evaluation)]
+        if wanted:
+            self.get_logger().error("; ".join(reasons))
+            self.exit_status = FAILED
+        else:
+            self.get_logger().warning("; ".join(reasons))
 
-    def _on_estimates(self, source: str, cloud: PointCloud2) -> None:
-        try:
-            received = estimates.from_msg(cloud)
-        except RejectedMessageError as error:
-            self._warn(f"{source} estimates: {error}")
+    def _write_report(self, path: Path, summary: Mapping[str, Any]) -> None:
+        """Write the report, but nothing over the figures of an earlier run."""
+        if not any(self._evaluation.scored.values()) and path.is_file():
+            self.get_logger().error(f"no report: {path} stays that of an earlier run")
             return
-        points = PointSet.of(received)
-        self._publish(self._evaluation.add_estimates(source, received.stamp_ns, points))
+        try:
+            path.write_text(json.dumps(summary, indent=2) + "\n")
+        except OSError as error:  # the disk may have become full since the start
+            self.get_logger().error(f"no report: {path}: {error.strerror}")
+            self.exit_status = FAILED
+
+    def _on_truth(self, cloud: PointCloud2, info: Mapping[str, int]) -> None:
+        topic = self._coverage.truth
+        points = self._points(topic, cloud, info, truth.from_msg)
+        if points is not None:
+            self._publish(self._evaluation.add_truth(stamps.to_ns(cloud.header.stamp), points))
+
+    def _on_estimates(self, source: str, cloud: PointCloud2, info: Mapping[str, int]) -> None:
+        topic = self._coverage.estimates[source]
+        points = self._points(topic, cloud, info, estimates.from_msg)
+        if points is not None:
+            stamp_ns = stamps.to_ns(cloud.header.stamp)
+            self._publish(self._evaluation.add_estimates(source, stamp_ns, points))
+
+    def _points(
+        self,
+        topic: str,
+        cloud: PointCloud2,
+        info: Mapping[str, int],
+        read: Callable[[PointCloud2], Truth | Estimates],
+    ) -> PointSet | None:
+        """Return a cloud's points; None if it does not fit, which is counted and warned of."""
+        self._coverage.arrived(topic, info.get("publication_sequence_number"))
+        try:
+            found = read(cloud)
+            self._check_frame(cloud.header.frame_id)
+            self._check_classes(found)
+        except RejectedMessageError as error:
+            self._coverage.refused[topic] += 1
+            self._warn(f"{topic}: {error}")
+            return None
+        self._coverage.take(topic, found.stamp_ns)
+        return PointSet.of(found)
+
+    def _check_frame(self, frame: str) -> None:
+        world = self._values["world_frame"]
+        if frame != world:
+            raise RejectedMessageError(
+                "frame", f"frame_id is {quoted(frame)}, must be world_frame, {world!r}"
+            )
+
+    def _check_classes(self, found: Truth | Estimates) -> None:
+        classes = self._values["classes"]
+        if len(found.class_id) and found.class_id.max() >= classes:
+            raise RejectedMessageError(
+                "schema", f"class_id is {found.class_id.max()}, must be below classes, {classes}"
+            )
 
     def _on_figures(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -192,6 +257,12 @@ class Evaluator(Node):
             if self._plots:
                 for quantity, message in plots.score_to_msgs(score).items():
                     self._plots[quantity].publish(message)
+
+    def _look(self) -> None:
+        if not self._warned_unmatched and (text := self._coverage.unmatched(self._evaluation)):
+            self._warned_unmatched = True
+            self.get_logger().warning(text)
+        self._check_complete()
 
     def _check_complete(self) -> None:
         """End `LINGER_S` after the wanted number of stamps has the scores of both sources."""

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -15,9 +16,11 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSPolicyKind, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from msg_adapters import frames, interfaces, names
+from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
+
+from ..common import bag_parameters
 
 # Deep enough that a burst waits in the queue instead of being lost.
 INPUT_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -35,7 +38,8 @@ class Recorder:
     """Subscribes for a node and writes a bag, with the time of arrival as log time.
 
     It subscribes reliably, so that nothing is lost, and best effort if a publisher offers no more.
-    ``/tf_static`` is recorded too if tf2_msgs is installed.
+    ``/tf_static`` is recorded too if tf2_msgs is installed. A bag of a live tracker has its
+    parameters beside it.
 
     Parameters
     ----------
@@ -44,18 +48,38 @@ class Recorder:
     directory : Path
         Of the new bag.
     topics : mapping of topic to type name
+    optional : mapping of topic to type name
+        Those that are in the bag only if something comes on them, and whose types need not be
+        installed.
+
+    Attributes
+    ----------
+    written : Counter
+        Number of recorded messages by topic.
     """
 
-    def __init__(self, node: Node, directory: Path, topics: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        directory: Path,
+        topics: Mapping[str, str],
+        optional: Mapping[str, str] | None = None,
+    ) -> None:
         self._node = node
+        self._directory = directory
         self._clock = node.get_clock()
         self._logger = node.get_logger()
         self._bag: BagWriter | None = BagWriter(directory)
+        self.written: Counter[str] = Counter()
         self._subscriptions: dict[str, Subscription] = {}
-        for topic, type_name in (_static_frames() | dict(topics)).items():
+        self._undeclared = {topic: kind for topic, kind in (optional or {}).items() if _has(kind)}
+        frames = {names.STATIC_FRAMES: names.TRANSFORMS} if _has(names.TRANSFORMS) else {}
+        for topic, type_name in (frames | dict(topics)).items():
             latched = topic == names.STATIC_FRAMES
             self._bag.add_topic(Topic(topic, type_name, transient_local=latched))
             self._subscribe(topic, type_name, LATCHED_QOS if latched else INPUT_QOS)
+        for topic, type_name in self._undeclared.items():
+            self._subscribe(topic, type_name, INPUT_QOS)
 
     def _subscribe(self, topic: str, type_name: str, qos: QoSProfile) -> None:
         self._subscriptions[topic] = self._node.create_subscription(
@@ -82,10 +106,20 @@ class Recorder:
         if self._bag is None:
             return
         try:
+            if topic in self._undeclared:
+                self._bag.add_topic(Topic(topic, self._undeclared.pop(topic)))
             self._bag.write(topic, data, self._clock.now().nanoseconds)
+            self.written[topic] += 1
         except BagError as error:  # a full disk ends the recording, not the node
             self._bag = None
             self._logger.error(f"recording stopped: {error}")
+
+    def write_parameters(self, values: Mapping[str, Any]) -> None:
+        """Write the tracker's parameters, by dotted name, beside the bag."""
+        try:
+            bag_parameters.write(self._directory / bag_parameters.NAME, values)
+        except BagError as error:
+            self._logger.warning(f"the tracker's parameters are not recorded: {error}")
 
     def close(self) -> None:
         """Finish the bag."""
@@ -97,6 +131,10 @@ class Recorder:
             self._logger.error(f"recording not finished: {error}")
 
 
-def _static_frames() -> dict[str, str]:
-    """Return the topic of the static transforms with its type, if that type is installed."""
-    return {} if frames.installed() is None else {names.STATIC_FRAMES: names.TRANSFORMS}
+def _has(type_name: str) -> bool:
+    """Return whether a message type is installed."""
+    try:
+        interfaces.message_class(type_name)
+    except ImportError:
+        return False
+    return True

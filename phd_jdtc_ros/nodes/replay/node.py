@@ -6,9 +6,9 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from enum import Enum, auto
-from pathlib import Path
 from typing import Any
 
 from rclpy.duration import Duration
@@ -20,12 +20,13 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import stamps
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 
 from ..common import arguments, parameters, runtime
 from ..common.parameter_files import ParameterFile
-from . import playable, replay_parameters, seek_parameter
+from . import playable, replay_parameters, scene_check, seek_parameter
 from .bag_clock import BagClock
 from .lock_step import GIVE_UP_S, LockStep
 from .playback import Group, Playback
@@ -66,7 +67,8 @@ class SensorReplay(Node):
         self._values = parameters.resolve(self, replay_parameters.AT_THE_START, flags, files)
         replay_parameters.check(self._values)
         self.exit_status: int | None = None
-        bag = BagReader(Path(self._values["bag"]))
+        path = resources.bag(self._values["bag"])
+        bag = BagReader(path)
         self._played = playable.choose(bag, self._values["topics"])
         for line in self._played.skipped:
             self.get_logger().warning(line)
@@ -77,6 +79,7 @@ class SensorReplay(Node):
             for topic, message_class in self._played.classes.items()
         }
         self._clock_output = self.create_publisher(Clock, "/clock", CLOCK_QOS)
+        self._published: Counter[str] = Counter()
         self._lock_step: LockStep | None = None
         if self._values["rate"] == 0.0:
             self._lock_step = LockStep()
@@ -110,6 +113,7 @@ class SensorReplay(Node):
         ):
             self.create_service(Trigger, f"~/{name}", callback)
         seek_parameter.declare(self, self._seek_fault, self._seek)
+        scene_check.begin(self, path, self._values["estimates_topic"])
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
 
@@ -120,8 +124,10 @@ class SensorReplay(Node):
         return self._playback.seconds(first_ns), self._playback.seconds(last_ns)
 
     def close(self) -> None:
-        """Stop the progress line."""
+        """Stop the progress line and log how much was published."""
         self._line.stop()
+        counts = [f"{topic} {self._published[topic]}" for topic in self._played.scan_topics]
+        self.get_logger().info(f"published: {', '.join(counts) or 'no scans'}")
 
     def _tick(self) -> None:
         if self._state is State.WAITING:
@@ -139,23 +145,38 @@ class SensorReplay(Node):
 
     def _wait_for_subscribers(self) -> None:
         now = time.monotonic()
-        awaited = self._played.scan_topics or tuple(self._outputs)
-        missing = [t for t in awaited if not self._outputs[t].get_subscription_count()]
-        if self._lock_step and not self.count_publishers(self._values["estimates_topic"]):
-            missing.append(self._values["estimates_topic"])
-        if not missing:
-            self._ready_since = self._ready_since or now
-            if now - self._ready_since < SETTLE_S:
-                return
-        elif now - self._since < self._values["subscriber_timeout_s"]:
+        missing = self._missing()
+        if missing and now - self._since < self._values["subscriber_timeout_s"]:
             self._ready_since = None
             return
+        if missing:
+            self._play_without(missing)
         else:
-            self.get_logger().warning(
-                f"nothing is connected to {', '.join(missing)}; playing without waiting for it"
-            )
+            self._ready_since = self._ready_since or now
+            waited_s = now - self._ready_since
+            alone = [topic for topic in self._played.truth if not self._heard(topic)]
+            if waited_s < max(SETTLE_S, self._values["truth_timeout_s"] if alone else 0.0):
+                return
+            if alone:
+                self._play_without(alone)
         self._begin()
         self._enter(State.PLAYING)
+
+    def _missing(self) -> list[str]:
+        """Return the topics without which there is nothing to play to."""
+        awaited = [t for t in self._played.scan_topics if t not in self._played.truth]
+        missing = [t for t in awaited or self._outputs if not self._heard(t)]
+        if self._lock_step and not self.count_publishers(self._values["estimates_topic"]):
+            missing.append(self._values["estimates_topic"])
+        return missing
+
+    def _heard(self, topic: str) -> bool:
+        return bool(self._outputs[topic].get_subscription_count())
+
+    def _play_without(self, topics: Sequence[str]) -> None:
+        self.get_logger().warning(
+            f"nothing is connected to {', '.join(topics)}; playing without waiting for it"
+        )
 
     def _begin(self) -> None:
         """Make the next group due now and forget all awaited estimates."""
@@ -200,6 +221,7 @@ class SensorReplay(Node):
         self._publish_clock()
         for message in group.messages:
             self._outputs[message.topic].publish(message.data)
+            self._published[message.topic] += 1
         if group.stamp_ns is not None:
             self._steps = max(0, self._steps - 1)
         self._show(0 if group.stamp_ns is None else 1)

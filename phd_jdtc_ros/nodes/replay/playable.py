@@ -42,6 +42,8 @@ class Playable:
         Detections and truth: their stamps make the scans.
     detections : tuple of str
         The scan topics that a tracker answers with an estimate.
+    truth : tuple of str
+        The other scan topics.
     skipped : tuple of str
         One line per topic that cannot be published.
     """
@@ -49,6 +51,7 @@ class Playable:
     classes: dict[str, Any]
     scan_topics: tuple[str, ...]
     detections: tuple[str, ...]
+    truth: tuple[str, ...]
     skipped: tuple[str, ...]
 
 
@@ -101,7 +104,9 @@ def choose(bag: BagReader, wanted: list[str]) -> Playable:
         reason = "; ".join(skipped) or f"it has {', '.join(sorted(bag.types)) or 'no topic'}"
         raise BagError(f"{bag.path}: has nothing to play: {reason}")
     detections = [topic for topic in detections if topic in classes]
-    return Playable(classes, (*detections, *truth), tuple(detections), tuple(map(short, skipped)))
+    return Playable(
+        classes, (*detections, *truth), tuple(detections), tuple(truth), tuple(map(short, skipped))
+    )
 
 
 def _trackers(topics: Iterable[str]) -> tuple[str, ...]:

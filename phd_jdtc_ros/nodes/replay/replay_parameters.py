@@ -18,7 +18,11 @@ _PURPOSE = (
 SLOWEST_RATE = 0.1
 
 AT_THE_START = (
-    Parameter("bag", "", "Path of the bag: a rosbag2 directory or an MCAP file."),
+    Parameter(
+        "bag",
+        "",
+        "Path of the bag: a rosbag2 directory or an MCAP file; or the name of a shipped bag.",
+    ),
     Parameter(
         "rate",
         1.0,
@@ -41,7 +45,14 @@ AT_THE_START = (
     Parameter(
         "subscriber_timeout_s",
         5.0,
-        "Longest wait for subscribers of the detections and the truth, s.",
+        "Longest wait for subscribers of the detections, s.",
+        0.0,
+        3600.0,
+    ),
+    Parameter(
+        "truth_timeout_s",
+        1.0,
+        "Longest further wait for subscribers of the truth, which a tracker does not need, s.",
         0.0,
         3600.0,
     ),
@@ -73,17 +84,41 @@ def check(values: Mapping[str, Any]) -> None:
     """
     faults = []
     if not values["bag"]:
-        faults.append("bag: '' given, must be the path of a bag")
-    if 0.0 < values["rate"] < SLOWEST_RATE:
-        faults.append(f"rate: {values['rate']:g} given, must be 0 or at least {SLOWEST_RATE:g}")
+        faults.append("bag: '' given, must be the path of a bag or the name of a shipped one")
+    faults += _rate_faults(values["rate"])
     if faults:
         raise ConfigError(faults)
+
+
+def rate(given: Any) -> float:
+    """Return a rate that is given to something that starts the replay.
+
+    Raises
+    ------
+    ConfigError
+        If it is not allowed.
+    """
+    (parameter,) = (entry for entry in AT_THE_START if entry.name == "rate")
+    value = parameter.coerce(given)
+    if not isinstance(value, float):
+        raise ConfigError([f"rate: {given!r} given, must be {parameter.allowed}"])
+    if faults := _rate_faults(value):
+        raise ConfigError(faults)
+    return value
+
+
+def _rate_faults(value: float) -> list[str]:
+    if 0.0 < value < SLOWEST_RATE:
+        return [f"rate: {value:g} given, must be 0 or at least {SLOWEST_RATE:g}"]
+    return []
 
 
 def flags(argv: Sequence[str]) -> dict[str, Any]:
     """Return the parameters that are set by plain command-line flags, without ROS arguments."""
     parser = ArgumentParser("sensor_replay", description=_PURPOSE)
-    parser.add_argument("bag", nargs="?", help="rosbag2 directory or MCAP file")
+    parser.add_argument(
+        "bag", nargs="?", help="rosbag2 directory, MCAP file, or the name of a shipped bag"
+    )
     parser.add_argument("--rate", type=float, help="speed; 0 is lock-step")
     parser.add_argument("--start", type=float, dest="start_s", help="skip, s")
     parser.add_argument("--duration", type=float, dest="duration_s", help="play this much, s")

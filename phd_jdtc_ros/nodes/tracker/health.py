@@ -17,7 +17,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics, doubts, names
 
-from .sequence_numbers import SequenceNumbers
+from ..common.sequence_numbers import SequenceNumbers
 
 # Added to the scans that a radar may miss. Noticing it takes up to 0.1 s more, so that a radar is
 # reported silent within half a second after those scans.

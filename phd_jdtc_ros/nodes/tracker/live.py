@@ -337,14 +337,18 @@ class LiveTracker:
         ]
 
     def summary(self) -> str:
-        """Return the numbers of received clouds and of drops as text."""
+        """Return the numbers of received, lost and dropped clouds as text."""
         received = sum(health.received for health in self._inputs)
+        gaps = [f"{health.name} {health.gaps}" for health in self._inputs if health.gaps]
         drops = [
             f"{health.name} {reason} {count}"
             for health in self._inputs
             for reason, count in sorted(health.dropped.items())
         ]
-        return f"{received} clouds received, dropped: {', '.join(drops) or 'none'}"
+        return (
+            f"{received} clouds received, lost on the way: {', '.join(gaps) or 'none'}, "
+            f"dropped: {', '.join(drops) or 'none'}"
+        )
 
 
 def _full_name(node: LifecycleNode, radar: RadarInput) -> str:

@@ -297,3 +297,26 @@ def test_engine_carries_the_configured_choices():
     assert engine.death_term.__name__ == "paper_death_term"
     assert engine.extraction.__name__ == "clusters"
     assert engine.forward.seed == 9
+
+
+def test_resolve_refuses_clutter_beyond_the_range_that_is_tracked():
+    assert build.resolve({"radar_1.clutter_max_range": 17e3}).inputs
+    with pytest.raises(ConfigError) as caught:
+        build.resolve({"radar_1.max_range": 200.0})
+    assert caught.value.faults == (
+        "radar_1.clutter_max_range: 15000 given, must be at most max_range, 200, beyond which "
+        "detections are ignored",
+    )
+
+
+def test_resolve_refuses_one_field_for_two_quantities():
+    with pytest.raises(ConfigError) as caught:
+        build.resolve({"radar_1.fields.azimuth": "range", "radar_2.fields.elevation": "amplitude"})
+    assert caught.value.faults == (
+        "radar_1.fields.azimuth: 'range' given, radar_1.fields.range has it too",
+        "radar_2.fields.amplitude: 'amplitude' given, radar_2.fields.elevation has it too",
+    )
+    # Of a message whose definition fixes its fields they are not used.
+    assert build.resolve(
+        {"radar_1.message": "radar_scan", "radar_1.fields.azimuth": "range"}
+    ).inputs

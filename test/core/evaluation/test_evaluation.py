@@ -258,17 +258,36 @@ def test_summary_does_not_depend_on_how_much_is_kept():
     assert few == all_of_them
 
 
-def test_evaluation_counts_a_stamp_that_comes_again():
-    one = labelled((0, 0, 0, 1))
-    evaluation = run_of((one, one), (one, labelled()), (one, one), stamps=[0, 6, 0])
-    for stamp_ns in (0, 6_000_000_000, 0):
-        evaluation.add_truth(stamp_ns, one)
-        evaluation.add_estimates(SMOOTHED, stamp_ns, one)
+def test_evaluation_scores_a_stamp_that_comes_again_once():
+    one, far = labelled((0, 0, 0, 1)), labelled((50, 0, 0, 1))
+    evaluation = run_of((one, one), (far, far), stamps=[6, 6])
+    for estimate in (one, far):
+        evaluation.add_estimates(SMOOTHED, 7, estimate)
+    evaluation.add_truth(7, one)
     found = evaluation.summary()
-    assert evaluation.scored == {FILTERED: 3, SMOOTHED: 3}
-    assert found[FILTERED]["all"]["ospa"] == pytest.approx(C / 3.0)
-    # The gap ended when the target ended for the first time.
-    assert found[FILTERED]["all"]["longest_gap_s"] == 6.0
+    assert evaluation.scored == {FILTERED: 1, SMOOTHED: 1}
+    assert [found[source]["all"]["ospa"] for source in (FILTERED, SMOOTHED)] == [0.0, 0.0]
+    assert evaluation.repeated == 3
+    assert evaluation.truth_scans == 2
+
+
+def test_evaluation_scores_every_pass_of_a_loop_and_what_a_pass_leaves_to_the_next():
+    one, passes, last = labelled((0, 0, 0, 1)), 3, 6
+    evaluation = Evaluation(2, C, 2.0, keep=20)
+    for _ in range(passes):
+        for stamp in range(1, last + 1):
+            evaluation.add_truth(stamp, one)
+            evaluation.add_estimates(FILTERED, stamp, one)
+            # Smoothed two scans later: the last two of a pass come after the jump.
+            earlier = stamp - 2 if stamp > 2 else stamp - 2 + last
+            if stamp > 2 or evaluation.truth_scans > last:
+                evaluation.add_estimates(SMOOTHED, earlier, one)
+            # As of a second publisher.
+            evaluation.add_truth(stamp, one)
+            evaluation.add_estimates(FILTERED, stamp, one)
+    assert evaluation.truth_scans == passes * last
+    assert evaluation.scored == {FILTERED: passes * last, SMOOTHED: passes * last - 2}
+    assert evaluation.repeated == 2 * passes * last
 
 
 def test_summary_starts_ospa2_again_when_time_goes_back():
@@ -278,8 +297,18 @@ def test_summary_starts_ospa2_again_when_time_goes_back():
 
 
 def test_evaluation_keeps_a_stamp_that_comes_again_as_the_newest():
-    evaluation = run_of(*[(points(), points())] * 4, keep=2, stamps=[0, 6, 0, 12])
-    assert list(evaluation.scores[FILTERED]) == [0, 12_000_000_000]
+    stamps = [0, 6, 12, 18, 24, 0, 30]
+    evaluation = run_of(*[(points(), points())] * 7, keep=5, stamps=stamps)
+    expected = [12_000_000_000, 18_000_000_000, 24_000_000_000, 0, 30_000_000_000]
+    assert list(evaluation.scores[FILTERED]) == expected
+
+
+def test_summary_holds_the_number_of_scans_of_the_truth():
+    evaluation = run_of(*[(points(), points())] * 3)
+    for stamp in (100, 101):
+        evaluation.add_truth(stamp, points())
+    found = evaluation.summary()
+    assert (found["truth_scans"], evaluation.scored[FILTERED], found["scans"]) == (5, 3, 0)
 
 
 def test_summary_has_the_share_within_500_m():

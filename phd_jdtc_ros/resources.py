@@ -10,8 +10,12 @@ import sys
 import sysconfig
 from pathlib import Path
 
+from phd_jdtc_ros.bags.errors import BagError
+
 PACKAGE = "phd_jdtc_ros"
 SHARE = Path("share", PACKAGE)
+# The name of the reference scenario's bag.
+DEFAULT_BAG = "paper_scenario"
 # The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
@@ -23,7 +27,7 @@ def find(relative: Path) -> Path:
     ``share`` directory beside an installed package (of a prefix, a virtual environment or a pip
     target), and in the ament index. If it is nowhere, `relative` is returned.
     """
-    home = Path(__file__).resolve().parents[2]
+    home = Path(__file__).resolve().parents[1]
     places = [Path(), home]
     places += [base / SHARE for base in (home, *home.parents)]
     places += [Path(sysconfig.get_path("data")) / SHARE, Path(sys.prefix) / SHARE]
@@ -37,6 +41,25 @@ def find(relative: Path) -> Path:
     # ROS or the package is not installed, or no workspace is sourced.
     except (ImportError, LookupError, OSError):
         return relative
+
+
+def bag(given: str | Path) -> Path:
+    """Return the path of a bag that is given by its path, or by its name if it is a shipped one.
+
+    Raises
+    ------
+    BagError
+        If there is nothing of a name.
+    """
+    path = Path(given)
+    if path.exists() or len(path.parts) != 1:
+        return path
+    shipped = find(Path("bags") / path)
+    if not shipped.is_dir():
+        others = find(Path("bags") / DEFAULT_BAG).parent.glob("*/metadata.yaml")
+        names = ", ".join(sorted(entry.parent.name for entry in others))
+        raise BagError(f"{path}: no such bag; those shipped are {names or 'not found'}")
+    return shipped
 
 
 def isolation() -> dict[str, str]:

@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The part of a configuration that describes what was recorded: radars, classes and birth places.
+
+A tracker with another lag or another number of particles tracks the same recording differently. One
+with another scene tracks something that was not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .checks import name_or
+from .parameters import RADAR
+
+# The lists that name the scene's parts, and the parameters of each part that belong to it.
+PARTS: dict[str, tuple[str, ...]] = {
+    "radars": tuple(parameter.name for parameter in RADAR),
+    "classes": ("snr_band_db",),
+    "births": ("position",),
+}
+# Radars whose topic or frame is empty have these by default, so that both forms are equal.
+_WITH_DEFAULT = ("topic", "frame")
+_ANYWHERE = "detection_births.rates"
+
+
+def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[str]:
+    """Return how the scene of a tracker's parameters differs from that of a recording.
+
+    Parameters
+    ----------
+    recorded : mapping of dotted name to value
+        All parameters of the recording's configuration.
+    given : mapping of dotted name to value
+        Those of the tracker.
+
+    Returns
+    -------
+    list of str
+        A line per parameter: its name, the recorded and the given value. Parameters that `given`
+        does not have are not compared, and neither are birth places with births at detections.
+    """
+    found = []
+    for group, members in PARTS.items():
+        if group == "births" and given.get(_ANYWHERE):
+            continue
+        before, now = recorded[group], list(given.get(group, recorded[group]))
+        if before != now:
+            found.append(f"{group}: {_text(before)} recorded, {_text(now)} given")
+        for part in (name for name in before if name in now):
+            found += _of_part(recorded, given, part, members)
+    return found
+
+
+def _of_part(
+    recorded: Mapping[str, Any], given: Mapping[str, Any], part: str, members: tuple[str, ...]
+) -> list[str]:
+    found = []
+    for member in members:
+        name = f"{part}.{member}"
+        if name not in given or name not in recorded:
+            continue
+        before, now = (
+            name_or(values, part, member) if member in _WITH_DEFAULT else values[name]
+            for values in (recorded, given)
+        )
+        if before != now:
+            found.append(f"{name}: {_text(before)} recorded, {_text(now)} given")
+    return found
+
+
+def _text(value: Any) -> str:
+    return f"[{', '.join(map(str, value))}]" if isinstance(value, list) else str(value)

@@ -1,0 +1,65 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The parameters beside a bag."""
+
+from pathlib import Path
+
+import pytest
+
+from phd_jdtc_ros import yaml_files
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.tools import params_file
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted(path.parent.name for path in ROOT.glob("bags/*/metadata.yaml"))
+
+
+def test_there_are_five_shipped_bags():
+    assert len(SHIPPED) == 5
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_bag_has_the_parameters_of_its_scenario(name):
+    scenario = yaml_files.load(ROOT / "config" / "scenarios" / f"{name}.yaml")
+    expected = resolve(params_file.scenario_parameters(scenario)).values
+    found = bag_parameters.read(ROOT / "bags" / name)
+    assert resolve(found).values == expected
+    assert bag_parameters.read(ROOT / "bags" / name / f"{name}_0.mcap") == found
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"radars": ["y", "1e5", "012"], "ct.turn_noise_density": 1e-12},
+        {"births": [], "detection_births.rates": [1e-5, 1.0], "spawn.class_transition": []},
+        {"world_frame": "on", "radar_1.topic": "/a: b", "radar_2.fields.amplitude": "#"},
+    ],
+    ids=["defaults", "names like numbers", "empty lists", "text like other things"],
+)
+def test_what_is_written_is_read_as_it_was(tmp_path, given):
+    values = resolve(given).values
+    bag_parameters.write(tmp_path / bag_parameters.NAME, values)
+    assert resolve(bag_parameters.read(tmp_path)).values == values
+
+
+def test_a_node_takes_the_file_as_it_is(processes, peer, tmp_path):
+    path = tmp_path / "own.yaml"
+    bag_parameters.write(path, resolve({"classes": ["y", "1e5"]}).values, "/t2")
+    words = ("--ros-args", "-r", "__node:=t2", "--params-file", path)
+    tracker = processes.start("tracker", *words)
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
+    assert "tracking 2 classes (y, 1e5) " in tracker.log.read_text()
+
+
+def test_bag_without_parameters_has_none(tmp_path):
+    assert bag_parameters.read(tmp_path) is None
+    assert bag_parameters.read(tmp_path / "none.mcap") is None
+
+
+def test_parameters_that_cannot_be_written_are_one_fault(tmp_path):
+    with pytest.raises(BagError, match="cannot be written: No such file"):
+        bag_parameters.write(tmp_path / "none" / "p.yaml", resolve({}).values)

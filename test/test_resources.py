@@ -1,0 +1,38 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Shipped files by their names."""
+
+from pathlib import Path
+
+import pytest
+
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.bags.errors import BagError
+
+
+def test_bag_is_found_by_name_from_any_directory(tmp_path, monkeypatch):
+    # With bags of the user's own.
+    (tmp_path / "bags" / "mine").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    assert (resources.bag("three_classes") / "metadata.yaml").is_file()
+
+
+def test_bag_of_the_users_comes_first(tmp_path, monkeypatch):
+    (tmp_path / "three_classes").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert resources.bag("three_classes") == Path("three_classes")
+
+
+def test_bag_by_path_is_left_as_it_is(tmp_path):
+    assert resources.bag(tmp_path / "none") == tmp_path / "none"
+
+
+def test_bag_that_is_not_there_names_those_that_are(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(BagError) as caught:
+        resources.bag("four_classes")
+    assert str(caught.value) == (
+        "four_classes: no such bag; those shipped are clutter_50, manoeuvring, one_radar, "
+        "paper_scenario, three_classes"
+    )
