@@ -68,7 +68,7 @@ $(VENV)/.ready-bench: $(VENV)/.ready
 	@touch $@
 
 demo: $(VENV)/.ready
-	@$(RUN) -m phd_jdtc_ros demo $(if $(BAG),--bag $(BAG))
+	@$(RUN) -m phd_jdtc_ros demo $(if $(BAG),--bag $(BAG)) $(if $(PROFILE),--profile $(PROFILE))
 
 RUNS ?= 50
 

@@ -123,7 +123,9 @@ def _nodes(context, share):
                 "radar_topics": topics,
                 # Without truth there is nothing to report.
                 "report": f"{out}/metrics.json" if scans else "",
-                "exit_after_scans": scans,
+                # Estimates that have stamps of their own cannot be counted in advance.
+                "exit_after_scans": 0 if demo.config.answer_delay_s else scans,
+                "exit_when_quiet_s": 5.0 if demo.config.answer_delay_s else 0.0,
                 "use_sim_time": flags["use_sim_time"],
             },
         ],
@@ -141,6 +143,7 @@ def _nodes(context, share):
                 "estimates_topic": names.estimates("filtered", tracker_name),
                 "subscriber_timeout_s": 20.0,
                 "truth_timeout_s": 20.0,
+                "answer_delay_s": demo.config.answer_delay_s,
                 "progress": False,
             }
         ],

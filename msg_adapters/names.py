@@ -37,6 +37,11 @@ def estimates(source: str, tracker: str = TRACKER) -> str:
     return f"{tracker}/{source}/estimates"
 
 
+def tracker_of(estimates_topic: str) -> str:
+    """Return the tracker that a topic of `estimates` is of."""
+    return estimates_topic.rsplit("/", 2)[0]
+
+
 def poses(source: str, class_id: int, tracker: str = TRACKER) -> str:
     """Return the topic of one class's poses."""
     return f"{tracker}/{source}/class_{class_id}/poses"

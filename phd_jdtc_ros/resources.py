@@ -16,6 +16,8 @@ PACKAGE = "phd_jdtc_ros"
 SHARE = Path("share", PACKAGE)
 # The name of the reference scenario's bag.
 DEFAULT_BAG = "paper_scenario"
+# The bags of profiles that are not for the reference scenario.
+PROFILE_BAGS = {"air_traffic": "terminal_radar"}
 # The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
@@ -60,6 +62,22 @@ def bag(given: str | Path) -> Path:
         names = ", ".join(sorted(entry.parent.name for entry in others))
         raise BagError(f"{path}: no such bag; those shipped are {names or 'not found'}")
     return shipped
+
+
+def profile(name: str) -> tuple[Path, str]:
+    """Return the parameter file of a shipped profile, and the name of the bag that shows it.
+
+    Raises
+    ------
+    BagError
+        If there is no profile of this name.
+    """
+    path = find(Path("config") / f"{name}.yaml")
+    if Path(name).name != name or not path.exists():
+        others = find(Path("config") / f"{DEFAULT_BAG}.yaml").parent.glob("*.yaml")
+        names = ", ".join(sorted(entry.stem for entry in others))
+        raise BagError(f"{name}: no such profile; those shipped are {names or 'not found'}")
+    return path, PROFILE_BAGS.get(name, DEFAULT_BAG)
 
 
 def isolation() -> dict[str, str]:

@@ -36,6 +36,8 @@ from . import command, report
 START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.
 FINISH_S = 30.0
+# Longer than a step takes, so that the evaluator does not end within the run.
+QUIET_S = 5.0
 METRICS, RECORDING, LOGS = "metrics.json", "estimates", "logs"
 PARAMETERS = bag_parameters.NAME
 # Where a demo writes until its nodes have ended well, relative to its output directory.
@@ -145,15 +147,19 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
     topics = [radar.topic for radar in config.inputs]
     reliable = {f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in topics}
     parameters = logs / PARAMETERS
+    delay_s = config.answer_delay_s
     reporting = {
         "report": out / METRICS,
         "record": out / RECORDING,
         "radar_topics": f"[{', '.join(topics)}]",
         "classes": len(config.model.modes.classes),
         "world_frame": config.world_frame,
-        "exit_after_scans": scans,
+        # Estimates that have stamps of their own cannot be counted in advance.
+        **({"exit_when_quiet_s": QUIET_S} if delay_s else {"exit_after_scans": scans}),
+        "class_names": f"[{', '.join(kind.name for kind in config.model.modes.classes)}]",
     }
     patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
+    patient["answer_delay_s"] = delay_s
     flushing = {"flush_service": f"{names.TRACKER}/flush", **patient}
     with Processes(logs) as nodes:
         bag_parameters.write(parameters, config.values)
@@ -217,18 +223,28 @@ def _check_recording(out: Path) -> None:
 def main(argv: Sequence[str]) -> int:
     """Run the demo."""
     parser = ArgumentParser("demo", description=__doc__)
-    parser.add_argument("--bag", default=resources.DEFAULT_BAG, help=command.BAG)
+    parser.add_argument("--bag", help=command.BAG)
     parser.add_argument(
-        "--out", type=Path, help="directory; out/demo, or out/demo_NAME for a bag given by its name"
+        "--profile", metavar="NAME", help="shipped parameters, config/NAME.yaml, with their bag"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        help="directory; out/demo, or out/demo_NAME for a profile or a bag given by its name",
     )
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:
-        bag = resources.bag(arguments.bag)
+        given = arguments.bag or resources.DEFAULT_BAG
+        if arguments.profile:
+            path, shown = resources.profile(arguments.profile)
+            arguments.params_file.insert(0, path)
+            given = arguments.bag or shown
+        bag = resources.bag(given)
         if not bag.exists():
             raise BagError(f"{bag}: no such bag")
-        out: Path = arguments.out or _default_out(arguments.bag)
+        out: Path = arguments.out or _default_out(arguments.profile or given)
         config = command.tracker_config(arguments, bag)
         _check_recording(out)
         with _unfinished(out) as new:

@@ -84,7 +84,7 @@ class OfflineTracker:
     def warnings(self) -> Iterator[str]:
         """Yield what of the radars' reports does not look as it is configured, each once."""
         for index, radar in enumerate(self._config.inputs):
-            if index in self._without_amplitude:
+            if index in self._without_amplitude and len(self._config.model.modes.classes) > 1:
                 yield doubts.no_amplitude(radar)
             for doubt in doubts.of(radar, self._doubts[index]):
                 yield f"{radar.topic}: {doubt}"

@@ -86,6 +86,20 @@ class TrackerConfig:
         """Smallest jump of the stamps back that begins a new run, seconds."""
         return RESET_THRESHOLD_SCANS * _slowest_s(self.values)
 
+    @property
+    def answer_delay_s(self) -> float:
+        """How much older than a report the last scan may be that is stepped because of it, s.
+
+        It is 0 where the two have the same stamp. A report of a turning radar becomes scans of
+        parts of a turn.
+        """
+        parts = [
+            radar.rotation_s / max(radar.sectors / 2.0, 4.0)
+            for radar in self.inputs
+            if radar.rotation_s
+        ]
+        return max(parts, default=0.0) + float(self.values["reorder_s"])
+
     def grouper(self) -> ScanGrouper:
         """Return a new grouper of the radars' reports into scans."""
         return ScanGrouper(

@@ -81,6 +81,13 @@ TABLE = (
         0,
         10**9,
     ),
+    Parameter(
+        "exit_when_quiet_s",
+        0.0,
+        "End when there are scores and nothing has come for so long, s; 0 never.",
+        0.0,
+        1e6,
+    ),
 )
 
 
@@ -106,6 +113,7 @@ class Evaluator(Node):
         self._warned_unmatched = False
         self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
         self._complete_since: float | None = None
+        self._heard_s = time.monotonic()
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
         self._plots = {
             quantity: self.create_publisher(Float64, f"~/plot/{quantity}", OUTPUT_QOS)
@@ -168,7 +176,9 @@ class Evaluator(Node):
 
     def _say_that_nothing_is_scored(self) -> None:
         """Say why, and fail if scores were asked for."""
-        wanted = self._report is not None or self._values["exit_after_scans"]
+        wanted = self._report is not None or any(
+            self._values[name] for name in ("exit_after_scans", "exit_when_quiet_s")
+        )
         reasons = [self._coverage.nothing_scored(), *self._coverage.gaps(self._evaluation)]
         if wanted:
             self.get_logger().error("; ".join(reasons))
@@ -209,6 +219,7 @@ class Evaluator(Node):
     ) -> PointSet | None:
         """Return a cloud's points; None if it does not fit, which is counted and warned of."""
         self._coverage.arrived(topic, info.get("publication_sequence_number"))
+        self._heard_s = time.monotonic()
         try:
             found = read(cloud)
             self._check_frame(cloud.header.frame_id)
@@ -265,9 +276,12 @@ class Evaluator(Node):
         self._check_complete()
 
     def _check_complete(self) -> None:
-        """End `LINGER_S` after the wanted number of stamps has the scores of both sources."""
+        """End `LINGER_S` after the wanted number of stamps has both scores, or when it is quiet."""
+        scored, quiet_s = self._evaluation.scored.values(), self._values["exit_when_quiet_s"]
+        if quiet_s and min(scored) and time.monotonic() - self._heard_s >= quiet_s:
+            self.exit_status = OK
         wanted = self._values["exit_after_scans"]
-        if not wanted or min(self._evaluation.scored.values()) < wanted:
+        if not wanted or min(scored) < wanted:
             return
         now = time.monotonic()
         self._complete_since = self._complete_since or now

@@ -16,9 +16,15 @@ class LockStep:
     """The stamps that have been published and not been answered yet.
 
     Times are seconds of one monotonic clock.
+
+    Parameters
+    ----------
+    delay_s : float
+        How much older than a stamp the answer to it may be, in the bag's time.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, delay_s: float = 0.0) -> None:
+        self._delay_ns = round(delay_s * 1e9)
         self._outstanding: list[int] = []
         self._since_s = 0.0
         self._running_since_s = 0.0
@@ -45,7 +51,7 @@ class LockStep:
         """
         if not self._outstanding or stamp_ns > self._outstanding[-1]:
             return
-        while self._outstanding and self._outstanding[0] <= stamp_ns:
+        while self._outstanding and self._outstanding[0] <= stamp_ns + self._delay_ns:
             self._outstanding.pop(0)
             self._since_s = now_s
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from enum import Enum, auto
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -19,7 +20,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import stamps
+from msg_adapters import names, stamps
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
@@ -82,10 +83,7 @@ class SensorReplay(Node):
         self._published: Counter[str] = Counter()
         self._lock_step: LockStep | None = None
         if self._values["rate"] == 0.0:
-            self._lock_step = LockStep()
-            self.create_subscription(
-                PointCloud2, self._values["estimates_topic"], self._on_estimate, OUTPUT_QOS
-            )
+            self._lock_step = self._await_answers()
         self._flush = (
             self.create_client(Trigger, self._values["flush_service"])
             if self._values["flush_service"]
@@ -116,6 +114,15 @@ class SensorReplay(Node):
         scene_check.begin(self, path, self._values["estimates_topic"])
         self.create_timer(CLOCK_PERIOD_S, self._publish_clock)
         self.create_timer(TICK_S, self._tick)
+
+    def _await_answers(self) -> LockStep:
+        """Subscribe to what answers a scan, and return what waits for it."""
+        topic, delay_s = self._values["estimates_topic"], self._values["answer_delay_s"]
+        answer: Any = PointCloud2
+        if delay_s:
+            topic, answer = names.cardinality(names.tracker_of(topic)), DiagnosticArray
+        self.create_subscription(answer, topic, self._on_answer, OUTPUT_QOS)
+        return LockStep(delay_s)
 
     @property
     def _part_s(self) -> tuple[float, float]:
@@ -275,9 +282,9 @@ class SensorReplay(Node):
     def _publish_clock(self) -> None:
         self._clock_output.publish(Clock(clock=stamps.from_ns(self._bag_clock.now_ns)))
 
-    def _on_estimate(self, cloud: PointCloud2) -> None:
+    def _on_answer(self, answer: Any) -> None:
         if self._lock_step:
-            self._lock_step.answered(stamps.to_ns(cloud.header.stamp), time.monotonic())
+            self._lock_step.answered(stamps.to_ns(answer.header.stamp), time.monotonic())
         self._tick()
 
     def _on_pause(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -61,6 +61,14 @@ AT_THE_START = (
         names.estimates("filtered"),
         "Topic of the estimates that lock-step waits for.",
     ),
+    Parameter(
+        "answer_delay_s",
+        0.0,
+        "For a tracker of turning radars, whose scans have stamps of their own, s: lock-step waits "
+        "for the figures of a scan that is at most this much older than the cloud.",
+        0.0,
+        1e3,
+    ),
     Parameter("flush_service", "", "Service called at the end, such as /tracker/flush."),
     Parameter("progress", True, "Draw a progress line if there is a terminal."),
 )

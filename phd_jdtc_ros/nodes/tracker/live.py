@@ -218,7 +218,9 @@ class LiveTracker:
             return
         for reason, count in report.dropped.items():
             self._drop(health, reason, f"{count} points dropped: {reason}", count)
-        if report.detections.amplitude is None and radar.name not in self._neutral:
+        classes = self._settings.config.model.modes.classes
+        silent = report.detections.amplitude is None and len(classes) > 1
+        if silent and radar.name not in self._neutral:
             self._neutral.add(radar.name)
             self._node.get_logger().warning(doubts.no_amplitude(radar))
         waiting = self._pipeline.waiting
