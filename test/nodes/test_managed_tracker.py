@@ -239,10 +239,11 @@ def test_every_transition_is_logged(processes, peer):
         assert change(peer, transition)
     text = tracker.log.read_text()
     said = [line.split("]: ")[-1] for line in text.splitlines() if "[tracker]: " in line]
+    received = "6 clouds received, lost on the way: none, dropped: none"
     assert said[-3:] == [
-        "deactivated, 2 smoothed estimates published; 6 clouds received, lost on the way: none, dropped: none",
+        f"deactivated, 2 smoothed estimates published; {received}",
         "cleaned up; every parameter may change until the next configure",
-        "shut down from unconfigured; 6 clouds received, lost on the way: none, dropped: none",
+        f"shut down from unconfigured; {received}",
     ]
 
 

@@ -142,8 +142,8 @@ def test_recording_places_detections_on_a_map(executables, peer, tmp_path, insta
     # The evaluator hears them for itself and for the recording.
     assert peer.spin_until(lambda: targets.get_subscription_count() == 2)
 
-    # A score says that the evaluator has what came before that scan's estimates. The first scans may
-    # be too early for it, as it has to find the tracker by itself.
+    # A score says that the evaluator has what came before that scan's estimates. The first scans
+    # may be too early for it, as it has to find the tracker by itself.
     def scored():
         return len({stamps.to_ns(score.header.stamp) for score in scores})
 

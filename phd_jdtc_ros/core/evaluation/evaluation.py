@@ -1,18 +1,22 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The evaluation of a run: estimates and truth are paired by stamp, and their scores totalled."""
+"""The evaluation of a run: estimates are compared with the truth at their own stamps."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
+
+import numpy as np
 
 from ..types import FILTERED, SMOOTHED, SOURCES
 from .limits import LONG_GAP_S, OSPA2_WINDOW
 from .metric_table import CLASS_ACCURACY, IDENTITY_SWITCHES, reduction
 from .run_scores import RunScores
 from .scan_scores import ALL, PairedScan, PointSet, ScanScore, class_set
+from .true_tracks import TrueTracks
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
 
@@ -26,7 +30,10 @@ Value = TypeVar("Value")
 
 @dataclass
 class Evaluation:
-    """Pairs estimates with truth by stamp, in any order of arrival, and totals the scores.
+    """Compares estimates with the truth at their stamps, in any order of arrival; totals scores.
+
+    Between samples the truth is interpolated, see `TrueTracks`. Samples come in the order of their
+    stamps.
 
     Parameters
     ----------
@@ -63,8 +70,9 @@ class Evaluation:
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
     truth_scans: int = field(init=False, default=0)
     repeated: int = field(init=False, default=0)
+    _between: bool = field(init=False, default=False)  # any estimates between samples
     _runs: dict[str, RunScores] = field(init=False)
-    _truth: dict[int, PointSet] = field(init=False, default_factory=dict)
+    _truth: TrueTracks = field(init=False)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
     # Stamps for which only one source has a score so far, and that source.
     _half: dict[int, str] = field(init=False, default_factory=dict)
@@ -77,6 +85,7 @@ class Evaluation:
 
     def __post_init__(self) -> None:
         self.scores = {source: {} for source in SOURCES}
+        self._truth = TrueTracks(self.keep)
         settings = self.classes, self.cutoff, self.order
         self._runs = {source: RunScores(*settings) for source in SOURCES}
 
@@ -84,6 +93,16 @@ class Evaluation:
     def scored(self) -> dict[str, int]:
         """Number of scores by source."""
         return {source: run.scans for source, run in self._runs.items()}
+
+    @property
+    def own_stamps(self) -> bool:
+        """Whether the estimates come in a time of their own, and not once a sample of the truth.
+
+        They do if they are between samples, as those of radars that turn, or if every other sample
+        or more is without any, as with estimates once in a longer period.
+        """
+        apart = max(_interval_ns(scores) for scores in self.scores.values())
+        return self._between or apart >= 2.0 * _interval_ns(self._seen) > 0.0
 
     def add_truth(self, stamp_ns: int, truth: PointSet) -> list[ScanScore]:
         """Add the targets of a stamp; return the scores that became possible."""
@@ -94,9 +113,14 @@ class Evaluation:
             self._begin_pass()
         self.truth_scans += 1
         self._put(self._seen, stamp_ns, None)
-        self._put(self._truth, stamp_ns, truth)
-        waiting = [(s, self._waiting.pop((s, stamp_ns), None)) for s in SOURCES]
-        return [self._score(s, stamp_ns, points) for s, points in waiting if points is not None]
+        self._truth.add(stamp_ns, truth)
+        scores = []
+        for source, waiting_ns in sorted(self._waiting, key=_by_stamp):
+            targets = self._truth.at(waiting_ns)
+            if targets is not None:
+                estimate = self._waiting.pop((source, waiting_ns))
+                scores.append(self._score(source, waiting_ns, targets, estimate))
+        return scores
 
     def add_estimates(self, source: str, stamp_ns: int, estimate: PointSet) -> list[ScanScore]:
         """Add a source's estimates of a stamp; return the scores that became possible."""
@@ -106,15 +130,17 @@ class Evaluation:
         elif key in self._done or key in self._waiting:
             self.repeated += 1
             return []
-        elif stamp_ns not in self._truth:
+        targets = self._truth.at(stamp_ns)
+        if targets is None:
             self._put(self._waiting, key, estimate)
             return []
-        return [self._score(source, stamp_ns, estimate)]
+        return [self._score(source, stamp_ns, targets, estimate)]
 
     def _begin_pass(self) -> None:
         """Let the stamps be scored again; a tracker's last estimates of a pass come after it."""
-        every = {(source, stamp) for source in SOURCES for stamp in self._seen}
-        self._owed = every.difference(self._done)
+        stamps = {*self._seen, *(stamp for _, stamp in self._done)}
+        self._owed = {(source, stamp) for source in SOURCES for stamp in stamps}
+        self._owed.difference_update(self._done)
         self._done.clear()
         self._seen.clear()
 
@@ -125,11 +151,14 @@ class Evaluation:
         while self.keep is not None and len(store) > each * self.keep:
             del store[next(iter(store))]
 
-    def _score(self, source: str, stamp_ns: int, estimate: PointSet) -> ScanScore:
-        scan = PairedScan.of(stamp_ns, self._truth[stamp_ns], estimate, self.cutoff)
+    def _score(
+        self, source: str, stamp_ns: int, targets: PointSet, estimate: PointSet
+    ) -> ScanScore:
+        scan = PairedScan.of(stamp_ns, targets, estimate, self.cutoff)
         score = ScanScore(source, stamp_ns, self._runs[source].add(scan))
         self._put(self.scores[source], stamp_ns, score)
         self._put(self._done, (source, stamp_ns), None, len(SOURCES))
+        self._between |= stamp_ns not in self._truth
         if self._half.get(stamp_ns, source) == source:
             self._put(self._half, stamp_ns, source)
         else:
@@ -146,8 +175,8 @@ class Evaluation:
             The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
             smoothing; ``class_accuracy`` and ``identity_switches`` of the smoothed estimates;
             ``p``, ``c``; ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of
-            stamps with scores of both sources, of ``truth_scans`` stamps of the truth;
-            ``class_names``. A figure without data is None.
+            stamps with scores of both sources, of ``truth_scans`` stamps of the truth, None where
+            estimates have stamps of their own; ``class_names``. A figure without data is None.
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
@@ -155,6 +184,19 @@ class Evaluation:
         result["identity_switches"] = result[SMOOTHED][ALL][IDENTITY_SWITCHES.key]
         result["p"], result["c"] = self.order, self.cutoff
         result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
-        result["scans"], result["truth_scans"] = self._scans, self.truth_scans
+        result["scans"] = self._scans
+        result["truth_scans"] = None if self.own_stamps else self.truth_scans
         result["class_names"] = list(self.class_names or map(class_set, range(self.classes)))
         return result
+
+
+def _interval_ns(stamps: Iterable[int]) -> float:
+    """Return the median interval between stamps; 0 for less than two."""
+    intervals = np.diff(sorted(stamps))
+    return float(np.median(intervals)) if len(intervals) else 0.0
+
+
+def _by_stamp(entry: tuple[str, int]) -> tuple[int, int]:
+    """Return the order of a source and a stamp among those that wait."""
+    source, stamp_ns = entry
+    return stamp_ns, SOURCES.index(source)

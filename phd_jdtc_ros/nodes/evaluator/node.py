@@ -77,7 +77,8 @@ TABLE = (
     Parameter(
         "exit_after_scans",
         0,
-        "End once this many stamps are smoothed and scored; 0 never.",
+        "End once this many stamps are smoothed and scored; where the estimates come in a time of "
+        "their own, once the truth has this many and they are. 0 never.",
         0,
         10**9,
     ),
@@ -85,7 +86,7 @@ TABLE = (
 
 
 class Evaluator(Node):
-    """Pairs estimates with truth by stamp and publishes every score."""
+    """Compares estimates with the truth at their stamps and publishes every score."""
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("evaluator")
@@ -106,6 +107,7 @@ class Evaluator(Node):
         self._warned_unmatched = False
         self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
         self._complete_since: float | None = None
+        self._complete: tuple[int, ...] = ()
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
         self._plots = {
             quantity: self.create_publisher(Float64, f"~/plot/{quantity}", OUTPUT_QOS)
@@ -265,14 +267,28 @@ class Evaluator(Node):
         self._check_complete()
 
     def _check_complete(self) -> None:
-        """End `LINGER_S` after the wanted number of stamps has the scores of both sources."""
-        wanted = self._values["exit_after_scans"]
-        if not wanted or min(self._evaluation.scored.values()) < wanted:
+        """End `LINGER_S` after the last score, once the wanted number of stamps is scored."""
+        scored = tuple(self._evaluation.scored.values())
+        if not self._is_complete(scored):
             return
         now = time.monotonic()
-        self._complete_since = self._complete_since or now
+        if self._complete_since is None or scored != self._complete:
+            self._complete_since, self._complete = now, scored
         if now - self._complete_since >= LINGER_S:
             self.exit_status = OK
+
+    def _is_complete(self, scored: Sequence[int]) -> bool:
+        """Return whether the wanted number of stamps has the scores of both sources.
+
+        Estimates with stamps of their own are of any number. Then the truth has to have as many
+        stamps, and what is filtered to be smoothed.
+        """
+        wanted = self._values["exit_after_scans"]
+        if self._evaluation.own_stamps:
+            enough = self._evaluation.truth_scans >= wanted and min(scored) == max(scored)
+        else:
+            enough = min(scored) >= wanted
+        return bool(wanted) and enough
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=WARNING_PERIOD_S)

@@ -305,7 +305,22 @@ def test_evaluation_keeps_a_stamp_that_comes_again_as_the_newest():
 
 def test_summary_holds_the_number_of_scans_of_the_truth():
     evaluation = run_of(*[(points(), points())] * 3)
-    for stamp in (100, 101):
+    for stamp in (18_000_000_000, 24_000_000_000):
         evaluation.add_truth(stamp, points())
     found = evaluation.summary()
     assert (found["truth_scans"], evaluation.scored[FILTERED], found["scans"]) == (5, 3, 0)
+
+
+def test_summary_has_the_share_within_500_m():
+    one, two = (0, 0, 0, 1), (1000, 0, 0, 2)
+    far = Evaluation(1, 800.0, 2.0)
+    found = [
+        labelled((10, 0, 0, 7), (1000, 0, 0, 8)),
+        labelled((10, 0, 0, 9), (1000, 600, 0, 8)),
+    ]
+    for stamp, estimate in enumerate(found):
+        far.add_truth(stamp, labelled(one, two))
+        far.add_estimates(FILTERED, stamp, estimate)
+    figures = far.summary()[FILTERED]["all"]
+    assert figures["position_near"] == pytest.approx(0.75)
+    assert figures["position_detection"] == 1.0
