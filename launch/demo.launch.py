@@ -123,9 +123,7 @@ def _nodes(context, share):
                 "radar_topics": topics,
                 # Without truth there is nothing to report.
                 "report": f"{out}/metrics.json" if scans else "",
-                # Estimates that have stamps of their own cannot be counted in advance.
-                "exit_after_scans": 0 if demo.config.answer_delay_s else scans,
-                "exit_when_quiet_s": 5.0 if demo.config.answer_delay_s else 0.0,
+                "exit_after_scans": scans,
                 "use_sim_time": flags["use_sim_time"],
             },
         ],

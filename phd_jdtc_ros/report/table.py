@@ -82,9 +82,9 @@ def score_tables(summary: dict[str, Any]) -> Group:
 
 
 def _scans(summary: dict[str, Any]) -> str:
-    """Return the number of scans, and of how many if some were not scored."""
+    """Return the number of scans, and of how many if that is known and some were not scored."""
     scored, known = summary["scans"], summary["truth_scans"]
-    return str(scored) if scored == known else f"{scored} of {known}"
+    return str(scored) if known in (None, scored) else f"{scored} of {known}"
 
 
 def _reduced(columns: Columns, summary: dict[str, Any], title: str) -> Table:

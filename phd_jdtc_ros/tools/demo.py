@@ -36,8 +36,6 @@ from . import command, report
 START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.
 FINISH_S = 30.0
-# Longer than a step takes, so that the evaluator does not end within the run.
-QUIET_S = 5.0
 METRICS, RECORDING, LOGS = "metrics.json", "estimates", "logs"
 PARAMETERS = bag_parameters.NAME
 # Where a demo writes until its nodes have ended well, relative to its output directory.
@@ -147,19 +145,17 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
     topics = [radar.topic for radar in config.inputs]
     reliable = {f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in topics}
     parameters = logs / PARAMETERS
-    delay_s = config.answer_delay_s
     reporting = {
         "report": out / METRICS,
         "record": out / RECORDING,
         "radar_topics": f"[{', '.join(topics)}]",
         "classes": len(config.model.modes.classes),
         "world_frame": config.world_frame,
-        # Estimates that have stamps of their own cannot be counted in advance.
-        **({"exit_when_quiet_s": QUIET_S} if delay_s else {"exit_after_scans": scans}),
+        "exit_after_scans": scans,
         "class_names": f"[{', '.join(kind.name for kind in config.model.modes.classes)}]",
     }
     patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
-    patient["answer_delay_s"] = delay_s
+    patient["answer_delay_s"] = config.answer_delay_s
     flushing = {"flush_service": f"{names.TRACKER}/flush", **patient}
     with Processes(logs) as nodes:
         bag_parameters.write(parameters, config.values)

@@ -14,7 +14,6 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.simulation import scenario, scenario_file
 from phd_jdtc_ros.core.simulation.scenario import Scenario
@@ -48,27 +47,25 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
                 )
             )
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
-        for stamp_ns, topic, data in _messages(run, config.inputs, config.world_frame, seed):
+        for stamp_ns, topic, data in _messages(run, config, seed):
             bag.write(topic, data, stamp_ns)
     bag_parameters.write(directory / bag_parameters.NAME, config.values)
 
 
-def _messages(
-    run: Scenario, inputs: tuple[RadarInput, ...], world_frame: str, seed: int
-) -> Iterator[tuple[int, str, bytes]]:
+def _messages(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[int, str, bytes]]:
     """Yield stamp, topic and data of every message in the order of stamps, the truth first."""
 
     def of_truth(targets: Truth) -> tuple[int, str, bytes]:
-        data = interfaces.encode(truth.to_msg(targets, world_frame))
+        data = interfaces.encode(truth.to_msg(targets, config.world_frame))
         return targets.stamp_ns, names.TRUTH, data
 
     def of_radar(index: int, stamp_ns: int, found: Detections) -> tuple[int, str, bytes]:
-        radar = inputs[index]
+        radar = config.inputs[index]
         return stamp_ns, radar.topic, reader_of(radar).to_cdr(found, stamp_ns, radar)
 
     if run.turning:
         true = map(of_truth, (scenario.truth_at(run, scan) for scan in range(run.scans)))
-        reports = simulate_reports(run, inputs, seed)
+        reports = simulate_reports(run, config.inputs, seed)
         seen = (of_radar(each.radar, each.stamp_ns, each.detections) for each in reports)
         yield from heapq.merge(true, seen, key=lambda message: message[0])
         return

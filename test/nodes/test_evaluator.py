@@ -332,11 +332,11 @@ def test_evaluator_counts_what_was_lost_on_the_way(processes, peer):
         (("truth",), f"no estimates came on {names.estimates('filtered')} or "),
         (
             ("truth", "filtered"),
-            f"truth and estimates have no common stamp ({names.TRUTH} begins at 1.500 s, "
-            f"{names.estimates('filtered')} begins at 1.000 s)",
+            "no estimates are at a stamp of the truth, or between two that are at most 10 s apart "
+            f"({names.TRUTH} begins at 11.500 s, {names.estimates('filtered')} begins at 1.000 s)",
         ),
     ],
-    ids=["nothing", "no truth", "no estimates", "no common stamp"],
+    ids=["nothing", "no truth", "no estimates", "no common time"],
 )
 @pytest.mark.parametrize("wanted", [True, False], ids=["a report is wanted", "none is"])
 def test_evaluator_says_why_nothing_is_scored(processes, peer, tmp_path, sent, reason, wanted):
@@ -345,7 +345,7 @@ def test_evaluator_says_why_nothing_is_scored(processes, peer, tmp_path, sent, r
     source = Source(peer)
     for second in (1, 2):
         if "truth" in sent:
-            source.send_truth(second * SECOND + SECOND // 2)
+            source.send_truth((second + 10) * SECOND + SECOND // 2)
         if "filtered" in sent:
             cloud = estimates.to_msg(found(second * SECOND, *EMPTY), "map")
             source.clouds["filtered"].publish(cloud)
@@ -356,14 +356,16 @@ def test_evaluator_says_why_nothing_is_scored(processes, peer, tmp_path, sent, r
     assert status == (1 if wanted else 0)
 
 
-def test_evaluator_says_while_it_runs_that_no_stamp_fits(processes, peer):
+def test_evaluator_says_while_it_runs_that_no_time_fits(processes, peer):
     evaluator = processes.start("evaluator")
     source = Source(peer)
     for second in range(1, 31):
-        source.send_truth(second * SECOND + 1)
+        source.send_truth((second + 60) * SECOND)
         cloud = estimates.to_msg(found(second * SECOND, *EMPTY), "map")
         source.clouds["smoothed"].publish(cloud)
-    assert peer.spin_until(lambda: "have no common stamp" in evaluator.log.read_text())
+    assert peer.spin_until(
+        lambda: "no estimates are at a stamp of the truth" in evaluator.log.read_text()
+    )
     assert evaluator.poll() is None
 
 

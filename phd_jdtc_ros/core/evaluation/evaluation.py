@@ -5,8 +5,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
+
+import numpy as np
 
 from ..types import FILTERED, SMOOTHED, SOURCES
 from .limits import LONG_GAP_S, OSPA2_WINDOW
@@ -67,6 +70,7 @@ class Evaluation:
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
     truth_scans: int = field(init=False, default=0)
     repeated: int = field(init=False, default=0)
+    _between: bool = field(init=False, default=False)  # any estimates between samples
     _runs: dict[str, RunScores] = field(init=False)
     _truth: TrueTracks = field(init=False)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
@@ -90,6 +94,16 @@ class Evaluation:
         """Number of scores by source."""
         return {source: run.scans for source, run in self._runs.items()}
 
+    @property
+    def own_stamps(self) -> bool:
+        """Whether the estimates come in a time of their own, and not once a sample of the truth.
+
+        They do if they are between samples, as those of radars that turn, or if every other sample
+        or more is without any, as with estimates once in a longer period.
+        """
+        apart = max(_interval_ns(scores) for scores in self.scores.values())
+        return self._between or apart >= 2.0 * _interval_ns(self._seen) > 0.0
+
     def add_truth(self, stamp_ns: int, truth: PointSet) -> list[ScanScore]:
         """Add the targets of a stamp; return the scores that became possible."""
         if stamp_ns in self._seen:
@@ -111,12 +125,12 @@ class Evaluation:
     def add_estimates(self, source: str, stamp_ns: int, estimate: PointSet) -> list[ScanScore]:
         """Add a source's estimates of a stamp; return the scores that became possible."""
         key = source, stamp_ns
-        targets = self._truth.at(stamp_ns)
-        if key in self._owed and targets is not None:
+        if key in self._owed:
             self._owed.remove(key)
         elif key in self._done or key in self._waiting:
             self.repeated += 1
             return []
+        targets = self._truth.at(stamp_ns)
         if targets is None:
             self._put(self._waiting, key, estimate)
             return []
@@ -124,8 +138,9 @@ class Evaluation:
 
     def _begin_pass(self) -> None:
         """Let the stamps be scored again; a tracker's last estimates of a pass come after it."""
-        every = {(source, stamp) for source in SOURCES for stamp in self._seen}
-        self._owed = every.difference(self._done)
+        stamps = {*self._seen, *(stamp for _, stamp in self._done)}
+        self._owed = {(source, stamp) for source in SOURCES for stamp in stamps}
+        self._owed.difference_update(self._done)
         self._done.clear()
         self._seen.clear()
 
@@ -143,6 +158,7 @@ class Evaluation:
         score = ScanScore(source, stamp_ns, self._runs[source].add(scan))
         self._put(self.scores[source], stamp_ns, score)
         self._put(self._done, (source, stamp_ns), None, len(SOURCES))
+        self._between |= stamp_ns not in self._truth
         if self._half.get(stamp_ns, source) == source:
             self._put(self._half, stamp_ns, source)
         else:
@@ -159,8 +175,8 @@ class Evaluation:
             The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
             smoothing; ``class_accuracy`` and ``identity_switches`` of the smoothed estimates;
             ``p``, ``c``; ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of
-            stamps with scores of both sources, of ``truth_scans`` stamps of the truth;
-            ``class_names``. A figure without data is None.
+            stamps with scores of both sources, of ``truth_scans`` stamps of the truth, None where
+            estimates have stamps of their own; ``class_names``. A figure without data is None.
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
@@ -168,9 +184,16 @@ class Evaluation:
         result["identity_switches"] = result[SMOOTHED][ALL][IDENTITY_SWITCHES.key]
         result["p"], result["c"] = self.order, self.cutoff
         result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
-        result["scans"], result["truth_scans"] = self._scans, self.truth_scans
+        result["scans"] = self._scans
+        result["truth_scans"] = None if self.own_stamps else self.truth_scans
         result["class_names"] = list(self.class_names or map(class_set, range(self.classes)))
         return result
+
+
+def _interval_ns(stamps: Iterable[int]) -> float:
+    """Return the median interval between stamps; 0 for less than two."""
+    intervals = np.diff(sorted(stamps))
+    return float(np.median(intervals)) if len(intervals) else 0.0
 
 
 def _by_stamp(entry: tuple[str, int]) -> tuple[int, int]:

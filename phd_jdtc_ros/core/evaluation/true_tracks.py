@@ -43,6 +43,10 @@ class TrueTracks:
             oldest = next(iter(self._samples))
             del self._samples[oldest], self._stamps[bisect_left(self._stamps, oldest)]
 
+    def __contains__(self, stamp_ns: int) -> bool:
+        """Return whether there is a sample of this stamp."""
+        return stamp_ns in self._samples
+
     def __len__(self) -> int:
         return len(self._samples)
 

@@ -10,11 +10,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.core.evaluation.limits import LONGEST_INTERPOLATION_S
 from phd_jdtc_ros.core.types import SOURCES
 
 from ..common.sequence_numbers import SequenceNumbers
 
-# Stamps of the truth and of the estimates without a common one after which the node says so.
+# Stamps of the truth and of the estimates, none of which fit, after which the node says so.
 UNMATCHED = 20
 
 
@@ -52,9 +53,9 @@ class Coverage:
         self._first_ns.setdefault(topic, stamp_ns)
 
     def unmatched(self, evaluation: Evaluation) -> str | None:
-        """Return that no stamp fits, once there are enough of both; None before and otherwise."""
+        """Return that no time fits, once there are enough of both; None before and otherwise."""
         few = min(self.received[self.truth], max(map(self._count, SOURCES))) < UNMATCHED
-        return None if few or any(evaluation.scored.values()) else self._no_common_stamp()
+        return None if few or any(evaluation.scored.values()) else self._no_common_time()
 
     def nothing_scored(self) -> str:
         """Return why no scan has been scored."""
@@ -65,12 +66,13 @@ class Coverage:
             return f"nothing is scored: no truth came on {self.truth}"
         if not found:
             return f"nothing is scored: no estimates came on {' or '.join(self.estimates.values())}"
-        return self._no_common_stamp()
+        return self._no_common_time()
 
     def gaps(self, evaluation: Evaluation) -> Iterator[str]:
         """Yield what was not scored, or was not even received."""
         for source, scored in evaluation.scored.items():
-            if missing := evaluation.truth_scans - scored:
+            missing = 0 if evaluation.own_stamps else evaluation.truth_scans - scored
+            if missing:
                 yield f"{missing} of {evaluation.truth_scans} scans have no {source} estimates"
         for topic, numbers in sorted(self._numbers.items()):
             if numbers.lost:
@@ -83,7 +85,10 @@ class Coverage:
     def _count(self, source: str) -> int:
         return self.received[self.estimates[source]]
 
-    def _no_common_stamp(self) -> str:
+    def _no_common_time(self) -> str:
         topics = [self.truth, *(t for t in self.estimates.values() if t in self._first_ns)]
         firsts = ", ".join(f"{t} begins at {self._first_ns[t] / 1e9:.3f} s" for t in topics)
-        return f"nothing is scored: truth and estimates have no common stamp ({firsts})"
+        return (
+            "nothing is scored: no estimates are at a stamp of the truth, or between two that are "
+            f"at most {LONGEST_INTERPOLATION_S:g} s apart ({firsts})"
+        )

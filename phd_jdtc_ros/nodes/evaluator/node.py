@@ -77,16 +77,10 @@ TABLE = (
     Parameter(
         "exit_after_scans",
         0,
-        "End once this many stamps are smoothed and scored; 0 never.",
+        "End once this many stamps are smoothed and scored; where the estimates come in a time of "
+        "their own, once the truth has this many and they are. 0 never.",
         0,
         10**9,
-    ),
-    Parameter(
-        "exit_when_quiet_s",
-        0.0,
-        "End when there are scores and nothing has come for so long, s; 0 never.",
-        0.0,
-        1e6,
     ),
 )
 
@@ -113,7 +107,7 @@ class Evaluator(Node):
         self._warned_unmatched = False
         self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
         self._complete_since: float | None = None
-        self._heard_s = time.monotonic()
+        self._complete: tuple[int, ...] = ()
         self._scores = self.create_publisher(DiagnosticArray, "~/ospa", OUTPUT_QOS)
         self._plots = {
             quantity: self.create_publisher(Float64, f"~/plot/{quantity}", OUTPUT_QOS)
@@ -176,9 +170,7 @@ class Evaluator(Node):
 
     def _say_that_nothing_is_scored(self) -> None:
         """Say why, and fail if scores were asked for."""
-        wanted = self._report is not None or any(
-            self._values[name] for name in ("exit_after_scans", "exit_when_quiet_s")
-        )
+        wanted = self._report is not None or self._values["exit_after_scans"]
         reasons = [self._coverage.nothing_scored(), *self._coverage.gaps(self._evaluation)]
         if wanted:
             self.get_logger().error("; ".join(reasons))
@@ -219,7 +211,6 @@ class Evaluator(Node):
     ) -> PointSet | None:
         """Return a cloud's points; None if it does not fit, which is counted and warned of."""
         self._coverage.arrived(topic, info.get("publication_sequence_number"))
-        self._heard_s = time.monotonic()
         try:
             found = read(cloud)
             self._check_frame(cloud.header.frame_id)
@@ -276,17 +267,28 @@ class Evaluator(Node):
         self._check_complete()
 
     def _check_complete(self) -> None:
-        """End `LINGER_S` after the wanted number of stamps has both scores, or when it is quiet."""
-        scored, quiet_s = self._evaluation.scored.values(), self._values["exit_when_quiet_s"]
-        if quiet_s and min(scored) and time.monotonic() - self._heard_s >= quiet_s:
-            self.exit_status = OK
-        wanted = self._values["exit_after_scans"]
-        if not wanted or min(scored) < wanted:
+        """End `LINGER_S` after the last score, once the wanted number of stamps is scored."""
+        scored = tuple(self._evaluation.scored.values())
+        if not self._is_complete(scored):
             return
         now = time.monotonic()
-        self._complete_since = self._complete_since or now
+        if self._complete_since is None or scored != self._complete:
+            self._complete_since, self._complete = now, scored
         if now - self._complete_since >= LINGER_S:
             self.exit_status = OK
+
+    def _is_complete(self, scored: Sequence[int]) -> bool:
+        """Return whether the wanted number of stamps has the scores of both sources.
+
+        Estimates with stamps of their own are of any number. Then the truth has to have as many
+        stamps, and what is filtered to be smoothed.
+        """
+        wanted = self._values["exit_after_scans"]
+        if self._evaluation.own_stamps:
+            enough = self._evaluation.truth_scans >= wanted and min(scored) == max(scored)
+        else:
+            enough = min(scored) >= wanted
+        return bool(wanted) and enough
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=WARNING_PERIOD_S)

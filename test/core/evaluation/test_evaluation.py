@@ -305,7 +305,7 @@ def test_evaluation_keeps_a_stamp_that_comes_again_as_the_newest():
 
 def test_summary_holds_the_number_of_scans_of_the_truth():
     evaluation = run_of(*[(points(), points())] * 3)
-    for stamp in (100, 101):
+    for stamp in (18_000_000_000, 24_000_000_000):
         evaluation.add_truth(stamp, points())
     found = evaluation.summary()
     assert (found["truth_scans"], evaluation.scored[FILTERED], found["scans"]) == (5, 3, 0)

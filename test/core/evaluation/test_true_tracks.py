@@ -133,3 +133,30 @@ def test_an_estimate_waits_until_the_truth_on_both_sides_is_known():
     (score,) = evaluation.add_truth(SECOND, sample(1.0, CURVED))
     assert score.stamp_ns == SECOND // 2
     assert evaluation.add_truth(2 * SECOND, sample(2.0, CURVED)) == []
+
+
+def test_estimates_with_stamps_of_their_own_are_not_counted_by_those_of_the_truth():
+    evaluation, _ = evaluated([0.4, 7.9], True)
+    assert evaluation.summary()["truth_scans"] is None
+    rare, _ = evaluated([3.0, 7.0, 11.0], True)
+    assert rare.summary()["truth_scans"] is None
+    # As of a tracker that missed some scans.
+    some, _ = evaluated([3.0, 4.0, 5.0, 6.0, 9.0, 10.0], True)
+    assert (some.own_stamps, some.summary()["truth_scans"]) == (False, 20)
+
+
+def test_a_second_pass_scores_stamps_between_samples_again():
+    evaluation = Evaluation(1, 1000.0, 2.0)
+    for _ in range(2):
+        for second in range(10):
+            evaluation.add_truth(second * SECOND, sample(float(second), CURVED))
+            if second:
+                time = second - 0.5
+                estimate = round(time * SECOND), sample(time, CURVED)
+                evaluation.add_estimates(FILTERED, *estimate)
+                # The last smoothed estimates of a pass come after the next one has begun.
+                late = (second - 3) % 9 + 0.5
+                if second > 3 or evaluation.truth_scans > 10:
+                    evaluation.add_estimates(SMOOTHED, round(late * SECOND), sample(late, CURVED))
+    assert evaluation.scored == {FILTERED: 18, SMOOTHED: 15}
+    assert evaluation.repeated == 0
