@@ -73,6 +73,7 @@ RUNS ?= 50
 
 study: $(VENV)/.ready-study
 	@$(RUN) -m phd_jdtc_ros monte_carlo --runs $(RUNS)
+	@$(RUN) -m phd_jdtc_ros madap
 
 bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)
@@ -115,7 +116,8 @@ format: $(VENV)/.ready-test
 	$(RUN) -m ruff check --fix
 	$(RUN) -m ruff format
 
-SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes
+SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes \
+    terminal_radar terminal_radar_by_sector two_terminal_radars
 
 bags: $(VENV)/.ready
 	@for name in $(SCENARIOS); do \

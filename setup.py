@@ -14,6 +14,7 @@ EXECUTABLES = (
     "simulate",
     "report",
     "monte_carlo",
+    "madap",
     "demo",
 )
 

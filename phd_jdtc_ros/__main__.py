@@ -29,6 +29,7 @@ EXECUTABLES = {
         "phd_jdtc_ros.tools.monte_carlo",
         "many seeded runs to tables, figures and a summary",
     ),
+    "madap": ("phd_jdtc_ros.tools.madap", "the MADAP benchmark of multi-radar trackers"),
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
 
@@ -113,6 +114,7 @@ track_bag = partial(run, "track_bag")
 simulate = partial(run, "simulate")
 report = partial(run, "report")
 monte_carlo = partial(run, "monte_carlo")
+madap = partial(run, "madap")
 demo = partial(run, "demo")
 
 if __name__ == "__main__":

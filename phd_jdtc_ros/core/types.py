@@ -222,6 +222,11 @@ class Truth:
         """Positions in the world frame, metres, shape (T, 2)."""
         return self.state[:, list(self.space.position)]
 
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities in the world frame, metres per second, shape (T, 2)."""
+        return self.state[:, list(self.space.velocity)]
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "state", read_only(self.state))
         for name in ("track_id", "class_id"):

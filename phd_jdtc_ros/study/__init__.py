@@ -8,9 +8,9 @@
     scenario, seed
       |  simulate                            runs
     SimulatedRun: truth, scans, sources      runs
-      |  this package's tracker              particles
+      |  this package's tracker              particles; turning, where antennas turn
       |  the model-matched reference         reference
-      |  Stone Soup's trackers               peers
+      |  other trackers                      peers
     Tracks: estimates by lag and scan        runs
       |  score and store each run            monte_carlo
       |  summarise over runs                 monte_carlo
@@ -18,5 +18,6 @@
       |  draw, tabulate                      figures
     pictures, tables
 
-`monte_carlo` reads a study's definition, plans its tasks and runs them.
+`monte_carlo` reads a study's definition, plans its tasks and runs them. `madap` has the figures of
+a published benchmark.
 """

@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
@@ -24,8 +25,10 @@ class SimulatedRun:
     ----------
     scenario : Scenario
     seed : int
-    truth : tuple of Truth, one per scan
+    truth : tuple of Truth
+        At every scan, or where antennas turn at every turn.
     scans : tuple of Scan
+        Empty where antennas turn.
     sources : tuple of tuples of int arrays
         Per scan and radar, the track_id of the target of every detection, 0 for clutter. Only
         references with known association may use it.
@@ -44,5 +47,19 @@ def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:
     return SimulatedRun(scenario, seed, truth, scans, sources)
 
 
-# Estimates of every scan, by lag in scans; 0 is the filter.
+# Estimates of every scan or turn, by lag in scans or turns; 0 is the filter.
 Tracks: TypeAlias = Mapping[int, list[PointSet]]
+
+
+class Tracked(NamedTuple):
+    """What a tracker makes of a run.
+
+    Parameters
+    ----------
+    tracks : Tracks
+    cpu_ms : float
+        CPU time per turn, milliseconds; NaN if it was not measured.
+    """
+
+    tracks: Tracks
+    cpu_ms: float = math.nan

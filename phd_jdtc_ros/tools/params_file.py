@@ -11,6 +11,7 @@ from typing import Any
 
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.core.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.nodes.common import parameter_files
 
 _NODE = "tracker"
@@ -54,17 +55,20 @@ def scenario_parameters(document: Any) -> dict[str, Any]:
     ----------
     document : mapping
         Its ``parameters``, nested or dotted, are those of the radars and the tracker that differ
-        from the defaults; none if the key is absent.
+        from the defaults; none if the key is absent. Its ``sites`` give positions of radars.
 
     Raises
     ------
     ConfigError
-        If they are not a mapping.
+        If they are not a mapping, or a site is wrong.
     """
-    given = document.get("parameters", {}) if isinstance(document, Mapping) else {}
+    if not isinstance(document, Mapping):
+        return {}
+    given = document.get("parameters", {})
     if not isinstance(given, Mapping):
         raise ConfigError(["parameters: must be a mapping"])
-    return dict(flatten(given))
+    sites = scenario_file.site_positions(document)
+    return {f"{name}.position": place for name, place in sites.items()} | dict(flatten(given))
 
 
 def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[str, Any]:

@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import heapq
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from msg_adapters import interfaces, names, truth
@@ -17,6 +18,8 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.simulation import scenario, scenario_file
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.simulation.sweep import simulate_reports
+from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 
 from . import command
@@ -45,13 +48,34 @@ def write_bag(
                 )
             )
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
-        for targets, scan in simulate(run, seed):
-            message = truth.to_msg(targets, world_frame)
-            bag.write(names.TRUTH, interfaces.encode(message), targets.stamp_ns)
-            for radar, report in zip(inputs, scan.detections, strict=True):
-                if report is not None:
-                    data = reader_of(radar).to_cdr(report, scan.stamp_ns, radar)
-                    bag.write(radar.topic, data, scan.stamp_ns)
+        for stamp_ns, topic, data in _messages(run, inputs, world_frame, seed):
+            bag.write(topic, data, stamp_ns)
+
+
+def _messages(
+    run: Scenario, inputs: tuple[RadarInput, ...], world_frame: str, seed: int
+) -> Iterator[tuple[int, str, bytes]]:
+    """Yield stamp, topic and data of every message in the order of stamps, the truth first."""
+
+    def of_truth(targets: Truth) -> tuple[int, str, bytes]:
+        data = interfaces.encode(truth.to_msg(targets, world_frame))
+        return targets.stamp_ns, names.TRUTH, data
+
+    def of_radar(index: int, stamp_ns: int, found: Detections) -> tuple[int, str, bytes]:
+        radar = inputs[index]
+        return stamp_ns, radar.topic, reader_of(radar).to_cdr(found, stamp_ns, radar)
+
+    if run.turning:
+        true = map(of_truth, (scenario.truth_at(run, scan) for scan in range(run.scans)))
+        reports = simulate_reports(run, inputs, seed)
+        seen = (of_radar(each.radar, each.stamp_ns, each.detections) for each in reports)
+        yield from heapq.merge(true, seen, key=lambda message: message[0])
+        return
+    for targets, scan in simulate(run, seed):
+        yield of_truth(targets)
+        for index, found in enumerate(scan.detections):
+            if found is not None:
+                yield of_radar(index, scan.stamp_ns, found)
 
 
 def main(argv: Sequence[str]) -> int:

@@ -43,3 +43,13 @@ def test_every_engine_does_what_the_seam_asks_for(name):
     assert [found.lag for found in engine.flush()] == [1, 0]
     assert engine.flush() == ()
     assert len(other.interrupt()) == 2
+
+
+def test_a_lag_in_seconds_may_be_longer_than_the_time_between_estimates():
+    config = small({"lag_s": 12.0, "estimates_period_s": 24.0})
+    engine = new_engine(config)
+    steps = [engine.step(scan) for _, scan in simulate(short_scenario(12), 0)]
+    stamps = [found.stamp_ns // 10**9 for step in steps for found in step.smoothed]
+    # The first scan is at 1000 s, the last at 1066 s.
+    assert stamps == [1008, 1032]
+    assert [found.stamp_ns // 10**9 for found in engine.flush()] == [1056]

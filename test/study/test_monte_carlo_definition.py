@@ -30,6 +30,9 @@ def test_resolve_takes_the_published_study():
         "one_radar",
         "manoeuvring",
         "three_classes",
+        "terminal radar",
+        "two terminal radars",
+        "precise radar",
     ]
     assert {variant.kind for variant in study.variants} == set(KINDS)
 

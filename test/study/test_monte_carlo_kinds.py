@@ -63,7 +63,7 @@ def test_code_does_not_follow_other_kinds(package):
     assert code_of("particles") == before
 
 
-@pytest.mark.parametrize("kind", ["particles", "reference", "gnn"])
+@pytest.mark.parametrize("kind", ["particles", "turning", "reference", "gnn", "plot_kalman"])
 def test_sources_have_every_module_that_a_kind_imports(kind):
     name = kinds.module_of(kind).__name__
     script = (
@@ -86,7 +86,7 @@ def test_perform_runs_every_peer(study_file):
     pytest.importorskip("stonesoup")
 
     def change(document):
-        document["variants"] = {kind: {"kind": kind} for kind in kinds.PEERS}
+        document["variants"] = {kind: {"kind": kind} for kind in kinds.STONE_SOUP}
         document["goals"] = []
 
     plan = monte_carlo.plan(load_study(study_file(change), {}), [0])

@@ -48,7 +48,7 @@ def engine_positions(run, lag):
     smoothed = [found for step in steps for found in step.smoothed] + list(engine.flush())
     return [
         [(found.position, found.class_id) for found in estimates]
-        for estimates in ([step.filtered for step in steps], smoothed)
+        for estimates in ([found for step in steps for found in step.filtered], smoothed)
     ]
 
 

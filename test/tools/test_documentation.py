@@ -13,6 +13,7 @@ import yaml
 import phd_jdtc_ros
 from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.tools import params_file
 
 ROOT = Path(__file__).parents[2]
@@ -24,6 +25,8 @@ EXAMPLES = [
     for page in [ROOT / "README.md", *PAGES]
     for match in re.finditer(r"^```ya?ml\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
 ]
+SCENES = [(name, text) for name, text in EXAMPLES if name.startswith("docs/scenarios.md")]
+EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
 
 
 def test_the_radar_page_has_its_examples():
@@ -37,6 +40,13 @@ def test_every_example_is_a_parameter_file_that_resolves(tmp_path, name, text):
     path.write_text(text)
 
     assert resolve(params_file.load(path)).inputs
+
+
+@pytest.mark.parametrize(("name", "text"), SCENES, ids=[name for name, _ in SCENES])
+def test_every_example_of_the_page_on_scenarios_is_one(name, text):
+    found = scenario_file.resolve(yaml.safe_load(text), resolve({}).model.radars)
+
+    assert found.targets
 
 
 def test_every_page_is_in_the_sites_navigation():

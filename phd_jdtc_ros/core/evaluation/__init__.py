@@ -5,7 +5,7 @@
 
 ::
 
-    truth, estimates (PointSet): pairs by stamp    evaluation
+    truth, estimates (PointSet): pairs by stamp    evaluation, true_tracks
       |  by position alone                         scan_scores, metrics
     PairedScan
       |  distances, gaps, tracks, per set          scan_scores, metrics, surveillance

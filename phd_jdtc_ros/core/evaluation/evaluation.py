@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The evaluation of a run: estimates and truth are paired by stamp, and their scores totalled."""
+"""The evaluation of a run: estimates are compared with the truth at their own stamps."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from .limits import LONG_GAP_S, OSPA2_WINDOW
 from .metric_table import CLASS_ACCURACY, IDENTITY_SWITCHES, reduction
 from .run_scores import RunScores
 from .scan_scores import ALL, PairedScan, PointSet, ScanScore, class_set
+from .true_tracks import TrueTracks
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
 
@@ -22,7 +23,10 @@ Value = TypeVar("Value")
 
 @dataclass
 class Evaluation:
-    """Pairs estimates with truth by stamp, in any order of arrival, and totals the scores.
+    """Compares estimates with the truth at their stamps, in any order of arrival; totals scores.
+
+    Between samples the truth is interpolated, see `TrueTracks`. Samples come in the order of their
+    stamps.
 
     Parameters
     ----------
@@ -52,7 +56,7 @@ class Evaluation:
     class_names: tuple[str, ...] = ()
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
     _runs: dict[str, RunScores] = field(init=False)
-    _truth: dict[int, PointSet] = field(init=False, default_factory=dict)
+    _truth: TrueTracks = field(init=False)
     _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
     # Stamps for which only one source has a score so far, and that source.
     _half: dict[int, str] = field(init=False, default_factory=dict)
@@ -60,6 +64,7 @@ class Evaluation:
 
     def __post_init__(self) -> None:
         self.scores = {source: {} for source in SOURCES}
+        self._truth = TrueTracks(self.keep)
         settings = self.classes, self.cutoff, self.order
         self._runs = {source: RunScores(*settings) for source in SOURCES}
 
@@ -70,16 +75,22 @@ class Evaluation:
 
     def add_truth(self, stamp_ns: int, truth: PointSet) -> list[ScanScore]:
         """Add the targets of a stamp; return the scores that became possible."""
-        self._put(self._truth, stamp_ns, truth)
-        waiting = [(s, self._waiting.pop((s, stamp_ns), None)) for s in SOURCES]
-        return [self._score(s, stamp_ns, points) for s, points in waiting if points is not None]
+        self._truth.add(stamp_ns, truth)
+        scores = []
+        for source, waiting_ns in sorted(self._waiting, key=_by_stamp):
+            targets = self._truth.at(waiting_ns)
+            if targets is not None:
+                estimate = self._waiting.pop((source, waiting_ns))
+                scores.append(self._score(source, waiting_ns, targets, estimate))
+        return scores
 
     def add_estimates(self, source: str, stamp_ns: int, estimate: PointSet) -> list[ScanScore]:
         """Add a source's estimates of a stamp; return the scores that became possible."""
-        if stamp_ns not in self._truth:
+        targets = self._truth.at(stamp_ns)
+        if targets is None:
             self._put(self._waiting, (source, stamp_ns), estimate)
             return []
-        return [self._score(source, stamp_ns, estimate)]
+        return [self._score(source, stamp_ns, targets, estimate)]
 
     def _put(self, store: dict[Key, Value], key: Key, value: Value) -> None:
         """Store as the newest entry, and remove the oldest ones beyond `keep`."""
@@ -88,8 +99,10 @@ class Evaluation:
         while self.keep is not None and len(store) > self.keep:
             del store[next(iter(store))]
 
-    def _score(self, source: str, stamp_ns: int, estimate: PointSet) -> ScanScore:
-        scan = PairedScan.of(stamp_ns, self._truth[stamp_ns], estimate, self.cutoff)
+    def _score(
+        self, source: str, stamp_ns: int, targets: PointSet, estimate: PointSet
+    ) -> ScanScore:
+        scan = PairedScan.of(stamp_ns, targets, estimate, self.cutoff)
         score = ScanScore(source, stamp_ns, self._runs[source].add(scan))
         self._put(self.scores[source], stamp_ns, score)
         if self._half.get(stamp_ns, source) == source:
@@ -119,3 +132,9 @@ class Evaluation:
         result["scans"] = self._scans
         result["class_names"] = list(self.class_names or map(class_set, range(self.classes)))
         return result
+
+
+def _by_stamp(entry: tuple[str, int]) -> tuple[int, int]:
+    """Return the order of a source and a stamp among those that wait."""
+    source, stamp_ns = entry
+    return stamp_ns, SOURCES.index(source)

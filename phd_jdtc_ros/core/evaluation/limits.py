@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Chosen limits of metrics: when a gap is long, and how far back OSPA(2) looks."""
+"""Chosen limits of metrics and of the truth's interpolation."""
 
 from __future__ import annotations
 
@@ -10,3 +10,7 @@ from __future__ import annotations
 LONG_GAP_S = 16.4
 # Scans of an OSPA(2) window: one minute of a radar with a turn of 6 s.
 OSPA2_WINDOW = 10
+# An estimate this near to its target, metres, is good enough for air surveillance.
+NEAR = 500.0
+# Between samples of the truth that are further apart than this, seconds, it is not interpolated.
+LONGEST_INTERPOLATION_S = 10.0

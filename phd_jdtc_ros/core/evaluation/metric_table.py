@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray
-from .limits import LONG_GAP_S, OSPA2_WINDOW
+from .limits import LONG_GAP_S, NEAR, OSPA2_WINDOW
 from .totals import Totals, ratio
 
 if TYPE_CHECKING:
@@ -41,6 +41,11 @@ def _right_class(scan: Comparison) -> int:
 def _square_error(scan: Comparison) -> float:
     error = scan.paired_truth.position - scan.paired_estimate.position
     return float(np.einsum("ij,ij->i", error, error).sum())
+
+
+def _near(scan: Comparison) -> int:
+    error = scan.paired_truth.position - scan.paired_estimate.position
+    return int(np.count_nonzero(np.einsum("ij,ij->i", error, error) < NEAR**2))
 
 
 def _of_gaps(value: Callable[[Sequence[Gap]], float]) -> Value:
@@ -67,6 +72,7 @@ COUNTED: Mapping[str, Value] = {
     "pairs": lambda scan: len(scan.paired_truth),
     "right_class": _right_class,
     "square_error": _square_error,
+    "near": _near,
     "gaps": _of_gaps(len),
     "long_gaps": _of_gaps(lambda gaps: sum(gap.is_long for gap in gaps)),
     "missed_in_long_gaps": _of_gaps(lambda gaps: sum(gap.missed for gap in gaps if gap.is_long)),
@@ -275,6 +281,15 @@ OSPA2 = Metric(
     "least one exists, with c if only one does, so that short, broken and swapped tracks count. It "
     "needs track ids of all targets and estimates.",
 )
+POSITION_NEAR = Metric(
+    "position_near",
+    f"within {NEAR:g} m",
+    "",
+    ".2%",
+    share("near", "n_true"),
+    f"Share of the targets, over all scans, that are paired with an estimate closer than {NEAR:g} "
+    "m, and than c.",
+)
 IDENTITY_SWITCHES = Metric(
     "identity_switches",
     "identity switches",
@@ -300,7 +315,7 @@ CLASS_ACCURACY = Metric(
 GROUPS = {"OSPA": OSPA, "GOSPA": GOSPA, "surveillance figures": SURVEILLANCE}
 OF_SETS = tuple(metric for group in GROUPS.values() for metric in group)
 # Figures of all targets only.
-OF_ALL = (OSPA2, IDENTITY_SWITCHES)
+OF_ALL = (OSPA2, IDENTITY_SWITCHES, POSITION_NEAR)
 METRICS = (*OF_SETS, *OF_ALL, CLASS_ACCURACY)
 
 # Definitions of other terms that are shown with the figures.

@@ -44,16 +44,19 @@ class PointSet:
     class_id : int array of shape (T,)
     track_id : int array of shape (T,) or None
         0 for an unlabelled point; None if all are unlabelled.
+    velocity : array of shape (T, 2) or None
+        Metres per second; None if it is not known.
     """
 
     position: FloatArray
     class_id: IntArray
     track_id: IntArray | None = None
+    velocity: FloatArray | None = None
 
     @staticmethod
     def of(targets: Truth | Estimates) -> PointSet:
         """Return the points of targets or estimates."""
-        return PointSet(targets.position, targets.class_id, targets.track_id)
+        return PointSet(targets.position, targets.class_id, targets.track_id, targets.velocity)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -65,7 +68,8 @@ class PointSet:
     def only(self, index: IntArray) -> PointSet:
         """Return the points of the given indices."""
         label = None if self.track_id is None else self.track_id[index]
-        return PointSet(self.position[index], self.class_id[index], label)
+        velocity = None if self.velocity is None else self.velocity[index]
+        return PointSet(self.position[index], self.class_id[index], label, velocity)
 
     def labelled(self) -> LabelledPoints | None:
         """Return the points with their labels; None unless all labels are non-zero and distinct."""

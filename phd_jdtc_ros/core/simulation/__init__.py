@@ -1,13 +1,16 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenarios with known truth, and simulated scans of them.
+"""Scenarios with known truth, and what radars report of them.
 
 ::
 
     document (YAML, read elsewhere)
-      |  check                               scenario_file
-    Scenario: targets, turns, radars         scenario
+      |  check                               scenario_file, checked
+      |  many targets by one block           generators, traffic, geodesy
+    Scenario: targets, turns, radars         scenario, flight
       |  detect, with clutter                simulate
     (Truth, Scan) by stamp
+      |  where antennas turn                 sweep
+    Report by turn or sector, with times
 """

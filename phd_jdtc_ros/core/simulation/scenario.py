@@ -5,8 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,7 +17,8 @@ from ..arrays import FloatArray
 from ..models.amplitude_density import snr_from_db
 from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
-from ..types import Truth
+from ..types import FULL_TURN, Truth
+from .flight import ROUNDING_S, Flight, Leg
 
 # True targets follow this model's mean; turn rate 0 is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
@@ -70,6 +74,10 @@ class TargetScript:
         if edges != sorted(edges):
             raise ValueError(f"turns: {self.turns}, expected one after the other")
 
+    def exists_at(self, scan: int, interval_s: float) -> bool:
+        """Return whether the target exists at a scan."""
+        return self.first_scan <= scan <= self.last_scan
+
     def state_at(self, scan: int, interval_s: float) -> FloatArray:
         """Return the exact state at a scan, with the present turn's rate; shape (D,).
 
@@ -99,6 +107,57 @@ class TargetScript:
                 reached = until
         yield scan - min(reached, scan), 0.0
 
+    def flight(self, interval_s: float) -> Flight:
+        """Return the same target with legs in seconds."""
+        legs = [
+            Leg(scans * interval_s, turn_rate)
+            for scans, turn_rate in self._legs(self.last_scan)
+            if scans
+        ]
+        return Flight(
+            self.class_id,
+            self.snr,
+            self.first_scan * interval_s,
+            self.position,
+            self.velocity,
+            tuple(legs) or (Leg(ROUNDING_S),),
+        )
+
+
+Target: TypeAlias = "TargetScript | Flight"
+
+
+@dataclass(frozen=True)
+class Antenna:
+    """The sense in which a radar's antenna turns, and where it points at scan 0.
+
+    Parameters
+    ----------
+    bearing : float
+        At scan 0, radians from the sensor's y axis in the sense in which it turns, from 0 to 2 pi.
+        A turn, and its first sector, begins at the y axis.
+    clockwise : bool
+    """
+
+    bearing: float = 0.0
+    clockwise: bool = True
+
+    def turns_to(self, azimuth: FloatArray) -> FloatArray:
+        """Return the part of a turn from the y axis to azimuths, in [0, 1); shape kept."""
+        turned = np.pi / 2.0 - azimuth if self.clockwise else azimuth - np.pi / 2.0
+        part: FloatArray = np.mod(turned / FULL_TURN, 1.0)
+        return np.where(part < 1.0, part, 0.0)  # rounding may reach 1
+
+
+def usual_antenna(radar: int) -> Antenna:
+    """Return the antenna of a scenario's k-th radar where the scenario does not say.
+
+    The first begins at its y axis, and each of the others a golden angle behind the one before, so
+    that radars with equal turns are not synchronous.
+    """
+    golden = 0.5 * (3.0 - math.sqrt(5.0))
+    return Antenna(FULL_TURN * (radar * golden % 1.0))
+
 
 @dataclass(frozen=True)
 class Scenario:
@@ -110,33 +169,77 @@ class Scenario:
         Stamp of scan 0; not zero, because no real stamp is.
     interval_s : float
     scans : int
-    targets : tuple of TargetScript
+        The truth is published at every scan. Radars that do not turn report every scan; radars
+        that turn report in their own time until the last scan.
+    targets : tuple of TargetScript or Flight
     radars : tuple of RadarModel
+    antennas : tuple of Antenna
+        One per radar.
+    most_radars : int
+        Largest number of turning radars that see a target at a time, the nearest ones; 0 for all.
     """
 
     start_ns: int
     interval_s: float
     scans: int
-    targets: tuple[TargetScript, ...]
+    targets: tuple[Target, ...]
     radars: tuple[RadarModel, ...]
+    antennas: tuple[Antenna, ...] = ()
+    most_radars: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.antennas:
+            usual = tuple(usual_antenna(index) for index in range(len(self.radars)))
+            object.__setattr__(self, "antennas", usual)
+
+    @property
+    def turning(self) -> bool:
+        """Whether a radar's antenna turns, so that there is no common scan."""
+        return any(radar.rotation_s > 0.0 for radar in self.radars)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from scan 0 to the last scan, seconds."""
+        return (self.scans - 1) * self.interval_s
+
+    @cached_property
+    def flights(self) -> tuple[Flight, ...]:
+        """Every target, with legs in seconds."""
+        return tuple(
+            target if isinstance(target, Flight) else target.flight(self.interval_s)
+            for target in self.targets
+        )
 
     def stamp_ns(self, scan: int) -> int:
         """Return the stamp of a scan in nanoseconds."""
-        return self.start_ns + round(scan * self.interval_s * 1e9)
+        return self.ns_after(scan * self.interval_s)
+
+    def ns_after(self, elapsed_s: float) -> int:
+        """Return the stamp of a time after scan 0, in nanoseconds."""
+        return self.start_ns + round(elapsed_s * 1e9)
 
 
 def truth_at(scenario: Scenario, scan: int) -> Truth:
     """Return the scenario's targets at a scan."""
+    return _truth(scenario.targets, scan, scenario.interval_s, scenario.stamp_ns(scan))
+
+
+def truth_after(scenario: Scenario, elapsed_s: float) -> Truth:
+    """Return the scenario's targets at any time after scan 0, seconds."""
+    return _truth(scenario.flights, 1, elapsed_s, scenario.ns_after(elapsed_s))
+
+
+def _truth(targets: Sequence[Target], scan: int, interval_s: float, stamp_ns: int) -> Truth:
     alive = [
         (number, target)
-        for number, target in enumerate(scenario.targets, start=1)
-        if target.first_scan <= scan <= target.last_scan
+        for number, target in enumerate(targets, start=1)
+        if target.exists_at(scan, interval_s)
     ]
     state = np.zeros((len(alive), len(NOISE_FREE.space)))
     for row, (_, target) in enumerate(alive):
-        state[row] = target.state_at(scan, scenario.interval_s)
+        state[row] = target.state_at(scan, interval_s)
     return Truth(
-        stamp_ns=scenario.stamp_ns(scan),
+        stamp_ns=stamp_ns,
         state=state,
         track_id=np.array([number for number, _ in alive], dtype=np.int64),
         class_id=np.array([target.class_id for _, target in alive], dtype=np.int64),

@@ -12,7 +12,11 @@ from typing import Any
 from ..configuration.schema import SMALL, ConfigError, Parameter
 from ..models.amplitude_density import snr_from_db
 from ..models.radar import RadarModel
-from .scenario import Scenario, TargetScript, Turn
+from . import generators
+from .checked import mapping, mappings, names_of, place, take
+from .flight import Flight, Leg
+from .geodesy import east_north
+from .scenario import Antenna, Scenario, Target, TargetScript, Turn, usual_antenna
 
 # Stamps count seconds in signed 32-bit integers.
 END_OF_TIME_S = 2**31
@@ -21,6 +25,13 @@ TIMING = (
     Parameter("start_s", 1000.0, "Stamp of scan 0, s.", 1e-3, 4e9),
     Parameter("interval_s", 6.0, "Interval between scans, s.", SMALL, 1e6),
     Parameter("scans", 80, "Number of scans.", 1, 10**6),
+    Parameter(
+        "most_radars",
+        0,
+        "Largest number of radars that see a target at a time, the nearest ones; 0 for all.",
+        0,
+        1000,
+    ),
 )
 TARGET = (
     Parameter("class_id", 0, "Class, from 0.", 0, 1000),
@@ -30,12 +41,45 @@ TARGET = (
     Parameter("first_scan", 0, "First scan in which it exists.", 0, 10**6),
     Parameter("last_scan", 0, "Last scan in which it exists.", 0, 10**6),
 )
+FLIGHT = (
+    Parameter("class_id", 0, "Class, from 0.", 0, 1000),
+    generators.SNR,
+    Parameter("start_s", 0.0, "When it appears, s after scan 0.", 0.0, 1e7),
+    Parameter("position", [0.0, 0.0], "Position at its start, world frame, m.", length=2),
+    Parameter("velocity", [0.0, 0.0], "Velocity at its start, world frame, m/s.", length=2),
+)
+LEG = (
+    Parameter("duration_s", 0.0, "Length of the leg, s.", SMALL, 1e7),
+    Parameter(
+        "turn_rate_deg_s", 0.0, "Turn rate, counter-clockwise, degrees per second.", -180.0, 180.0
+    ),
+    Parameter("acceleration", 0.0, "Change of the speed, m/s^2.", -1e3, 1e3),
+)
+ANTENNA = (
+    Parameter(
+        "bearing_deg",
+        0.0,
+        "Where it points at scan 0, from the radar's y axis in its sense of turning, degrees.",
+        0.0,
+        360.0,
+    ),
+    Parameter("clockwise", True, "Whether it turns clockwise."),
+)
 TURN = (
     Parameter("first_scan", 0, "Scan at which the turn begins.", 0, 10**6),
     Parameter("last_scan", 0, "Scan at which the turn ends.", 0, 10**6),
     Parameter(
         "turn_rate_deg_s", 0.0, "Turn rate, counter-clockwise, degrees per second.", -180.0, 180.0
     ),
+)
+OTHER_KEYS = (
+    "targets",
+    "parameters",
+    "traffic",
+    "manoeuvres",
+    "antennas",
+    "world_origin",
+    "sites",
 )
 
 
@@ -46,8 +90,12 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     ----------
     document : mapping
         The keys of `TIMING`, all optional, and ``targets``: a list of mappings with all keys of
-        `TARGET`. A target may have ``turns``: a list of mappings with all keys of `TURN`.
-        ``parameters`` are those of the tracker and the radars, and are ignored here.
+        `TARGET`. A target may have ``turns``: a list of mappings with all keys of `TURN`. A target
+        with ``legs``, a list of mappings of `LEG`, has the keys of `FLIGHT` instead. ``traffic``
+        and ``manoeuvres`` stand for many targets, see `generators`. ``antennas`` has the keys of
+        `ANTENNA` by name of the radar. ``world_origin`` is the latitude and longitude of the
+        world's zero, and ``sites`` has those of radars by name. ``parameters`` are those of the
+        tracker and the radars, and are ignored here, as are ``sites``.
     radars : tuple of RadarModel
 
     Raises
@@ -58,11 +106,13 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     if not isinstance(document, Mapping):
         raise ConfigError(["scenario: must be a mapping"])
     faults: list[str] = []
-    timing = _take(TIMING, document, "", faults, True, ("targets", "parameters"))
-    scripts = _mappings(document, "targets", "", faults)
-    targets = [
-        _target(script, f"targets[{index}].", faults) for index, script in enumerate(scripts)
-    ]
+    timing = take(TIMING, document, "", faults, names_of(TIMING), OTHER_KEYS)
+    targets = _targets(document, faults)
+    antennas = _antennas(mapping(document, "antennas", faults), radars, faults)
+    duration_s = 0.0 if faults else (timing["scans"] - 1) * timing["interval_s"]
+    targets += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
+    given = mapping(document, "manoeuvres", faults)
+    targets += generators.manoeuvres(given, _origin(document, faults), duration_s, faults)
     faults = faults or _time_faults(timing)
     if faults:
         raise ConfigError(faults)
@@ -70,18 +120,112 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         start_ns=round(timing["start_s"] * 1e9),
         interval_s=timing["interval_s"],
         scans=timing["scans"],
-        targets=tuple(target for target in targets if target is not None),
+        targets=tuple(targets),
         radars=radars,
+        antennas=antennas,
+        most_radars=timing["most_radars"],
     )
+
+
+def site_positions(document: Mapping[str, Any]) -> dict[str, list[float]]:
+    """Return the position of each radar that ``sites`` has, metres, by its name.
+
+    Raises
+    ------
+    ConfigError
+        If a latitude or longitude is wrong.
+    """
+    faults: list[str] = []
+    origin = _origin(document, faults)
+    positions = {
+        str(name): list(east_north(place(given, f"sites.{name}", faults), origin))
+        for name, given in mapping(document, "sites", faults).items()
+    }
+    if faults:
+        raise ConfigError(faults)
+    return positions
+
+
+def _origin(document: Mapping[str, Any], faults: list[str]) -> tuple[float, float]:
+    return place(document.get("world_origin", [0.0, 0.0]), "world_origin", faults)
+
+
+def _antennas(
+    given: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
+) -> tuple[Antenna, ...]:
+    """Return every radar's antenna, the usual one where none is given; add faults to `faults`."""
+    known = [radar.name for radar in radars]
+    faults += [
+        f"antennas.{name}: must be one of the radars, {', '.join(known)}"
+        for name in given
+        if name not in known
+    ]
+    antennas = []
+    for index, name in enumerate(known):
+        of_radar = mapping(given, name, faults)
+        if not of_radar:
+            antennas.append(usual_antenna(index))
+            continue
+        found: list[str] = []
+        values = take(ANTENNA, of_radar, f"antennas.{name}.", found, names_of(ANTENNA))
+        faults += found
+        if not found:
+            antennas.append(Antenna(math.radians(values["bearing_deg"]), values["clockwise"]))
+    return tuple(antennas)
+
+
+def _targets(document: Mapping[str, Any], faults: list[str]) -> list[Target]:
+    """Return the checked targets; add faults to `faults`."""
+    targets = [
+        (_flight if "legs" in script else _target)(script, f"targets[{index}].", faults)
+        for index, script in enumerate(mappings(document, "targets", "", faults))
+    ]
+    return [target for target in targets if target is not None]
+
+
+def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight | None:
+    """Return a checked flight; add its faults to `faults` and return None if there are any."""
+    found: list[str] = []
+    values = take(FLIGHT, script, prefix, found, ("snr_db", "start_s"), ("legs",))
+    legs = []
+    for index, given in enumerate(mappings(script, "legs", prefix, found)):
+        name = f"{prefix}legs[{index}]."
+        leg = take(LEG, given, name, found, ("turn_rate_deg_s", "acceleration"))
+        if leg.get("turn_rate_deg_s") and leg.get("acceleration"):
+            found.append(f"{name}acceleration: {leg['acceleration']} given, must be 0 in a turn")
+        legs.append(leg)
+    if not legs and not found:
+        found.append(f"{prefix}legs: none given, must be at least one")
+    if not found:
+        try:
+            return Flight(
+                class_id=values["class_id"],
+                snr=snr_from_db(values["snr_db"]),
+                start_s=values["start_s"],
+                position=tuple(values["position"]),
+                velocity=tuple(values["velocity"]),
+                legs=tuple(
+                    Leg(
+                        leg["duration_s"],
+                        math.radians(leg["turn_rate_deg_s"]),
+                        leg["acceleration"],
+                    )
+                    for leg in legs
+                ),
+            )
+        except ValueError as error:
+            found.append(f"{prefix}{error}")
+    faults += found
+    return None
 
 
 def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> TargetScript | None:
     """Return a checked target; add its faults to `faults` and return None if there are any."""
     found: list[str] = []
-    target = _take(TARGET, script, prefix, found, False, ("turns",))
+    target = take(TARGET, script, prefix, found, (), ("turns",))
     turns = [
-        _take(TURN, turn, f"{prefix}turns[{index}].", found, False)
-        for index, turn in enumerate(_mappings(script, "turns", prefix, found))
+        take(TURN, turn, f"{prefix}turns[{index}].", found)
+        for index, turn in enumerate(mappings(script, "turns", prefix, found))
     ]
     found = found or _order_faults(target, turns, prefix)
     faults += found
@@ -136,37 +280,3 @@ def _time_faults(timing: Mapping[str, Any]) -> list[str]:
         f"start_s: {start} given, with {scans} scans {interval} s apart the last stamp must be "
         f"below {END_OF_TIME_S} s"
     ]
-
-
-def _mappings(
-    given: Mapping[str, Any], name: str, prefix: str, faults: list[str]
-) -> list[Mapping[str, Any]]:
-    """Return a list of mappings, empty if it is absent; add a fault if it is something else."""
-    value = given.get(name, [])
-    if isinstance(value, list) and all(isinstance(entry, Mapping) for entry in value):
-        return value
-    faults.append(f"{prefix}{name}: must be a list of mappings")
-    return []
-
-
-def _take(
-    table: tuple[Parameter, ...],
-    given: Mapping[str, Any],
-    prefix: str,
-    faults: list[str],
-    optional: bool,
-    also: tuple[str, ...] = (),
-) -> dict[str, Any]:
-    """Return the checked values of a table; add faults to `faults`."""
-    known = {parameter.name for parameter in table}.union(also)
-    faults += [f"{prefix}{name}: unknown key" for name in given if name not in known]
-    values = {}
-    for parameter in table:
-        if parameter.name not in given and not optional:
-            faults.append(f"{prefix}{parameter.name}: missing, must be {parameter.allowed}")
-            continue
-        value = given.get(parameter.name, parameter.default)
-        values[parameter.name] = parameter.coerce(value)
-        if values[parameter.name] is None:
-            faults.append(f"{prefix}{parameter.name}: {value!r} given, must be {parameter.allowed}")
-    return values

@@ -6,11 +6,14 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
 from ..models.radar import RadarModel, wrap_angle
 from ..types import Detections, Scan, Truth
 from .scenario import Scenario, truth_at
+
+BoolArray = npt.NDArray[np.bool_]
 
 
 def detect(
@@ -40,10 +43,63 @@ def detect(
     are reported only above the radar's threshold. The clutter rate counts reported detections.
     """
     exact = radar.measure(truth.state)
+    measurement, envelope, seen = observe(exact, snr, radar, rng)
+    clutter, tail = false_detections(radar, rng.poisson(radar.clutter_rate), rng)
+    count = len(clutter)
+    measurement = np.concatenate([measurement[seen], clutter])
+    order = rng.permutation(len(measurement))
+    detections = Detections(
+        measurement=measurement[order],
+        amplitude=np.concatenate([envelope[seen], tail])[order],
+    )
+    source = np.concatenate([truth.track_id[seen], np.zeros(count, dtype=np.int64)])
+    return detections, source[order]
+
+
+def observe(
+    exact: FloatArray, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return the measurements of targets, and which of them the radar detects.
+
+    Parameters
+    ----------
+    exact : array of shape (N, 2)
+        True range and azimuth, metres and radians.
+    snr : array of shape (N,)
+        Linear.
+    radar : RadarModel
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    measurement : array of shape (N, 2)
+        With noise; ranges are not negative, azimuths in (-pi, pi].
+    envelope : array of shape (N,)
+    seen : bool array of shape (N,)
+
+    Notes
+    -----
+    A target is detected if its envelope exceeds the threshold or, where the radar's detection
+    probability is given, with that; its envelope then is one above the threshold.
+    """
+    visible = radar.visibility.sees(exact) > 0.0
     envelope = rng.rayleigh(np.sqrt(1.0 + snr))
-    noisy = exact + rng.standard_normal(exact.shape) * radar.noise_std
-    seen = (envelope > radar.threshold) & (exact[:, 0] <= radar.max_range)
-    count = rng.poisson(radar.clutter_rate)
+    std = np.tile(radar.noise_std, (len(exact), 1))
+    std[:, 0] = np.hypot(std[:, 0], radar.range_growth * exact[:, 0])
+    noisy = exact + rng.standard_normal(exact.shape) * std
+    if radar.visibility.given:
+        found = rng.random(len(exact)) < radar.visibility.probability(exact[:, 0])
+        # Squares of Rayleigh envelopes are exponential, and these forget what is exceeded.
+        envelope = np.sqrt(radar.threshold**2 + envelope**2)
+    else:
+        found = envelope > radar.threshold
+    return _polar(noisy), envelope, found & visible
+
+
+def false_detections(
+    radar: RadarModel, count: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return measurements of clutter, shape (count, 2), and their envelopes, shape (count,)."""
     clutter = np.stack(
         [
             rng.uniform(0.0, radar.clutter_max_range, count),
@@ -53,16 +109,12 @@ def detect(
     )
     # The square of a Rayleigh envelope is exponential, so this tail above tau is exact.
     tail = np.sqrt(radar.threshold**2 + 2.0 * rng.standard_exponential(count))
-    measurement = np.concatenate([noisy[seen], clutter])
-    measurement[:, 0] = np.abs(measurement[:, 0])
-    measurement[:, 1] = wrap_angle(measurement[:, 1])
-    order = rng.permutation(len(measurement))
-    detections = Detections(
-        measurement=measurement[order],
-        amplitude=np.concatenate([envelope[seen], tail])[order],
-    )
-    source = np.concatenate([truth.track_id[seen], np.zeros(count, dtype=np.int64)])
-    return detections, source[order]
+    return _polar(clutter), tail
+
+
+def _polar(measurement: FloatArray) -> FloatArray:
+    """Return measurements with ranges that are not negative and azimuths in (-pi, pi]."""
+    return np.stack([np.abs(measurement[:, 0]), wrap_angle(measurement[:, 1])], axis=1)
 
 
 def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:

@@ -81,7 +81,7 @@ TABLE = (
 
 
 class Evaluator(Node):
-    """Pairs estimates with truth by stamp and publishes every score."""
+    """Compares estimates with the truth at their stamps and publishes every score."""
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("evaluator")

@@ -12,11 +12,32 @@ from rich.markup import escape
 from rich.table import Table
 
 from ..monte_carlo import ALL
+from ..monte_carlo.definition import METRICS
+from ..monte_carlo.kinds import TURNING_KINDS
+
+# Figures of cases whose antennas turn.
+SURVEYED = tuple(
+    METRICS[key]
+    for key in (
+        "position_near",
+        "position_rms",
+        "median_error",
+        "identity_switches",
+        "false",
+        "cpu_ms",
+    )
+)
 
 
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield one table per case, of the mean OSPA by variant and lag, and one of the goals."""
+    """Yield one table per case, of the mean OSPA by variant and lag, and one of the goals.
+
+    Of a case whose antennas turn it is a table of what surveillance asks for.
+    """
     for case, variants in summary["cases"].items():
+        if _turning(variants):
+            yield _surveillance(case, variants)
+            continue
         lags = _all_lags(variants)
         table = Table(title=f"{escape(case)}: mean OSPA in m, by lag in scans")
         table.add_column("variant")
@@ -40,6 +61,9 @@ def markdown(summary: Mapping[str, Any]) -> str:
     """Return the tables of `tables` as Markdown."""
     lines = []
     for case, variants in summary["cases"].items():
+        if _turning(variants):
+            lines += _surveillance_markdown(case, variants)
+            continue
         lags = _all_lags(variants)
         distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
         what = f"Mean OSPA ({distance}) in metres by lag in scans, 95 % interval."
@@ -54,6 +78,47 @@ def markdown(summary: Mapping[str, Any]) -> str:
     for goal in summary["goals"]:
         lines += _markdown_row(_goal_row(goal))
     return "\n".join(lines) + "\n"
+
+
+def _turning(variants: Mapping[str, Any]) -> bool:
+    """Return whether the antennas of a case turn."""
+    return any(found["kind"] in TURNING_KINDS for found in variants.values())
+
+
+def _of_all(found: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return a variant's lags with the figures of all targets."""
+    return [(lag, sets[ALL]) for lag, sets in found["lags"].items()]
+
+
+def _surveillance(case: str, variants: Mapping[str, Any]) -> Table:
+    table = Table(title=f"{escape(case)}: targets in the air, by lag in turns")
+    table.add_column("variant")
+    for heading in ("runs", "lag", *(metric.heading for metric in SURVEYED)):
+        table.add_column(heading, justify="right")
+    for name, *row in _surveillance_rows(variants):
+        table.add_row(escape(name), *row)
+    return table
+
+
+def _surveillance_markdown(case: str, variants: Mapping[str, Any]) -> list[str]:
+    headings = ["variant", "runs", "lag", *(metric.heading for metric in SURVEYED)]
+    lines = [f"## {case}", "", "Targets in the air, at the end of each turn; lags in turns.", ""]
+    lines += _markdown_row(headings) + _markdown_row(["---", *["---:"] * (len(headings) - 1)])
+    for row in _surveillance_rows(variants):
+        lines += _markdown_row(row)
+    return [*lines, ""]
+
+
+def _surveillance_rows(variants: Mapping[str, Any]) -> Iterator[list[str]]:
+    """Yield each variant's name, number of runs, lag and surveillance figures."""
+    for name, found in variants.items():
+        for lag, figures in _of_all(found):
+            means = [figures[metric.key] for metric in SURVEYED]
+            cells = [
+                "-" if mean is None else metric.text(mean["mean"])
+                for metric, mean in zip(SURVEYED, means, strict=True)
+            ]
+            yield [name, str(found["runs"]), lag, *cells]
 
 
 def _all_lags(variants: Mapping[str, Any]) -> list[str]:

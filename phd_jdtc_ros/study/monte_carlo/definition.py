@@ -11,7 +11,14 @@ from typing import Any
 
 from phd_jdtc_ros.core.configuration.parameters import GROUPS, TOP
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.evaluation.metric_table import CLASS_ACCURACY, OF_SETS, Metric, mean
+from phd_jdtc_ros.core.evaluation.metric_table import (
+    CLASS_ACCURACY,
+    IDENTITY_SWITCHES,
+    OF_SETS,
+    POSITION_NEAR,
+    Metric,
+    mean,
+)
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 
 from ..particles import Reading
@@ -27,7 +34,34 @@ OSPA_AFTER_5 = Metric(
     "Mean OSPA without the targets in their first five scans and without the estimates that are "
     "paired with them. Scans in which all existing targets are in their first five are left out.",
 )
-METRICS = {metric.key: metric for metric in (*OF_SETS, CLASS_ACCURACY, OSPA_AFTER_5)}
+MEDIAN_ERROR = Metric(
+    "median_error",
+    "median error",
+    "m",
+    ".1f",
+    mean("median_error"),
+    "Median distance of the pairs of a scan, its mean over the scans.",
+)
+CPU = Metric(
+    "cpu_ms",
+    "CPU per turn",
+    "ms",
+    ".0f",
+    mean("cpu_ms"),
+    "CPU time per turn of the antenna, filter and smoother together.",
+)
+METRICS = {
+    metric.key: metric
+    for metric in (
+        *OF_SETS,
+        POSITION_NEAR,
+        IDENTITY_SWITCHES,
+        CLASS_ACCURACY,
+        OSPA_AFTER_5,
+        MEDIAN_ERROR,
+        CPU,
+    )
+}
 # Reduction of the mean OSPA against lag 0.
 REDUCTION = "reduction"
 FIGURES = (*METRICS, REDUCTION)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from phd_jdtc_ros.core.configuration import build as tracker_config
@@ -18,10 +18,10 @@ from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 
 from ..particles import Reading
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
-from .kinds import KINDS, PARTICLES
+from .kinds import KINDS, PARTICLES, TUNED, suits
 
 BUILT_IN_SCENARIO = "paper_scenario"
-PARTICLES_ONLY = ("death_term", "extraction", "parameters")
+PARTICLES_ONLY = ("death_term", "extraction")
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
 
@@ -58,8 +58,9 @@ def resolve(
         for name, given in _entries(document, "cases", faults)
     ]
     names = [name for name, _ in _entries(document, "cases", [])]
+    turning = {case.name for case in checked if case is not None and case.scenario.turning}
     variants = [
-        _variant(name, given, names, lags, faults)
+        _variant(name, given, names, turning, lags, faults)
         for name, given in _entries(document, "variants", faults)
     ]
     goals = [
@@ -118,13 +119,20 @@ def _variant(
     name: str,
     given: Mapping[str, Any],
     cases: Sequence[str],
+    turning: Collection[str],
     lags: tuple[int, ...],
     faults: list[str],
 ) -> Variant:
-    """Return a variant; add its faults to `faults`."""
+    """Return a variant; add its faults to `faults`.
+
+    Its cases are by default all that its kind suits: those of `turning`, or the others.
+    """
     prefix = f"variants.{name}."
-    faults += _unknown_keys(given, prefix, ("kind", "cases", "lags", *PARTICLES_ONLY))
+    faults += _unknown_keys(given, prefix, ("kind", "cases", "lags", "parameters", *PARTICLES_ONLY))
     kind = _choice(given, "kind", prefix, KINDS, None, faults)
+    if kind not in TUNED and "parameters" in given:
+        faults.append(f"{prefix}parameters: only for kind {' or '.join(TUNED)}")
+    suited = [case for case in cases if suits(kind, case in turning)]
     if kind != PARTICLES:
         faults += [
             f"{prefix}{key}: only for kind {PARTICLES}" for key in PARTICLES_ONLY if key in given
@@ -134,9 +142,9 @@ def _variant(
         death_term = _choice(given, "death_term", prefix, DEATH_TERMS, "bernoulli", faults)
         extraction = _choice(given, "extraction", prefix, EXTRACTIONS, "components", faults)
         reading = Reading(name, death_term, extraction)
-    chosen = given.get("cases", list(cases))
-    if not isinstance(chosen, list) or not chosen or not set(map(str, chosen)) <= set(cases):
-        faults.append(f"{prefix}cases: {chosen!r} given, must be a list of {', '.join(cases)}")
+    chosen = given.get("cases", suited)
+    if not isinstance(chosen, list) or not chosen or not set(map(str, chosen)) <= set(suited):
+        faults.append(f"{prefix}cases: {chosen!r} given, must be a list of {', '.join(suited)}")
         chosen = []
     return Variant(
         name=name,
@@ -185,7 +193,7 @@ def _tracker_faults(study: Study) -> Iterator[str]:
     """Yield the faults of each variant's parameters at each of its cases."""
     for variant in study.variants:
         for case in study.cases:
-            if variant.kind == PARTICLES and case.name in variant.cases and variant.parameters:
+            if variant.kind in TUNED and case.name in variant.cases and variant.parameters:
                 try:
                     tracker_config.resolve(study.parameters(case, variant))
                 except ConfigError as error:

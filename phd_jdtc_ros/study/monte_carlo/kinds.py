@@ -17,10 +17,15 @@ from pathlib import Path
 from typing import Any
 
 PARTICLES, REFERENCE, GNN = "particles", "reference", "gnn"
+# Kinds for radars whose antennas turn: this package's tracker through its pipeline, and a peer.
+TURNING, PLOT_KALMAN = TURNING_KINDS = ("turning", "plot_kalman")
+# Kinds with the parameters of this package's tracker.
+TUNED = (PARTICLES, TURNING)
 # Peers that also smooth.
 NEAREST_NEIGHBOUR = (GNN, "gnn_loud", "gnn_anywhere")
-PEERS = ("gm_phd", *NEAREST_NEIGHBOUR, "jpda")
-KINDS = (PARTICLES, REFERENCE, *PEERS)
+STONE_SOUP = ("gm_phd", *NEAREST_NEIGHBOUR, "jpda")
+PEERS = (*STONE_SOUP, PLOT_KALMAN)
+KINDS = (PARTICLES, TURNING, REFERENCE, *PEERS)
 PEERS_PACKAGE = "stonesoup"
 
 
@@ -29,13 +34,18 @@ def module_of(kind: str) -> Any:
     return import_module(f"..{_module_name(kind)}", __package__)
 
 
+def suits(kind: str, turning: bool) -> bool:
+    """Return whether a kind can be run on a case whose antennas turn, or do not."""
+    return (kind in TURNING_KINDS) == turning
+
+
 def _module_name(kind: str) -> str:
     return "peers" if kind in PEERS else kind
 
 
 def missing(kind: str) -> str | None:
     """Return why a kind cannot be run on this machine, or None."""
-    if kind in PEERS and importlib.util.find_spec(PEERS_PACKAGE) is None:
+    if kind in STONE_SOUP and importlib.util.find_spec(PEERS_PACKAGE) is None:
         return f"{PEERS_PACKAGE} is not installed"
     return None
 
@@ -48,6 +58,7 @@ def sources_of(kind: str) -> list[Path]:
     return [
         *sorted((package / "core").rglob("*.py")),
         study / "runs.py",
+        study / "turning.py",
         study / "monte_carlo" / "scores.py",
         study / "monte_carlo" / "tasks.py",
         *(sorted(tracker.glob("*.py")) if tracker.is_dir() else [tracker.with_suffix(".py")]),
@@ -60,6 +71,6 @@ def code_of(kind: str) -> str:
     digest = hashlib.sha256()
     for path in sources_of(kind):
         digest.update(path.name.encode() + path.read_bytes())
-    if kind in PEERS and missing(kind) is None:
+    if kind in STONE_SOUP and missing(kind) is None:
         digest.update(metadata.version(PEERS_PACKAGE).encode())
     return digest.hexdigest()

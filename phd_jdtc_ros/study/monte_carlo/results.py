@@ -106,15 +106,17 @@ def summarise(
     Returns
     -------
     dict
-        ``cases`` by case, variant, lag and set: the mean over runs of each of `FIGURES` with its
-        95 % interval, None where it has no meaning. ``reduction`` is that of the mean OSPA against
-        lag 0 of the same variant and seed. ``confusion`` of a class is the share of its targets
-        that were estimated as each class or missed; that of all targets is the mean over runs of
-        the confusion matrix, summed over the scans.
+        ``cases`` by case and variant: its kind, number of runs, seeds and, by lag and set, the mean
+        over runs of each of `FIGURES` with its 95 % interval, None where it has no meaning.
+        ``reduction`` is that of the mean OSPA against lag 0 of the same variant and seed.
+        ``confusion`` of a class is the share of its targets that were estimated as each class or
+        missed; that of all targets is the mean over runs of the confusion matrix, summed over the
+        scans.
     """
     cases: dict[str, Any] = {}
     for result in results:
         cases.setdefault(result.case, {})[result.variant.name] = {
+            "kind": result.variant.kind,
             "runs": len(result.seeds),
             "seeds": list(result.seeds),
             "lags": {

@@ -34,8 +34,9 @@ OTHER_ORDER, OTHER_CUTOFF = 1.0, 300.0
 # A target is young in its first scans, which a tracker without known birth places needs to start a
 # track.
 YOUNG_SCANS = 5
-# Values of the metric table that need no labels of the estimates, and further ones of the study.
-VALUES = (*PUBLISHED, *COUNTED, "ospa_p1", "ospa_c300", "ospa_after_5")
+# Values of the metric table, and further ones of the study.
+OF_STUDY = ("ospa_p1", "ospa_c300", "ospa_after_5", "median_error", "cpu_ms")
+VALUES = (*PUBLISHED, *COUNTED, "identity_switches", *OF_STUDY)
 
 
 class Scores(NamedTuple):
@@ -62,7 +63,12 @@ class Scores(NamedTuple):
 
 
 def score(
-    run: SimulatedRun, tracks: Tracks, variant: Variant, classes: int, cutoff: float = CUTOFF
+    run: SimulatedRun,
+    tracks: Tracks,
+    variant: Variant,
+    classes: int,
+    cutoff: float = CUTOFF,
+    cpu_ms: float = math.nan,
 ) -> Scores:
     """Return the scores of a variant at those of its lags that its tracker has.
 
@@ -74,6 +80,8 @@ def score(
     classes : int
     cutoff : float
         c of OSPA and GOSPA, metres.
+    cpu_ms : float
+        CPU time per turn, milliseconds; NaN if it is not known.
 
     Notes
     -----
@@ -81,27 +89,31 @@ def score(
 
     - The values of gaps are of the gaps that ended in the scan; all gaps end in the last scan.
     - ``ospa_p1`` and ``ospa_c300`` are OSPA of all targets with `OTHER_ORDER` and `OTHER_CUTOFF`.
+    - ``median_error`` is the median distance of the pairs, metres, of all targets.
+    - ``cpu_ms`` is the tracker's CPU time per turn, the same for all turns of a run.
     - ``ospa_after_5`` is OSPA without the targets in their first `YOUNG_SCANS` scans and without
       the estimates paired with them; NaN if all existing targets are young.
     """
     lags = tuple(lag for lag in variant.lags if lag in tracks)
     if not lags:
         raise ValueError(f"lags: {variant.lags} wanted, the tracker has {sorted(tracks)}")
+    scans = len(run.truth)
     estimated = 0 if variant.kind in PEERS else classes  # peers do not estimate classes
     sets = set_names(estimated)
-    values = np.full((len(lags), len(run.scans), len(sets), len(VALUES)), np.nan)
-    taken_for = np.zeros((len(lags), len(run.scans), estimated, estimated), dtype=np.int64)
+    values = np.full((len(lags), scans, len(sets), len(VALUES)), np.nan)
+    taken_for = np.zeros((len(lags), scans, estimated, estimated), dtype=np.int64)
     young = _young(run)
     for row, lag in enumerate(lags):
         comparer = ScanComparer(estimated, cutoff, ORDER)
         for index, (truth, points) in enumerate(zip(run.truth, tracks[lag], strict=True)):
             scan = PairedScan.of(truth.stamp_ns, PointSet.of(truth), points, cutoff)
             compared = comparer.compare(scan)
-            if index == len(run.scans) - 1:
+            if index == scans - 1:
                 compared = comparer.ended(compared)
             values[row, index] = _scan_values(scan, compared, young[index], cutoff)
             matrix = confusion_matrix(scan.pairs, truth.class_id, points.class_id, estimated)
             taken_for[row, index] = matrix[:estimated, :estimated]
+    values[:, :, 0, VALUES.index("cpu_ms")] = cpu_ms
     stamps = np.array([truth.stamp_ns - run.truth[0].stamp_ns for truth in run.truth])
     return Scores(lags, sets, stamps * 1e-9, np.round(values, 3), taken_for if estimated else None)
 
@@ -130,9 +142,16 @@ def _scan_values(
         rows[ALL]["right_class"] = None
     rows[ALL]["ospa_p1"] = ospa(*positions, cutoff, OTHER_ORDER).distance
     rows[ALL]["ospa_c300"] = ospa(*positions, OTHER_CUTOFF, ORDER).distance
+    rows[ALL]["median_error"] = _median_error(compared[ALL])
     for key, distance in _ospa_without(scan, young, len(rows) - 1, cutoff).items():
         rows[key]["ospa_after_5"] = distance
     return np.array([[row.get(name) for name in VALUES] for row in rows.values()], dtype=float)
+
+
+def _median_error(scan: Comparison) -> float:
+    """Return the median distance of the pairs, NaN if there is none."""
+    error = scan.paired_truth.position - scan.paired_estimate.position
+    return float(np.median(np.hypot(*error.T))) if len(error) else math.nan
 
 
 def _ospa_without(

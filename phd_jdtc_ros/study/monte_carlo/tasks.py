@@ -19,13 +19,26 @@ from phd_jdtc_ros.core.configuration import build as tracker_config
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 
 from ..particles import track
-from ..runs import SimulatedRun, Tracks, simulated_run
+from ..runs import SimulatedRun, Tracked, simulated_run
+from ..turning import turning_run
 from .definition import ORDER, OWN, Case, Study, Variant
-from .kinds import NEAREST_NEIGHBOUR, PARTICLES, REFERENCE, code_of, missing, module_of
+from .kinds import (
+    NEAREST_NEIGHBOUR,
+    PARTICLES,
+    PLOT_KALMAN,
+    REFERENCE,
+    STONE_SOUP,
+    TURNING,
+    code_of,
+    missing,
+    module_of,
+)
 from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # Must be increased when the meaning of a stored row changes.
-FORMAT = 3
+FORMAT = 4
+# Trackers with settings of their own.
+WITHOUT_PARAMETERS = (REFERENCE, *STONE_SOUP)
 
 
 @dataclass(frozen=True)
@@ -133,7 +146,7 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "scenario": asdict(case.scenario),
         "classes": case.classes,
         "kind": variants[0].kind,
-        "parameters": _in_force(parameters) if variants[0].kind == PARTICLES else {},
+        "parameters": {} if variants[0].kind in WITHOUT_PARAMETERS else _in_force(parameters),
         "ospa": [study.cutoff, ORDER, OTHER_CUTOFF, OTHER_ORDER],
     }
     digests = {
@@ -160,27 +173,40 @@ def perform(task: Task) -> Outcome:
     try:
         if code_of(task.kind) != task.code:
             raise RuntimeError("the worker has other code than the study; start the study again")
-        run = simulated_run(task.scenario, task.seed)
-        tracks = _tracks(task, run)
+        simulated = turning_run if task.scenario.turning else simulated_run
+        run = simulated(task.scenario, task.seed)
+        tracked = _tracked(task, run)
         scores = {
-            variant.name: score(run, tracks[variant.name], variant, task.classes, task.cutoff)
+            variant.name: score(run, found.tracks, variant, task.classes, task.cutoff, found.cpu_ms)
             for variant in task.variants
+            for found in (tracked[variant.name],)
         }
     except Exception:
         return Outcome(task, error=traceback.format_exc())
     return Outcome(task, scores)
 
 
-def _tracks(task: Task, run: SimulatedRun) -> dict[str, Tracks]:
+def _tracked(task: Task, run: SimulatedRun) -> dict[str, Tracked]:
     """Return the estimates by name of the variant."""
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
     if task.kind == PARTICLES:
         readings = [variant.reading for variant in task.variants if variant.reading is not None]
-        return track(run, tracker_config.resolve(task.parameters), readings, lags)
+        by_name = track(run, tracker_config.resolve(task.parameters), readings, lags)
+        return {name: Tracked(tracks) for name, tracks in by_name.items()}
+    tracked = _of_one(task, run, lags)
+    return {variant.name: tracked for variant in task.variants}
+
+
+def _of_one(task: Task, run: SimulatedRun, lags: Sequence[int]) -> Tracked:
+    """Return the estimates of a tracker whose variants share nothing."""
+    module = module_of(task.kind)
+    if task.kind == TURNING:
+        return Tracked(*module.track(run, task.parameters, lags))
+    if task.kind == PLOT_KALMAN:
+        inputs = tracker_config.resolve(task.parameters).inputs
+        return Tracked(*module.plot_kalman(run, inputs, lags))
     if task.kind == REFERENCE:
-        tracks = module_of(REFERENCE).known_association(run, lags)
-    elif task.kind in NEAREST_NEIGHBOUR:
-        tracks = getattr(module_of(task.kind), task.kind)(run, lags)
-    else:
-        tracks = getattr(module_of(task.kind), task.kind)(run)
-    return {variant.name: tracks for variant in task.variants}
+        return Tracked(module.known_association(run, lags))
+    if task.kind in NEAREST_NEIGHBOUR:
+        return Tracked(getattr(module, task.kind)(run, lags))
+    return Tracked(getattr(module, task.kind)(run))

@@ -1,7 +1,9 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stone Soup's trackers on the same detections: GM-PHD, global nearest neighbour (GNN), JPDA.
+"""Other trackers on the same detections: Stone Soup's GM-PHD, nearest neighbour (GNN) and JPDA.
+
+`plot_kalman`, for radars whose antennas turn, stands alone. All else here is about the others.
 
 Stone Soup (https://stonesoup.rtfd.io, PyPI ``stonesoup``) is an optional extra: this package can be
 imported without it, and the peers' error message says what to install. Its predictors, updaters,
@@ -65,6 +67,7 @@ Three things differ from plain Stone Soup, each to the peers' advantage:
 
 from .mixture_phd import gm_phd
 from .nearest_neighbour import gnn, gnn_anywhere, gnn_loud
+from .plot_kalman import plot_kalman
 from .probabilistic import jpda
 
-__all__ = ["gm_phd", "gnn", "gnn_anywhere", "gnn_loud", "jpda"]
+__all__ = ["gm_phd", "gnn", "gnn_anywhere", "gnn_loud", "jpda", "plot_kalman"]

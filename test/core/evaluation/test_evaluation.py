@@ -280,3 +280,18 @@ def test_summary_starts_ospa2_again_when_time_goes_back():
 def test_evaluation_keeps_a_stamp_that_comes_again_as_the_newest():
     evaluation = run_of(*[(points(), points())] * 4, keep=2, stamps=[0, 6, 0, 12])
     assert list(evaluation.scores[FILTERED]) == [0, 12_000_000_000]
+
+
+def test_summary_has_the_share_within_500_m():
+    one, two = (0, 0, 0, 1), (1000, 0, 0, 2)
+    far = Evaluation(1, 800.0, 2.0)
+    found = [
+        labelled((10, 0, 0, 7), (1000, 0, 0, 8)),
+        labelled((10, 0, 0, 9), (1000, 600, 0, 8)),
+    ]
+    for stamp, estimate in enumerate(found):
+        far.add_truth(stamp, labelled(one, two))
+        far.add_estimates(FILTERED, stamp, estimate)
+    figures = far.summary()[FILTERED]["all"]
+    assert figures["position_near"] == pytest.approx(0.75)
+    assert figures["position_detection"] == 1.0

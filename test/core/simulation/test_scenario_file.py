@@ -8,7 +8,9 @@ import pytest
 
 from phd_jdtc_ros.core.configuration.build import resolve as resolve_config
 from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.models.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.simulation import scenario, scenario_file
+from phd_jdtc_ros.core.simulation.flight import Flight, Leg
 from phd_jdtc_ros.core.simulation.scenario import TargetScript, Turn
 
 RADARS = resolve_config({}).model.radars
@@ -285,3 +287,149 @@ def test_positions_follow_the_velocity_through_two_turns():
 def test_a_target_refuses_turns_out_of_order(turns):
     with pytest.raises(ValueError, match="one after the other"):
         flown(*turns)
+
+
+FLIGHT = {
+    "class_id": 1,
+    "position": [1.0, 2.0],
+    "velocity": [30.0, 0.0],
+    "start_s": 4.0,
+    "legs": [{"duration_s": 20.0}, {"duration_s": 10.0, "turn_rate_deg_s": 3.0}],
+}
+
+
+def test_resolve_reads_targets_with_legs_in_seconds():
+    (found,) = resolve(targets=[FLIGHT]).targets
+    assert found == Flight(
+        class_id=1,
+        snr=snr_from_db(30.0),
+        start_s=4.0,
+        position=(1.0, 2.0),
+        velocity=(30.0, 0.0),
+        legs=(Leg(20.0), Leg(10.0, math.radians(3.0))),
+    )
+
+
+def test_resolve_numbers_targets_of_all_kinds_in_order():
+    found = resolve(
+        scans=11,
+        targets=[{**TARGET, "first_scan": 0}, FLIGHT],
+        traffic={"aircraft": 2, "taxiing": 1},
+    )
+    assert len(found.targets) == 5
+    assert scenario.truth_at(found, 5).track_id.tolist()[:2] == [1, 2]
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"legs": []}, "targets[0].legs: none given, must be at least one"),
+        ({"legs": 3}, "targets[0].legs: must be a list of mappings"),
+        ({"legs": [{}]}, "targets[0].legs[0].duration_s: missing, must be "),
+        ({"legs": [{"duration_s": 0.0}]}, "targets[0].legs[0].duration_s: 0.0 given, must be "),
+        (
+            {"legs": [{"duration_s": 1.0, "turn_rate_deg_s": 1.0, "acceleration": 2.0}]},
+            "targets[0].legs[0].acceleration: 2.0 given, must be 0 in a turn",
+        ),
+        (
+            {"legs": [{"duration_s": 31.0, "acceleration": -1.0}]},
+            "targets[0].legs: a speed of -1 m/s, expected none below 0",
+        ),
+        ({"start_s": -1.0}, "targets[0].start_s: -1.0 given, must be "),
+        ({"first_scan": 0}, "targets[0].first_scan: unknown key"),
+    ],
+)
+def test_resolve_refuses_wrong_legs(changes, fault):
+    (found,) = faults({"targets": [{**FLIGHT, **changes}]})
+    assert found.startswith(fault)
+
+
+def test_resolve_draws_traffic_for_the_length_of_the_run():
+    found = resolve(interval_s=2.0, scans=101, traffic={"aircraft": 5, "taxiing": 2, "seed": 3})
+    assert len(found.targets) == 7
+    assert max(flight.end_s for flight in found.targets) == pytest.approx(200.0)
+
+
+@pytest.mark.parametrize(
+    ("traffic", "fault"),
+    [
+        (3, "traffic: must be a mapping"),
+        ({"aircraft": -1}, "traffic.aircraft: -1 given, must be "),
+        ({"airplanes": 1}, "traffic.airplanes: unknown key"),
+    ],
+)
+def test_resolve_refuses_wrong_traffic(traffic, fault):
+    (found,) = faults({"traffic": traffic})
+    assert found.startswith(fault)
+
+
+RACE = {"straight_nm": 20.0, "turn_deg": 175.0, "flights": [[240.0, 60.0, 52.0, 7.0]]}
+
+
+def test_resolve_repeats_straight_legs_and_turns():
+    race = {**RACE, "heading_deg": 90.0}
+    found = resolve(interval_s=4.8, scans=751, world_origin=[52.0, 7.0], manoeuvres=race)
+    (flight,) = found.targets
+    assert flight.position == (0.0, 0.0)
+    assert flight.end_s == pytest.approx(3600.0)
+    speed = 240.0 * 1852.0 / 3600.0
+    np.testing.assert_allclose(flight.velocity, (speed, 0.0), atol=1e-9)
+    assert flight.legs[0].duration_s == pytest.approx(300.0)
+    # 60 degrees at 240 kt is 7.9 degrees a second, to the right.
+    assert math.degrees(flight.legs[1].turn_rate) == pytest.approx(-7.88, abs=0.01)
+    assert math.degrees(flight.legs[1].turn_rate * flight.legs[1].duration_s) == pytest.approx(-175)
+    assert flight.legs[2:4] == flight.legs[:2]
+    vx, vy = flight.states(np.array([330.0]))[0, [1, 3]]
+    assert math.degrees(math.atan2(vx, vy)) == pytest.approx(-95.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"flights": [[240.0, 0.0, 52.0, 7.0]]}, "manoeuvres.flights[0]: "),
+        ({"flights": [[240.0, 60.0]]}, "manoeuvres.flights[0]: [240.0, 60.0] given, must be "),
+        ({"flights": "one"}, "manoeuvres.flights[0]: 'one' given, must be "),
+        ({"straight_nm": 0.0}, "manoeuvres.straight_nm: 0.0 given, must be "),
+        ({"bank": 3}, "manoeuvres.bank: unknown key"),
+    ],
+)
+def test_resolve_refuses_wrong_manoeuvres(changes, fault):
+    (found,) = faults({"manoeuvres": {**RACE, **changes}})
+    assert found.startswith(fault)
+
+
+@pytest.mark.parametrize("place", [3.0, [95.0, 7.0], [52.0], ["north", 1.0]])
+def test_resolve_refuses_a_wrong_origin(place):
+    (found,) = faults({"world_origin": place})
+    assert found.startswith(f"world_origin: {place!r} given, must be a latitude and a longitude")
+
+
+def test_sites_are_positions_in_the_plane_about_the_origin():
+    document = {"world_origin": [52.0, 7.0], "sites": {"mast": [52.0, 7.0], "hill": [53.0, 7.0]}}
+    found = scenario_file.site_positions(document)
+    assert found["mast"] == [0.0, 0.0]
+    np.testing.assert_allclose(found["hill"], [0.0, 111195.0], atol=1.0)
+    with pytest.raises(ConfigError, match=r"sites\.mast: \[52\.0\] given"):
+        scenario_file.site_positions({"sites": {"mast": [52.0]}})
+
+
+def test_resolve_reads_antennas_by_radar():
+    found = resolve(antennas={"radar_2": {"bearing_deg": 90.0, "clockwise": False}})
+    assert found.antennas == (
+        scenario.usual_antenna(0),
+        scenario.Antenna(pytest.approx(math.pi / 2.0), False),
+    )
+
+
+@pytest.mark.parametrize(
+    ("antennas", "fault"),
+    [
+        ({"radar_9": {}}, "antennas.radar_9: must be one of the radars, radar_1, radar_2"),
+        ({"radar_1": {"bearing_deg": 400.0}}, "antennas.radar_1.bearing_deg: 400.0 given, must "),
+        ({"radar_1": {"speed": 1.0}}, "antennas.radar_1.speed: unknown key"),
+        ([1], "antennas: must be a mapping"),
+    ],
+)
+def test_resolve_refuses_wrong_antennas(antennas, fault):
+    (found,) = faults({"antennas": antennas})
+    assert found.startswith(fault)

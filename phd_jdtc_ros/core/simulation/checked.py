@@ -1,0 +1,83 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Checked values of a scenario document's mappings; faults are collected, not raised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..configuration.schema import Parameter
+
+PLACE = Parameter("", [0.0, 0.0], "Latitude and longitude, degrees.", -180.0, 360.0, length=2)
+
+
+def take(
+    table: tuple[Parameter, ...],
+    given: Mapping[str, Any],
+    prefix: str,
+    faults: list[str],
+    optional: tuple[str, ...] = (),
+    also: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """Return the checked values of a table; add faults to `faults`.
+
+    Parameters
+    ----------
+    table : tuple of Parameter
+    given : mapping
+    prefix : str
+        Of the names in faults.
+    faults : list of str
+    optional : tuple of str
+        Names that may be missing and then have their defaults.
+    also : tuple of str
+        Other keys that may be there.
+    """
+    known = {parameter.name for parameter in table}.union(also)
+    faults += [f"{prefix}{name}: unknown key" for name in given if name not in known]
+    values = {}
+    for parameter in table:
+        if parameter.name not in given and parameter.name not in optional:
+            faults.append(f"{prefix}{parameter.name}: missing, must be {parameter.allowed}")
+            continue
+        value = given.get(parameter.name, parameter.default)
+        values[parameter.name] = parameter.coerce(value)
+        if values[parameter.name] is None:
+            faults.append(f"{prefix}{parameter.name}: {value!r} given, must be {parameter.allowed}")
+    return values
+
+
+def names_of(table: tuple[Parameter, ...]) -> tuple[str, ...]:
+    """Return the names in a table."""
+    return tuple(parameter.name for parameter in table)
+
+
+def mappings(
+    given: Mapping[str, Any], name: str, prefix: str, faults: list[str]
+) -> list[Mapping[str, Any]]:
+    """Return a list of mappings, empty if it is absent; add a fault if it is something else."""
+    value = given.get(name, [])
+    if isinstance(value, list) and all(isinstance(entry, Mapping) for entry in value):
+        return value
+    faults.append(f"{prefix}{name}: must be a list of mappings")
+    return []
+
+
+def mapping(given: Mapping[str, Any], name: str, faults: list[str]) -> Mapping[str, Any]:
+    """Return a mapping, empty if it is absent; add a fault if it is something else."""
+    value = given.get(name, {})
+    if isinstance(value, Mapping):
+        return value
+    faults.append(f"{name}: must be a mapping")
+    return {}
+
+
+def place(given: Any, name: str, faults: list[str]) -> tuple[float, float]:
+    """Return a latitude and a longitude, degrees; add a fault if it is something else."""
+    pair = PLACE.coerce(given)
+    if isinstance(pair, list) and abs(float(pair[0])) <= 90.0:
+        return float(pair[0]), float(pair[1])
+    faults.append(f"{name}: {given!r} given, must be a latitude and a longitude, degrees")
+    return 0.0, 0.0

@@ -1,0 +1,256 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Simulates radars whose antennas turn: plots at their own times, reported by turn or by sector.
+
+::
+
+    Scenario, seed
+      |  when the beam passes each target        passes
+      |  detection, noise, clutter               plots_of
+    Plots of a radar, in the order of time
+      |  by turn or by sector                    reports_of
+    Report: stamp, detections, sources
+
+The plots of a seed do not depend on how they are reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..configuration.radar_input import RadarInput
+from ..models.radar import RadarModel, wrap_angle
+from ..types import FULL_TURN, Coverage, Detections
+from .flight import Flight
+from .scenario import Antenna, Scenario, truth_at
+from .simulate import BoolArray, detect, false_detections, observe
+
+# The beam is far faster than any target, so that each step leaves a small part of the error.
+STEPS = 12
+# Nobody passes a target twice within so short a time; near the radar, steps may end at one pass.
+SAME_PASS_S = 1e-3
+# Turns beyond a target's end: one that circles the radar is passed more often than the beam turns.
+SPARE_TURNS = 8
+
+
+class Report(NamedTuple):
+    """What one radar publishes at once.
+
+    Parameters
+    ----------
+    radar : int
+        Index in the scenario.
+    stamp_ns : int
+        When the turn or the sector ended.
+    detections : Detections
+    source : int array of shape (M,)
+        The track_id of each detection's target; 0 for clutter.
+    """
+
+    radar: int
+    stamp_ns: int
+    detections: Detections
+    source: IntArray
+
+
+class Plots(NamedTuple):
+    """The plots of one radar in a run.
+
+    Parameters
+    ----------
+    turns : array of shape (M,)
+        Turns of the antenna from scan 0's turn until it points at the measured azimuth, ascending.
+    measurement : array of shape (M, 2)
+    amplitude : array of shape (M,)
+    source : int array of shape (M,)
+        The track_id of each plot's target; 0 for clutter.
+    """
+
+    turns: FloatArray
+    measurement: FloatArray
+    amplitude: FloatArray
+    source: IntArray
+
+
+def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int) -> list[Report]:
+    """Return the reports of all radars, ordered by stamp and then by radar.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    inputs : sequence of RadarInput
+        One per radar: in how many sectors a turn is reported, and whether its messages have times
+        and amplitudes. What they do not have, the detections do not have.
+    seed : int
+    """
+    reports = []
+    for index, (radar, layout) in enumerate(zip(scenario.radars, inputs, strict=True)):
+        # Each radar has a generator of its own, so that it does not depend on the others.
+        rng = np.random.default_rng([seed, index])
+        if radar.rotation_s > 0.0:
+            reports += reports_of(scenario, index, plots_of(scenario, index, rng), layout)
+        else:
+            reports += _still_reports(scenario, index, layout, rng)
+    return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
+
+
+def passes(flight: Flight, radar: RadarModel, antenna: Antenna, until_s: float) -> FloatArray:
+    """Return when the beam passes a target, seconds after scan 0, ascending.
+
+    Parameters
+    ----------
+    flight : Flight
+    radar : RadarModel
+    antenna : Antenna
+    until_s : float
+        Passes after it are left out.
+
+    Notes
+    -----
+    The target moves while the beam turns. Its bearing is unwrapped over the turns, so that one
+    that crosses the y axis is passed neither twice nor not at all. In each step the beam is turned
+    to where the target is at the time of the step before.
+    """
+    rotation_s = radar.rotation_s
+    offset = antenna.bearing / FULL_TURN
+    end = min(flight.end_s, until_s)
+    after = end + SPARE_TURNS * rotation_s
+    grid = np.arange(flight.start_s - rotation_s, after, rotation_s)
+
+    def part(time_s: FloatArray) -> FloatArray:
+        return antenna.turns_to(radar.measure(flight.states(time_s))[:, 1])
+
+    unwrapped = np.unwrap(part(grid), period=1.0)
+    first = np.floor(grid[0] / rotation_s + offset - unwrapped[0])
+    turn = first + np.arange(len(grid)) + unwrapped
+    time = (turn - offset) * rotation_s
+    for _ in range(STEPS):
+        error = part(time) - (time / rotation_s + offset)
+        time = time + (error - np.round(error)) * rotation_s
+    time = np.sort(time[(time >= flight.start_s) & (time <= end)])
+    return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]
+
+
+def plots_of(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
+    """Return the plots of one radar, with clutter, in the order of time."""
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    offset = antenna.bearing / FULL_TURN
+    exact, turns, snr, source = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)], []
+    for number, flight in enumerate(scenario.flights, start=1):
+        time = passes(flight, radar, antenna, scenario.duration_s)
+        time = time[_among_nearest(scenario, index, flight, time)]
+        exact.append(radar.measure(flight.states(time)))
+        turns.append(time / radar.rotation_s + offset)
+        snr.append(np.full(len(time), flight.snr))
+        source += [number] * len(time)
+    azimuth = np.concatenate(exact)[:, 1]
+    found, amplitude, seen = observe(np.concatenate(exact), np.concatenate(snr), radar, rng)
+    # A plot has the time at which the antenna points at its measured azimuth.
+    moved = wrap_angle(found[:, 1] - azimuth) / FULL_TURN
+    turned = np.concatenate(turns) + (-moved if antenna.clockwise else moved)
+    clutter = _clutter(scenario, index, rng)
+    everything = Plots(
+        np.concatenate([turned[seen], clutter.turns]),
+        np.concatenate([found[seen], clutter.measurement]),
+        np.concatenate([amplitude[seen], clutter.amplitude]),
+        np.concatenate([np.array(source, dtype=np.int64)[seen], clutter.source]),
+    )
+    order = np.argsort(everything.turns, kind="stable")
+    return Plots(
+        everything.turns[order],
+        everything.measurement[order],
+        everything.amplitude[order],
+        everything.source[order],
+    )
+
+
+def _among_nearest(scenario: Scenario, index: int, flight: Flight, time_s: FloatArray) -> BoolArray:
+    """Return when a radar is among the nearest `most_radars` that see a target, shape (N,)."""
+    if not scenario.most_radars:
+        return np.ones(len(time_s), dtype=np.bool_)
+    state = flight.states(time_s)
+    exact = [radar.measure(state) for radar in scenario.radars]
+    sees = [radar.visibility.sees(z) > 0.0 for radar, z in zip(scenario.radars, exact, strict=True)]
+    distance = np.where(sees, [z[:, 0] for z in exact], np.inf)
+    nearer: BoolArray = (distance < distance[index]).sum(axis=0) < scenario.most_radars
+    return nearer
+
+
+def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
+    """Return one radar's clutter in its field of view; the rate is that of a whole turn."""
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    begin = antenna.bearing / FULL_TURN
+    last = int(np.ceil(scenario.duration_s / radar.rotation_s + begin))
+    count = rng.poisson(radar.clutter_rate, last)
+    measurement, amplitude = false_detections(radar, int(count.sum()), rng)
+    turns = np.repeat(np.arange(last), count) + antenna.turns_to(measurement[:, 1])
+    kept = radar.visibility.sees(measurement) > 0.0
+    return Plots(
+        turns[kept],
+        measurement[kept],
+        amplitude[kept],
+        np.zeros(int(np.count_nonzero(kept)), dtype=np.int64),
+    )
+
+
+def reports_of(scenario: Scenario, index: int, plots: Plots, layout: RadarInput) -> list[Report]:
+    """Return the plots of one radar by turn, or by sector; also those without plots.
+
+    Turns that had begun before scan 0, or had not ended at the last scan, are left out.
+    """
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    offset = antenna.bearing / FULL_TURN
+    parts = max(layout.sectors, 1)
+    first = int(np.ceil(offset)) * parts
+    end_turn = scenario.duration_s / radar.rotation_s + offset
+    last = int(np.floor(end_turn * parts + 1e-9))
+    edges = np.searchsorted(plots.turns * parts, np.arange(first, last + 1))
+    reports = []
+    for number, begin, end in zip(range(first, last), edges[:-1], edges[1:], strict=True):
+        end_s = ((number + 1) / parts - offset) * radar.rotation_s
+        rows = slice(int(begin), int(end))
+        time_s = (plots.turns[rows] - (number + 1) / parts) * radar.rotation_s
+        coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
+        detections = _reported(plots, rows, time_s, coverage, layout)
+        reports.append(Report(index, scenario.ns_after(end_s), detections, plots.source[rows]))
+    return reports
+
+
+def _reported(
+    plots: Plots, rows: slice, time_s: FloatArray, coverage: Coverage | None, layout: RadarInput
+) -> Detections:
+    """Return some plots as detections, with what the radar's messages have."""
+    return Detections(
+        plots.measurement[rows],
+        plots.amplitude[rows] if layout.amplitude_field else None,
+        time_s=time_s if layout.time_field else None,
+        coverage=coverage,
+    )
+
+
+def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:
+    """Return the azimuths of a sector, counted from the y axis in the antenna's sense."""
+    width = FULL_TURN / sectors
+    start = -(sector + 1) * width if antenna.clockwise else sector * width
+    return Coverage(float(wrap_angle(np.array(np.pi / 2.0 + start))), width)
+
+
+def _still_reports(
+    scenario: Scenario, index: int, layout: RadarInput, rng: np.random.Generator
+) -> list[Report]:
+    """Return the reports of a radar that does not turn: one at every scan."""
+    snr_of = np.array([target.snr for target in scenario.targets])
+    reports = []
+    for scan in range(scenario.scans):
+        truth = truth_at(scenario, scan)
+        snr = snr_of[truth.track_id - 1]
+        found, source = detect(truth, snr, scenario.radars[index], rng)
+        if not layout.amplitude_field:
+            found = Detections(found.measurement, None)
+        reports.append(Report(index, truth.stamp_ns, found, source))
+    return reports

@@ -1,0 +1,191 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Random air traffic around an airfield: arrivals, departures, overflights, taxiing aircraft.
+
+The world is a plane: of climbs and descents the change of speed is simulated, not the height.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .flight import ROUNDING_S, Flight, Leg
+from .geodesy import STANDARD_GRAVITY
+
+# Shares of arrivals and of departures among the aircraft in the air; the others fly over.
+ARRIVALS, DEPARTURES = 0.4, 0.3
+# Metres per second at take-off and landing, in the terminal area, and en route.
+RUNWAY_SPEED, TERMINAL_SPEED, CRUISE_SPEED = (65.0, 80.0), (110.0, 150.0), (190.0, 250.0)
+# Seconds at the first two of these speeds, between changes.
+RUNWAY_S, TERMINAL_S = (20.0, 50.0), (60.0, 180.0)
+# m/s^2 of an aircraft that climbs or descends.
+ACCELERATION = (0.25, 0.7)
+# Turns: degrees of bank, degrees, seconds straight on between them, and degrees per second of a
+# standard turn, which none exceeds.
+BANK_DEG, TURN_DEG, STRAIGHT_S, STANDARD_DEG_S = (15.0, 27.0), (15.0, 110.0), (30.0, 150.0), 3.0
+# Take-offs and landings are within this distance of the field's reference point, metres.
+RUNWAY = 1000.0
+# Taxiing: metres per second, m/s^2, seconds of a turn, straight on and at a holding point; metres
+# from the reference point.
+TAXI_SPEED, TAXI_ACCELERATION, TAXI_TURN_S = (5.0, 10.0), 1.0, 6.0
+TAXI_STRAIGHT_S, HOLD_S, APRON = (15.0, 50.0), (10.0, 45.0), 1500.0
+# A way out of the radius takes less, seconds.
+LONGEST_S = 3600.0
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """What random traffic is drawn from.
+
+    Parameters
+    ----------
+    aircraft, taxiing : int
+        Number of aircraft in the air, and of those that taxi.
+    seed : int
+    centre : tuple of two floats
+        Reference point of the airfield, world frame, metres.
+    radius : float
+        Aircraft begin and end within this distance of the centre, metres.
+    duration_s : float
+    snr : float
+        Mean signal-to-noise ratio of all, linear.
+    """
+
+    aircraft: int
+    taxiing: int
+    seed: int
+    centre: tuple[float, float]
+    radius: float
+    duration_s: float
+    snr: float
+
+
+def draw(traffic: Traffic) -> tuple[Flight, ...]:
+    """Return the aircraft, those in the air first; equal traffic gives equal flights.
+
+    Each has a generator of its own, so that more aircraft do not change the others.
+    """
+    in_the_air = [
+        _in_the_air(traffic, np.random.default_rng([traffic.seed, 0, number]))
+        for number in range(traffic.aircraft)
+    ]
+    taxiing = [
+        _taxiing(traffic, np.random.default_rng([traffic.seed, 1, number]))
+        for number in range(traffic.taxiing)
+    ]
+    return (*in_the_air, *taxiing)
+
+
+def _in_the_air(traffic: Traffic, rng: np.random.Generator) -> Flight:
+    kind = rng.random()
+    if kind >= ARRIVALS + DEPARTURES:
+        return _overflight(traffic, rng)
+    way = _within(traffic, _climb(traffic, rng))
+    length_s = way.end_s - way.start_s
+    if kind < ARRIVALS:
+        way = _reversed(way)
+    # It begins outside the run or ends after it by chance, but is there for a quarter of it.
+    there_s = min(0.25 * traffic.duration_s, length_s)
+    start_s = rng.uniform(there_s - length_s, traffic.duration_s - there_s)
+    return _cut(replace(way, start_s=start_s), 0.0, traffic.duration_s)
+
+
+def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
+    """Return a flight that takes off at 0 s and leaves, faster in two steps."""
+    speeds = [rng.uniform(*limits) for limits in (RUNWAY_SPEED, TERMINAL_SPEED, CRUISE_SPEED)]
+    acceleration = rng.uniform(*ACCELERATION)
+    legs = [
+        Leg(rng.uniform(*RUNWAY_S)),
+        Leg((speeds[1] - speeds[0]) / acceleration, acceleration=acceleration),
+        *_vectors(rng, speeds[1], rng.uniform(*TERMINAL_S)),
+        Leg((speeds[2] - speeds[1]) / acceleration, acceleration=acceleration),
+        *_vectors(rng, speeds[2], LONGEST_S),
+    ]
+    return _flight(traffic, rng, RUNWAY, speeds[0], legs)
+
+
+def _overflight(traffic: Traffic, rng: np.random.Generator) -> Flight:
+    speed = rng.uniform(*CRUISE_SPEED)
+    way = _flight(traffic, rng, 0.9 * traffic.radius, speed, list(_vectors(rng, speed, LONGEST_S)))
+    return _cut(_within(traffic, way), 0.0, traffic.duration_s)
+
+
+def _taxiing(traffic: Traffic, rng: np.random.Generator) -> Flight:
+    """Return an aircraft on the ground: straight, right-angled turns, stops at holding points."""
+    speed = rng.uniform(*TAXI_SPEED)
+    braking_s = speed / TAXI_ACCELERATION
+    legs: list[Leg] = []
+    while sum(leg.duration_s for leg in legs) < traffic.duration_s:
+        legs.append(Leg(rng.uniform(*TAXI_STRAIGHT_S)))
+        if rng.random() < 0.5:
+            legs.append(Leg(TAXI_TURN_S, rng.choice([-0.5, 0.5]) * np.pi / TAXI_TURN_S))
+        else:
+            legs += [
+                Leg(braking_s, acceleration=-TAXI_ACCELERATION),
+                Leg(rng.uniform(*HOLD_S)),
+                Leg(braking_s, acceleration=TAXI_ACCELERATION),
+            ]
+    return _cut(_flight(traffic, rng, APRON, speed, legs), 0.0, traffic.duration_s)
+
+
+def _vectors(rng: np.random.Generator, speed: float, duration_s: float) -> Iterator[Leg]:
+    """Yield straight legs and turns in alternation, for at least this long."""
+    flown_s = 0.0
+    while flown_s < duration_s:
+        bank = np.radians(rng.uniform(*BANK_DEG))
+        rate = min(STANDARD_GRAVITY * np.tan(bank) / speed, np.radians(STANDARD_DEG_S))
+        angle = np.radians(rng.uniform(*TURN_DEG))
+        side = rng.choice([-1.0, 1.0])
+        for leg in (Leg(rng.uniform(*STRAIGHT_S)), Leg(angle / rate, side * rate)):
+            flown_s += leg.duration_s
+            yield leg
+
+
+def _flight(
+    traffic: Traffic, rng: np.random.Generator, apart: float, speed: float, legs: Sequence[Leg]
+) -> Flight:
+    """Return a flight from a random point within a distance of the centre, at 0 s."""
+    distance = apart * np.sqrt(rng.random())
+    bearing, course = rng.uniform(-np.pi, np.pi, 2)
+    x, y = traffic.centre
+    position = float(x + distance * np.cos(bearing)), float(y + distance * np.sin(bearing))
+    velocity = float(speed * np.cos(course)), float(speed * np.sin(course))
+    return Flight(0, traffic.snr, 0.0, position, velocity, tuple(legs))
+
+
+def _within(traffic: Traffic, flight: Flight) -> Flight:
+    """Return a flight until it leaves the radius for the first time."""
+    seconds = np.arange(flight.start_s, flight.end_s, 1.0)
+    position = flight.states(seconds)[:, [0, 2]]
+    outside = np.hypot(*(position - traffic.centre).T) > traffic.radius
+    return _cut(flight, flight.start_s, seconds[np.argmax(outside)] if outside.any() else np.inf)
+
+
+def _cut(flight: Flight, first_s: float, last_s: float) -> Flight:
+    """Return the part of a flight between two times."""
+    ends = flight.start_s + np.cumsum([leg.duration_s for leg in flight.legs])
+    begins = np.concatenate([[flight.start_s], ends[:-1]])
+    parts = np.minimum(ends, last_s) - np.maximum(begins, first_s)
+    legs = tuple(
+        replace(leg, duration_s=float(part))
+        for leg, part in zip(flight.legs, parts, strict=True)
+        if part > ROUNDING_S
+    )
+    start_s = max(flight.start_s, first_s)
+    x, vx, y, vy, _ = flight.states(np.array([start_s]))[0].tolist()
+    return replace(flight, start_s=start_s, position=(x, y), velocity=(vx, vy), legs=legs)
+
+
+def _reversed(flight: Flight) -> Flight:
+    """Return a flight along the same way from its end to its beginning, at the same speeds."""
+    x, vx, y, vy, _ = flight.states(np.array([flight.end_s]))[0].tolist()
+    legs = tuple(
+        Leg(leg.duration_s, -leg.turn_rate, -leg.acceleration) for leg in reversed(flight.legs)
+    )
+    return replace(flight, position=(x, y), velocity=(-vx, -vy), legs=legs)

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Runs of radars whose antennas turn, and this package's tracker on them, through its pipeline.
+
+All trackers are scored at the end of each turn of the first radar that turns, with their estimates
+predicted to it. Only targets in the air are scored: what is slower taxis.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.evaluation.metrics import assign
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
+from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
+from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
+from phd_jdtc_ros.core.types import FILTERED, FULL_TURN, SMOOTHED, SOURCES, Estimates, Truth
+
+from .runs import SimulatedRun, Tracked
+
+# Targets slower than this, metres per second, are not scored.
+LEAST_SPEED = 40.0
+# An estimate nearer than this to a target that is not scored is its, metres.
+NEAR_SLOW = 1000.0
+# Estimates older than this, in turns, are not predicted to a stamp.
+OLDEST_TURNS = 1.5
+
+
+def turn_ends(scenario: Scenario) -> list[float]:
+    """Return when the turns of the first radar that turns end, seconds after scan 0."""
+    index = next(k for k, radar in enumerate(scenario.radars) if radar.rotation_s > 0.0)
+    rotation_s = scenario.radars[index].rotation_s
+    offset = scenario.antennas[index].bearing / FULL_TURN
+    first, last = int(np.ceil(offset)) + 1, scenario.duration_s / rotation_s + offset
+    return [(turn - offset) * rotation_s for turn in range(first, int(last + 1e-9) + 1)]
+
+
+def turning_run(scenario: Scenario, seed: int) -> SimulatedRun:
+    """Return a run with the truth in the air at the end of each turn; it has no scans."""
+    truth = tuple(_in_the_air(truth_after(scenario, end)) for end in turn_ends(scenario))
+    return SimulatedRun(scenario, seed, truth, (), ())
+
+
+def _in_the_air(truth: Truth) -> Truth:
+    rows = np.flatnonzero(np.hypot(*truth.velocity.T) >= LEAST_SPEED)
+    return Truth(
+        truth.stamp_ns, truth.state[rows], truth.track_id[rows], truth.class_id[rows], truth.space
+    )
+
+
+def in_the_air(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
+    """Return a tracker's estimates at the stamps of the truth without those of slow targets.
+
+    Targets and estimates are paired by position; false estimates stay.
+    """
+    rest = []
+    for scored, points in zip(run.truth, found, strict=True):
+        everything = truth_after(run.scenario, (scored.stamp_ns - run.scenario.start_ns) * 1e-9)
+        target, estimate = assign(everything.position, points.position, NEAR_SLOW)
+        slow = ~np.isin(everything.track_id[target], scored.track_id)
+        rest.append(points.only(np.delete(np.arange(len(points)), estimate[slow])))
+    return rest
+
+
+def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int]) -> Tracked:
+    """Return this package's estimates of a run, by lag in turns.
+
+    Parameters
+    ----------
+    run : SimulatedRun
+        Of `turning_run`; its seed is also that of the filter.
+    parameters : mapping
+        Of the tracker. How the radars report is theirs too; the plots do not depend on it.
+    lags : sequence of int
+        Turns; 0 is the filter, which is also that of the longest lag.
+
+    Notes
+    -----
+    The tracker runs once for each lag above 0. The CPU time is that of the last run.
+    """
+    tracks: dict[int, list[PointSet]] = {}
+    scenario, rotation_s, spent_s = run.scenario, _rotation_s(run.scenario), 0.0
+    for lag in sorted(lag for lag in {*lags, 0} if lag or not any(lags)):
+        given = {**parameters, "seed": run.seed, "lag": 0, "lag_s": lag * rotation_s}
+        found, spent_s = estimates_of(scenario, resolve(given), run.seed)
+        for source, of_lag in ((FILTERED, 0), (SMOOTHED, lag)):
+            if of_lag in lags:
+                stamps = [truth.stamp_ns for truth in run.truth]
+                points = at_stamps(found[source], stamps, OLDEST_TURNS * rotation_s)
+                tracks[of_lag] = in_the_air(run, points)
+    return Tracked(tracks, 1e3 * spent_s / max(len(run.truth), 1))
+
+
+def _rotation_s(scenario: Scenario) -> float:
+    return next(radar.rotation_s for radar in scenario.radars if radar.rotation_s > 0.0)
+
+
+def estimates_of(
+    scenario: Scenario, config: TrackerConfig, seed: int
+) -> tuple[dict[str, list[Estimates]], float]:
+    """Return the estimates of a seeded run by source, and the CPU time in seconds."""
+    reports = simulate_reports(scenario, config.inputs, seed)
+    found: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
+    begin = time.process_time()
+    for event in _events(config, reports):
+        if isinstance(event, RunEnded):
+            found[SMOOTHED] += event.smoothed
+        else:
+            found[FILTERED] += event.step.filtered
+            found[SMOOTHED] += event.step.smoothed
+    return found, time.process_time() - begin
+
+
+def _events(config: TrackerConfig, reports: Iterable[Report]) -> Iterator[Event]:
+    pipeline = new_pipeline(config)
+    for report in reports:
+        events = pipeline.add(report.radar, report.stamp_ns, report.detections)
+        if not isinstance(events, Rejection):
+            yield from events
+    yield from pipeline.flush()
+
+
+def at_stamps(
+    found: Sequence[Estimates], stamps_ns: Sequence[int], oldest_s: float
+) -> list[PointSet]:
+    """Return the newest estimates at each stamp, predicted to it.
+
+    Parameters
+    ----------
+    found : sequence of Estimates
+    stamps_ns : sequence of int
+    oldest_s : float
+        Where the newest are older, seconds, there are none.
+    """
+    ordered = sorted(found, key=lambda estimates: estimates.stamp_ns)
+    known_ns = [estimates.stamp_ns for estimates in ordered]
+    points = []
+    for stamp_ns in stamps_ns:
+        last = int(np.searchsorted(known_ns, stamp_ns, side="right")) - 1
+        if last < 0 or stamp_ns - known_ns[last] > oldest_s * 1e9:
+            points.append(PointSet(np.zeros((0, 2)), np.zeros(0, dtype=np.int64)))
+            continue
+        newest = ordered[last]
+        position = newest.position + (stamp_ns - known_ns[last]) * 1e-9 * newest.velocity
+        points.append(PointSet(position, newest.class_id, newest.track_id, newest.velocity))
+    return points
