@@ -241,7 +241,7 @@ def _goals(figures: Sequence[Mapping[str, Any]]) -> Table:
         table.add_row(
             escape(figure["name"]),
             escape(value),
-            f"{sign} {figure['goal']:g}",
+            f"{sign} {figure['goal']:.4g}",
             reached,
             style=style,
         )
