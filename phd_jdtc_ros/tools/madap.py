@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,7 +21,7 @@ from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.core.simulation.scenario import truth_at
 from phd_jdtc_ros.core.simulation.sweep import simulate_reports
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.exit_status import OK
+from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.study import madap, turning
 from phd_jdtc_ros.study.peers.plot_kalman import follow
 
@@ -87,7 +86,7 @@ def _shortened(document: Mapping[str, Any], minutes: float | None) -> dict[str, 
 
 def main(argv: Sequence[str]) -> int:
     """Run the benchmark."""
-    parser = argparse.ArgumentParser("madap", description=__doc__)
+    parser = ArgumentParser("madap", description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, help="the first of the run only")
     parser.add_argument("--out", type=Path, default=Path("out/study"), help="%(default)s")

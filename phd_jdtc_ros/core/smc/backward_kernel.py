@@ -26,7 +26,7 @@ from ..models.modes import ModeSpace
 from ..models.tracker_model import TrackerModel
 from ..pair_search import kernels
 from ..pair_search.rows import Points, Queries
-from . import kernel_thinning
+from . import kernel_thinning, strata
 from .correction import Corrector
 from .particle_set import Aged, ParticleSet
 from .spawn_intensity import spawn_intensity
@@ -218,7 +218,8 @@ def _within_origins(
         modes.class_of[side.mode] + len(modes.classes) * side.origin for side in (later, earlier)
     ]
     group = factorize(np.concatenate(key))[1]
-    later_group, earlier_group = group[: len(later)], group[len(later) :]
+    groups = group[: len(later)], group[len(later) :]
+    later_group, earlier_group = strata.parted(kernel, modes, earlier, later, groups, GATE_SIGMA)
     every = np.arange(len(later))
     compiled = kernels.chosen().kernel_within_groups
     if compiled is None or len(group) == 0:

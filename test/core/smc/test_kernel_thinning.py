@@ -9,8 +9,9 @@ from scenes import gaussian_cloud, intensity, small
 
 from phd_jdtc_ros.core.models.motion import sample
 from phd_jdtc_ros.core.pair_search import kernels
-from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning
+from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning, strata
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
+from phd_jdtc_ros.core.smc.transition_density import transition_density
 
 COUNT = 600
 
@@ -107,6 +108,7 @@ def test_a_thinned_dense_kernel_gives_the_same_weights(interval, monkeypatch):
     few = backward_kernel.build(earlier, later, model, BERNOULLI, interval)
     limit = kernel_thinning.MOST
     monkeypatch.setattr(kernel_thinning, "MOST", 1_000_000)
+    monkeypatch.setattr(strata, "DENSE", 1_000_000)
     every = backward_kernel.build(earlier, later, model, BERNOULLI, interval)
     assert every.ratio.nnz > 100 * COUNT
     assert np.diff(few.ratio.indptr).max() <= limit
@@ -135,3 +137,29 @@ def test_thinning_does_not_depend_on_the_backend(interval, monkeypatch):
                 backward_kernel.build(earlier, later, model, BERNOULLI, interval).ratio.toarray()
             )
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=1e-9, atol=0.0)
+
+
+def groups_of(interval, origins, rows=COUNT):
+    """Return the groups that rows of some origins are searched in, later and earlier ones."""
+    model, earlier, later = dense_scene(interval)
+    modes, motions = model.modes, dict.fromkeys(model.modes.motions)
+    successor = {motion: motion.mean(earlier.state, interval) for motion in motions}
+    noise = {motion: motion.noise_covariance(interval) for motion in motions}
+    kernel = transition_density(
+        modes, modes.transition(interval), noise, successor, np.ones(len(earlier))
+    )
+    group = np.arange(rows) % origins
+    return strata.parted(kernel, modes, earlier, later, (group, group), backward_kernel.GATE_SIGMA)
+
+
+def test_dense_group_is_parted_evenly():
+    for side in groups_of(60.0, origins=1):
+        size = np.bincount(side)
+        assert 2 <= len(size) <= COUNT // strata.LEFT
+        assert size.max() - size.min() <= 1
+
+
+@pytest.mark.parametrize(("interval", "origins"), [(1.0, 1), (60.0, 4)], ids=["sparse", "small"])
+def test_group_of_few_pairs_is_left_whole(interval, origins):
+    later, earlier = groups_of(interval, origins)
+    assert later.max() == earlier.max() == origins - 1
