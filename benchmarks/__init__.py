@@ -6,14 +6,15 @@
 Not part of the installed package. The data's path::
 
     scenes      scenes with any number of targets, and the tracker's configuration for them
+    traffic     the same for aircraft and a radar that turns
     recursion   the engine's step, divided into its parts      -> parts, stored sets
     forms       the paper's dense smoother and a k-d tree's    -> baselines
     timing      interleaved rounds, medians, memory
       |
-    smoothing, growth, steps, messages, peers, live            one measurement each
+    smoothing, growth, steps, messages, peers, live, turning   one measurement each
       |
     goals -> report (tables), plots, out/bench/summary.json
 
-Everything runs in one process on one thread, except that the live measurement starts the tracker
-node as a second process. Times are CPU times, except those over DDS.
+Everything runs in one process on one thread, except that the live measurements start the
+tracker node as a second process. Times are CPU times, except those over DDS.
 """

@@ -27,11 +27,13 @@ from . import (
     searches,
     smoothing,
     steps,
+    turning,
 )
 
-# The live part comes first, when the machine is coolest and this process smallest.
+# The live parts come first, when the machine is coolest and this process smallest.
 PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "live": live.measure,
+    "turning": turning.measure,
     "messages": messages.measure,
     "peers": peers.measure,
     "steps": steps.measure,

@@ -19,14 +19,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.types import Scan
 
 from . import messages
+from .timing import percentiles
 
 START_S, STOP_S = 30.0, 10.0
 # A scan without an estimate after this time is lost.
@@ -54,8 +53,8 @@ def measure(quick: bool) -> dict[str, Any]:
     scans = _scans(20 if quick else 60)
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
-        stack.enter_context(_tracker(log))
-        radars = stack.enter_context(contextlib.closing(Radars()))
+        stack.enter_context(tracker(log))
+        radars = stack.enter_context(contextlib.closing(Radars(resolve({}).inputs)))
         if not radars.connected(START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
         latency = _latency(radars, scans, repeats=1 if quick else 6)
@@ -74,11 +73,11 @@ def _scans(count: int) -> list[Scan]:
 
 
 @contextlib.contextmanager
-def _tracker(log: Path) -> Iterator[None]:
-    """Run the tracker node within the context."""
+def tracker(log: Path, *arguments: str) -> Iterator[None]:
+    """Run the tracker node with these arguments within the context."""
     with log.open("wb") as stream:
         process = subprocess.Popen(
-            [sys.executable, "-m", "phd_jdtc_ros", "tracker"],
+            [sys.executable, "-m", "phd_jdtc_ros", "tracker", *arguments],
             stdout=stream,
             stderr=subprocess.STDOUT,
             env=dict(os.environ),
@@ -109,15 +108,10 @@ def _latency(radars: Any, scans: list[Scan], repeats: int) -> dict[str, Any] | N
             radars.spin(PAUSE_S)
     return {
         "scans": len(steps),
-        "estimate_ms": _percentiles(estimate),
-        "beyond_step_ms": _percentiles(beyond),
-        "step_ms": _percentiles(steps),
+        "estimate_ms": percentiles(estimate),
+        "beyond_step_ms": percentiles(beyond),
+        "step_ms": percentiles(steps),
     }
-
-
-def _percentiles(values: list[float]) -> dict[str, float]:
-    p50, p99 = np.percentile(values, [50, 99])
-    return {"p50": float(p50), "p99": float(p99), "most": float(max(values))}
 
 
 def _highest_rate(radars: Any, scans: list[Scan], rate_hz: float) -> dict[str, Any]:

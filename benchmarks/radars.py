@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import rclpy
@@ -16,7 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import detections, diagnostics, names, stamps
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Scan
 
 # That one side has discovered the other does not mean that the other has too.
@@ -35,11 +36,14 @@ class Reply:
         Time at which the scan's latest message was received.
     step_ms : float
         CPU time of the step as reported by the tracker; nan before.
+    targets : float
+        Expected number of targets as reported by the tracker; nan before.
     """
 
     estimate_s: float = float("nan")
     last_s: float = float("nan")
     step_ms: float = float("nan")
+    targets: float = float("nan")
 
     @property
     def whole(self) -> bool:
@@ -48,15 +52,21 @@ class Reply:
 
 
 class Radars:
-    """Publishes clouds to the tracker and records when its replies come."""
+    """Publishes clouds to the tracker and records when its replies come.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    inputs : sequence of RadarInput
+        Topics and layouts of the clouds, one per radar.
+    """
+
+    def __init__(self, inputs: Sequence[RadarInput]) -> None:
         self._context = rclpy.Context()
         rclpy.init(context=self._context)
         self._node = rclpy.create_node("benchmark_radars", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._inputs = resolve({}).inputs
+        self._inputs = tuple(inputs)
         self._outputs = [
             self._node.create_publisher(PointCloud2, radar.topic, 50) for radar in self._inputs
         ]
@@ -95,7 +105,7 @@ class Radars:
     def send(self, scan: Scan) -> float:
         """Publish a scan's clouds; return the time just before the last was published."""
         clouds = [
-            detections.to_msg(report, scan.stamp_ns, radar.frame)
+            detections.to_msg(report, scan.stamp_ns, radar.frame, radar)
             for report, radar in zip(scan.detections, self._inputs, strict=True)
             if report is not None
         ]
@@ -104,15 +114,29 @@ class Radars:
             output.publish(cloud)
         return sent
 
-    def wait_for(self, stamp_ns: int, timeout_s: float) -> Reply | None:
-        """Return a scan's reply once it is complete, or None after the timeout."""
+    def wait_for(self, stamp_ns: int, timeout_s: float, length_ns: int = 1) -> Reply | None:
+        """Return what `reply_to` returns once it is there, or None after the timeout."""
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
-            reply = self.replies.get(stamp_ns)
-            if reply is not None and reply.whole:
+            reply = self.reply_to(stamp_ns, length_ns)
+            if reply is not None:
                 return reply
             self._executor.spin_once(timeout_sec=0.05)
         return None
+
+    def reply_to(self, stamp_ns: int, length_ns: int = 1) -> Reply | None:
+        """Return the last complete reply to a report, None if there is none.
+
+        Parameters
+        ----------
+        stamp_ns : int
+        length_ns : int
+            Time that the report covers until its stamp: the tracker gives the scan of a sector a
+            stamp within it.
+        """
+        whole = {stamp: reply for stamp, reply in self.replies.items() if reply.whole}
+        last = max((s for s in whole if stamp_ns - length_ns < s <= stamp_ns), default=None)
+        return None if last is None else whole[last]
 
     def spin(self, seconds: float) -> None:
         """Receive messages for a time."""
@@ -127,7 +151,8 @@ class Radars:
     def _on_figures(self, array: DiagnosticArray) -> None:
         reply = self._reply(stamps.to_ns(array.header.stamp))
         reply.last_s = time.monotonic()
-        reply.step_ms = float(diagnostics.values_of(array.status[0])["step_ms"])
+        values = diagnostics.values_of(array.status[0])
+        reply.step_ms, reply.targets = float(values["step_ms"]), float(values["total"])
 
     def _reply(self, stamp_ns: int) -> Reply:
         return self.replies.setdefault(stamp_ns, Reply())

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from .recursion import PARTS
+from .turning import ONE_CLOUD
 
 
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
@@ -33,6 +34,8 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
         yield _messages(summary["messages"])
     if "estimate_ms" in summary.get("live", {}):
         yield _live(summary["live"])
+    if "turning" in summary:
+        yield from _turning(summary["turning"])
     yield _goals(summary["figures"])
 
 
@@ -190,6 +193,44 @@ def _live(live: Mapping[str, Any]) -> Table:
     return table
 
 
+def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
+    if "latency_s" in found["latency"]:
+        yield _sector_latency(found["latency"])
+    cost = found["cost"]
+    table = _table(
+        "a turn of 50 aircraft, CPU medians",
+        "reports",
+        *cost,
+        *(f"{backend}, times one cloud" for backend in cost),
+        caption="estimates once a turn, except where they are said to go out at each sector",
+    )
+    forms = next(iter(cost.values()))
+    for form in forms:
+        medians = [of_backend[form]["median_ms"] for of_backend in cost.values()]
+        ratios = [
+            median / of_backend[ONE_CLOUD]["median_ms"]
+            for median, of_backend in zip(medians, cost.values(), strict=True)
+        ]
+        table.add_row(form, *map(_ms, medians), *map(_number, ratios))
+    yield table
+
+
+def _sector_latency(found: Mapping[str, Any]) -> Table:
+    table = _table(
+        f"a turning radar over DDS, {found['sectors']} sectors in real time",
+        "of a detection",
+        "p50",
+        "p99",
+        "most",
+        caption=f"{found['detections']} detections, {found['targets']:.0f} aircraft tracked",
+    )
+    columns = ("p50", "p99", "most")
+    late = found["latency_s"]
+    table.add_row("to the estimates of its sector", *(f"{late[c]:.3f} s" for c in columns))
+    table.add_row("the step (CPU)", *(_ms(found["step_ms"][c]) for c in columns))
+    return table
+
+
 def _goals(figures: Sequence[Mapping[str, Any]]) -> Table:
     table = _table("goals", "figure", "value", "goal", "reached")
     for figure in figures:
@@ -200,7 +241,7 @@ def _goals(figures: Sequence[Mapping[str, Any]]) -> Table:
         table.add_row(
             escape(figure["name"]),
             escape(value),
-            f"{sign} {figure['goal']:g}",
+            f"{sign} {figure['goal']:.4g}",
             reached,
             style=style,
         )

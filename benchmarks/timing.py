@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 
 class Case(NamedTuple):
@@ -63,6 +64,12 @@ def spread(times_ms: list[float]) -> dict[str, float]:
         "upper_quartile_ms": float(high),
         "rounds": len(times_ms),
     }
+
+
+def percentiles(values: npt.ArrayLike) -> dict[str, float]:
+    """Return the median, the 99th percentile and the largest of values."""
+    p50, p99, most = np.percentile(values, [50, 99, 100])
+    return {"p50": float(p50), "p99": float(p99), "most": float(most)}
 
 
 def peak_bytes(call: Callable[[], Any]) -> int:

@@ -22,17 +22,23 @@ from benchmarks import (
     recursion,
     scenes,
     searches,
+    sector_latency,
     smoothing,
     timing,
+    traffic,
+    turning,
 )
 from benchmarks import report as tables
+from benchmarks.radars import Reply
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario, truth_at
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario, truth_after, truth_at
 from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
+from phd_jdtc_ros.core.types import Detections
 
 LAG = 3
 BORN_ANYWHERE = {"detection_births.rates": [0.01, 0.01], "detection_births.particles": 64}
@@ -185,6 +191,101 @@ def test_exponent_is_that_of_a_power_law():
     )
 
 
+def test_traffic_is_fifty_aircraft_within_range_from_first_to_last():
+    config = traffic.configuration({})
+    scene = traffic.scene(16, config, seed=0)
+    reports = simulate_reports(scene, config.inputs, seed=0)
+
+    assert len(reports) == 16
+    for turn in range(17):
+        truth = truth_after(scene, 4.0 * turn)
+        assert len(truth.state) == 50
+        assert (
+            config.model.radars[0]
+            .visibility.sees(config.model.radars[0].measure(truth.state))
+            .all()
+        )
+    assert {each for report in reports for each in report.source} == set(range(51))
+
+
+def test_a_turn_is_of_a_tracker_that_has_all_aircraft_in_every_form(cost):
+    assert set(cost) == set(backends.available())
+    for forms_of in cost.values():
+        assert set(forms_of) == set(turning.FORMS)
+        for found in forms_of.values():
+            assert found["rounds"] == 1
+            assert found["targets"] == pytest.approx(50.0, abs=2.0)
+
+
+@pytest.fixture(scope="module")
+def cost():
+    """The cost of one turn."""
+    return turning.cost(1)
+
+
+def test_latency_is_from_the_time_of_a_detection_to_the_estimates_of_its_sector():
+    found = [Detections(np.ones((n, 2)), None, -0.1 * np.arange(n)) for n in (2, 0, 1)]
+    reports = [
+        Report(0, (1000 + k) * 10**9, each, np.zeros(len(each), dtype=np.int64))
+        for k, each in enumerate(found)
+    ]
+    replies = [Reply(estimate_s=7.02), Reply(estimate_s=8.5), Reply(estimate_s=9.03)]
+
+    late = sector_latency.latencies(reports, replies, zero_s=-993.0)
+    assert_allclose(late, [0.02, 0.12, 0.03], atol=1e-9)
+
+
+@pytest.mark.live
+def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(monkeypatch):
+    # What the measurement sets is forgotten afterwards.
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS"):
+        monkeypatch.setenv(name, "")
+    found = sector_latency.of_turns(1)
+
+    assert found.get("reason") is None
+    assert found["sectors"] == 16
+    assert found["detections"] >= 40
+    assert found["targets"] == pytest.approx(50.0, abs=2.0)
+    # The antenna passes a sector in 0.25 s, and its detections wait for its end.
+    assert 0.1 < found["latency_s"]["p50"] < found["latency_s"]["most"]
+    assert found["step_ms"]["p99"] > 0.0
+
+
+def test_latency_by_sectors_may_be_longer_by_a_step(cost):
+    latency = {"latency_s": {"p99": 0.31}, "step_ms": {"p99": 20.0}}
+    of_turning = {"turning": {"latency": latency, "cost": cost}}
+    figures = {figure["name"]: figure for figure in goals.judged(of_turning)}
+    of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
+
+    assert of_sectors["goal"] == pytest.approx(0.32)
+    assert of_sectors["reached"] is True
+    latency["step_ms"]["p99"] = 5.0
+    assert goals.judged(of_turning)[-3]["reached"] is False
+    assert figures["turn of 50 aircraft (NumPy), ms"]["value"] > 0.0
+    assert figures["a turn by 16 sectors against one cloud, times"]["value"] > 0.0
+
+
+def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
+    latency = {
+        "sectors": 160,
+        "detections": 555,
+        "targets": 50.1,
+        "latency_s": {"p50": 0.15, "p99": 0.277, "most": 0.29},
+        "step_ms": {"p50": 11.0, "p99": 20.0, "most": 22.0},
+    }
+    of_turning = {"turning": {"latency": latency, "cost": cost}}
+    page = tables.markdown(tables.tables({**of_turning, "figures": goals.judged(of_turning)}))
+
+    assert "| to the estimates of its sector | 0.150 s | 0.277 s | 0.290 s |" in page
+    assert "555 detections, 50 aircraft tracked" in page
+    for form in turning.FORMS:
+        assert f"| {form} | " in page
+    missing = {"turning": {"latency": {"value": None, "reason": "rclpy is missing"}, "cost": cost}}
+    figures = goals.judged(missing)
+    assert "in real time" not in tables.markdown(tables.tables({**missing, "figures": figures}))
+    assert figures[-3]["reason"] == "rclpy is missing"
+
+
 @pytest.fixture(scope="module")
 def summary():
     """The quick run of all that needs no ROS."""
@@ -194,7 +295,7 @@ def summary():
 def test_summary_holds_every_figure(summary):
     names = [figure["name"] for figure in summary["figures"]]
 
-    assert len(names) == len(set(names)) == 18
+    assert len(names) == len(set(names)) == 21
     for figure in summary["figures"]:
         keys = {"name", "value", "goal", "at_most", "reached"}
         if figure["value"] is None:

@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A radar that turns: latency by sectors over DDS, and the cost of a turn in two forms."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.pipeline import Pipeline, RunEnded, new_pipeline
+from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
+
+from . import backends, sector_latency, traffic
+from .timing import spread
+
+ONE_CLOUD = "one cloud"
+BY_SECTORS = f"{traffic.SECTORS} sectors"
+AT_EVERY_SECTOR = f"{traffic.SECTORS} sectors, estimates at each"
+FORMS: Mapping[str, Mapping[str, Any]] = {
+    ONE_CLOUD: {},
+    BY_SECTORS: traffic.BY_SECTORS,
+    AT_EVERY_SECTOR: traffic.AT_EVERY_SECTOR,
+}
+# Number of measured turns.
+TURNS = 20
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return the latency of detections, and the cost of a turn by the form of its reports."""
+    return {"latency": sector_latency.measure(quick), "cost": cost(2 if quick else TURNS)}
+
+
+def cost(turns: int) -> dict[str, Any]:
+    """Return the CPU time of a turn, by backend and form, after the first ones.
+
+    All backends and forms get the same plots and take turns, turn by turn.
+    """
+    cases = [(backend, form) for backend in backends.available() for form in FORMS]
+    configs = {form: traffic.configuration(changes) for form, changes in FORMS.items()}
+    pipelines = {case: new_pipeline(configs[case[1]]) for case in cases}
+    sent = {
+        form: list(_by_turn(config, traffic.SETTLING + turns)) for form, config in configs.items()
+    }
+    spent: dict[tuple[str, str], list[float]] = {case: [] for case in cases}
+    targets = dict.fromkeys(cases, 0.0)
+    for turn in range(traffic.SETTLING + turns):
+        for backend, form in cases:
+            with backends.using(backend):
+                begin = time.process_time()
+                targets[backend, form] = _take(pipelines[backend, form], sent[form][turn])
+                spent[backend, form].append(1e3 * (time.process_time() - begin))
+    return {
+        backend: {
+            form: {
+                **spread(spent[backend, form][traffic.SETTLING :]),
+                "targets": targets[backend, form],
+            }
+            for form in FORMS
+        }
+        for backend in backends.available()
+    }
+
+
+def _by_turn(config: TrackerConfig, turns: int) -> Iterator[Sequence[Report]]:
+    """Yield the reports of one turn after the other."""
+    scene = traffic.scene(turns, config, seed=0)
+    reports = iter(simulate_reports(scene, config.inputs, seed=0))
+    for _ in range(turns):
+        yield list(itertools.islice(reports, max(config.inputs[0].sectors, 1)))
+
+
+def _take(pipeline: Pipeline, reports: Sequence[Report]) -> float:
+    """Take in reports; return the expected number of targets after the last."""
+    mass = 0.0
+    for report in reports:
+        events = pipeline.add(report.radar, report.stamp_ns, report.detections)
+        if isinstance(events, Rejection):
+            raise RuntimeError(f"a report at {report.stamp_ns} ns was rejected: {events.value}")
+        for event in events:
+            if isinstance(event, RunEnded):
+                raise RuntimeError(f"a report at {report.stamp_ns} ns ended the run")
+            mass = float(event.step.class_mass.sum())
+    return mass
