@@ -36,7 +36,10 @@ GOAL = "10,000 hypothesis examples: 0 other errors, 0 NaN"
 BAGS = "bag reader on random damage"
 BAGS_GOAL = "0 errors but BagError, 0 false messages"
 EXAMPLES = 10_000
-FIELDS = ("x", "range", "azimuth", "elevation", "amplitude", "time", "sector", "height", "std")
+FIELDS = (
+    *("x", "range", "azimuth", "elevation", "amplitude", "time", "sector", "height"),
+    *("range_std", "azimuth_std"),
+)
 # All that a radar may say of a detection.
 RADAR = resolve(
     {
@@ -45,8 +48,8 @@ RADAR = resolve(
         "radar_1.fields.time": "time",
         "radar_1.fields.sector": "sector",
         "radar_1.fields.height": "height",
-        "radar_1.fields.range_std": "std",
-        "radar_1.fields.azimuth_std": "std",
+        "radar_1.fields.range_std": "range_std",
+        "radar_1.fields.azimuth_std": "azimuth_std",
     }
 ).inputs[0]
 

@@ -153,6 +153,34 @@ def test_evaluator_ends_by_itself_after_the_wanted_scans(processes, peer, simula
     assert evaluator.returncode == 0
 
 
+def test_evaluator_ends_by_itself_where_estimates_have_stamps_of_their_own(
+    processes, peer, tmp_path
+):
+    """As of radars that turn: there may be more of them than of the truth's, and smoothed later."""
+    report = tmp_path / "metrics.json"
+    words = ("-p", "exit_after_scans:=3", "-p", f"report:={report}")
+    evaluator = processes.start("evaluator", "--ros-args", *words)
+    source = Source(peer)
+
+    def send(which, *quarters):
+        for quarter in quarters:
+            cloud = estimates.to_msg(found(quarter * SECOND // 4, *EMPTY), "map")
+            source.clouds[which].publish(cloud)
+
+    for second in (1, 2, 3):
+        source.send_truth(second * SECOND)
+    send("filtered", 5, 6, 7, 9)
+    send("smoothed", 5, 6, 7)
+    assert peer.spin_until(lambda: len(source.scores) == 7)
+    source.taken()
+    assert evaluator.poll() is None
+    send("smoothed", 9)
+
+    assert peer.spin_until(lambda: evaluator.poll() is not None)
+    metrics = json.loads(report.read_text())
+    assert (evaluator.returncode, metrics["scans"], metrics["truth_scans"]) == (0, 4, None)
+
+
 def test_evaluator_lives_on_after_a_malformed_cloud(processes, peer):
     evaluator = processes.start("evaluator")
     source = Source(peer)
