@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.models.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.simulation.flight import Flight, Leg
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.nodes.common import parameter_files
-from phd_jdtc_ros.tools import resources
 
 from .scenes import GOLDEN_ANGLE
 
