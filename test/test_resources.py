@@ -34,5 +34,19 @@ def test_bag_that_is_not_there_names_those_that_are(tmp_path, monkeypatch):
         resources.bag("four_classes")
     assert str(caught.value) == (
         "four_classes: no such bag; those shipped are clutter_50, manoeuvring, one_radar, "
-        "paper_scenario, three_classes"
+        "paper_scenario, terminal_radar, terminal_radar_by_sector, three_classes, "
+        "two_terminal_radars"
     )
+
+
+def test_profile_is_a_file_with_the_bag_that_shows_it():
+    path, bag = resources.profile("air_traffic")
+    assert path.name == "air_traffic.yaml"
+    assert bag == "terminal_radar"
+    assert resources.profile("surveillance")[1] == resources.DEFAULT_BAG
+
+
+@pytest.mark.parametrize("name", ["sea", "../config/surveillance"])
+def test_profile_that_is_not_there_names_those_that_are(name):
+    with pytest.raises(BagError, match=r"no such profile; those shipped are air_traffic, paper_"):
+        resources.profile(name)

@@ -78,3 +78,13 @@ def test_a_pause_does_not_count_until_it_is_hopeless():
     assert step.hopeless(resumed_s + GIVE_UP_S + 0.1)
     # What may follow is another matter: the estimate has been held back all the same.
     assert step.may_follow(resumed_s)
+
+
+def test_an_answer_may_be_older_by_the_delay():
+    step = LockStep(delay_s=2.0)
+    for stamp_s in (4, 8):
+        step.published(stamp_s * S, 0.0)
+    step.answered(round(3.9 * S), 0.1)
+    assert not step.may_follow(0.2)
+    step.answered(round(6.1 * S), 0.3)
+    assert step.may_follow(0.3)

@@ -320,3 +320,16 @@ def test_resolve_refuses_one_field_for_two_quantities():
     assert build.resolve(
         {"radar_1.message": "radar_scan", "radar_1.fields.azimuth": "range"}
     ).inputs
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, 0.0),
+        ({"radar_1.rotation_s": 4.0}, 1.0),
+        ({"radar_1.rotation_s": 4.0, "radar_1.sectors": 16}, 0.5),
+        ({"radar_1.rotation_s": 4.0, "radar_2.rotation_s": 4.8, "reorder_s": 4.8}, 6.0),
+    ],
+)
+def test_answers_of_turning_radars_are_older_than_their_reports(given, expected):
+    assert build.resolve(given).answer_delay_s == pytest.approx(expected)
