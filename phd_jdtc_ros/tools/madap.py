@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from phd_jdtc_ros import yaml_files
+from phd_jdtc_ros import resources, yaml_files
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
@@ -25,7 +25,7 @@ from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.study import madap, turning
 from phd_jdtc_ros.study.peers.plot_kalman import follow
 
-from . import command, params_file, resources
+from . import command, params_file
 
 SCENARIO = Path("config/scenarios/madap.yaml")
 PEER = "plot Kalman"
