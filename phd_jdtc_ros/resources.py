@@ -11,6 +11,7 @@ import sysconfig
 from pathlib import Path
 
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.core.quoting import short
 
 PACKAGE = "phd_jdtc_ros"
 SHARE = Path("share", PACKAGE)
@@ -34,7 +35,7 @@ def find(relative: Path) -> Path:
     places += [base / SHARE for base in (home, *home.parents)]
     places += [Path(sysconfig.get_path("data")) / SHARE, Path(sys.prefix) / SHARE]
     for place in places:
-        if (place / relative).exists():
+        if os.path.exists(place / relative):
             return place / relative
     try:
         from ament_index_python.packages import get_package_share_directory
@@ -54,13 +55,14 @@ def bag(given: str | Path) -> Path:
         If there is nothing of a name.
     """
     path = Path(given)
-    if path.exists() or len(path.parts) != 1:
+    # os.path answers for names that are too long too, for which pathlib raises.
+    if os.path.exists(path) or len(path.parts) != 1:
         return path
     shipped = find(Path("bags") / path)
-    if not shipped.is_dir():
+    if not os.path.isdir(shipped):
         others = find(Path("bags") / DEFAULT_BAG).parent.glob("*/metadata.yaml")
         names = ", ".join(sorted(entry.parent.name for entry in others))
-        raise BagError(f"{path}: no such bag; those shipped are {names or 'not found'}")
+        raise BagError(f"{short(str(path))}: no such bag; those shipped are {names or 'not found'}")
     return shipped
 
 
@@ -73,10 +75,10 @@ def profile(name: str) -> tuple[Path, str]:
         If there is no profile of this name.
     """
     path = find(Path("config") / f"{name}.yaml")
-    if Path(name).name != name or not path.exists():
+    if Path(name).name != name or not os.path.exists(path):
         others = find(Path("config") / f"{DEFAULT_BAG}.yaml").parent.glob("*.yaml")
         names = ", ".join(sorted(entry.stem for entry in others))
-        raise BagError(f"{name}: no such profile; those shipped are {names or 'not found'}")
+        raise BagError(f"{short(name)}: no such profile; those shipped are {names or 'not found'}")
     return path, PROFILE_BAGS.get(name, DEFAULT_BAG)
 
 

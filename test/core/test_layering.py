@@ -54,7 +54,7 @@ PARTS = {
     "bags": ("core", "msg_adapters"),
     "exit_status": ("bags", "core"),
     "yaml_files": ("core",),
-    "resources": ("bags",),
+    "resources": ("bags", "core"),
     "report": ("bags", "core", "msg_adapters"),
     "study": ("core", "report"),
     "nodes": (
