@@ -118,7 +118,10 @@ def test_the_filter_alone_can_be_asked_for():
 # --- the nearest-neighbour Kalman tracker ---------------------------------------------------------
 
 
-def followed(found, inputs, seed=1, settings=Settings()):  # noqa: B008
+USUAL = Settings()
+
+
+def followed(found, inputs, seed=1, settings=USUAL):
     run = turning_run(found, seed)
     reports = simulate_reports(found, inputs, seed)
     stamps = [truth.stamp_ns for truth in run.truth]
