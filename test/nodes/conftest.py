@@ -10,6 +10,7 @@ import time
 import pytest
 import rclpy
 from forked import Forked
+from live_radars import FAST, RELIABLE, Radars
 from rcl_interfaces.srv import GetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -170,3 +171,12 @@ def peer():
     node = Peer()
     yield node
     node.close()
+
+
+@pytest.fixture
+def radars(processes, peer):
+    """Start a tracker; return the radars that it hears."""
+    processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
+    group = Radars(peer)
+    group.connect()
+    return group

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
-from test_tracker import radars  # noqa: F401, a fixture
 
 from msg_adapters import detections
 from phd_jdtc_ros.bags.reader import BagReader
@@ -42,7 +41,7 @@ def look(tmp_path):
     process.wait()
 
 
-def test_script_of_the_page_shows_topics_clouds_and_diagnostics(radars, look, peer):  # noqa: F811
+def test_script_of_the_page_shows_topics_clouds_and_diagnostics(radars, look, peer):
     def said(pattern):
         found = re.compile(pattern, re.MULTILINE)
         return peer.spin_until(lambda: found.search(look.read_text()))

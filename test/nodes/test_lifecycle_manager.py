@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from live_radars import FAST
 from std_msgs.msg import String
-from test_tracker import FAST
 
 STAND_IN = Path(__file__).parents[1] / "helpers" / "bond_stand_in"
 SITE = ("-r", "__ns:=/site")

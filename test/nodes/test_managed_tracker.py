@@ -11,6 +11,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from live_radars import FAST, RELIABLE, SCANS, Radars
 from nav_msgs.msg import Odometry, Path
 from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.duration import Duration
@@ -18,7 +19,6 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
-from test_tracker import FAST, RELIABLE, SCANS, Radars
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import detections, diagnostics, estimates, stamps

@@ -4,7 +4,7 @@
 """Faults of the ROS arguments and of parameter files: one line each, and exit status 2."""
 
 import pytest
-from test_tracker import FAST
+from live_radars import FAST
 
 NODES = ("tracker", "evaluator", "sensor_replay")
 ARGUMENTS = {

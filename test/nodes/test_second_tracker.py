@@ -7,10 +7,10 @@ import signal
 import time
 
 import pytest
+from live_radars import FAST, RELIABLE, SCANS, Radars
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from test_tracker import FAST, RELIABLE, SCANS, Radars
 
 CLAIMS = "/tracker/_instance"
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)

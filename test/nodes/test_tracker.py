@@ -9,75 +9,14 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray
+from live_radars import FAST, RELIABLE, SCANS, Radars
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import detections, diagnostics, estimates, stamps
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.types import Detections
-
-FAST = ("-p", "particles_per_target:=200", "-p", "particles_per_birth:=256", "-p", "lag:=2")
-RELIABLE = [
-    word
-    for radar in ("radar_1", "radar_2")
-    for word in ("-p", f"qos_overrides./{radar}/detections.subscription.reliability:=reliable")
-]
-SCANS = [scan for _, scan in simulate(paper_scenario(resolve({}).model.radars), 0)]
-
-
-class Radars:
-    """Publishes clouds to a live tracker and hears what comes back."""
-
-    def __init__(self, peer):
-        self.peer = peer
-        self.outputs = [peer.publisher(PointCloud2, f"/radar_{k}/detections", 50) for k in (1, 2)]
-        self.filtered = peer.collect(PointCloud2, "/tracker/filtered/estimates")
-        self.smoothed = peer.collect(PointCloud2, "/tracker/smoothed/estimates")
-        self.health = peer.collect(DiagnosticArray, "/diagnostics")
-
-    def known(self):
-        """Return how many trackers hear each radar, and how many answer."""
-        answer = self.peer.node.count_publishers("/tracker/smoothed/estimates")
-        return [*(output.get_subscription_count() for output in self.outputs), answer]
-
-    def connect(self, before=(0, 0, 0)):
-        """Wait for one tracker more than were known before."""
-        assert self.peer.spin_until(
-            lambda: all(now > then for now, then in zip(self.known(), before, strict=True))
-        )
-        self.peer.meet()
-
-    def send(self, index, radars=(0, 1), stamp_ns=None):
-        scan = SCANS[index]
-        for radar in radars:
-            cloud = detections.to_msg(
-                scan.detections[radar], stamp_ns or scan.stamp_ns, f"radar_{radar + 1}"
-            )
-            self.outputs[radar].publish(cloud)
-
-    def track(self, index, radars=(0, 1)):
-        """Send a scan and wait for its estimate."""
-        before = len(self.filtered)
-        self.send(index, radars)
-        assert self.peer.spin_until(lambda: len(self.filtered) > before), f"scan {index}"
-
-    def drops(self, radar):
-        """Wait for the next health report and return a radar's status."""
-        before = len(self.health)
-        assert self.peer.spin_until(lambda: len(self.health) > before + 1)
-        return next(s for s in self.health[-1].status if s.name == f"/tracker: radar_{radar}")
-
-
-@pytest.fixture
-def radars(processes, peer):
-    processes.start("tracker", "--ros-args", *FAST, *RELIABLE)
-    group = Radars(peer)
-    group.connect()
-    return group
 
 
 def stamp_of(cloud):

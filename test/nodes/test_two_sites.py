@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
-from test_tracker import FAST
+from live_radars import FAST
 
 ROOT = Path(__file__).parents[2]
 ANALYZERS = ROOT / "config" / "diagnostics"

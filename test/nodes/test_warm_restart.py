@@ -7,8 +7,8 @@ import subprocess
 import sys
 
 import pytest
+from live_radars import FAST, RELIABLE, Radars
 from std_srvs.srv import Trigger
-from test_tracker import FAST, RELIABLE, Radars
 
 KILLED_AFTER, SCANS = 5, 8
 

@@ -4,32 +4,17 @@
 """The report's page in a real browser: it draws, moves, complains of nothing and loads nothing."""
 
 import re
-import shutil
 import subprocess
 from dataclasses import replace
 
 import pytest
+from headless import BROWSER, FLAGS, NAMES
 from records import SCANS, record_of, truth_of
 
 from phd_jdtc_ros.report.page import charts
 from phd_jdtc_ros.report.page.html import write_report
 
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
-FLAGS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--disable-sync",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-dev-shm-usage",
-    "--no-first-run",
-    "--virtual-time-budget=20000",
-    "--enable-logging=stderr",
-    "--dump-dom",
-)
+DUMPING = ("--virtual-time-budget=20000", "--enable-logging=stderr", "--dump-dom")
 PHONE = 390
 DARK = "--blink-settings=preferredColorScheme=0"
 
@@ -43,7 +28,7 @@ def opened(tmp_path):
     def shown(address, *flags):
         profile = f"--user-data-dir={tmp_path / 'profile'}"
         done = subprocess.run(
-            [BROWSER, *FLAGS, *flags, profile, address],
+            [BROWSER, *FLAGS, *DUMPING, *flags, profile, address],
             check=False,
             capture_output=True,
             text=True,

@@ -17,24 +17,11 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import pytest
+from headless import BROWSER, FLAGS
 
 ROOT = Path(__file__).parents[2]
 TEXTS = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
 WIDE, PHONE = 1440, 390
-BROWSER = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
-FLAGS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--disable-sync",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-dev-shm-usage",
-    "--no-first-run",
-)
 # Opens every page at every width, and sends what is wider than the window, or than its column.
 MEASURE = """<!doctype html><title>measure</title><body><script>
 const wide = (box) => box.scrollWidth > box.clientWidth + 1;
