@@ -17,11 +17,11 @@ from phd_jdtc_ros.core.engines import particle_engine, particle_filter
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc import backward_kernel
-from phd_jdtc_ros.core.smc.backward_kernel import Transition
+from phd_jdtc_ros.core.smc.backward_kernel import ParticleEntry, Transition
 from phd_jdtc_ros.core.smc.correction import Corrector
-from phd_jdtc_ros.core.smc.entry import Entry, Source
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.types import Scan
+from phd_jdtc_ros.core.window import Entry, Source
 
 from . import scenes
 
@@ -110,9 +110,9 @@ class Window:
         ]
 
 
-def chain(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> list[Entry]:
+def chain(stored: Sequence[ParticleSet], links: Sequence[Transition]) -> list[ParticleEntry]:
     """Return the entries of consecutive sets, each the only source of the next."""
-    entries = [Entry(0, stored[0])]
+    entries: list[ParticleEntry] = [Entry(0, stored[0])]
     for index, (earlier, later, link) in enumerate(
         zip(stored[:-1], stored[1:], links, strict=True)
     ):

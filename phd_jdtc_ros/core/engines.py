@@ -15,7 +15,7 @@ from .smc.budget import ParticleBudget
 from .smc.correction import CORRECTORS
 from .smc.engine import ParticleEngine
 from .smc.extraction import EXTRACTIONS
-from .smc.filter import ForwardFilter
+from .smc.filter import ParticleFilter
 from .smc.smoother import DEATH_TERMS
 
 
@@ -47,7 +47,7 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
     )
 
 
-def particle_filter(config: TrackerConfig) -> ForwardFilter:
+def particle_filter(config: TrackerConfig) -> ParticleFilter:
     """Return a new forward filter of the particle engine."""
     values = config.values
     budget = ParticleBudget(
@@ -56,7 +56,7 @@ def particle_filter(config: TrackerConfig) -> ForwardFilter:
         per_birth_term=values["particles_per_birth"],
         most=values["max_particles"],
     )
-    return ForwardFilter(config.model, CORRECTORS[values["corrector"]], budget, config.seed)
+    return ParticleFilter(config.model, CORRECTORS[values["corrector"]], budget, config.seed)
 
 
 ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {"particles": particle_engine}

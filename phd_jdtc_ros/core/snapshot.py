@@ -1,17 +1,25 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A snapshot: an engine's state as plain arrays and numbers, to be stored and restored."""
+"""A snapshot: an engine's state as plain arrays and numbers, to be stored and restored.
+
+A snapshot may come from a forged file: every value is checked against what the tracker itself could
+have stored, so that none of them ends it or becomes an estimate.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
+AnyArray = npt.NDArray[Any]
 # The latest stamp that a ROS message can have.
 MOST_STAMP_NS = (1 << 31) * 1_000_000_000 - 1
+# Of origins and rows; far from where sums of them overflow.
+MOST_INDEX = 1 << 60
 
 
 def whole(name: str, value: Any, low: int, high: int) -> int:
@@ -29,6 +37,22 @@ def whole(name: str, value: Any, low: int, high: int) -> int:
     return value
 
 
+def require_numbers(name: str, array: AnyArray, low: float, high: float) -> None:
+    """Raise ValueError unless all entries are floats in [low, high], and finite."""
+    if array.dtype.kind != "f":
+        raise ValueError(f"{name}: {array.dtype} given, expected floats")
+    if not (np.isfinite(array) & (array >= low) & (array <= high)).all():
+        raise ValueError(f"{name}: a number is not finite, or outside [{low:g}, {high:g}]")
+
+
+def require_whole(name: str, array: AnyArray, low: int, high: int) -> None:
+    """Raise ValueError unless all entries are whole numbers in [low, high]."""
+    if array.dtype.kind != "i":
+        raise ValueError(f"{name}: {array.dtype} given, expected whole numbers")
+    if not ((array >= low) & (array <= high)).all():
+        raise ValueError(f"{name}: a number is outside [{low}, {high}]")
+
+
 @dataclass(frozen=True)
 class Snapshot:
     """An engine's state, as data without code.
@@ -44,10 +68,10 @@ class Snapshot:
     """
 
     stamp_ns: int | None
-    arrays: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
+    arrays: dict[str, AnyArray] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
 
-    def array(self, name: str) -> npt.NDArray[Any]:
+    def array(self, name: str) -> AnyArray:
         """Return a stored array.
 
         Raises

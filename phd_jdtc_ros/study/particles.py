@@ -18,7 +18,7 @@ import numpy as np
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.engines import particle_filter
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.smc.entry import Entry
+from phd_jdtc_ros.core.smc.backward_kernel import ParticleEntry
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
@@ -66,7 +66,7 @@ def track(
     longest = max(lags)
     forward = particle_filter(replace(config, seed=run.seed))
     readers = [_Reader(reading, run, lags, config) for reading in readings]
-    window: list[Entry] = []
+    window: list[ParticleEntry] = []
     for index, scan in enumerate(run.scans):
         step = forward.step(scan, linked=longest > 0)
         window = [*window, step.entry][-(longest + 1) :]
@@ -77,7 +77,7 @@ def track(
     return {reader.reading.label: reader.tracks() for reader in readers}
 
 
-def _read_window(window: Sequence[Entry], newest: int, readers: Sequence[_Reader]) -> None:
+def _read_window(window: Sequence[ParticleEntry], newest: int, readers: Sequence[_Reader]) -> None:
     """Smooth a window whose newest scan has the index `newest`, and extract the estimates."""
     for name in dict.fromkeys(reader.reading.death_term for reader in readers):
         for lag, smoothed in enumerate(backward_pass(window, DEATH_TERMS[name])):

@@ -17,7 +17,12 @@ ADAPTERS = sorted((ROOT / "msg_adapters").rglob("*.py"))
 COMPILED = ("compiled", "compiled_kernel")
 
 BASE = ("arrays", "state_space", "types", "origins", "track_numbers")
-# What each room of the core, or module beside the rooms, may import of the others.
+# What an engine is built from, beside the models and the searches.
+ENGINE = (
+    *BASE,
+    *("engine", "fixed_lag", "forward", "reporting", "snapshot", "touch", "window"),
+    "window_snapshot",
+)  # What each room of the core, or module beside the rooms, may import of the others.
 ROOMS = {
     "arrays": (),
     "origins": ("arrays",),
@@ -36,8 +41,16 @@ ROOMS = {
     "models": (*BASE, "pair_search"),
     "engine": (*BASE, "models", "snapshot"),
     "reporting": (*BASE, "models"),
-    "smc": (*BASE, "association", "engine", "models", "pair_search", "reporting", "snapshot"),
-    "gaussian": (*BASE, "association", "engine", "models", "pair_search", "reporting", "snapshot"),
+    "window": ("arrays", "state_space"),
+    "touch": ("arrays", "models", "types", "window"),
+    "window_snapshot": ("arrays", "models", "snapshot", "types", "window"),
+    "forward": ("models", "snapshot", "touch", "types", "window", "window_snapshot"),
+    "fixed_lag": (
+        *("arrays", "track_numbers", "types"),
+        *("engine", "forward", "models", "reporting", "snapshot", "window", "window_snapshot"),
+    ),
+    "smc": (*ENGINE, "association", "models", "pair_search"),
+    "gaussian": (*ENGINE, "association", "models", "pair_search"),
     "evaluation": BASE,
     "configuration": (
         *BASE,

@@ -26,6 +26,7 @@ from ..models.modes import ModeSpace
 from ..models.tracker_model import TrackerModel
 from ..pair_search import kernels
 from ..pair_search.rows import Points, Queries
+from ..window import Current, Entry
 from . import kernel_thinning, strata
 from .correction import Corrector
 from .particle_set import Aged, ParticleSet
@@ -53,6 +54,10 @@ class Transition:
     ratio: SparseArray
     survival: FloatArray
     orphans: int
+
+
+ParticleEntry = Entry[ParticleSet, Transition]
+CurrentParticles = Current[ParticleSet, Transition]
 
 
 class _Sums(NamedTuple):

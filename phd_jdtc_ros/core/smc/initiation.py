@@ -20,8 +20,9 @@ from ..arrays import FloatArray, IntArray
 from ..models.detection_birth import DetectionBirthModel
 from ..models.tracker_model import TrackerModel
 from ..origins import is_detected
+from ..window import Current, Entry
+from .backward_kernel import CurrentParticles
 from .correction import scale_rows
-from .entry import Current, Entry
 from .guidance import Places
 from .particle_set import ParticleSet
 
@@ -36,12 +37,12 @@ INFLATION = 1.5
 
 
 def informed(
-    touched: Sequence[Current],
+    touched: Sequence[CurrentParticles],
     stamp_ns: int,
     seen: Places,
     model: TrackerModel,
     rng: np.random.Generator,
-) -> list[Current]:
+) -> list[CurrentParticles]:
     """Return the rows that a scan touches, with velocities of newborn targets drawn again.
 
     Parameters
@@ -63,8 +64,12 @@ def informed(
 
 
 def _informed(
-    rows: Current, dt: float, seen: Places, model: TrackerModel, rng: np.random.Generator
-) -> Current:
+    rows: CurrentParticles,
+    dt: float,
+    seen: Places,
+    model: TrackerModel,
+    rng: np.random.Generator,
+) -> CurrentParticles:
     stored, births = rows.entry.stored, model.detection_births
     broad = BROAD * np.sqrt(np.linalg.eigvalsh(seen.covariance)[:, -1])
     sharp = births.velocity_std * dt > broad

@@ -13,6 +13,8 @@ import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, SparseArray, factorize, read_only, sum_by
+from ..state_space import StateSpace
+from ..window import Extents
 
 
 @dataclass(frozen=True)
@@ -130,16 +132,36 @@ class ParticleSet:
         total = float(mass.sum())
         return min(float(mass @ share) / total, 1.0) if total > 0.0 else 0.0
 
-    def class_mass(self, class_of: IntArray, classes: int) -> FloatArray:
-        """Return the expected number of targets of each class, shape (C,).
+    def class_mass(
+        self, class_of: IntArray, classes: int, rows: IntArray | None = None
+    ) -> FloatArray:
+        """Return the expected number of targets of each class; see `Rows.class_mass`."""
+        if rows is None:
+            return sum_by(class_of[self.mode], self.weight, classes)
+        return sum_by(class_of[self.mode[rows]], self.weight[rows], classes)
 
-        Parameters
-        ----------
-        class_of : int array of shape (O,)
-            Class of each flat mode.
-        classes : int
-        """
-        return sum_by(class_of[self.mode], self.weight, classes)
+    def copies(self, rows: IntArray | None = None) -> int:
+        """Return the number of particles that these rows stand for; None for all rows."""
+        return int((self.multiplicity if rows is None else self.multiplicity[rows]).sum())
+
+    def extents(self, space: StateSpace) -> Extents:
+        """Return where the particles of each origin are."""
+        origin, row_origin = factorize(self.origin)
+        weight = np.maximum(self.weight, np.finfo(float).tiny)
+        share = weight / sum_by(row_origin, weight, len(origin)).take(row_origin)
+
+        def moments(axes: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+            columns = [self.state[:, axis] for axis in axes]
+            mean = [sum_by(row_origin, share * column, len(origin)) for column in columns]
+            square = sum(
+                sum_by(row_origin, share * (column - centre.take(row_origin)) ** 2, len(origin))
+                for column, centre in zip(columns, mean, strict=True)
+            )
+            return np.stack(mean, axis=1), np.sqrt(square)
+
+        position, position_std = moments(space.position)
+        velocity, velocity_std = moments(space.velocity)
+        return Extents(origin, row_origin, position, velocity, position_std, velocity_std)
 
     @staticmethod
     def empty(state_size: int) -> ParticleSet:

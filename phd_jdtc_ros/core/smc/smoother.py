@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import FloatArray, sum_by
-from .backward_kernel import Transition
-from .entry import Entry, Source
+from ..window import Source
+from .backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 
 
@@ -127,7 +127,7 @@ def _reweighted(
     return replace(particles, poisson=particles.poisson * (backward + death), components=components)
 
 
-def backward_pass(entries: Sequence[Entry], death_term: DeathTerm) -> Iterator[ParticleSet]:
+def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> Iterator[ParticleSet]:
     """Yield the smoothed sets of a window, newest first: lag 0, lag 1 and so on.
 
     Parameters

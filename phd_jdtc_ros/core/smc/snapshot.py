@@ -1,11 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Storage of the filter's entries as arrays of a snapshot, and their restoration.
-
-A snapshot may come from a forged file: every value is checked against what the tracker itself could
-have stored, so that none of them ends it or becomes an estimate.
-"""
+"""Storage of particle sets and their transitions as arrays of a snapshot, and their restoration."""
 
 from __future__ import annotations
 
@@ -14,28 +10,19 @@ from dataclasses import fields
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
-from ..arrays import FloatArray, IntArray, SparseArray
+from ..arrays import FloatArray, SparseArray
 from ..models.modes import ModeSpace
-from ..snapshot import MOST_STAMP_NS, Snapshot, whole
-from ..types import Estimates
-from .backward_kernel import Transition
-from .entry import Current, Entry, Source
+from ..snapshot import MOST_INDEX, Snapshot, require_numbers, require_whole
+from ..window import Entry, Source
+from ..window_snapshot import MASS_SLACK, MOST_STATE, put_sources, require_rows_of, take_sources
+from .backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 
-AnyArray = npt.NDArray[Any]
-# Of any component of a state: metres, metres per second, radians per second.
-MOST_STATE = 1e9
 MOST_LOG_SNR = 100.0
-# Of origins and rows; far from where sums of them overflow.
-MOST_INDEX = 1 << 60
 # How much more than the budget a set may have: groups that survive by lot come on top.
 SLACK = 4
-# The draw of a kernel's entries is right on the average only.
-MASS_SLACK = 100.0
-ESTIMATES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
 PARTS = tuple(f.name for f in fields(ParticleSet) if f.name != "components")
 
 
@@ -76,16 +63,16 @@ def take_particles(snapshot: Snapshot, name: str, modes: ModeSpace, most: int) -
         raise ValueError(f"{name}: {components.shape[1]} components, {len(parts['label'])} labels")
     if parts["state"].shape[1] != len(modes.space):
         raise ValueError(f"{name}.state: {parts['state'].shape[1]} axes per state")
-    _require_numbers(f"{name}.state", parts["state"], -MOST_STATE, MOST_STATE)
-    _require_numbers(f"{name}.log_snr", parts["log_snr"], -MOST_LOG_SNR, MOST_LOG_SNR)
-    _require_whole(f"{name}.mode", parts["mode"], 0, len(modes) - 1)
-    _require_whole(f"{name}.origin", parts["origin"], 0, MOST_INDEX)
-    _require_whole(f"{name}.parent", parts["parent"], -1, MOST_INDEX)
-    _require_whole(f"{name}.multiplicity", parts["multiplicity"], 1, SLACK * most)
-    _require_whole(f"{name}.label", parts["label"], -1, MOST_INDEX)
+    require_numbers(f"{name}.state", parts["state"], -MOST_STATE, MOST_STATE)
+    require_numbers(f"{name}.log_snr", parts["log_snr"], -MOST_LOG_SNR, MOST_LOG_SNR)
+    require_whole(f"{name}.mode", parts["mode"], 0, len(modes) - 1)
+    require_whole(f"{name}.origin", parts["origin"], 0, MOST_INDEX)
+    require_whole(f"{name}.parent", parts["parent"], -1, MOST_INDEX)
+    require_whole(f"{name}.multiplicity", parts["multiplicity"], 1, SLACK * most)
+    require_whole(f"{name}.label", parts["label"], -1, MOST_INDEX)
     # There is at least about one particle a target.
-    _require_numbers(f"{name}.poisson", parts["poisson"], 0.0, SLACK * most)
-    _require_numbers(f"{name}.components.data", components.data, 0.0, SLACK * most)
+    require_numbers(f"{name}.poisson", parts["poisson"], 0.0, SLACK * most)
+    require_numbers(f"{name}.components.data", components.data, 0.0, SLACK * most)
     mass = float(parts["poisson"].sum() + components.data.sum())
     copies = int(parts["multiplicity"].astype(np.float64).sum())
     if copies > SLACK * most or mass > SLACK * most:
@@ -93,24 +80,17 @@ def take_particles(snapshot: Snapshot, name: str, modes: ModeSpace, most: int) -
     return ParticleSet(components=components, **parts)
 
 
-def put_entry(snapshot: Snapshot, name: str, entry: Entry) -> None:
+def put_entry(snapshot: Snapshot, name: str, entry: ParticleEntry) -> None:
     """Store what the filter keeps of one scan."""
-    snapshot.facts[name] = {
-        "stamp_ns": entry.stamp_ns,
-        "sources_ns": [source.stamp_ns for source in entry.sources],
-        "sizes": [source.size for source in entry.sources],
-    }
+    put_sources(snapshot, name, entry)
     put_particles(snapshot, name, entry.stored)
-    for index, source in enumerate(entry.sources):
-        if source.rows is not None:
-            snapshot.arrays[f"{name}.source.{index}"] = source.rows
     if entry.link is not None:
         _put_transition(snapshot, f"{name}.link", entry.link)
 
 
 def take_entry(
-    snapshot: Snapshot, name: str, earlier: Mapping[int, Entry], modes: ModeSpace, most: int
-) -> Entry:
+    snapshot: Snapshot, name: str, earlier: Mapping[int, ParticleEntry], modes: ModeSpace, most: int
+) -> ParticleEntry:
     """Return what the filter kept of one scan.
 
     Parameters
@@ -129,15 +109,8 @@ def take_entry(
     ValueError
         If it does not fit the tracker or the earlier entries.
     """
-    facts = snapshot.facts[name]
-    stamp_ns = whole(f"{name}.stamp_ns", facts["stamp_ns"], 0, MOST_STAMP_NS)
+    stamp_ns, sources = take_sources(snapshot, name, SLACK * most)
     stored = take_particles(snapshot, name, modes, most)
-    sources = tuple(
-        _take_source(snapshot, f"{name}.source.{index}", source_ns, size, stamp_ns, most)
-        for index, (source_ns, size) in enumerate(
-            zip(facts["sources_ns"], facts["sizes"], strict=True)
-        )
-    )
     if f"{name}.link.survival" not in snapshot.arrays:
         return Entry(stamp_ns, stored, sources)
     weights = [np.zeros(0), *(_weight_of(source, earlier, name) for source in sources)]
@@ -145,86 +118,13 @@ def take_entry(
     return Entry(stamp_ns, stored, sources, link)
 
 
-def _take_source(
-    snapshot: Snapshot, name: str, stamp_ns: Any, size: Any, before: int, most: int
-) -> Source:
-    stamp_ns = whole(f"{name}.stamp_ns", stamp_ns, 0, before - 1)
-    rows = _take_rows(snapshot, name) if name in snapshot.arrays else None
-    size = whole(f"{name}.size", size, 0, SLACK * most)
-    if rows is not None and len(rows) != size:
-        raise ValueError(f"{name}: {len(rows)} rows, expected {size}")
-    return Source(stamp_ns, rows, size)
-
-
-def _weight_of(source: Source, earlier: Mapping[int, Entry], name: str) -> FloatArray:
+def _weight_of(source: Source, earlier: Mapping[int, ParticleEntry], name: str) -> FloatArray:
     """Return the weights of a source's rows; zeros where its set has left the window."""
     if source.stamp_ns not in earlier:
         return np.zeros(source.size)
-    weight = earlier[source.stamp_ns].stored.weight
-    if source.rows is not None:
-        _require_whole(f"{name}.source", source.rows, 0, len(weight) - 1)
-        weight = weight[source.rows]
-    if len(weight) != source.size:
-        raise ValueError(f"{name}.sizes: {source.size} rows, expected {len(weight)}")
-    return weight
-
-
-def take_current(snapshot: Snapshot, entry: Entry) -> Current:
-    """Return the rows of an entry that no later scan has touched.
-
-    Raises
-    ------
-    ValueError
-        If the stored rows are not rows of the entry.
-    """
-    name = f"current.{entry.stamp_ns}"
-    if name not in snapshot.arrays:
-        return Current(entry)
-    rows = _take_rows(snapshot, name)
-    _require_whole(name, rows, 0, len(entry.stored) - 1)
-    return Current(entry, rows)
-
-
-def put_estimates(snapshot: Snapshot, name: str, estimates: Estimates) -> None:
-    """Store estimates, except for their stamp and lag."""
-    for part in ESTIMATES:
-        snapshot.arrays[f"{name}.{part}"] = getattr(estimates, part)
-
-
-def take_estimates(snapshot: Snapshot, name: str, stamp_ns: int, modes: ModeSpace) -> Estimates:
-    """Return stored filtered estimates of a stamp.
-
-    Raises
-    ------
-    ValueError
-        If they are none of these modes' tracker.
-    """
-    parts = {part: snapshot.array(f"{name}.{part}") for part in ESTIMATES}
-    count, size, classes = len(parts["track_id"]), len(modes.space), len(modes.classes)
-    shapes = {
-        "state": (count, size),
-        "covariance": (count, size, size),
-        "class_probability": (count, classes),
-    }
-    for part, array in parts.items():
-        if array.shape != shapes.get(part, (count,)):
-            raise ValueError(f"{name}.{part}: shape {array.shape}")
-    _require_numbers(f"{name}.state", parts["state"], -MOST_STATE, MOST_STATE)
-    _require_numbers(f"{name}.covariance", parts["covariance"], -(MOST_STATE**2), MOST_STATE**2)
-    _require_numbers(f"{name}.weight", parts["weight"], 0.0, MASS_SLACK)
-    _require_numbers(f"{name}.class_probability", parts["class_probability"], 0.0, MASS_SLACK)
-    _require_whole(f"{name}.class_id", parts["class_id"], 0, classes - 1)
-    _require_whole(f"{name}.track_id", parts["track_id"], 0, MOST_INDEX)
-    return Estimates(stamp_ns=stamp_ns, lag=0, space=modes.space, **parts)
-
-
-def _take_rows(snapshot: Snapshot, name: str) -> IntArray:
-    rows = snapshot.array(name)
-    _require_whole(name, rows, 0, MOST_INDEX)
-    if rows.ndim != 1 or (np.diff(rows) <= 0).any():
-        raise ValueError(f"{name}: must be a list of ascending rows")
-    ascending: IntArray = rows.astype(np.int64)
-    return ascending
+    stored = earlier[source.stamp_ns].stored
+    require_rows_of(name, source, stored)
+    return stored.weight if source.rows is None else stored.weight[source.rows]
 
 
 def _put_transition(snapshot: Snapshot, name: str, link: Transition) -> None:
@@ -244,32 +144,16 @@ def _take_transition(
             f"{name}: {ratio.shape} and {len(survival)} rows, expected "
             f"({len(earlier)}, {len(later)}) and {len(earlier)}"
         )
-    _require_numbers(f"{name}.survival", survival, 0.0, 1.0)
-    _require_numbers(f"{name}.ratio.data", ratio.data, 0.0, np.inf)
+    require_numbers(f"{name}.survival", survival, 0.0, 1.0)
+    require_numbers(f"{name}.ratio.data", ratio.data, 0.0, np.inf)
     orphans = snapshot.array(f"{name}.orphans")
-    _require_whole(f"{name}.orphans", orphans, 0, len(later))
+    require_whole(f"{name}.orphans", orphans, 0, len(later))
     # What later targets are traced back to is no more than there is of them.
     with np.errstate(over="ignore", invalid="ignore"):
         traced = float(earlier @ (ratio @ later.weight))
     if not traced <= MASS_SLACK * (1.0 + float(later.weight.sum())):
         raise ValueError(f"{name}.ratio: {traced:.3g} targets are traced back")
     return Transition(ratio, survival, int(orphans))
-
-
-def _require_numbers(name: str, array: AnyArray, low: float, high: float) -> None:
-    """Raise ValueError unless all entries are floats in [low, high], and finite."""
-    if array.dtype.kind != "f":
-        raise ValueError(f"{name}: {array.dtype} given, expected floats")
-    if not (np.isfinite(array) & (array >= low) & (array <= high)).all():
-        raise ValueError(f"{name}: a number is not finite, or outside [{low:g}, {high:g}]")
-
-
-def _require_whole(name: str, array: AnyArray, low: int, high: int) -> None:
-    """Raise ValueError unless all entries are whole numbers in [low, high]."""
-    if array.dtype.kind != "i":
-        raise ValueError(f"{name}: {array.dtype} given, expected whole numbers")
-    if not ((array >= low) & (array <= high)).all():
-        raise ValueError(f"{name}: a number is outside [{low}, {high}]")
 
 
 def _put_sparse(snapshot: Snapshot, name: str, matrix: SparseArray) -> None:
@@ -281,9 +165,9 @@ def _put_sparse(snapshot: Snapshot, name: str, matrix: SparseArray) -> None:
 def _take_sparse(snapshot: Snapshot, name: str, kind: Any) -> Any:
     parts = tuple(snapshot.array(f"{name}.{part}") for part in ("data", "indices", "indptr"))
     for part, array in zip(("indices", "indptr"), parts[1:], strict=True):
-        _require_whole(f"{name}.{part}", array, 0, MOST_INDEX)
+        require_whole(f"{name}.{part}", array, 0, MOST_INDEX)
     shape = snapshot.array(f"{name}.shape")
-    _require_whole(f"{name}.shape", shape, 0, MOST_INDEX)
+    require_whole(f"{name}.shape", shape, 0, MOST_INDEX)
     matrix = kind(parts, shape=tuple(shape.tolist()))
     matrix.check_format()
     return matrix

@@ -13,13 +13,14 @@ import numpy as np
 from scipy import sparse
 
 from .. import origins
+from ..association.bernoulli import Claims
 from ..models import detection_birth
 from ..models.detection_birth import Newborn
+from ..models.overload import thinned
 from ..models.radar import RadarModel
 from ..models.tracker_model import TrackerModel
 from ..types import Detections, Scan
-from .correction import Claims, Corrector
-from .overload import thinned
+from .correction import Corrector
 from .particle_set import ParticleSet
 
 

@@ -6,7 +6,8 @@ import pytest
 from scenes import intensity
 from scipy import sparse
 
-from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS, POISSON, Claims, scale_rows
+from phd_jdtc_ros.core.association.bernoulli import Claims
+from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS, POISSON, scale_rows
 
 
 def claims(likelihood, weight, other, p_d=0.9):

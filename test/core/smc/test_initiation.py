@@ -10,9 +10,9 @@ from sweep import configuration
 
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.origins import first_detected, first_predicted
-from phd_jdtc_ros.core.smc.entry import Current, Entry
 from phd_jdtc_ros.core.smc.guidance import Places
 from phd_jdtc_ros.core.smc.initiation import informed
+from phd_jdtc_ros.core.window import Current, Entry
 
 STD = 150.0
 MODEL = replace(

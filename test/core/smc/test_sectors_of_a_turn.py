@@ -59,13 +59,13 @@ def test_targets_keep_their_numbers():
 def test_scan_leaves_targets_alone_that_the_antenna_did_not_pass():
     engine, _, _ = run(turns=8)
     forward = engine.forward
-    before = {rows.entry.stamp_ns: rows.particles.state for rows in forward.current}
+    before = {rows.entry.stamp_ns: rows.stored.state for rows in forward.current}
     (scan,) = [scans(9)[8 * SECTORS + 2]]
     engine.step(scan)
     kept = 0
     for rows in forward.current[:-1]:
         if rows.rows is None:
-            np.testing.assert_array_equal(rows.particles.state, before[rows.entry.stamp_ns])
+            np.testing.assert_array_equal(rows.stored.state, before[rows.entry.stamp_ns])
             kept += 1
     assert kept >= 2
     assert len(forward.stored) < sum(len(rows) for rows in forward.current)

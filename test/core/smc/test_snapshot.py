@@ -9,7 +9,7 @@ from scenes import short_scenario, small
 
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.smc.snapshot import Snapshot
+from phd_jdtc_ros.core.snapshot import Snapshot
 
 SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
 NAMES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")

@@ -3,32 +3,29 @@
 
 """Which origins a scan touches: those that an antenna may have passed.
 
-The others are neither predicted nor resampled nor linked for it, so that a scan of a sector costs
-what the antenna passed.
+The others are neither predicted nor linked for it, so that a scan of a sector costs what the
+antenna passed.
 """
 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from ..arrays import FloatArray
-from ..models.radar import GATE_SIGMA, LEAST_RANGE, RadarModel
-from ..models.tracker_model import TrackerModel
-from ..types import FULL_TURN, Coverage, Scan
-from .correction import Corrector
-from .entry import Current, Extents
+from .arrays import FloatArray
+from .models.radar import GATE_SIGMA, LEAST_RANGE, RadarModel
+from .models.tracker_model import TrackerModel
+from .types import FULL_TURN, Coverage, Scan
+from .window import BoolArray, Current, Extents, LinkT, RowsT
 
-BoolArray = npt.NDArray[np.bool_]
-# Of the position of an origin; farther out, next to none of its particles are.
+# Of the position of an origin; farther out, next to none of its mass is.
 SPREAD_SIGMA = 4.0
 # An origin that no antenna has passed for this many turns is predicted all the same.
 LONGEST_TURNS = 1.5
 
 
 def parted(
-    current: list[Current], scan: Scan, model: TrackerModel, corrector: Corrector
-) -> tuple[list[Current], list[Current]]:
+    current: list[Current[RowsT, LinkT]], scan: Scan, model: TrackerModel, labelled: bool
+) -> tuple[list[Current[RowsT, LinkT]], list[Current[RowsT, LinkT]]]:
     """Return the rows that a scan touches, and those that it does not.
 
     Parameters
@@ -37,11 +34,12 @@ def parted(
         Oldest first.
     scan : Scan
     model : TrackerModel
-    corrector : Corrector
-        Without labels there are no origins to leave alone, and everything is touched.
+    labelled : bool
+        Whether an origin is at most one target. Otherwise there are no origins to leave alone, and
+        everything is touched.
     """
     sectors = passed(scan, model)
-    if not corrector.labelled or sectors is None:
+    if not labelled or sectors is None:
         return current, []
     longest_s = LONGEST_TURNS * max(
         (radar.rotation_s for radar in model.radars), default=model.modes.interval_s
@@ -57,7 +55,7 @@ def parted(
         near = np.zeros(len(extents.origin), dtype=bool)
         for radar, coverage in sectors:
             near |= _passed(extents.position + dt * extents.velocity, spread, radar, coverage)
-        inside, outside = rows.parted(near)
+        inside, outside = rows.parted(near[extents.row_origin])
         touched += [inside] if inside is not None else []
         others += [outside] if outside is not None else []
     return touched, others
@@ -89,7 +87,7 @@ def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
 
 
 def _spread(extents: Extents, dt: float, model: TrackerModel) -> FloatArray:
-    """Return the radius within which the particles of each origin are `dt` later, shape (T,)."""
+    """Return the radius within which the target of each origin is `dt` later, shape (T,)."""
     axis = model.modes.space.position[0]
     noise = max(
         float(motion.noise_covariance(dt)[motion.support.index(axis), motion.support.index(axis)])

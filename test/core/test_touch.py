@@ -6,10 +6,9 @@ import pytest
 from scenes import intensity
 from sweep import configuration
 
-from phd_jdtc_ros.core.smc.correction import BERNOULLI, POISSON
-from phd_jdtc_ros.core.smc.entry import Current, Entry
-from phd_jdtc_ros.core.smc.touch import births_passed, parted
+from phd_jdtc_ros.core.touch import births_passed, parted
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
+from phd_jdtc_ros.core.window import Current, Entry
 
 MODEL = configuration().model
 SECOND = 1_000_000_000
@@ -34,7 +33,7 @@ def scan(stamp_s, start, width):
 
 
 def origins_of(rows):
-    return sorted({int(o) for part in rows for o in part.particles.origin})
+    return sorted({int(o) for part in rows for o in part.origin})
 
 
 @pytest.mark.parametrize(
@@ -48,7 +47,7 @@ def origins_of(rows):
     ],
 )
 def test_parted_takes_the_targets_near_the_sector(start, width, expected):
-    touched, others = parted([current()], scan(1.0, start, width), MODEL, BERNOULLI)
+    touched, others = parted([current()], scan(1.0, start, width), MODEL, True)
     assert origins_of(touched) == expected
     assert origins_of(others) == [origin for origin in range(3) if origin not in expected]
 
@@ -56,34 +55,34 @@ def test_parted_takes_the_targets_near_the_sector(start, width, expected):
 def test_parted_takes_both_sides_of_an_edge():
     edge = Coverage(0.0, 0.3), Coverage(-0.3, 0.3)
     for sector in edge:
-        touched, _ = parted([current()], scan(1.0, sector.start, sector.width), MODEL, BERNOULLI)
+        touched, _ = parted([current()], scan(1.0, sector.start, sector.width), MODEL, True)
         assert origins_of(touched) == [0]
 
 
 def test_parted_takes_everything_without_a_coverage():
     rows = [current()]
-    assert parted(rows, scan(1.0, None, None), MODEL, BERNOULLI) == (rows, [])
+    assert parted(rows, scan(1.0, None, None), MODEL, True) == (rows, [])
 
 
 def test_parted_takes_everything_without_labels():
     rows = [current()]
-    assert parted(rows, scan(1.0, 0.3, 0.1), MODEL, POISSON) == (rows, [])
+    assert parted(rows, scan(1.0, 0.3, 0.1), MODEL, False) == (rows, [])
 
 
 def test_parted_takes_who_has_long_been_left_alone():
-    touched, others = parted([current()], scan(6.5, 0.3, 0.1), MODEL, BERNOULLI)
+    touched, others = parted([current()], scan(6.5, 0.3, 0.1), MODEL, True)
     assert origins_of(touched) == [0, 1, 2]
     assert others == []
 
 
 def test_parted_takes_a_spread_out_target_from_farther_away():
-    touched, _ = parted([current(spread=20e3)], scan(1.0, 0.5, 0.2), MODEL, BERNOULLI)
+    touched, _ = parted([current(spread=20e3)], scan(1.0, 0.5, 0.2), MODEL, True)
     assert 0 in origins_of(touched)
 
 
 def test_parted_rows_can_be_parted_again():
-    touched, others = parted([current()], scan(1.0, -0.2, 0.4), MODEL, BERNOULLI)
-    again, rest = parted(others, scan(1.5, 1.3, 0.6), MODEL, BERNOULLI)
+    touched, others = parted([current()], scan(1.0, -0.2, 0.4), MODEL, True)
+    again, rest = parted(others, scan(1.5, 1.3, 0.6), MODEL, True)
     assert (origins_of(touched), origins_of(again), origins_of(rest)) == ([0], [1], [2])
     assert again[0].source.rows.tolist() == list(range(20, 40))
 

@@ -3,10 +3,10 @@
 
 """A bound on the work of one update: with too many detections, the detection threshold is raised.
 
-The cost of an update grows with the pairs of particles and detections within the gate. A report of
-100,000 detections, as of a jammed radar, would have hundreds of millions of them. So many are
-clutter, whatever their amplitudes: taken for targets, those at the edge of the radars' range would
-leave it, and no later scan could tell that they never were.
+The cost of an update grows with the pairs of an engine's rows and detections within the gate. A
+report of 100,000 detections, as of a jammed radar, would have hundreds of millions of them. So many
+are clutter, whatever their amplitudes: taken for targets, those at the edge of the radars' range
+would leave it, and no later scan could tell that they never were.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from dataclasses import replace
 import numpy as np
 
 from ..arrays import FloatArray
-from ..models.radar import RadarModel
 from ..types import FULL_TURN, Detections
+from .radar import RadarModel
 
 # Candidate pairs of one update, of which about half are within the gate: 0.3 GB in all.
 MOST_CANDIDATES = 1 << 22
-# Detections of one update. Without particles to compare them with, each could be a newborn target.
+# Detections of one update. Without rows to compare them with, each could be a newborn target.
 MOST_DETECTIONS = 1 << 12
 # Of n times this, the fractional parts are spread evenly.
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
@@ -35,9 +35,9 @@ def thinned(
     Parameters
     ----------
     predicted : array of shape (N, 2)
-        The particles as the radar measures them.
+        The rows as the radar measures them: particles, or means of Gaussians.
     targets : float
-        Expected number of targets that the particles stand for.
+        Expected number of targets that the rows stand for.
     detections : Detections
         M of them.
     radar : RadarModel

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scenes import small
 
-from phd_jdtc_ros.core.smc import overload
+from phd_jdtc_ros.core.models import overload
 from phd_jdtc_ros.core.types import Coverage, Detections
 
 RADAR = small().model.radars[1]
