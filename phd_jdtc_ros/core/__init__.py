@@ -18,6 +18,15 @@ The data's path, with the room or module of each step::
       |  backward over the lag window          the engine
       |------------- extract ---------------> Estimates (smoothed)
 
+What engines are built from knows no particles, only rows, each of one origin::
+
+    fixed_lag              the window, stamps held back, track numbers, snapshots
+      forward              a filter's rows that later scans continue, and its births
+        touch              the origins that an antenna may have passed
+      backward             the way from each set of the window to its sources
+    window                 what is kept of one scan: rows, sources, link
+    window_snapshot        its storage; snapshot has checked arrays and numbers
+
 `engine` is the interface of all engines, and `engines` creates one by its name. `configuration`
 turns parameters into models and settings. `simulation` makes scans with known truth, and
 `evaluation` compares estimates with it. `gaussian` is the Kalman filter and smoother of single
@@ -26,6 +35,8 @@ tracks, which the study's reference uses.
 Packages import in one direction only::
 
     pipeline -> engines -> configuration -> smc, gaussian -> association, models, pair_search
+    smc, gaussian -> fixed_lag -> forward -> touch, window_snapshot -> window
+    smc, gaussian -> backward -> window
     evaluation, simulation -> models          everything -> types, state_space, arrays, quoting
 
 The method is that of Y. Qin, "Joint Target Detection, Tracking and Classification with

@@ -105,8 +105,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             due = self.schedule.between(self.forward.stamp_ns, scan.stamp_ns)
             filtered = [self._filtered_at(stamp_ns) for stamp_ns in due]
         step = self.forward.step(scan, linked=self.lag.positive)
-        drawn_again = {entry.stamp_ns: entry for entry in step.earlier}
-        self._window = [drawn_again.get(entry.stamp_ns, entry) for entry in self._window]
+        replaced = {entry.stamp_ns: entry for entry in step.earlier}
+        self._window = [replaced.get(entry.stamp_ns, entry) for entry in self._window]
         self._window.append(step.entry)
         self._note_filtered(step.updated, scan.stamp_ns)
         if not self.schedule.period_ns:

@@ -20,9 +20,10 @@ BASE = ("arrays", "state_space", "types", "origins", "track_numbers")
 # What an engine is built from, beside the models and the searches.
 ENGINE = (
     *BASE,
-    *("engine", "fixed_lag", "forward", "reporting", "snapshot", "touch", "window"),
-    "window_snapshot",
-)  # What each room of the core, or module beside the rooms, may import of the others.
+    *("backward", "engine", "fixed_lag", "forward", "reporting", "snapshot", "touch"),
+    *("window", "window_snapshot"),
+)
+# What each room of the core, or module beside the rooms, may import of the others.
 ROOMS = {
     "arrays": (),
     "origins": ("arrays",),
@@ -42,6 +43,7 @@ ROOMS = {
     "engine": (*BASE, "models", "snapshot"),
     "reporting": (*BASE, "models"),
     "window": ("arrays", "state_space"),
+    "backward": ("arrays", "window"),
     "touch": ("arrays", "models", "types", "window"),
     "window_snapshot": ("arrays", "models", "snapshot", "types", "window"),
     "forward": ("models", "snapshot", "touch", "types", "window", "window_snapshot"),

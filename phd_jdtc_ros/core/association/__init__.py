@@ -5,10 +5,13 @@
 
 ::
 
+    rows of targets, their pairs with detections: claims
+      |  edges, odds                         bernoulli
     edges (target, detection, odds), clutter
       |  clusters with loops, if small       exact_marginals
       |  everything else                     belief_propagation
     probability of every edge, and of no detection: marginals
+      |  factors on the rows' weights        bernoulli
 
-Engines call `marginals.marginals` and nothing else here.
+Engines call `bernoulli.bernoulli` and nothing else here.
 """

@@ -12,6 +12,7 @@
     detection_birth        targets that appear anywhere, born at detections
     spawn                  targets that appear beside their parents
     radar                  geometry, measurement noise, range, clutter
+    overload               the detections of one update that can be afforded
     amplitude_density      Rayleigh targets and clutter, SNR bands
     amplitude_model        use of amplitudes: band, memory, none
     tracker_model          all models in one value, for an engine

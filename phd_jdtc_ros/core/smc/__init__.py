@@ -10,7 +10,7 @@ The path of one scan, with the module of each step::
       |  update, radar by radar              update
       |    correct every origin              correction
       |  resample within (class, origin)     resampling, budget
-    stored set t+1                           (filter: the four steps in order; entry, touch)
+    stored set t+1                           (filter: the four steps in order)
       |  kernel from set t, cached           backward_kernel, transition_density,
       |                                      spawn_intensity, kernel_thinning
       |  backward over the lag window        smoother
@@ -18,6 +18,7 @@ The path of one scan, with the module of each step::
       |  extract targets                     extraction
     Estimates                                engine
 
-`snapshot` stores all that the engine holds as arrays, and restores it. The algorithm is that of
-Sec. IV-C; each module names the step that it implements and its deviations.
+`filter` and `engine` hold what is of particles; the window and all else are of `core.forward` and
+`core.fixed_lag`. `snapshot` stores particle sets and kernels as arrays, and restores them. The
+algorithm is that of Sec. IV-C; each module names the step that it implements and its deviations.
 """

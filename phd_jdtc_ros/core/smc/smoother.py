@@ -8,12 +8,12 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ..arrays import FloatArray, sum_by
-from ..window import Source
+from ..backward import Told, smoothed_sets
 from .backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 
@@ -78,6 +78,21 @@ def bernoulli_death_term(
     return factor
 
 
+class _Message(NamedTuple):
+    """What a later set tells earlier rows.
+
+    Parameters
+    ----------
+    survival : array of shape (N,)
+        P_s.
+    backward : array of shape (N,)
+        B; see `backward_step`.
+    """
+
+    survival: FloatArray
+    backward: FloatArray
+
+
 DEATH_TERMS: dict[str, DeathTerm] = {
     "bernoulli": bernoulli_death_term,
     "paper": paper_death_term,
@@ -135,38 +150,23 @@ def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> It
     entries : sequence of Entry
         Oldest first. Sources that are none of them have left the window.
     death_term : DeathTerm
-
-    Notes
-    -----
-    The rows of a set may be continued by several later sets, each row by one of them at most.
     """
-    told: dict[int, list[tuple[Source, FloatArray, FloatArray]]] = {}
-    kept = {entry.stamp_ns for entry in entries}
-    for entry in reversed(entries):
-        smoothed = entry.stored
-        if entry.stamp_ns in told:
-            survival, backward = _gathered(len(smoothed), told.pop(entry.stamp_ns))
-            smoothed = _reweighted(smoothed, survival, backward, death_term)
-        yield smoothed
-        if entry.link is None or not any(source.stamp_ns in kept for source in entry.sources):
-            continue
-        backward, first = entry.link.ratio @ smoothed.weight, 0
-        for source in entry.sources:
-            part = slice(first, first + source.size)
-            first += source.size
-            if source.stamp_ns in kept:
-                told.setdefault(source.stamp_ns, []).append(
-                    (source, entry.link.survival[part], backward[part])
-                )
+
+    def tell(later: ParticleSet, link: Transition) -> _Message:
+        return _Message(link.survival, link.ratio @ later.weight)
+
+    def hear(particles: ParticleSet, told: Sequence[Told[_Message]]) -> ParticleSet:
+        return _reweighted(particles, *_gathered(len(particles), told), death_term)
+
+    return smoothed_sets(entries, tell, hear)
 
 
-def _gathered(
-    size: int, told: Sequence[tuple[Source, FloatArray, FloatArray]]
-) -> tuple[FloatArray, FloatArray]:
+def _gathered(size: int, told: Sequence[Told[_Message]]) -> _Message:
     """Return P_s and B of all rows of a set; both are 1 for rows that no later set continues."""
-    if told[0][0].rows is None:
-        return told[0][1:]
-    survival, backward = np.ones(size), np.ones(size)
-    for source, part_survival, part_backward in told:
-        survival[source.rows], backward[source.rows] = part_survival, part_backward
-    return survival, backward
+    parts = [(part.rows, _Message(*(side[part.part] for side in part.message))) for part in told]
+    if parts[0][0] is None:
+        return parts[0][1]
+    whole = _Message(np.ones(size), np.ones(size))
+    for rows, message in parts:
+        whole.survival[rows], whole.backward[rows] = message
+    return whole

@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The corrector of particles is tested in smc; here are the properties that other rows need."""
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.association import bernoulli
+from phd_jdtc_ros.core.association.bernoulli import Claims
+
+
+def scene(seed=0, rows=12, targets=4, detections=3):
+    """Return the target and the weight of each row, and claims with two thirds of all pairs."""
+    rng = np.random.default_rng(seed)
+    target = np.arange(rows) % targets
+    weight = rng.uniform(0.05, 0.3, rows)
+    p_d = rng.uniform(0.5, 0.99, rows)
+    row, column = np.nonzero(rng.random((rows, detections)) < 0.67)
+    mass = (weight * p_d)[row] * rng.exponential(1.0, len(row))
+    return target, weight, Claims(row, column, mass, rng.uniform(0.1, 1.0, detections), p_d)
+
+
+def posterior(target, weight, claims):
+    """Return the mass of each row that was missed, and that of each pair."""
+    shares = bernoulli.bernoulli(target, 4, weight, claims)
+    missed = shares.prior * (1.0 - claims.detection_probability) * shares.missed[target]
+    return missed, claims.mass * shares.pair, shares.claimed
+
+
+def test_rows_that_were_missed_and_pairs_hold_all_mass_and_every_claim():
+    target, weight, claims = scene()
+    missed, detected, claimed = posterior(target, weight, claims)
+    np.testing.assert_allclose(np.bincount(claims.column, detected), claimed, rtol=1e-9)
+    existence = np.bincount(target, missed) + np.bincount(target[claims.row], detected)
+    assert (existence <= 1.0).all()
+    assert (existence > 0.0).all()
+
+
+def test_row_may_be_split_into_equal_ones():
+    target, weight, claims = scene()
+    twice = Claims(
+        np.concatenate([claims.row, claims.row + len(target)]),
+        np.tile(claims.column, 2),
+        np.tile(claims.mass / 2.0, 2),
+        claims.other,
+        np.tile(claims.detection_probability, 2),
+    )
+    whole = posterior(target, weight, claims)
+    halves = posterior(np.tile(target, 2), np.tile(weight / 2.0, 2), twice)
+    for one, other in zip(whole[:2], halves[:2], strict=True):
+        np.testing.assert_allclose(np.tile(one / 2.0, 2), other, rtol=1e-9)
+    np.testing.assert_allclose(whole[2], halves[2], rtol=1e-9)
+
+
+def test_many_targets_and_detections_are_sorted_with_the_same_result(monkeypatch):
+    tabled = posterior(*scene())
+    monkeypatch.setattr(bernoulli, "LARGEST_TABLE", 0)
+    for one, other in zip(tabled, posterior(*scene()), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("excess", [1.5, 3.0])
+def test_target_with_a_mass_above_one_is_taken_as_certain(excess):
+    target, weight, claims = scene()
+    certain = weight / np.bincount(target, weight)[target]
+    scale = certain / weight
+    exact = Claims(
+        claims.row,
+        claims.column,
+        claims.mass * scale[claims.row],
+        claims.other,
+        claims.detection_probability,
+    )
+    more = Claims(
+        claims.row,
+        claims.column,
+        exact.mass * excess,
+        claims.other,
+        claims.detection_probability,
+    )
+    expected = posterior(target, certain, exact)
+    for one, other in zip(expected, posterior(target, certain * excess, more), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
+def test_no_rows_and_no_detections_are_valid():
+    none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
+    shares = bernoulli.bernoulli(none, 0, empty, Claims(none, none, empty, np.ones(2), empty))
+    np.testing.assert_array_equal(shares.claimed, [0.0, 0.0])
+    shares = bernoulli.bernoulli(
+        np.zeros(2, dtype=np.int64),
+        1,
+        np.array([0.3, 0.2]),
+        Claims(none, none, empty, empty, np.array([0.9, 0.9])),
+    )
+    np.testing.assert_allclose(0.5 * 0.1 * shares.missed, [0.05 / 0.55])
