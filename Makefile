@@ -21,12 +21,16 @@ endif
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
-	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes"
+	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes;"
+	@echo "             ENGINE=gaussian for the other engine, into out/demo_gaussian"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=6 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
-	@echo "make faults  the fault matrix on live nodes, into out/faults"
-	@echo "make soak    a day of scans at full speed, SCANS=1000 for a short run, into out/soak"
-	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz"
+	@echo "make faults  the fault matrix on live nodes, into out/faults: all with particles, and with"
+	@echo "             the other engine what depends on it; ENGINE=gaussian for all with that one only"
+	@echo "make soak    a day of scans at full speed, SCANS=1000 for a short run, ENGINE=gaussian for"
+	@echo "             the other engine, into out/soak"
+	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz;"
+	@echo "             ENGINE=gaussian for the other engine"
 	@echo "make docs    the documentation as a site, into out/docs"
 	@echo "make pictures  the documentation's pictures anew, of the demo and of what else is in out/"
 	@echo "make test    run the tests"
@@ -68,7 +72,8 @@ $(VENV)/.ready-bench: $(VENV)/.ready
 	@touch $@
 
 demo: $(VENV)/.ready
-	@$(RUN) -m phd_jdtc_ros demo $(if $(BAG),--bag $(BAG)) $(if $(PROFILE),--profile $(PROFILE))
+	@$(RUN) -m phd_jdtc_ros demo $(if $(BAG),--bag $(BAG)) $(if $(PROFILE),--profile $(PROFILE)) \
+	    $(if $(ENGINE),--engine $(ENGINE))
 
 RUNS ?= 50
 
@@ -80,15 +85,15 @@ bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)
 
 faults: $(VENV)/.ready-test
-	@$(RUN) -m robustness faults
+	@$(RUN) -m robustness faults $(if $(ENGINE),--engine $(ENGINE) --only)
 
 SCANS ?= 14400
 
 soak: $(VENV)/.ready-test
-	@$(RUN) -m robustness soak --scans $(SCANS)
+	@$(RUN) -m robustness soak --scans $(SCANS) $(if $(ENGINE),--engine $(ENGINE))
 
 fuzz: $(VENV)/.ready-test
-	@$(RUN) -m robustness fuzz
+	@$(RUN) -m robustness fuzz $(if $(ENGINE),--engine $(ENGINE))
 
 # The theme's notice of its successor is no fault of a page.
 docs: $(VENV)/.ready-study

@@ -7,11 +7,11 @@ Not part of the installed package. The data's path::
 
     scenes      scenes with any number of targets, and the tracker's configuration for them
     traffic     the same for aircraft and a radar that turns
-    recursion   the engine's step, divided into its parts      -> parts, stored sets
+    recursion   an engine's step, divided into its parts       -> parts, stored sets
     forms       the paper's dense smoother and a k-d tree's    -> baselines
     timing      interleaved rounds, medians, memory
       |
-    smoothing, growth, steps, messages, peers, live, turning   one measurement each
+    smoothing, growth, steps, step_growth, messages, peers, live, turning, searches
       |
     goals -> report (tables), plots, out/bench/summary.json
 

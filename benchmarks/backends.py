@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 from contextlib import AbstractContextManager
 
-from phd_jdtc_ros.core.pair_search import kernels
+from phd_jdtc_ros.core import backend as core
 
 NUMPY = "NumPy"
 NUMBA = "numba"
@@ -18,7 +18,7 @@ NUMBA = "numba"
 def available() -> tuple[str, ...]:
     """Return the names of the installed backends, the reference first."""
     try:
-        kernels.kernels(NUMBA)
+        core.resolved(NUMBA)
     except ImportError:
         return (NUMPY,)
     return (NUMPY, NUMBA)
@@ -31,4 +31,4 @@ def reason_missing(backend: str) -> str:
 
 def using(backend: str) -> AbstractContextManager[None]:
     """Use one of them for as long as the block lasts."""
-    return kernels.using(backend.lower())
+    return core.using(backend.lower())

@@ -26,6 +26,7 @@ from . import (
     report,
     searches,
     smoothing,
+    step_growth,
     steps,
     turning,
 )
@@ -37,6 +38,7 @@ PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "messages": messages.measure,
     "peers": peers.measure,
     "steps": steps.measure,
+    "step_growth": step_growth.measure,
     "searches": searches.measure,
     "growth": growth.measure,
     "smoother": smoothing.measure,
@@ -58,15 +60,13 @@ def run(quick: bool, parts: Sequence[str], console: Console) -> dict[str, Any]:
 
 
 def write(summary: Mapping[str, Any], directory: Path) -> list[Path]:
-    """Write the summary, the tables and, if growth was measured, the pictures; return the paths."""
+    """Write the summary, the tables and the pictures of what was measured; return the paths."""
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / "summary.json"
     path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
     text = directory / "table.md"
     text.write_text(report.markdown(report.tables(summary)))
-    if "growth" not in summary:
-        return [path, text]
-    return [path, text, *plots.write_all(summary["growth"], directory)]
+    return [path, text, *plots.write_all(summary, directory)]
 
 
 def main(argv: Sequence[str]) -> int:

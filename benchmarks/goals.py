@@ -5,13 +5,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from . import backends
 from .backends import NUMBA, NUMPY
+from .recursion import GAUSSIAN, PARTICLES
+from .step_growth import MEMORY_TARGETS
 from .steps import PAPER
 from .turning import BY_SECTORS, ONE_CLOUD
+
+# The Gaussian engine's most milliseconds of a step, by scene and backend.
+GAUSSIAN_STEPS_MS = {
+    PAPER: {NUMPY: 4.0},
+    "200 targets": {NUMPY: 40.0, NUMBA: 15.0},
+    "1000 targets": {NUMPY: 200.0, NUMBA: 60.0},
+}
 
 
 def _nothing(summary: Mapping[str, Any]) -> float:
@@ -75,9 +84,17 @@ def _reason(goal: Goal, summary: Mapping[str, Any]) -> str:
     if goal.source not in summary:
         return "left out of this run"
     part = summary[goal.source]
-    entries = [entry for entry in (part, *part.values()) if isinstance(entry, Mapping)]
-    reasons = [str(entry["reason"]) for entry in entries if "reason" in entry]
+    reasons = list(_reasons(part))
     return reasons[0] if reasons else "left out of the quick run"
+
+
+def _reasons(entry: Any) -> Iterator[str]:
+    """Yield the reasons that a part of the summary and what is in it give."""
+    if isinstance(entry, Mapping):
+        if "reason" in entry:
+            yield str(entry["reason"])
+        for each in entry.values():
+            yield from _reasons(each)
 
 
 def _goals() -> list[Goal]:
@@ -115,7 +132,49 @@ def _goals() -> list[Goal]:
         Goal("node, 1000 detections and 200 estimates, ms", 2.0, True, _messages, "messages"),
         Goal("latency over DDS beyond the step, p99, ms", 10.0, True, _latency, "live"),
         *_of_turning_radars(),
+        *_of_gaussian(),
     ]
+
+
+def _of_gaussian() -> list[Goal]:
+    """Return the goals of the Gaussian engine."""
+    goals = []
+    for scene, of_backends in GAUSSIAN_STEPS_MS.items():
+        for backend, bound in of_backends.items():
+            median = _step(scene, backend, GAUSSIAN)
+            name = f"gaussian: step, {scene} ({backend}), ms"
+            goals.append(Goal(name, bound, True, median, "steps"))
+    return [
+        *goals,
+        Goal(
+            f"gaussian: turn of 50 aircraft by 16 sectors ({NUMPY}), ms",
+            20.0,
+            True,
+            lambda summary: _turn(summary, BY_SECTORS, GAUSSIAN),
+            "turning",
+        ),
+        Goal(
+            "gaussian: growth of a step in targets, 200 to 5000, exponent",
+            1.1,
+            True,
+            _step_exponent,
+            "step_growth",
+        ),
+        Goal("gaussian: memory, 1000 targets, MB", 200.0, True, _memory, "step_growth"),
+    ]
+
+
+def _step_exponent(summary: Mapping[str, Any]) -> float:
+    if summary["quick"]:
+        raise LookupError("few targets, which are not equally dense")
+    return float(summary["step_growth"]["forms"][f"{GAUSSIAN} [{NUMPY}]"]["exponent"])
+
+
+def _memory(summary: Mapping[str, Any]) -> float:
+    memory = summary["step_growth"]["memory"]
+    if memory["targets"] < MEMORY_TARGETS:
+        raise LookupError("few targets")
+    return float(memory["MB"][GAUSSIAN])
 
 
 def _of_turning_radars() -> list[Goal]:
@@ -126,9 +185,9 @@ def _of_turning_radars() -> list[Goal]:
             # a step.
             0.3,
             True,
-            lambda summary: float(summary["turning"]["latency"]["latency_s"]["p99"]),
+            lambda summary: _sector_latency(summary, "latency_s"),
             "turning",
-            lambda summary: 1e-3 * float(summary["turning"]["latency"]["step_ms"]["p99"]),
+            lambda summary: 1e-3 * _sector_latency(summary, "step_ms"),
         ),
         Goal(
             f"turn of 50 aircraft ({NUMPY}), ms",
@@ -147,8 +206,12 @@ def _of_turning_radars() -> list[Goal]:
     ]
 
 
-def _turn(summary: Mapping[str, Any], form: str) -> float:
-    return float(summary["turning"]["cost"][NUMPY][form]["median_ms"])
+def _sector_latency(summary: Mapping[str, Any], of: str) -> float:
+    return float(summary["turning"]["latency"][PARTICLES][of]["p99"])
+
+
+def _turn(summary: Mapping[str, Any], form: str, engine: str = PARTICLES) -> float:
+    return float(summary["turning"]["cost"][engine][NUMPY][form]["median_ms"])
 
 
 def _median(summary: Mapping[str, Any], size: str, name: str) -> float:
@@ -205,9 +268,12 @@ def _kept(summary: Mapping[str, Any]) -> float:
     )
 
 
-def _step(scene: str, backend: str) -> Callable[[Mapping[str, Any]], float]:
+def _step(
+    scene: str, backend: str, engine: str = PARTICLES
+) -> Callable[[Mapping[str, Any]], float]:
     def median(summary: Mapping[str, Any]) -> float:
-        return float(summary["steps"][scene]["backends"][backend]["step"]["median_ms"])
+        backends_ = summary["steps"][scene]["engines"][engine]["backends"]
+        return float(backends_[backend]["step"]["median_ms"])
 
     return median
 
@@ -222,4 +288,4 @@ def _messages(summary: Mapping[str, Any]) -> float:
 
 
 def _latency(summary: Mapping[str, Any]) -> float:
-    return float(summary["live"]["beyond_step_ms"]["p99"])
+    return float(summary["live"][PARTICLES]["beyond_step_ms"]["p99"])

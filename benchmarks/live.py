@@ -25,6 +25,7 @@ from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.types import Scan
 
 from . import messages
+from .recursion import PARTS
 from .timing import percentiles
 
 START_S, STOP_S = 30.0, 10.0
@@ -38,6 +39,14 @@ SEARCH_S = 80.0
 
 
 def measure(quick: bool) -> dict[str, Any]:
+    """Return latencies and the highest rate of each engine; see `of_engine`."""
+    messages.environment()
+    if importlib.util.find_spec("rclpy") is None:
+        return {"value": None, "reason": "rclpy is missing"}
+    return {engine: of_engine(engine, quick) for engine in PARTS}
+
+
+def of_engine(engine: str, quick: bool) -> dict[str, Any]:
     """Return latencies and the highest rate, in milliseconds and hertz.
 
     ``estimate`` is the time from the publication of a scan's last detections to the receipt of its
@@ -45,15 +54,12 @@ def measure(quick: bool) -> dict[str, Any]:
     the step's CPU time as reported by the tracker, from decoding to publishing. The rest is spent
     on transport, waiting and the operating system.
     """
-    messages.environment()
-    if importlib.util.find_spec("rclpy") is None:
-        return {"value": None, "reason": "rclpy is missing"}
     from .radars import Radars
 
     scans = _scans(20 if quick else 60)
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
-        stack.enter_context(tracker(log))
+        stack.enter_context(tracker(log, "--ros-args", "-p", f"engine:={engine}"))
         radars = stack.enter_context(contextlib.closing(Radars(resolve({}).inputs)))
         if not radars.connected(START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}

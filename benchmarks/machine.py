@@ -11,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros.core.pair_search import kernels
+from phd_jdtc_ros.core import backend
 
 PACKAGES = ("numpy", "scipy", "numba", "stonesoup", "rclpy")
 
@@ -24,7 +24,7 @@ def description() -> dict[str, Any]:
         "load_average": os.getloadavg()[0],
         "system": f"{platform.system()} {platform.release()}",
         "python": platform.python_version(),
-        "default_kernels": kernels.chosen().name,
+        "default_kernels": backend.chosen(),
         **{package: _version(package) for package in PACKAGES},
     }
 

@@ -23,6 +23,7 @@ from phd_jdtc_ros.study import peers
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 
 from . import backends
+from .recursion import PARTS
 
 # Few scans for the SMC-PHD filter, which is slow.
 SMC_SCANS, SMC_TARGETS = 5, 3
@@ -35,7 +36,9 @@ def measure(quick: bool) -> dict[str, Any]:
     if quick:
         scene = replace(scene, scans=15)
     trackers: dict[str, Callable[[SimulatedRun], object]] = {
-        f"particles [{name}]": _particles(config, name) for name in backends.available()
+        f"{engine} [{backend}]": _tracker(resolve({"engine": engine}), backend)
+        for engine in PARTS
+        for backend in backends.available()
     }
     trackers["GM-PHD"] = peers.gm_phd
     cost: dict[str, list[float]] = {name: [] for name in trackers}
@@ -60,7 +63,7 @@ def measure(quick: bool) -> dict[str, Any]:
     return found
 
 
-def _particles(config: TrackerConfig, backend: str) -> Callable[[SimulatedRun], object]:
+def _tracker(config: TrackerConfig, backend: str) -> Callable[[SimulatedRun], object]:
     def track(run: SimulatedRun) -> None:
         engine = new_engine(config)
         with backends.using(backend):

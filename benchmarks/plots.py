@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Two pictures: the smoother's cost against particles per target, and against targets."""
+"""Pictures of growth: the smoother's cost against particles and targets, a step's of targets."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,6 +19,7 @@ from matplotlib.ticker import FixedLocator, NullLocator
 from phd_jdtc_ros.report.style import COLOURS, DPI, GREY, INK, MARKERS, WIDTH_IN, plain_axes
 
 from .backends import NUMBA, NUMPY
+from .recursion import GAUSSIAN, PARTICLES
 
 HEIGHT_IN = 5.2
 
@@ -38,48 +39,75 @@ LOOKS = {
     f"smoother [{NUMBA}]": Look("this package, numba", COLOURS[2], MARKERS[1]),
     "limit": Look("limit: whiten, sort, gather", GREY, ""),
 }
+STEP_LOOKS = {
+    f"{PARTICLES} [{NUMPY}]": Look("particles, NumPy", COLOURS[0], MARKERS[0]),
+    f"{PARTICLES} [{NUMBA}]": Look("particles, numba", COLOURS[2], MARKERS[1]),
+    f"{GAUSSIAN} [{NUMPY}]": Look("Gaussian, NumPy", COLOURS[1], MARKERS[3]),
+    f"{GAUSSIAN} [{NUMBA}]": Look("Gaussian, numba", COLOURS[4], MARKERS[2]),
+}
 AXES = {
     "particles_per_target": ("particles per target", "{targets} targets"),
     "targets": ("targets", "{particles_per_target} particles per target"),
 }
 
 
-def write_all(growth: Mapping[str, Any], directory: Path) -> list[Path]:
-    """Write both pictures as PNGs and return their paths."""
-    paths = []
-    for ladder, (label, fixed) in AXES.items():
-        figure = cost(growth[ladder], label, fixed.format(**growth[ladder]))
-        path = directory / f"cost_against_{ladder}.png"
-        FigureCanvasAgg(figure).print_png(path)
-        paths.append(path)
-    return paths
+def write_all(summary: Mapping[str, Any], directory: Path) -> list[Path]:
+    """Write the pictures of what was measured as PNGs and return their paths."""
+    figures = {}
+    if "growth" in summary:
+        growth = summary["growth"]
+        for ladder, (label, fixed) in AXES.items():
+            figure = cost(growth[ladder], label, fixed.format(**growth[ladder]))
+            figures[f"cost_against_{ladder}.png"] = figure
+    if "step_growth" in summary:
+        figures["step_against_targets.png"] = step_cost(summary["step_growth"])
+    for name, figure in figures.items():
+        FigureCanvasAgg(figure).print_png(directory / name)
+    return [directory / name for name in figures]
 
 
 def cost(ladder: Mapping[str, Any], label: str, fixed: str) -> Figure:
-    """Draw the median cost of every form over one series of sizes, both axes logarithmic.
+    """Draw the smoother's median cost in every form over one series of sizes; see `_growth`."""
+    forms = ladder["forms"]
+    figure, axes = _growth(forms, LOOKS, forms[f"smoother [{NUMPY}]"], forms["limit"]["size"])
+    axes.set_xlabel(f"{label} ({fixed})")
+    axes.set_ylabel("CPU time of the smoother per scan (ms)")
+    return figure
 
-    A form's slope is the exponent of its growth; the dotted line is linear growth.
+
+def step_cost(growth: Mapping[str, Any]) -> Figure:
+    """Draw the median cost of a step of each engine over the targets; see `_growth`."""
+    forms = growth["forms"]
+    longest = forms[f"{GAUSSIAN} [{NUMPY}]"]
+    figure, axes = _growth(forms, STEP_LOOKS, longest, longest["size"])
+    axes.set_xlabel(f"targets ({growth['particles_per_target']} particles per target)")
+    axes.set_ylabel("CPU time of a step, with smoothing (ms)")
+    return figure
+
+
+def _growth(
+    forms: Mapping[str, Any],
+    looks: Mapping[str, Look],
+    reference: Mapping[str, Any],
+    sizes: Sequence[float],
+) -> tuple[Figure, Axes]:
+    """Draw median costs, both axes logarithmic, in the order of their looks.
+
+    A form's slope is the exponent of its growth; the dotted line is linear growth of `reference`.
     """
     figure = Figure(figsize=(WIDTH_IN, HEIGHT_IN), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     plain_axes(axes)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    handles = [
-        _draw(axes, ladder["forms"][form], look)
-        for form, look in LOOKS.items()
-        if form in ladder["forms"]
-    ]
-    handles.append(_draw_linear(axes, ladder["forms"][f"smoother [{NUMPY}]"]))
-    sizes = ladder["forms"]["limit"]["size"]
+    handles = [_draw(axes, forms[form], look) for form, look in looks.items() if form in forms]
+    handles.append(_draw_linear(axes, reference))
     axes.xaxis.set_major_locator(FixedLocator(sizes))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter("{x:g}")
-    axes.set_xlabel(f"{label} ({fixed})")
-    axes.set_ylabel("CPU time of the smoother per scan (ms)")
     axes.yaxis.set_major_formatter("{x:g}")
     figure.legend(handles=handles, loc="outside upper left", ncols=2, frameon=False)
-    return figure
+    return figure, axes
 
 
 def _draw(axes: Axes, form: Mapping[str, Any], look: Look) -> Artist:

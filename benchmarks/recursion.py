@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The particle engine with the CPU time of every part of a step, and a window of its sets."""
+"""An engine with the CPU time of every part of a step, and a window of particle sets."""
 
 from __future__ import annotations
 
@@ -9,12 +9,17 @@ import itertools
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.engines import particle_engine, particle_filter
+from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.core.engines import ENGINES, particle_filter
+from phd_jdtc_ros.core.fixed_lag import FixedLagEngine
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.backward_kernel import ParticleEntry, Transition
@@ -25,47 +30,62 @@ from phd_jdtc_ros.core.window import Entry, Source
 
 from . import scenes
 
-PARTS = ("predict", "update", "resample", "transition", "backward", "extraction")
+PARTICLES, GAUSSIAN = "particles", "gaussian"
+PARTS = {
+    PARTICLES: ("predict", "update", "resample", "transition", "backward", "extraction"),
+    GAUSSIAN: ("predict", "update", "reduce", "backward", "extraction"),
+}
 # Number of scans after which particles started at the truth are distributed as in a run.
 SETTLING = 6
 
 
 class TimedEngine:
-    """A particle engine that says how long each part of a step took.
+    """An engine that says how long each part of a step took.
 
     Parameters
     ----------
     config : TrackerConfig
-    start : ParticleSet
-        The stored set an interval before the first scan; empty for a new start.
+    start : ParticleSet, Mixture or None
+        The stored set an interval before the first scan; None for a new start.
     """
 
-    def __init__(self, config: TrackerConfig, start: ParticleSet) -> None:
-        self._engine = particle_engine(config)
+    def __init__(self, config: TrackerConfig, start: ParticleSet | Mixture | None = None) -> None:
+        engine = ENGINES[config.engine](config)
+        if not isinstance(engine, FixedLagEngine):
+            raise TypeError(f"engine: {config.engine} does not say when its parts are done")
+        self._engine: FixedLagEngine[Any, Any] = engine
         self._engine.forward.done = self._note
         self._interval_ns = round(config.model.modes.interval_s * 1e9)
-        self._start: ParticleSet | None = start
+        self._start = start
         self._latest_s = 0.0
-        self.parts_ms = dict.fromkeys(PARTS, 0.0)
+        self._parts = PARTS[config.engine]
+        self.parts_ms = dict.fromkeys(self._parts, 0.0)
 
-    def step(self, scan: Scan) -> None:
+    def step(self, scan: Scan) -> Step:
         """Take in a scan."""
         if self._start is not None:
             self._engine.forward.start_from(scan.stamp_ns - self._interval_ns, self._start)
             self._start = None
-        self.parts_ms = dict.fromkeys(PARTS, 0.0)
+        self.parts_ms = dict.fromkeys(self._parts, 0.0)
         self._latest_s = time.process_time()
-        self._engine.step(scan)
+        return self._engine.step(scan)
 
     @property
-    def stored(self) -> ParticleSet:
+    def stored(self) -> Any:
         """The last stored set."""
-        return self._engine.forward.stored
+        return self._engine.forward.current[-1].entry.stored
 
     def _note(self, part: str) -> None:
         now = time.process_time()
         self.parts_ms[part] += 1e3 * (now - self._latest_s)
         self._latest_s = now
+
+
+def tracking(config: TrackerConfig, scene: Scenario, seed: int) -> TimedEngine:
+    """Return an engine that tracks all targets of a crowd when its first scan comes."""
+    if config.engine == GAUSSIAN:
+        return TimedEngine(config, scenes.mixture(scene, config))
+    return TimedEngine(config, scenes.clouds(scene, config, np.random.default_rng(seed)))
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,18 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from .recursion import PARTS
+from .recursion import GAUSSIAN, PARTICLES, PARTS
 from .turning import ONE_CLOUD
+
+# What a step's table counts, by engine.
+COUNTS = {
+    PARTICLES: {"particles": "particles"},
+    GAUSSIAN: {"rows": "hypotheses", "approximate clusters": "approximate clusters"},
+}
+STEPS_CAPTIONS = {
+    PARTICLES: "4 targets: the reference scenario, 1000 particles per target; others: about 500",
+    GAUSSIAN: "4 targets: the reference scenario",
+}
 
 
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
@@ -25,15 +35,18 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
     if "growth" in summary:
         yield _growth(summary["growth"])
     if "steps" in summary:
-        yield _steps(summary["steps"])
+        yield from _steps(summary["steps"])
+    if "step_growth" in summary:
+        yield _step_growth(summary["step_growth"])
     if "searches" in summary:
         yield _searches(summary["searches"])
     if "peers" in summary:
         yield _peers(summary["peers"])
     if "parts" in summary.get("messages", {}):
         yield _messages(summary["messages"])
-    if "estimate_ms" in summary.get("live", {}):
-        yield _live(summary["live"])
+    for engine, found in summary.get("live", {}).items():
+        if "estimate_ms" in found:
+            yield _live(engine, found)
     if "turning" in summary:
         yield from _turning(summary["turning"])
     yield _goals(summary["figures"])
@@ -108,25 +121,47 @@ def _growth(growth: Mapping[str, Any]) -> Table:
     return table
 
 
-def _steps(scenes: Mapping[str, Any]) -> Table:
-    columns = {
-        f"{scene}, {backend}": (found, parts)
-        for scene, found in scenes.items()
-        for backend, parts in found["backends"].items()
-    }
+def _steps(scenes: Mapping[str, Any]) -> Iterator[Table]:
+    """Yield a table of the parts of a step for each engine."""
+    for engine, parts in PARTS.items():
+        columns = {
+            f"{scene}, {backend}": (found["detections_a_radar"], found["engines"][engine], times)
+            for scene, found in scenes.items()
+            if engine in found["engines"]
+            for backend, times in found["engines"][engine]["backends"].items()
+        }
+        table = _table(
+            f"the whole step, engine {engine}, CPU medians in ms",
+            "part",
+            *columns,
+            caption=STEPS_CAPTIONS[engine],
+        )
+        for part in ("step", *parts):
+            cells = [f"{times[part]['median_ms']:.1f}" for *_, times in columns.values()]
+            table.add_row(part, *cells, end_section=part == "step")
+        table.add_section()
+        for count, label in COUNTS[engine].items():
+            cells = [f"{found['counts'][count]:.0f}" for _, found, _ in columns.values()]
+            table.add_row(label, *cells)
+        table.add_row("detections", *(f"{number:.0f}" for number, *_ in columns.values()))
+        yield table
+
+
+def _step_growth(growth: Mapping[str, Any]) -> Table:
+    """Return each engine's step by number of targets, and the memory."""
+    sizes = sorted({size for form in growth["forms"].values() for size in form["size"]})
+    held = ", ".join(f"{name} {_number(size)} MB" for name, size in growth["memory"]["MB"].items())
     table = _table(
-        "the whole step, CPU medians in ms",
-        "part",
-        *columns,
-        caption="4 targets: the reference scenario, 1000 particles per target; others: about 500",
+        "the whole step against targets, CPU medians",
+        "engine",
+        *map(str, sizes),
+        "exponent",
+        caption=f"at most held with {growth['memory']['targets']} targets and a lag of 5: {held}",
     )
-    for part in ("step", *PARTS):
-        cells = [f"{parts[part]['median_ms']:.1f}" for _, parts in columns.values()]
-        table.add_row(part, *cells, end_section=part == "step")
-    table.add_section()
-    table.add_row("particles", *(f"{found['particles']:.0f}" for found, _ in columns.values()))
-    detections = (f"{found['detections_a_radar']:.0f}" for found, _ in columns.values())
-    table.add_row("detections", *detections)
+    for name, form in growth["forms"].items():
+        times = dict(zip(form["size"], form["times"], strict=True))
+        cells = [_ms(times[size]["median_ms"]) if size in times else "-" for size in sizes]
+        table.add_row(escape(name), *cells, f"{form['exponent']:.2f}")
     return table
 
 
@@ -167,7 +202,7 @@ def _messages(messages: Mapping[str, Any]) -> Table:
     return table
 
 
-def _live(live: Mapping[str, Any]) -> Table:
+def _live(engine: str, live: Mapping[str, Any]) -> Table:
     rate = live["highest_rate_hz"]
     value = rate["value"]
     caption = (
@@ -176,7 +211,7 @@ def _live(live: Mapping[str, Any]) -> Table:
         else f"highest rate: {rate['reason']}"
     )
     table = _table(
-        f"over DDS, {live['scans']} scans, wall time",
+        f"engine {engine} over DDS, {live['scans']} scans, wall time",
         "from last detection",
         "p50",
         "p99",
@@ -194,30 +229,34 @@ def _live(live: Mapping[str, Any]) -> Table:
 
 
 def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
-    if "latency_s" in found["latency"]:
-        yield _sector_latency(found["latency"])
-    cost = found["cost"]
+    for engine, latency in found["latency"].items():
+        if "latency_s" in latency:
+            yield _sector_latency(engine, latency)
+    cost = {
+        f"{engine} [{backend}]": forms
+        for engine, of_backends in found["cost"].items()
+        for backend, forms in of_backends.items()
+    }
     table = _table(
         "a turn of 50 aircraft, CPU medians",
         "reports",
-        *cost,
-        *(f"{backend}, times one cloud" for backend in cost),
-        caption="estimates once a turn, except where they are said to go out at each sector",
+        *map(escape, cost),
+        caption="estimates once a turn, except where they are said to go out at each sector; "
+        "in brackets, as a multiple of one cloud",
     )
     forms = next(iter(cost.values()))
     for form in forms:
-        medians = [of_backend[form]["median_ms"] for of_backend in cost.values()]
-        ratios = [
-            median / of_backend[ONE_CLOUD]["median_ms"]
-            for median, of_backend in zip(medians, cost.values(), strict=True)
-        ]
-        table.add_row(form, *map(_ms, medians), *map(_number, ratios))
+        cells = []
+        for of_forms in cost.values():
+            median = of_forms[form]["median_ms"]
+            cells.append(f"{_ms(median)} ({_number(median / of_forms[ONE_CLOUD]['median_ms'])}x)")
+        table.add_row(form, *cells)
     yield table
 
 
-def _sector_latency(found: Mapping[str, Any]) -> Table:
+def _sector_latency(engine: str, found: Mapping[str, Any]) -> Table:
     table = _table(
-        f"a turning radar over DDS, {found['sectors']} sectors in real time",
+        f"a turning radar over DDS, engine {engine}, {found['sectors']} sectors in real time",
         "of a detection",
         "p50",
         "p99",

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Scenes of any number of targets, and the tracker's configuration for them."""
+"""Scenes of any number of targets, the tracker's configuration for them, and its start."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
-from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.models.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.simulation.scenario import (
     Scenario,
@@ -24,6 +26,8 @@ from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 
 # Targets are within this distance of (0, 0), metres; both radars cover all of it.
 FIELD_RADIUS = 13e3
+# More targets than these have a field so much larger that they are as dense as these in it.
+DENSEST = 200
 SPEED = 57.0
 SNR_DB = (45.0, 25.0)
 # Standard deviations of a tracking filter's particles about a target: m, m/s, rad/s.
@@ -31,21 +35,58 @@ POSITION_STD, VELOCITY_STD, TURN_RATE_STD = 100.0, 8.0, 1e-3
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
-def configuration(targets: int, per_target: int, corrector: str = "bernoulli") -> TrackerConfig:
-    """Return the reference configuration with `per_target` particles and matching clutter.
+def configuration(
+    targets: int,
+    per_target: int,
+    corrector: str = "bernoulli",
+    engine: str = "particles",
+    clutter: float | None = None,
+) -> TrackerConfig:
+    """Return the reference configuration with `per_target` particles and matching radars.
 
-    There are half as many false detections as targets: 200 targets give 300 detections per radar.
+    Parameters
+    ----------
+    targets : int
+    per_target : int
+    corrector, engine : str
+    clutter : float or None
+        Expected false detections per radar and scan. None for half as many as targets: 200 targets
+        then give 300 detections per radar.
+
+    Notes
+    -----
+    In a larger field the radars see farther, and their azimuths are so much more precise that the
+    deviation at the edge is that of the reference in metres. Scenes of any number of targets from
+    `DENSEST` on are thus as ambiguous as each other.
     """
+    usual, scale = resolve({}), _scale(targets)
+    radars = {
+        f"{radar.name}.{name}": value
+        for radar in usual.inputs
+        for name, value in {
+            "clutter_rate": targets / 2 if clutter is None else clutter,
+            "clutter_max_range": scale * float(usual.values[f"{radar.name}.clutter_max_range"]),
+            "max_range": scale * float(usual.values[f"{radar.name}.max_range"]),
+            "azimuth_std_deg": float(usual.values[f"{radar.name}.azimuth_std_deg"]) / scale,
+        }.items()
+    }
     return resolve(
         {
+            "engine": engine,
             "corrector": corrector,
             "particles_per_target": per_target,
             # In the default's proportion to the particles per target.
             "least_particles": max(per_target // 5, 1),
-            "radar_1.clutter_rate": targets / 2,
-            "radar_2.clutter_rate": targets / 2,
+            # No target has fewer particles because there are many of them.
+            "max_particles": max(int(usual.values["max_particles"]), 2 * targets * per_target),
+            **radars,
         }
     )
+
+
+def _scale(targets: int) -> float:
+    """Return how many times the reference field's radius the field of so many targets has."""
+    return float(np.sqrt(max(targets / DENSEST, 1.0)))
 
 
 def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenario:
@@ -65,7 +106,7 @@ def crowd(targets: int, scans: int, config: TrackerConfig, seed: int) -> Scenari
     scene = paper_scenario(config.model.radars)
     heading = rng.uniform(-np.pi, np.pi, targets)
     # As a sunflower's seeds: evenly spread, and no two at the same bearing.
-    radius = FIELD_RADIUS * np.sqrt((np.arange(targets) + 0.5) / targets)
+    radius = _scale(targets) * FIELD_RADIUS * np.sqrt((np.arange(targets) + 0.5) / targets)
     bearing = GOLDEN_ANGLE * np.arange(targets)
     velocity = SPEED * np.stack([np.cos(heading), np.sin(heading)], axis=1)
     middle = radius[:, None] * np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
@@ -94,10 +135,9 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
     count = config.values["particles_per_target"]
     modes = config.model.modes
     target = np.repeat(np.arange(len(before.state)), count)
-    state = before.state[target].copy()
+    state = _earlier(before, scene, config)[target]
     space = modes.space
     position, velocity, turn_rate = list(space.position), list(space.velocity), space.turn_rate
-    state[:, position] -= scene.interval_s * state[:, velocity]
     state[:, position] += POSITION_STD * rng.standard_normal((len(target), 2))
     state[:, velocity] += VELOCITY_STD * rng.standard_normal((len(target), 2))
     mode = _modes_of(before, config, target, rng)
@@ -115,6 +155,31 @@ def clouds(scene: Scenario, config: TrackerConfig, rng: np.random.Generator) -> 
         label=np.zeros(0, dtype=np.int64),
         log_snr=config.model.amplitudes.born(mode, modes, rng),
     )
+
+
+def mixture(scene: Scenario, config: TrackerConfig) -> Mixture:
+    """Return what `clouds` returns as one hypothesis per target, for the Gaussian engine."""
+    before, dynamics = truth_at(scene, 0), Dynamics(config.model)
+    space = config.model.modes.space
+    std = np.zeros(len(space))
+    std[list(space.position)], std[list(space.velocity)] = POSITION_STD, VELOCITY_STD
+    std[space.turn_rate] = TURN_RATE_STD
+    supported, count = dynamics.supported, len(before.state)
+    covariance = supported[:, :, None] * np.diag(std**2)
+    # Ascending labels, below those of births.
+    return Mixture(
+        np.arange(-count, 0),
+        dynamics.born[before.class_id],
+        _earlier(before, scene, config)[:, None] * supported,
+        np.broadcast_to(covariance, (count, *covariance.shape)),
+    )
+
+
+def _earlier(truth: Truth, scene: Scenario, config: TrackerConfig) -> FloatArray:
+    """Return the targets' states an interval earlier, shape (T, D)."""
+    space, state = config.model.modes.space, truth.state.copy()
+    state[:, list(space.position)] -= scene.interval_s * state[:, list(space.velocity)]
+    return state
 
 
 def _modes_of(

@@ -36,16 +36,16 @@ TURNS, QUICK_TURNS = 10, 3
 PAUSE_S = 0.5
 
 
-def measure(quick: bool) -> dict[str, Any]:
+def measure(quick: bool, engine: str) -> dict[str, Any]:
     """Return the latency of detections in seconds, and the step's CPU time in milliseconds.
 
     The latency is from the time at which the antenna passed the detection to the receipt of the
     filtered estimates of its sector.
     """
-    return of_turns(QUICK_TURNS if quick else TURNS)
+    return of_turns(QUICK_TURNS if quick else TURNS, engine)
 
 
-def of_turns(turns: int) -> dict[str, Any]:
+def of_turns(turns: int, engine: str) -> dict[str, Any]:
     """Return what `measure` returns, of so many turns."""
     messages.environment()
     if importlib.util.find_spec("rclpy") is None:
@@ -59,7 +59,7 @@ def of_turns(turns: int) -> dict[str, Any]:
     sector_ns = round(1e9 * config.inputs[0].rotation_s / traffic.SECTORS)
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
-        stack.enter_context(live.tracker(log, *_arguments()))
+        stack.enter_context(live.tracker(log, *_arguments(engine)))
         radars = stack.enter_context(contextlib.closing(Radars(config.inputs)))
         if not radars.connected(live.START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
@@ -68,9 +68,10 @@ def of_turns(turns: int) -> dict[str, Any]:
         return _in_real_time(radars, reports[settling:], sector_ns)
 
 
-def _arguments() -> list[str]:
+def _arguments(engine: str) -> list[str]:
     """Return the tracker's arguments for the profile by sectors."""
-    changes = [("-p", f"{name}:={value}") for name, value in traffic.AT_EVERY_SECTOR.items()]
+    values = {**traffic.AT_EVERY_SECTOR, "engine": engine}
+    changes = [("-p", f"{name}:={value}") for name, value in values.items()]
     file = str(resources.find(traffic.PROFILE))
     return ["--ros-args", "--params-file", file, *(word for pair in changes for word in pair)]
 

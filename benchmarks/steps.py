@@ -1,89 +1,135 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The cost of a step and its parts, with the reference scenario and with 20 and 200 targets."""
+"""The cost of a step and its parts, of both engines: the reference scenario and crowds."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.types import Scan
 
 from . import backends, scenes
-from .recursion import PARTS, SETTLING, TimedEngine
+from .recursion import GAUSSIAN, PARTICLES, PARTS, SETTLING, TimedEngine, tracking
 from .smoothing import PER_TARGET
 from .timing import peak_bytes, spread
 
 PAPER = "4 targets"
-CROWDS = {"20 targets": 20, "200 targets": 200}
+BOTH = (PARTICLES, GAUSSIAN)
+
+
+class Crowd(NamedTuple):
+    """A scene.
+
+    Parameters
+    ----------
+    targets : int
+    engines : tuple of str
+    clutter : float or None
+        See `scenes.configuration`.
+    """
+
+    targets: int
+    engines: tuple[str, ...] = BOTH
+    clutter: float | None = None
+
+
+CROWDS = {
+    "20 targets": Crowd(20),
+    "200 targets": Crowd(200),
+    # With these false detections a radar has 1000 detections. Half a million particles take a
+    # second per step; see `step_growth` for them.
+    "1000 targets": Crowd(1000, (GAUSSIAN,), 11.0),
+}
 # Number of measured steps.
 STEPS = 12
 
 
+class Case(NamedTuple):
+    """An engine with one kind of inner loops."""
+
+    engine: str
+    backend: str
+
+
 def measure(quick: bool) -> dict[str, Any]:
-    """Return the cost of the step and its parts, by scene and backend."""
-    config = resolve({})
-    scene = paper_scenario(config.model.radars)
-    if quick:
-        scene = replace(scene, scans=20)
-    empty = ParticleSet.empty(len(config.model.modes.space))
-    found = {PAPER: _measure(config, scene, empty, config.lag.scans)}
-    for name, targets in CROWDS.items():
-        if quick and targets > 20:
-            continue
-        config = scenes.configuration(targets, PER_TARGET)
-        settling = SETTLING + config.lag.scans
-        crowd = scenes.crowd(targets, settling + STEPS, config, seed=2)
-        start = scenes.clouds(crowd, config, np.random.default_rng(2))
-        found[name] = _measure(config, crowd, start, settling)
+    """Return the cost of the step and its parts, by scene, engine and backend."""
+    found = {PAPER: _reference(20 if quick else None)}
+    for name, crowd in CROWDS.items():
+        if not quick or crowd.targets <= 20:
+            found[name] = _crowd(crowd)
     return found
 
 
+def _reference(count: int | None) -> dict[str, Any]:
+    """Return the figures of the reference scenario, or of its first `count` scans."""
+    configs = {engine: resolve({"engine": engine}) for engine in BOTH}
+    config = configs[PARTICLES]
+    scene = paper_scenario(config.model.radars)
+    scans = [scan for _, scan in simulate(replace(scene, scans=count or scene.scans), seed=0)]
+    runs = {case: TimedEngine(configs[case.engine]) for case in _cases(BOTH)}
+    return _measure(runs, scans, config.lag.scans)
+
+
+def _crowd(crowd: Crowd) -> dict[str, Any]:
+    configs = {
+        engine: scenes.configuration(
+            crowd.targets, PER_TARGET, engine=engine, clutter=crowd.clutter
+        )
+        for engine in crowd.engines
+    }
+    config = configs[crowd.engines[0]]
+    settling = SETTLING + config.lag.scans
+    scene = scenes.crowd(crowd.targets, settling + STEPS, config, seed=2)
+    scans = [scan for _, scan in simulate(scene, seed=0)]
+    runs = {case: tracking(configs[case.engine], scene, seed=2) for case in _cases(crowd.engines)}
+    return _measure(runs, scans, settling)
+
+
+def _cases(engines: Sequence[str]) -> list[Case]:
+    return [Case(engine, backend) for engine in engines for backend in backends.available()]
+
+
 def _measure(
-    config: TrackerConfig, scene: Scenario, start: ParticleSet, settling: int
+    runs: Mapping[Case, TimedEngine], scans: Sequence[Scan], settling: int
 ) -> dict[str, Any]:
     """Return the figures of a scene, without its first `settling` steps."""
-    scans = [scan for _, scan in simulate(scene, seed=0)]
-    names = backends.available()
-    runs = {name: TimedEngine(config, start) for name in names}
-    costs: dict[str, list[dict[str, float]]] = {name: [] for name in names}
+    costs: dict[Case, list[dict[str, float]]] = {case: [] for case in runs}
     for scan in scans[:-1]:
-        # The backends alternate scan by scan.
-        for name in names:
-            costs[name].append(_timed_step(runs[name], scan, name))
-    return {
-        "particles": _median_of("particles", costs[names[0]][settling:]),
-        "unique_particles": _median_of("unique_particles", costs[names[0]][settling:]),
-        "detections_a_radar": _mean_detections(scans),
-        "backends": {
-            name: {
-                part: spread([cost[part] for cost in costs[name][settling:]])
-                for part in ("step", *PARTS)
-            }
-            for name in names
-        },
-        "peak_MB": {name: _peak(runs[name], scans[-1], name) / 1e6 for name in names},
-    }
+        # The engines and backends alternate scan by scan.
+        for case, run in runs.items():
+            costs[case].append(_timed_step(run, scan, case.backend))
+    found: dict[str, Any] = {"detections_a_radar": _mean_detections(scans), "engines": {}}
+    for case, run in runs.items():
+        measured = costs[case][settling:]
+        of_engine = found["engines"].setdefault(
+            case.engine, {"counts": _counts(measured), "backends": {}, "peak_MB": {}}
+        )
+        of_engine["backends"][case.backend] = {
+            part: spread([cost[part] for cost in measured])
+            for part in ("step", *PARTS[case.engine])
+        }
+        of_engine["peak_MB"][case.backend] = _peak(run, scans[-1], case.backend) / 1e6
+    return found
 
 
 def _timed_step(run: TimedEngine, scan: Scan, backend: str) -> dict[str, float]:
     with backends.using(backend):
         begin = time.process_time()
-        run.step(scan)
+        step = run.step(scan)
         whole = 1e3 * (time.process_time() - begin)
-    counts = {
-        "particles": float(run.stored.multiplicity.sum()),
-        "unique_particles": float(len(run.stored)),
-    }
+    counts = {"expected targets": float(step.class_mass.sum()), "rows": float(len(run.stored))}
+    if hasattr(run.stored, "multiplicity"):
+        counts["particles"] = float(run.stored.multiplicity.sum())
+    counts["approximate clusters"] = float(step.figures.get("approximate_clusters", 0))
     return {"step": whole, **run.parts_ms, **counts}
 
 
@@ -92,8 +138,12 @@ def _peak(run: TimedEngine, scan: Scan, backend: str) -> int:
         return peak_bytes(lambda: run.step(scan))
 
 
-def _median_of(name: str, steps: Sequence[dict[str, float]]) -> float:
-    return float(np.median([step[name] for step in steps]))
+def _counts(steps: Sequence[dict[str, float]]) -> dict[str, float]:
+    """Return the medians of what was counted."""
+    names = ("expected targets", "particles", "rows", "approximate clusters")
+    return {
+        name: float(np.median([step[name] for step in steps])) for name in names if name in steps[0]
+    }
 
 
 def _mean_detections(scans: Sequence[Scan]) -> float:

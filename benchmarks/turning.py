@@ -16,8 +16,10 @@ from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
 
 from . import backends, sector_latency, traffic
+from .recursion import GAUSSIAN, PARTICLES
 from .timing import spread
 
+ENGINES = (PARTICLES, GAUSSIAN)
 ONE_CLOUD = "one cloud"
 BY_SECTORS = f"{traffic.SECTORS} sectors"
 AT_EVERY_SECTOR = f"{traffic.SECTORS} sectors, estimates at each"
@@ -32,38 +34,40 @@ TURNS = 20
 
 def measure(quick: bool) -> dict[str, Any]:
     """Return the latency of detections, and the cost of a turn by the form of its reports."""
-    return {"latency": sector_latency.measure(quick), "cost": cost(2 if quick else TURNS)}
+    latency = {engine: sector_latency.measure(quick, engine) for engine in ENGINES}
+    return {"latency": latency, "cost": cost(2 if quick else TURNS)}
 
 
 def cost(turns: int) -> dict[str, Any]:
-    """Return the CPU time of a turn, by backend and form, after the first ones.
+    """Return the CPU time of a turn, by engine, backend and form, after the first ones.
 
-    All backends and forms get the same plots and take turns, turn by turn.
+    All of them get the same plots and take turns, turn by turn.
     """
-    cases = [(backend, form) for backend in backends.available() for form in FORMS]
-    configs = {form: traffic.configuration(changes) for form, changes in FORMS.items()}
-    pipelines = {case: new_pipeline(configs[case[1]]) for case in cases}
-    sent = {
-        form: list(_by_turn(config, traffic.SETTLING + turns)) for form, config in configs.items()
+    cases = list(itertools.product(ENGINES, backends.available(), FORMS))
+    configs = {
+        (engine, form): traffic.configuration({**changes, "engine": engine})
+        for engine in ENGINES
+        for form, changes in FORMS.items()
     }
-    spent: dict[tuple[str, str], list[float]] = {case: [] for case in cases}
+    pipelines = {case: new_pipeline(configs[case[0], case[2]]) for case in cases}
+    sent = {
+        form: list(_by_turn(configs[PARTICLES, form], traffic.SETTLING + turns)) for form in FORMS
+    }
+    spent: dict[tuple[str, str, str], list[float]] = {case: [] for case in cases}
     targets = dict.fromkeys(cases, 0.0)
     for turn in range(traffic.SETTLING + turns):
-        for backend, form in cases:
+        for case in cases:
+            _, backend, form = case
             with backends.using(backend):
                 begin = time.process_time()
-                targets[backend, form] = _take(pipelines[backend, form], sent[form][turn])
-                spent[backend, form].append(1e3 * (time.process_time() - begin))
-    return {
-        backend: {
-            form: {
-                **spread(spent[backend, form][traffic.SETTLING :]),
-                "targets": targets[backend, form],
-            }
-            for form in FORMS
-        }
-        for backend in backends.available()
-    }
+                targets[case] = _take(pipelines[case], sent[form][turn])
+                spent[case].append(1e3 * (time.process_time() - begin))
+    found: dict[str, Any] = {}
+    for case in cases:
+        engine, backend, form = case
+        of_backend = found.setdefault(engine, {}).setdefault(backend, {})
+        of_backend[form] = {**spread(spent[case][traffic.SETTLING :]), "targets": targets[case]}
+    return found
 
 
 def _by_turn(config: TrackerConfig, turns: int) -> Iterator[Sequence[Report]]:

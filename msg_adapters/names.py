@@ -76,14 +76,21 @@ def hardware(radar: str, tracker: str = TRACKER) -> str:
 
 
 def published(
-    classes: int, tracker: str = TRACKER, scores: str = OSPA, evaluator: str = EVALUATOR
+    classes: int,
+    tracker: str = TRACKER,
+    scores: str = OSPA,
+    evaluator: str = EVALUATOR,
+    engine: str | None = "particles",
 ) -> dict[str, str]:
-    """Return every topic that the two nodes publish unless told not to, with its type."""
+    """Return every topic that the two nodes publish unless told not to, with its type.
+
+    Without the figures of an engine if that is None, see `optional`.
+    """
     sources = ("filtered", "smoothed")
     clouds = {estimates(source, tracker): CLOUD for source in sources}
     arrays = {poses(s, k, tracker): POSES for s in sources for k in range(classes)}
     numbers = [
-        *(plot(quantity, tracker) for quantity in quantities.of_tracker(classes)),
+        *(plot(quantity, tracker) for quantity in quantities.of_tracker(classes, engine)),
         *(plot(quantity, evaluator) for quantity in quantities.of_evaluator(classes)),
     ]
     return {
@@ -99,8 +106,13 @@ def published(
 
 
 def optional(tracker: str = TRACKER) -> dict[str, str]:
-    """Return every topic that the tracker publishes if it is asked to, with its type."""
+    """Return every topic that only some trackers publish, with its type.
+
+    The figures are of one engine; the others are published if the tracker is asked to.
+    """
+    figures = (name for names in quantities.FIGURES.values() for name in names)
     return {
+        **{plot(name, tracker): NUMBER for name in figures},
         f"{tracker}/tracks/path": PATH,
         f"{tracker}/odometry": ODOMETRY,
         f"{tracker}/radar_tracks": RADAR_TRACKS,

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 def step_to_msgs(step: Step, step_ms: float) -> dict[str, Float64]:
     """Return the numbers of a step of the tracker, by name; `step_ms` is its CPU time."""
     mass = {f"cardinality/class_{k}": each for k, each in enumerate(step.class_mass)}
-    figures = {name: step.figures[name] for name in quantities.FIGURES if name in step.figures}
+    plotted = {name for names in quantities.FIGURES.values() for name in names}
+    figures = {name: value for name, value in step.figures.items() if name in plotted}
     numbers = {"cardinality/total": step.class_mass.sum(), **mass, "step_ms": step_ms, **figures}
     return {name: _to_msg(value) for name, value in numbers.items()}
 

@@ -8,14 +8,18 @@ from __future__ import annotations
 from phd_jdtc_ros.core.evaluation.metric_table import PLOTTED
 from phd_jdtc_ros.core.types import SOURCES
 
-# Figures of an engine that are plotted, where it has them.
-FIGURES = ("particles", "effective_share")
+# The figures of each engine that are plotted.
+FIGURES = {
+    "particles": ("particles", "effective_share"),
+    "gaussian": ("hypotheses", "origins"),
+}
 
 
-def of_tracker(classes: int) -> tuple[str, ...]:
-    """Return the names of the tracker's numbers."""
+def of_tracker(classes: int, engine: str | None = "particles") -> tuple[str, ...]:
+    """Return the names of the tracker's numbers, without those of an engine if it is None."""
     sets = ("total", *(f"class_{k}" for k in range(classes)))
-    return (*(f"cardinality/{key}" for key in sets), "step_ms", *FIGURES)
+    figures = () if engine is None else FIGURES[engine]
+    return (*(f"cardinality/{key}" for key in sets), "step_ms", *figures)
 
 
 def of_evaluator(classes: int) -> tuple[str, ...]:

@@ -11,8 +11,10 @@ Not part of the installed package. The data's path::
     scans, bad_scans, stamps_and_time, overload, restarts    faults, on live nodes
     warm_restart, publishers
     bags, recordings, network                                files, disks, rogue peers
-    crowd, forgeries, bombs                                  input that is made to harm
+    crowd, forgeries, bombs, numerics                        input that is made to harm
     soak, decoders, raw_bytes                                a day of scans; random input
+      |
+    engines     which engine the trackers have
       |
     figures -> report (table), out/<command>/summary.json
 

@@ -21,8 +21,10 @@ from . import (
     clutter,
     crowd,
     decoders,
+    engines,
     forgeries,
     network,
+    numerics,
     overload,
     publishers,
     raw_bytes,
@@ -52,8 +54,35 @@ ELSEWHERE = (
 )
 
 
-def faults(_: argparse.Namespace) -> Iterator[Measure]:
-    """Yield the faults' measurements, the quick and informative ones first."""
+# What an engine has to do with; the rest is the same whatever tracks.
+OF_ENGINES: tuple[Measure, ...] = (
+    bad_scans.measure,
+    turning.measure,
+    numerics.measure,
+    forgeries.measure,
+    crowd.measure,
+    overload.measure,
+    overload.measure_said,
+    clutter.measure,
+    warm_restart.measure,
+)
+
+
+def faults(arguments: argparse.Namespace) -> Iterator[Measure]:
+    """Yield the faults' measurements: all with one engine, and those of engines with the others."""
+    for measure in every_fault():
+        yield engines.of(arguments.engine, measure)
+    if not arguments.only:
+        for engine in engines.ALL:
+            if engine != arguments.engine:
+                for measure in OF_ENGINES:
+                    yield engines.of(engine, measure)
+    for figure in ELSEWHERE:
+        yield lambda found=figure: found
+
+
+def every_fault() -> Iterator[Measure]:
+    """Yield the measurements of all faults, the quick and informative ones first."""
     yield bad_scans.measure
     yield turning.measure
     yield turning.measure_refused
@@ -63,6 +92,7 @@ def faults(_: argparse.Namespace) -> Iterator[Measure]:
     yield overload.measure_said
     yield clutter.measure
     yield crowd.measure
+    yield numerics.measure
     yield bombs.measure
     yield stamps_and_time.measure_silence
     yield publishers.measure
@@ -76,20 +106,18 @@ def faults(_: argparse.Namespace) -> Iterator[Measure]:
     yield recordings.measure_full
     yield recordings.measure_read_only
     yield restarts.measure_second
-    for figure in ELSEWHERE:
-        yield lambda found=figure: found
 
 
 def soaking(arguments: argparse.Namespace) -> Iterator[Measure]:
     """Yield the soak's measurement."""
-    yield lambda: soak.measure(arguments.scans)
+    yield engines.of(arguments.engine, lambda: soak.measure(arguments.scans))
 
 
 def fuzzing(arguments: argparse.Namespace) -> Iterator[Measure]:
     """Yield the measurements with random input, offline and live."""
     yield lambda: decoders.measure(arguments.examples)
     yield lambda: decoders.measure_bags(max(1, arguments.examples // 10))
-    yield lambda: raw_bytes.measure(arguments.seconds)
+    yield engines.of(arguments.engine, lambda: raw_bytes.measure(arguments.seconds))
 
 
 COMMANDS = {"faults": faults, "soak": soaking, "fuzz": fuzzing}
@@ -130,7 +158,11 @@ def main(argv: Sequence[str]) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     added = {name: commands.add_parser(name) for name in COMMANDS}
     for name, sub in added.items():
+        sub.add_argument("--engine", choices=engines.ALL, default=engines.PARTICLES)
         sub.add_argument("--out", type=Path, default=Path("out") / name, help="%(default)s")
+    added["faults"].add_argument(
+        "--only", action="store_true", help="nothing with another engine than this one"
+    )
     added["soak"].add_argument("--scans", type=int, default=soak.SCANS, help="%(default)s")
     added["fuzz"].add_argument("--examples", type=int, default=decoders.EXAMPLES)
     added["fuzz"].add_argument("--seconds", type=float, default=raw_bytes.SECONDS)

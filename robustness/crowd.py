@@ -3,8 +3,8 @@
 
 """Scans of very many detections, with births from detections: their cost, and what comes after.
 
-Every run is a process of its own (``python -m robustness.crowd DETECTIONS AMPLITUDES CORRECTOR``),
-so that its memory is that of the tracker alone.
+Every run is a process of its own (``python -m robustness.crowd ENGINE DETECTIONS AMPLITUDES
+CORRECTOR``), so that its memory is that of the tracker alone.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.types import Detections, Scan
 from phd_jdtc_ros.tools import params_file, tracker_params
 
-from . import scans
+from . import engines, scans
 from .figures import Figure, in_own_process, measured_or_why
 
 NAME = "scans of very many detections"
@@ -39,14 +39,18 @@ DETECTIONS = 100_000
 PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 CROWDED, CROWDS, LAST = 30, 2, 45
 CUTOFF, ORDER = 1000.0, 2.0
-# Noise is what a jammed radar reports; equal high amplitudes are those of targets.
-CASES = (
-    ("noise", "bernoulli"),
-    ("noise", "poisson"),
-    ("equal", "bernoulli"),
-    ("equal", "poisson"),
-    ("none", "bernoulli"),
-)
+# Noise is what a jammed radar reports; equal high amplitudes are those of targets. The Gaussian
+# engine has one corrector.
+CASES = {
+    engines.PARTICLES: (
+        ("noise", "bernoulli"),
+        ("noise", "poisson"),
+        ("equal", "bernoulli"),
+        ("equal", "poisson"),
+        ("none", "bernoulli"),
+    ),
+    engines.GAUSSIAN: (("noise", "bernoulli"), ("equal", "bernoulli"), ("none", "bernoulli")),
+}
 HIGH = 30.0
 
 
@@ -56,14 +60,17 @@ def measure(detections: int = DETECTIONS) -> Figure:
 
 
 def _measure(detections: int) -> tuple[str, bool, Mapping[str, Any]]:
+    engine = engines.chosen()
+    cases = CASES[engine]
     found = {
-        " ".join(case): in_own_process("robustness.crowd", str(detections), *case) for case in CASES
+        " ".join(case): in_own_process("robustness.crowd", engine, str(detections), *case)
+        for case in cases
     }
     step_s, peak_mb, ratio = (
         max(run[key] for run in found.values()) for key in ("step_s", "peak_mb", "ratio")
     )
     text = (
-        f"{detections:,} of both radars in {CROWDS} scans, the worst of {len(CASES)} kinds: "
+        f"{detections:,} of both radars in {CROWDS} scans, the worst of {len(cases)} kinds: "
         f"{step_s:.1f} s of CPU, {peak_mb:.0f} MB; OSPA afterwards {ratio:.3f} times that without"
     )
     return text, step_s <= 5.0 and peak_mb <= 1000.0 and ratio <= 1.1, found
@@ -92,12 +99,18 @@ def _crowded(
     return from_msg(to_msg(joined, 0, ""), OWN_LAYOUT).detections
 
 
-def _run(detections: int, amplitudes: str, corrector: str) -> tuple[float, float]:
+def _run(engine: str, detections: int, amplitudes: str, corrector: str) -> tuple[float, float]:
     """Return the most CPU time of a crowded scan, and the mean OSPA of the scans after them."""
     amplitude = "none" if amplitudes == "none" else "band"
-    values = {**params_file.load(PROFILE), "corrector": corrector, "amplitude": amplitude}
-    config = tracker_params.config(values)
-    engine, rng = new_engine(config), np.random.default_rng(0)
+    config = tracker_params.config(
+        {
+            **params_file.load(PROFILE),
+            "engine": engine,
+            "corrector": corrector,
+            "amplitude": amplitude,
+        }
+    )
+    tracker, rng = new_engine(config), np.random.default_rng(0)
     step_s, scores = 0.0, []
     for index, (scan, truth) in enumerate(zip(scans.reference(), scans.truth(), strict=True)):
         reports = scan.detections
@@ -108,7 +121,7 @@ def _run(detections: int, amplitudes: str, corrector: str) -> tuple[float, float
                 for given, radar in zip(reports, config.model.radars, strict=True)
             )
         begin = time.process_time()
-        (found,) = engine.step(Scan(scan.stamp_ns, reports)).filtered
+        (found,) = tracker.step(Scan(scan.stamp_ns, reports)).filtered
         if crowded:
             step_s = max(step_s, time.process_time() - begin)
         if index > CROWDED + CROWDS:
@@ -120,10 +133,10 @@ def _run(detections: int, amplitudes: str, corrector: str) -> tuple[float, float
 
 def main(argv: Sequence[str]) -> int:
     """Print the figures of a run with the crowded scans and of one without them, as JSON."""
-    count, amplitudes, corrector = argv
-    step_s, after = _run(int(count), amplitudes, corrector)
+    engine, count, amplitudes, corrector = argv
+    step_s, after = _run(engine, int(count), amplitudes, corrector)
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    _, without = _run(0, amplitudes, corrector)
+    _, without = _run(engine, 0, amplitudes, corrector)
     print(json.dumps({"step_s": step_s, "peak_mb": peak_mb, "ratio": after / without}))
     return 0
 

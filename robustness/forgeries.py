@@ -3,8 +3,8 @@
 
 """Forged checkpoints: right checksums, wrong contents. Each must be a cold start with a reason.
 
-The run is a process of its own (``python -m robustness.forgeries``), so that its memory is that of
-the restart alone.
+The run is a process of its own (``python -m robustness.forgeries ENGINE``), so that its memory is
+that of the restart alone.
 """
 
 from __future__ import annotations
@@ -17,18 +17,20 @@ import resource
 import sys
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.snapshot import Snapshot
+from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.nodes.tracker import checkpoint
 
-from . import scans
+from . import engines, scans
 from .figures import Figure, in_own_process, measured_or_why
 
 NAME = "forged checkpoints"
@@ -36,6 +38,9 @@ GOAL = "cold start with a reason each, 0 errors, 0 estimates that are not finite
 SCANS = 6
 VALUES: Mapping[str, Any] = {"seed": 0}
 Change = Callable[[Snapshot], object]
+OLDEST, NEXT = "stored.0", "stored.1"
+# What an archive of either engine begins with.
+FIRST = (f"array.{OLDEST}.state.npy", f"array.{OLDEST}.mean.npy")
 
 
 class _Log:
@@ -56,7 +61,7 @@ def measure() -> Figure:
 
 
 def _measure() -> tuple[str, bool, Mapping[str, Any]]:
-    found = in_own_process("robustness.forgeries")
+    found = in_own_process("robustness.forgeries", engines.chosen())
     wrong = {name: what for name, what in found["outcomes"].items() if what != "cold"}
     text = f"{len(found['outcomes'])} kinds: {len(wrong)} wrong, {found['memory_mb']:.0f} MB"
     return text, not wrong and found["memory_mb"] <= 256.0, {**found, "wrong": wrong}
@@ -67,64 +72,136 @@ def _put(name: str, value: Any, kind: Any = None) -> Change:
 
     def change(snapshot: Snapshot) -> None:
         array = np.array(snapshot.arrays[name], dtype=kind)
-        array.ravel()[0] = value
+        array.flat[0] = value
         snapshot.arrays[name] = array
 
     return change
 
 
-def contents() -> dict[str, Change]:
-    """Return changes of a snapshot's values, by name."""
-    nan, set_ = float("nan"), "stored.0"
+NAN, INF = float("nan"), float("inf")
+# The first value of each array of the oldest set, by engine.
+ARRAYS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
+    engines.PARTICLES: {
+        "state": (NAN, INF, 1e300),
+        "log_snr": (NAN, 1e9),
+        "mode": (250, -1),
+        "origin": (-5, 2**62),
+        "parent": (-7,),
+        "multiplicity": (0, -1, 10**12),
+        "components.data": (NAN, -1.0, 1e300),
+        "components.indices": (10**6,),
+        "components.indptr": (5,),
+        "label": (-9,),
+    },
+    engines.GAUSSIAN: {
+        "origin": (-5, 2**62),
+        "weight": (NAN, INF, -1.0, 1e4, 1e300),
+        "mean": (NAN, INF, 1e300),
+        "covariance": (NAN, INF, -1.0, 1e300),
+    },
+}
+
+
+def contents(engine: str, honest: Snapshot) -> dict[str, Change]:
+    """Return changes of the values of an engine's snapshot, by name; `honest` is one."""
     arrays = {
-        f"{part} {value}": _put(f"{set_}.{part}", value)
-        for part, values in {
-            "state": (nan, float("inf"), 1e300),
-            "log_snr": (nan, 1e9),
-            "mode": (250, -1),
-            "origin": (-5, 2**62),
-            "parent": (-7,),
-            "multiplicity": (0, -1, 10**12),
-            "components.data": (nan, -1.0, 1e300),
-            "components.indices": (10**6,),
-            "components.indptr": (5,),
-            "label": (-9,),
-        }.items()
+        f"{part} {value}": _put(f"{OLDEST}.{part}", value)
+        for part, values in ARRAYS[engine].items()
         for value in values
     }
-    facts: dict[str, Change] = {
+    of_engine = _of_particles() if engine == engines.PARTICLES else _of_mixtures(honest)
+    return {**arrays, **_facts(), **of_engine}
+
+
+def _facts() -> dict[str, Change]:
+    """Return changes of what every engine's snapshot says."""
+    return {
         "stamps backwards": lambda s: s.facts["smoother"]["stamps_ns"].reverse(),
         "a huge stamp": lambda s: s.facts["smoother"]["stamps_ns"].__setitem__(-1, 10**30),
         "a stamp as text": lambda s: s.facts["smoother"]["stamps_ns"].__setitem__(0, "x"),
-        "a random state of huge numbers": lambda s: s.facts["filter"]["rng"]["state"].update(
-            state=10**60
-        ),
-        "no random state": lambda s: s.facts["filter"].update(rng=None),
         "a scan index as text": lambda s: s.facts["filter"].update(scan_index="1e9"),
         "a huge scan index": lambda s: s.facts["filter"].update(scan_index=10**40),
         "a huge track number": lambda s: s.facts["smoother"]["tracks"].update(count=2**40),
         "track numbers that are none": lambda s: s.facts["smoother"]["tracks"].update(number=[3]),
         "no smoother": lambda s: s.facts.update(smoother=7),
     }
-    others: dict[str, Change] = {
-        "states of other axes": lambda s: s.arrays.update(
-            {f"{set_}.state": np.zeros((len(s.arrays[f"{set_}.state"]), 3))}
+
+
+def _of_particles() -> dict[str, Change]:
+    return {
+        "a random state of huge numbers": lambda s: s.facts["filter"]["rng"]["state"].update(
+            state=10**60
         ),
-        "states as text": lambda s: s.arrays.update(
-            {f"{set_}.state": s.arrays[f"{set_}.state"].astype("i8")}
-        ),
-        "survival above one": _put("stored.1.link.survival", 1.5),
-        "a kernel that is not finite": _put("stored.1.link.ratio.data", nan),
-        "a kernel that explodes": _put("stored.1.link.ratio.data", 1e250),
+        "no random state": lambda s: s.facts["filter"].update(rng=None),
+        "states of other axes": _other_axes(f"{OLDEST}.state"),
+        "states as text": _whole(f"{OLDEST}.state"),
+        "survival above one": _put(f"{NEXT}.link.survival", 1.5),
+        "a kernel that is not finite": _put(f"{NEXT}.link.ratio.data", NAN),
+        "a kernel that explodes": _put(f"{NEXT}.link.ratio.data", 1e250),
     }
-    return {**arrays, **facts, **others}
+
+
+def _of_mixtures(honest: Snapshot) -> dict[str, Change]:
+    link = f"{NEXT}.link"
+    values = {
+        f"{name} {value}": _put(name, value)
+        for name, array in honest.arrays.items()
+        if name.startswith(link)
+        for value in ((-2, 10**6) if array.dtype.kind == "i" else (NAN, 1e250))
+    }
+    return {
+        "means of other axes": _other_axes(f"{OLDEST}.mean"),
+        "means as text": _whole(f"{OLDEST}.mean"),
+        "covariances with a negative eigenvalue": _against_each_other(f"{OLDEST}.covariance"),
+        "covariances that are not symmetric": _lopsided(f"{OLDEST}.covariance"),
+        "survival above one": _put(f"{link}.survival", 1.5),
+        "a share above one": _put(f"{link}.share", 3.0),
+        **values,
+    }
+
+
+def _other_axes(name: str) -> Change:
+    def change(snapshot: Snapshot) -> None:
+        snapshot.arrays[name] = snapshot.arrays[name][..., :3]
+
+    return change
+
+
+def _whole(name: str) -> Change:
+    def change(snapshot: Snapshot) -> None:
+        snapshot.arrays[name] = np.nan_to_num(snapshot.arrays[name]).astype("i8")
+
+    return change
+
+
+def _against_each_other(name: str) -> Change:
+    """Return a change after which three axes are all against each other, as no three can be."""
+
+    def change(snapshot: Snapshot) -> None:
+        matrix = np.array(snapshot.arrays[name])
+        scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1)[..., :3], 1.0))
+        pattern = np.where(np.eye(3) > 0.0, 1.0, -0.99)
+        matrix[..., :3, :3] = pattern * scale[..., :, None] * scale[..., None, :]
+        snapshot.arrays[name] = matrix
+
+    return change
+
+
+def _lopsided(name: str) -> Change:
+    def change(snapshot: Snapshot) -> None:
+        matrix = np.array(snapshot.arrays[name])
+        matrix[..., 0, 1] *= -0.5
+        matrix[..., 0, 1] += 0.1 * np.sqrt(matrix[..., 0, 0] * matrix[..., 1, 1])
+        snapshot.arrays[name] = matrix
+
+    return change
 
 
 def archives(body: bytes) -> dict[str, bytes]:
     """Return archives that are no honest ones, by name; `body` is one that is."""
     with zipfile.ZipFile(io.BytesIO(body)) as archive:
         parts = {name: archive.read(name) for name in archive.namelist()}
-    first = "array.stored.0.state.npy"
+    first = next(name for name in parts if name in FIRST)
 
     def packed(changes: Mapping[str, bytes], kind: int = zipfile.ZIP_STORED) -> bytes:
         into = io.BytesIO()
@@ -154,9 +231,13 @@ def archives(body: bytes) -> dict[str, bytes]:
     }
 
 
-def _forged() -> Iterator[tuple[str, bytes]]:
-    """Yield forged files, by name."""
-    engine = new_engine(resolve({}))
+def _new(engine: str) -> Engine:
+    return new_engine(resolve({"engine": engine}))
+
+
+def _forged(kind: str) -> Iterator[tuple[str, bytes]]:
+    """Yield forged files of an engine, by name."""
+    engine = _new(kind)
     for scan in scans.reference()[:SCANS]:
         engine.step(scan)
     with tempfile.TemporaryDirectory() as directory:
@@ -166,7 +247,7 @@ def _forged() -> Iterator[tuple[str, bytes]]:
             checkpoint.write(path, snapshot, VALUES)
             return path.read_bytes()
 
-        for name, change in contents().items():
+        for name, change in contents(kind, engine.snapshot()).items():
             snapshot = engine.snapshot()
             change(snapshot)
             yield name, written(snapshot)
@@ -176,9 +257,9 @@ def _forged() -> Iterator[tuple[str, bytes]]:
             yield name, checkpoint.MAGIC + hashlib.sha256(body).digest() + body
 
 
-def outcome(path: Path) -> str:
+def outcome(path: Path, kind: str) -> str:
     """Start from a file and track on; return ``cold``, or what was wrong."""
-    log, engine = _Log(), new_engine(resolve({}))
+    log, engine = _Log(), _new(kind)
     following = scans.reference()[SCANS : SCANS + 2]
     try:
         found = checkpoint.Checkpoints(path, 0, 60.0, VALUES, log)
@@ -186,7 +267,7 @@ def outcome(path: Path) -> str:
         for scan in following:
             step = engine.step(scan)
             for estimates in (*step.filtered, *step.smoothed):
-                if not np.isfinite(estimates.state).all():
+                if not (np.isfinite(estimates.state).all() and _covariances(estimates)):
                     return "not finite"
     except Exception as error:  # any of them would end the node
         return f"{type(error).__name__}: {error}"[:120]
@@ -195,24 +276,31 @@ def outcome(path: Path) -> str:
     return "cold"
 
 
-def main() -> int:
+def _covariances(found: Estimates) -> bool:
+    """Return whether the estimates' covariances are ones."""
+    finite = np.isfinite(found.covariance).all()
+    return bool(finite and (np.linalg.eigvalsh(found.covariance) > -1e-6).all())
+
+
+def main(argv: Sequence[str]) -> int:
     """Print the outcomes and the memory of all starts, as JSON."""
+    (kind,) = argv
     with tempfile.TemporaryDirectory() as directory:
         paths = []
         child = os.fork()  # what makes the forgeries takes memory of its own
         if not child:
-            for index, (name, data) in enumerate(_forged()):
-                (Path(directory) / f"{index:02} {name}").write_bytes(data)
+            for index, (name, data) in enumerate(_forged(kind)):
+                (Path(directory) / f"{index:03} {name}").write_bytes(data)
             os._exit(0)
         os.waitpid(child, 0)
         paths = sorted(Path(directory).iterdir())
-        new_engine(resolve({})).step(scans.reference()[0])
+        _new(kind).step(scans.reference()[0])
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        outcomes = {path.name[3:]: outcome(path) for path in paths}
+        outcomes = {path.name[4:]: outcome(path, kind) for path in paths}
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     print(json.dumps({"outcomes": outcomes, "memory_mb": (after - before) / 1024.0}))
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))

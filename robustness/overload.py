@@ -11,7 +11,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from . import scans
+from . import engines, scans
 from .figures import Figure, measured_or_why
 from .radars import Radars
 from .rig import Node, Rig
@@ -27,6 +27,13 @@ SAID = "overload in diagnostics"
 SAID_GOAL = "a level above OK that says what to turn down; no radar is called silent"
 SAID_SCANS = 2000
 ADVICE = "turn down"
+
+
+# Parameters of each engine with which steps are slow enough.
+SLOW = {
+    engines.PARTICLES: ("-p", "particles_per_target:=3000"),
+    engines.GAUSSIAN: ("-p", "lag:=60"),
+}
 
 
 def measure(count: int = SCANS) -> Figure:
@@ -61,7 +68,7 @@ def _measure_said(count: int) -> tuple[str, bool, Mapping[str, Any]]:
 
 def _slow_tracker(rig: Rig) -> Node:
     """Start a tracker with a user's QoS, best effort and ten deep, but with steps slow enough."""
-    tracker = rig.start("tracker", "--ros-args", "-p", "particles_per_target:=3000")
+    tracker = rig.start("tracker", "--ros-args", *SLOW[engines.chosen()])
     tracker.said("tracking")
     rig.radars.connected()
     return tracker

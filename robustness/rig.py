@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from . import engines
 from .domains import Domain
 
 if TYPE_CHECKING:
@@ -128,8 +129,12 @@ class Rig:
     def start(
         self, name: str, *arguments: object, prefix: Sequence[str] = (), **environment: str
     ) -> Node:
-        """Start an executable, with a prefix such as ``ip netns exec NAME`` if one is given."""
-        module = ("phd_jdtc_ros", name, *map(str, arguments))
+        """Start an executable, with a prefix such as ``ip netns exec NAME`` if one is given.
+
+        A tracker has the engine that `engines.chosen` names.
+        """
+        engine = engines.arguments() if name == "tracker" else ()
+        module = ("phd_jdtc_ros", name, *map(str, arguments), *engine)
         return self.run(name, *module, prefix=prefix, **environment)
 
     def run(

@@ -25,6 +25,7 @@ SOURCES = {
     "out/study/clutter_20/ospa_against_lag.png": "make study",
     "out/bench/cost_against_particles_per_target.png": "make bench",
     "out/bench/cost_against_targets.png": "make bench",
+    "out/bench/step_against_targets.png": "make bench",
 }
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SIZE = "1200,1640"

@@ -9,7 +9,7 @@ The data's path, with the room or module of each step::
       |  cut turns into slices, coverage       turns, antenna
       |  group by stamp, gaps, resets          scans
     Scan                                       pipeline: turns -> scans -> engine -> events
-      |  predict, update with every radar      an engine: smc (particles)
+      |  predict, update with every radar      an engine: smc (particles), gaussian
       |    motion, radars, amplitudes, births    models
       |    gating                              pair_search
       |    association probabilities           association
@@ -29,8 +29,7 @@ What engines are built from knows no particles, only rows, each of one origin::
 
 `engine` is the interface of all engines, and `engines` creates one by its name. `configuration`
 turns parameters into models and settings. `simulation` makes scans with known truth, and
-`evaluation` compares estimates with it. `gaussian` is the Kalman filter and smoother of single
-tracks, which the study's reference uses.
+`evaluation` compares estimates with it.
 
 Packages import in one direction only::
 

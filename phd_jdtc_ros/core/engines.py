@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from . import backend
 from .configuration.build import TrackerConfig
 from .configuration.schema import ConfigError
 from .engine import Engine
-from .pair_search import kernels
+from .gaussian.engine import GaussianEngine
+from .gaussian.filter import GaussianFilter
+from .gaussian.reduction import Bounds
 from .smc.budget import ParticleBudget
 from .smc.correction import CORRECTORS
 from .smc.engine import ParticleEngine
@@ -25,10 +28,10 @@ def new_engine(config: TrackerConfig) -> Engine:
     Raises
     ------
     ConfigError
-        If the environment asks for a backend that is not available, see `pair_search.kernels`.
+        If the environment asks for a backend that is not available, see `backend`.
     """
     try:
-        kernels.chosen()
+        backend.load(COMPILED[config.engine])
     except (ImportError, ValueError) as error:
         raise ConfigError([str(error)]) from error
     return ENGINES[config.engine](config)
@@ -59,4 +62,30 @@ def particle_filter(config: TrackerConfig) -> ParticleFilter:
     return ParticleFilter(config.model, CORRECTORS[values["corrector"]], budget, config.seed)
 
 
-ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {"particles": particle_engine}
+def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
+    """Return a new engine of Gaussian mixtures."""
+    values = config.values
+    bounds = Bounds(
+        hypotheses=values["hypotheses_per_target"],
+        least_share=values["least_hypothesis"],
+        merge_distance=values["merge_distance"],
+        least_existence=values["detection_births.least_probability"],
+        most=values["max_hypotheses"],
+    )
+    return GaussianEngine(
+        forward=GaussianFilter(config.model, bounds),
+        lag=config.lag,
+        schedule=config.schedule,
+        existence_threshold=config.existence_threshold,
+    )
+
+
+# The modules with an engine's compiled loops.
+COMPILED = {
+    "particles": ("association.compiled", "pair_search.compiled", "pair_search.compiled_kernel"),
+    "gaussian": ("association.compiled", "gaussian.compiled"),
+}
+ENGINES: dict[str, Callable[[TrackerConfig], Engine]] = {
+    "particles": particle_engine,
+    "gaussian": gaussian_engine,
+}

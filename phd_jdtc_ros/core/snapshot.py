@@ -20,6 +20,8 @@ AnyArray = npt.NDArray[Any]
 MOST_STAMP_NS = (1 << 31) * 1_000_000_000 - 1
 # Of origins and rows; far from where sums of them overflow.
 MOST_INDEX = 1 << 60
+# By which rounding may make correlations differ from those of a covariance.
+ROUNDING = 1e-6
 
 
 def whole(name: str, value: Any, low: int, high: int) -> int:
@@ -51,6 +53,27 @@ def require_whole(name: str, array: AnyArray, low: int, high: int) -> None:
         raise ValueError(f"{name}: {array.dtype} given, expected whole numbers")
     if not ((array >= low) & (array <= high)).all():
         raise ValueError(f"{name}: a number is outside [{low}, {high}]")
+
+
+def require_covariances(name: str, array: AnyArray) -> None:
+    """Raise ValueError unless all matrices of finite numbers, (..., D, D), are covariances.
+
+    Axes whose variance is zero are allowed.
+    """
+    axes = np.arange(array.shape[-1])
+    variance = array[..., axes, axes]
+    std = np.sqrt(np.maximum(variance, 0.0))
+    scale = std[..., None] * std[..., None, :]
+    used = scale > 0.0
+    correlation = np.where(used, array / np.where(used, scale, 1.0), 0.0)
+    turned = correlation.swapaxes(-1, -2)
+    if (
+        (variance < 0.0).any()
+        or array[~used].any()
+        or (np.abs(correlation - turned) > ROUNDING).any()
+        or np.linalg.eigvalsh(correlation).min(initial=0.0) < -ROUNDING
+    ):
+        raise ValueError(f"{name}: not a covariance")
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,13 @@ antenna passed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 import numpy as np
 
 from .arrays import FloatArray
+from .models.motion import MotionModel
 from .models.radar import GATE_SIGMA, LEAST_RANGE, RadarModel
 from .models.tracker_model import TrackerModel
 from .types import FULL_TURN, Coverage, Scan
@@ -44,21 +48,43 @@ def parted(
     longest_s = LONGEST_TURNS * max(
         (radar.rotation_s for radar in model.radars), default=model.modes.interval_s
     )
-    touched, others = [], []
-    for rows in current:
-        dt = (scan.stamp_ns - rows.entry.stamp_ns) * 1e-9
-        if dt >= longest_s:
+    age_s = [(scan.stamp_ns - rows.entry.stamp_ns) * 1e-9 for rows in current]
+    extents = [rows.entry.extents(model.modes.space) for rows in current]
+    near = _near(extents, age_s, sectors, model)
+    touched, others, first = [], [], 0
+    for rows, dt, extent in zip(current, age_s, extents, strict=True):
+        near_here = near[first : first + len(extent.origin)]
+        first += len(extent.origin)
+        if dt >= longest_s or near_here.all():
             touched.append(rows)
-            continue
-        extents = rows.entry.extents(model.modes.space)
-        spread = _spread(extents, dt, model)
-        near = np.zeros(len(extents.origin), dtype=bool)
-        for radar, coverage in sectors:
-            near |= _passed(extents.position + dt * extents.velocity, spread, radar, coverage)
-        inside, outside = rows.parted(near[extents.row_origin])
-        touched += [inside] if inside is not None else []
-        others += [outside] if outside is not None else []
+        elif not near_here.any():
+            others.append(rows)
+        else:
+            inside, outside = rows.parted(near_here[extent.row_origin])
+            touched += [inside] if inside is not None else []
+            others += [outside] if outside is not None else []
     return touched, others
+
+
+def _near(
+    extents: Sequence[Extents],
+    age_s: Sequence[float],
+    sectors: Sequence[tuple[RadarModel, Coverage]],
+    model: TrackerModel,
+) -> BoolArray:
+    """Return whether an antenna may have passed each origin, one entry's after the other."""
+    if not extents:
+        return np.zeros(0, dtype=bool)
+    dt = np.repeat(age_s, [len(extent.origin) for extent in extents])
+    position = np.concatenate([extent.position for extent in extents])
+    position += dt[:, None] * np.concatenate([extent.velocity for extent in extents])
+    near = np.zeros(len(dt), dtype=bool)
+    spread = np.concatenate(
+        [_spread(extent, age, model) for extent, age in zip(extents, age_s, strict=True)]
+    )
+    for radar, coverage in sectors:
+        near |= _passed(position, spread, radar, coverage)
+    return near
 
 
 def passed(scan: Scan, model: TrackerModel) -> list[tuple[RadarModel, Coverage]] | None:
@@ -88,15 +114,19 @@ def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
 
 def _spread(extents: Extents, dt: float, model: TrackerModel) -> FloatArray:
     """Return the radius within which the target of each origin is `dt` later, shape (T,)."""
-    axis = model.modes.space.position[0]
-    noise = max(
-        float(motion.noise_covariance(dt)[motion.support.index(axis), motion.support.index(axis)])
-        for motion in set(model.modes.motions)
-    )
+    noise = max(_position_variance(motion, dt) for motion in dict.fromkeys(model.modes.motions))
     spread: FloatArray = SPREAD_SIGMA * (
         extents.position_std + dt * extents.velocity_std + np.sqrt(2.0 * noise)
     )
     return spread
+
+
+# Antennas turn evenly, so the same intervals come again and again.
+@lru_cache(maxsize=1024)
+def _position_variance(motion: MotionModel, dt: float) -> float:
+    """Return the process noise of a position along an axis after `dt` seconds."""
+    axis = motion.support.index(motion.space.position[0])
+    return float(motion.noise_covariance(dt)[axis, axis])
 
 
 def _passed(

@@ -14,7 +14,15 @@ import numpy as np
 
 from .arrays import IntArray
 from .models.modes import ModeSpace
-from .snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, require_numbers, require_whole, whole
+from .snapshot import (
+    MOST_INDEX,
+    MOST_STAMP_NS,
+    Snapshot,
+    require_covariances,
+    require_numbers,
+    require_whole,
+    whole,
+)
 from .types import Estimates
 from .window import Current, Entry, LinkT, Rows, RowsT, Source
 
@@ -121,6 +129,7 @@ def take_estimates(snapshot: Snapshot, name: str, stamp_ns: int, modes: ModeSpac
             raise ValueError(f"{name}.{part}: shape {array.shape}")
     require_numbers(f"{name}.state", parts["state"], -MOST_STATE, MOST_STATE)
     require_numbers(f"{name}.covariance", parts["covariance"], -(MOST_STATE**2), MOST_STATE**2)
+    require_covariances(f"{name}.covariance", parts["covariance"])
     require_numbers(f"{name}.weight", parts["weight"], 0.0, MASS_SLACK)
     require_numbers(f"{name}.class_probability", parts["class_probability"], 0.0, MASS_SLACK)
     require_whole(f"{name}.class_id", parts["class_id"], 0, classes - 1)

@@ -33,7 +33,9 @@ from .sets import Sets
 Columns = Sequence[Metric]
 
 
-def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:
+def metrics(
+    evaluation: Evaluation, step_ms: FloatArray, engine: str | None = None
+) -> dict[str, Any]:
     """Return a run's summary with its step times, in the form of `metrics.json`.
 
     Parameters
@@ -41,8 +43,12 @@ def metrics(evaluation: Evaluation, step_ms: FloatArray) -> dict[str, Any]:
     evaluation : Evaluation
     step_ms : array of shape (scans,)
         CPU time of each step, milliseconds; empty if it was not measured.
+    engine : str or None
+        The tracker's engine; None if it is not known.
     """
     summary = evaluation.summary()
+    if engine is not None:
+        summary["engine"] = engine
     if len(step_ms):
         summary["step_ms"] = {
             "median": float(np.median(step_ms)),
@@ -78,7 +84,43 @@ def score_tables(summary: dict[str, Any]) -> Group:
     sets, matrix = Sets.of_summary(summary), summary[SMOOTHED]["all"]["confusion"]
     if matrix is not None and not sets.one_class:
         tables.append(_confusion(matrix, sets))
+    if compared := summary.get("compared"):
+        tables.append(_engines(summary, compared))
     return Group(*[part for table in tables for part in ("", table)][1:])
+
+
+def _engines(summary: dict[str, Any], compared: dict[str, Any]) -> Table:
+    """Return a table of both engines: of the one that ran live, and of the other offline."""
+    table = Table(title="both engines on these detections: OSPA of all targets")
+    table.add_column("engine")
+    for heading in ("filter", "smoother", "reduction", "right\nclass", "CPU per\nscan"):
+        table.add_column(heading, justify="right")
+    for row in engine_rows(summary, compared):
+        table.add_row(*row)
+    return table
+
+
+def engine_rows(summary: dict[str, Any], compared: dict[str, Any]) -> list[list[str]]:
+    """Return the cells of a table of both engines, a row for each.
+
+    Engine, OSPA of filter and smoother, reduction, class accuracy, median CPU time per scan.
+    """
+    rows = []
+    for found, how in ((summary, "live"), (compared, "offline")):
+        cpu_ms = found.get("step_ms", {}).get("median")
+        before, after = (found[source]["all"] for source in (FILTERED, SMOOTHED))
+        accuracy = found["class_accuracy"]
+        rows.append(
+            [
+                f"{found['engine']}, {how}",
+                _cell(OSPA[0], before),
+                _cell(OSPA[0], after),
+                _reduction(before["ospa"], after["ospa"]),
+                "-" if accuracy is None else CLASS_ACCURACY.text(accuracy),
+                "-" if cpu_ms is None else f"{cpu_ms:.1f} ms",
+            ]
+        )
+    return rows
 
 
 def _scans(summary: dict[str, Any]) -> str:
@@ -168,6 +210,8 @@ def _reduction(before: float | None, after: float | None) -> str:
 
 def _headline(summary: dict[str, Any]) -> str:
     parts = []
+    if summary.get("engine"):
+        parts.append(f"engine: {summary['engine']}")
     if summary["class_accuracy"] is not None and not Sets.of_summary(summary).one_class:
         parts.append(f"right class: {CLASS_ACCURACY.text(summary['class_accuracy'])}")
     if "step_ms" in summary:

@@ -8,7 +8,7 @@
     scenario, seed
       |  simulate                            runs
     SimulatedRun: truth, scans, sources      runs
-      |  this package's tracker              particles; turning, where antennas turn
+      |  this package's tracker              tracker; turning, where antennas turn
       |  the model-matched reference         reference
       |  other trackers                      peers
     Tracks: estimates by lag and scan        runs

@@ -8,22 +8,57 @@ and birth prior, and a Rauch-Tung-Striebel smoother over a fixed lag. It is give
 the lifetime and the class of every target, so its only error is localisation. A tracker of the
 same model can approach this error but hardly fall below it.
 
-The state is ``[x, vx, y, vy]``, the support of the constant-velocity model: D = 4.
+A target that is alone and has one motion is the case N = 1 of the functions of `kalman`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.gaussian.ekf import Gaussian, predict, transition_matrix, update
-from phd_jdtc_ros.core.gaussian.rts import Filtered, smooth
+from phd_jdtc_ros.core.gaussian import kalman
 from phd_jdtc_ros.core.models.motion import ConstantVelocity, MotionModel
+from phd_jdtc_ros.core.models.radar import RadarModel
 
 from .runs import SimulatedRun, Tracks
+
+# A limit must not have an error of its own, and one target costs little.
+ITERATIONS, CONVERGED = 10, 1e-5
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """A normal distribution of a state.
+
+    Parameters
+    ----------
+    mean : array of shape (D,)
+    covariance : array of shape (D, D)
+        Zero on the axes that the motion is not defined on.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """The filter's result for one scan, as the smoother needs it.
+
+    Parameters
+    ----------
+    updated : Gaussian
+        After the scan's measurements.
+    back : Backward or None
+        From this scan to the target's previous one; None on its first.
+    """
+
+    updated: Gaussian
+    back: kalman.Backward | None
 
 
 def birth(
@@ -39,10 +74,64 @@ def birth(
     position_std, velocity_std : float
         Along each axis, in metres and metres per second.
     """
-    support = list(motion.support)
-    mean = motion.space.state(position, 0.0, 0.0)
     std = motion.space.state(position_std, velocity_std, 0.0)
-    return Gaussian(mean[support], np.diag(std[support] ** 2))
+    return Gaussian(motion.space.state(position, 0.0, 0.0), np.diag(std**2))
+
+
+def predict(before: Gaussian, motion: MotionModel, dt: float) -> tuple[Gaussian, kalman.Backward]:
+    """Return the distribution `dt` seconds later, and what leads back from it."""
+    size = len(motion.space)
+    state = before.mean[None]
+    later_mean, jacobian = motion.mean(state, dt)[0], motion.jacobian(state, dt)[0]
+    noise, unsupported = np.zeros((size, size)), np.ones(size)
+    noise[np.ix_(motion.support, motion.support)] = motion.noise_covariance(dt)
+    unsupported[list(motion.support)] = 0.0
+    later, cross = kalman.predicted_covariance(before.covariance, jacobian, noise)
+    back, _ = kalman.backward(before.mean, before.covariance, later_mean, later, cross, unsupported)
+    return Gaussian(later_mean, later), back
+
+
+def update(
+    prior: Gaussian, radar: RadarModel, measurement: FloatArray, iterations: int = ITERATIONS
+) -> Gaussian:
+    """Return the posterior of one measurement, range in metres and azimuth in radians.
+
+    Parameters
+    ----------
+    prior : Gaussian
+    radar : RadarModel
+    measurement : array of shape (2,)
+        In the radar's frame.
+    iterations : int
+        Largest number of linearisations; 1 is the plain extended Kalman filter.
+    """
+    state = prior.mean[None], prior.covariance[None]
+    found = kalman.located(
+        *state,
+        radar,
+        measurement[None],
+        radar.noise_std[None],
+        iterations=iterations,
+        converged=CONVERGED,
+    )
+    mean, covariance = kalman.updated(*state, radar, found)
+    return Gaussian(mean[0], covariance[0])
+
+
+def smooth(filtered: Sequence[Filtered]) -> Gaussian:
+    """Return the first scan's distribution given the measurements of all of them.
+
+    Parameters
+    ----------
+    filtered : sequence of Filtered
+        Consecutive scans of one target; for a single scan its filtered distribution is returned.
+    """
+    smoothed = filtered[-1].updated
+    for step in filtered[:0:-1]:
+        if step.back is None:
+            raise ValueError("filtered: a scan after the first leads back to none")
+        smoothed = Gaussian(*step.back.earlier(smoothed.mean, smoothed.covariance))
+    return smoothed
 
 
 def filter_target(
@@ -57,7 +146,6 @@ def filter_target(
     prior : Gaussian
         At the target's first scan, before its measurements.
     model : MotionModel
-        A linear one.
 
     Notes
     -----
@@ -68,21 +156,18 @@ def filter_target(
     for index, (truth, scan) in enumerate(zip(run.truth, run.scans, strict=True)):
         if track_id not in truth.track_id:
             continue
-        transition, predicted = np.eye(len(prior.mean)), prior
+        updated, back = prior, None
         if result:
             dt = 1e-9 * (truth.stamp_ns - run.truth[previous].stamp_ns)
-            transition = transition_matrix(model, dt)
-            noise = model.noise_covariance(dt)
-            predicted = predict(result[previous].updated, transition, noise)
-        updated = predicted
+            updated, back = predict(result[previous].updated, model, dt)
         for radar, report, source in zip(
             run.scenario.radars, scan.detections, run.sources[index], strict=True
         ):
             if report is None:
                 continue
             for measurement in report.measurement[source == track_id]:
-                updated = update(updated, radar, measurement, model.support)
-        result[index] = Filtered(transition, predicted, updated)
+                updated = update(updated, radar, measurement)
+        result[index] = Filtered(updated, back)
         previous = index
     return result
 
@@ -114,7 +199,7 @@ def known_association(
         the truth.
     """
     model = ConstantVelocity(noise_density)
-    position_index = [model.support.index(axis) for axis in model.space.position]
+    place = list(model.space.position)
     first = {
         int(number): position
         for truth in reversed(run.truth)
@@ -130,13 +215,13 @@ def known_association(
     def estimate(index: int, number: int, lag: int) -> FloatArray:
         alive = targets[number]
         seen = [alive[i] for i in range(index, index + lag + 1) if i in alive]
-        return smooth(seen).mean[position_index]
+        return smooth(seen).mean[place]
 
     tracks: dict[int, list[PointSet]] = {}
     for lag in lags:
         tracks[lag] = []
         for index, truth in enumerate(run.truth):
             rows = [estimate(index, int(number), lag) for number in truth.track_id]
-            position = np.array(rows, dtype=np.float64).reshape(-1, len(position_index))
+            position = np.array(rows, dtype=np.float64).reshape(-1, len(place))
             tracks[lag].append(PointSet(position, truth.class_id))
     return tracks

@@ -17,6 +17,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -27,11 +28,12 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.engines import ENGINES
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.report.pictures import figures
 
-from . import command, report
+from . import command, comparison, report
 
 START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.
@@ -191,10 +193,26 @@ def shipped_bag() -> Path:
     return resources.bag(resources.DEFAULT_BAG)
 
 
-def _default_out(given: str) -> Path:
-    """Return where the demo of a bag goes: that of a shipped one other than the default by name."""
+def _default_out(given: str, engine: str | None) -> Path:
+    """Return where the demo of a bag and an engine goes.
+
+    That of a shipped bag other than the default by its name, and that of an engine by its.
+    """
     named = Path(given).name == given != resources.DEFAULT_BAG and not Path(given).exists()
-    return Path("out", f"demo_{given}" if named else "demo")
+    parts = ["demo", *([given] if named else []), *([engine] if engine else [])]
+    return Path("out", "_".join(parts))
+
+
+def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
+    """Add the scores of the other engine on the same bag to the metrics, if it can track it."""
+    path = out / METRICS
+    summary, other = json.loads(path.read_text()), comparison.other_engine(config)
+    if not summary.get("scans") or other is None:
+        return
+    with tempfile.TemporaryDirectory() as directory:
+        compared = comparison.scores(bag, other, Path(directory) / "bag")
+    text = json.dumps({**summary, "compared": compared}, indent=2, allow_nan=False)
+    path.write_text(text + "\n")
 
 
 def _replace(out: Path, new: Path) -> None:
@@ -224,9 +242,13 @@ def main(argv: Sequence[str]) -> int:
         "--profile", metavar="NAME", help="shipped parameters, config/NAME.yaml, with their bag"
     )
     parser.add_argument(
+        "--engine", choices=tuple(ENGINES), help="short for -p engine:=NAME; see docs/engines.md"
+    )
+    parser.add_argument(
         "--out",
         type=Path,
-        help="directory; out/demo, or out/demo_NAME for a profile or a bag given by its name",
+        help="directory; out/demo, or out/demo_NAME for an engine, a profile or a bag given by its "
+        "name",
     )
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
@@ -237,15 +259,19 @@ def main(argv: Sequence[str]) -> int:
             path, shown = resources.profile(arguments.profile)
             arguments.params_file.insert(0, path)
             given = arguments.bag or shown
+        if arguments.engine:
+            arguments.assignments.append(f"engine:={arguments.engine}")
         bag = resources.bag(given)
         if not bag.exists():
             raise BagError(f"{bag}: no such bag")
-        out: Path = arguments.out or _default_out(arguments.profile or given)
+        out: Path = arguments.out or _default_out(arguments.profile or given, arguments.engine)
         config = command.tracker_config(arguments, bag)
         _check_recording(out)
         with _unfinished(out) as new:
             if not run_nodes(bag, config, new, out / LOGS):
                 return FAILED
+            if bag.resolve() == shipped_bag().resolve():
+                _compare(bag, config, new)
             _replace(out, new)
         summary = json.loads((out / METRICS).read_text())
         report.write(out / RECORDING, out, config, bag.resolve().name, summary)

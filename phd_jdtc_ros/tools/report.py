@@ -16,12 +16,13 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
+from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import metrics, score_tables
 
-from . import command
+from . import command, tracker_params
 
 PAGE = "report.html"
 
@@ -57,7 +58,7 @@ def write(
     out.mkdir(parents=True, exist_ok=True)
     evaluation = run.evaluate(cutoff, command.ORDER)
     if summary is None:
-        summary = metrics(evaluation, run.step_ms)
+        summary = metrics(evaluation, run.step_ms, _engine_of(bag))
     # The figures may be of a node that was not told the names.
     summary = {**summary, "class_names": list(run.sets.class_names)}
     figures.write_all(run, evaluation, out)
@@ -70,6 +71,12 @@ def write(
         return FAILED
     console.print(f"report: {page}", soft_wrap=True, markup=False, highlight=False)
     return OK if run.damage is None else fail("report", run.damage)
+
+
+def _engine_of(bag: Path) -> str | None:
+    """Return the engine whose estimates a bag has; None without its parameters beside it."""
+    recorded = bag_parameters.read(bag)
+    return None if recorded is None else tracker_params.config(recorded).engine
 
 
 def _write_page(

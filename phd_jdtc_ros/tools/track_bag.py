@@ -10,6 +10,7 @@ estimates are equal to the live ones. Two runs write the same bytes.
 from __future__ import annotations
 
 import sys
+import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -44,6 +45,12 @@ class OfflineTracker:
     config : TrackerConfig
     bag : BagWriter
         Has the topics of the estimates.
+
+    Attributes
+    ----------
+    step_ms : list of float
+        CPU time of each report that closed a scan and of those since the one before, milliseconds:
+        decoding, steps and writing.
     """
 
     def __init__(self, config: TrackerConfig, bag: BagWriter) -> None:
@@ -52,6 +59,8 @@ class OfflineTracker:
         self._pipeline = new_pipeline(config)
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self.scans = 0
+        self.step_ms: list[float] = []
+        self._cpu_s = 0.0
         self.dropped: Counter[str] = Counter()
         self._targets_seen = False
         self._overdue = 0
@@ -60,6 +69,14 @@ class OfflineTracker:
 
     def add(self, entry: BagMessage) -> None:
         """Process one recorded message of a radar."""
+        begin_s, scans = time.thread_time(), self.scans
+        self._take(entry)
+        self._cpu_s += time.thread_time() - begin_s
+        if self.scans > scans:
+            self.step_ms.append(1e3 * self._cpu_s)
+            self._cpu_s = 0.0
+
+    def _take(self, entry: BagMessage) -> None:
         index = self._radar_of[entry.topic]
         radar = self._config.inputs[index]
         try:

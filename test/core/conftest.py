@@ -3,7 +3,7 @@
 
 import pytest
 
-from phd_jdtc_ros.core.pair_search import kernels
+from phd_jdtc_ros.core import backend as backends
 
 
 @pytest.fixture(params=["numpy", "numba"])
@@ -11,5 +11,5 @@ def backend(request):
     """Run a test with the plain and with the compiled kernels."""
     if request.param == "numba":
         pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
-    with kernels.using(request.param):
+    with backends.using(request.param):
         yield

@@ -17,6 +17,8 @@ ADAPTERS = sorted((ROOT / "msg_adapters").rglob("*.py"))
 COMPILED = ("compiled", "compiled_kernel")
 
 BASE = ("arrays", "state_space", "types", "origins", "track_numbers")
+# Which inner loops are in use, and how numba compiles some.
+KERNELS = ("backend", "compiled")
 # What an engine is built from, beside the models and the searches.
 ENGINE = (
     *BASE,
@@ -26,6 +28,8 @@ ENGINE = (
 # What each room of the core, or module beside the rooms, may import of the others.
 ROOMS = {
     "arrays": (),
+    "compiled": (),
+    "backend": ("compiled",),
     "origins": ("arrays",),
     "quoting": (),
     "snapshot": (),
@@ -37,8 +41,8 @@ ROOMS = {
     "antenna": ("arrays", "types"),
     "turns": ("antenna", "arrays", "scans", "sectors", "types"),
     "watch": ("arrays", "engine", "sectors", "types"),
-    "association": BASE,
-    "pair_search": BASE,
+    "association": (*BASE, *KERNELS),
+    "pair_search": (*BASE, *KERNELS),
     "models": (*BASE, "pair_search"),
     "engine": (*BASE, "models", "snapshot"),
     "reporting": (*BASE, "models"),
@@ -52,14 +56,14 @@ ROOMS = {
         *("engine", "forward", "models", "reporting", "snapshot", "window", "window_snapshot"),
     ),
     "smc": (*ENGINE, "association", "models", "pair_search"),
-    "gaussian": (*ENGINE, "association", "models", "pair_search"),
+    "gaussian": (*ENGINE, *KERNELS, "association", "models", "pair_search"),
     "evaluation": BASE,
     "configuration": (
         *BASE,
         *("engine", "models", "quoting", "reporting", "scans", "smc", "turns", "watch"),
     ),
     "simulation": (*BASE, "configuration", "models"),
-    "engines": ("configuration", "engine", "pair_search", "smc"),
+    "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": ("configuration", "engine", "engines", "scans", "turns", "types", "watch"),
 }
 # What each part of the project may import of the others.

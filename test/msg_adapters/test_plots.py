@@ -8,6 +8,7 @@ from std_msgs.msg import Float64
 
 from msg_adapters import plots, quantities
 from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.core.engines import ENGINES
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 
@@ -33,6 +34,15 @@ def test_step_is_one_number_for_each_quantity_of_the_tracker():
         "effective_share": 0.5,
     }
     assert set(found) == set(quantities.of_tracker(2))
+
+
+def test_step_of_each_engine_has_its_own_figures():
+    figures = {"hypotheses": 31, "origins": 6, "approximate_clusters": 0}
+    step = Step(estimates(), (), np.array([2.25, 1.5]), figures)
+    found = received(plots.step_to_msgs(step, 12.5))
+    assert (found["hypotheses"], found["origins"]) == (31.0, 6.0)
+    assert set(found) == set(quantities.of_tracker(2, "gaussian"))
+    assert set(quantities.FIGURES) == set(ENGINES)
 
 
 def test_score_is_one_number_for_each_quantity_of_the_evaluator():

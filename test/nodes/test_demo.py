@@ -52,6 +52,38 @@ def test_demo_reaches_the_promised_figures(demo):
     assert (metrics["p"], metrics["c"]) == (2, 1000)
     assert set(metrics["smoothed"]) == {"all", "class_0", "class_1"}
     assert metrics["step_ms"]["median"] > 0.0
+    assert metrics["engine"] == "particles"
+
+
+def test_demo_shows_the_other_engine_beside_the_one_that_ran(demo):
+    metrics = json.loads((demo / "metrics.json").read_text())
+
+    other = metrics["compared"]
+    assert other["engine"] == "gaussian"
+    assert other["scans"] == metrics["scans"]
+    assert other["smoothed"]["all"]["ospa"] <= 80.0
+    assert other["step_ms"]["median"] > 0.0
+    assert "Both engines" in (demo / "report.html").read_text()
+
+
+def test_demo_of_the_other_engine_tracks_live_as_offline(tmp_path):
+    live, still = tmp_path / "live", tmp_path / "still"
+    assert run("demo", ["--bag", str(BAG), "--out", str(live), "--engine", "gaussian"]) == 0
+    words = [str(BAG), "--out", str(still), "-p", "engine:=gaussian"]
+    assert run("track_bag", words) == 0
+
+    metrics = json.loads((live / "metrics.json").read_text())
+    assert metrics["engine"] == "gaussian"
+    assert metrics["compared"]["engine"] == "particles"
+    for source in ("filtered", "smoothed"):
+        topic = names.estimates(source)
+        found, expected = clouds(live / "estimates", topic), clouds(still, topic)
+        assert {k: bytes(v.data) for k, v in found.items()} == {
+            k: bytes(v.data) for k, v in expected.items()
+        }
+    recorded = set(BagReader(live / "estimates").types)
+    assert names.plot("hypotheses") in recorded
+    assert names.plot("particles") not in recorded
 
 
 @pytest.mark.parametrize("source", ["filtered", "smoothed"])

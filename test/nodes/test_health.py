@@ -1,12 +1,15 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import re
 from collections import Counter
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics
+from phd_jdtc_ros.core.configuration.parameters import TOP
+from phd_jdtc_ros.core.engines import ENGINES
 from phd_jdtc_ros.nodes.tracker.health import (
     LEASE_S,
     WARNING_MEMORY_S,
@@ -250,6 +253,27 @@ def test_overload_is_a_warning_that_says_what_to_turn_down_though_each_step_is_i
         "max_particles or lag"
     )
     assert diagnostics.values_of(found)["busy"] == "0.99"
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_advice_on_slow_steps_names_parameters_of_the_engine(engine):
+    found = step_status(StepHealth(Rhythm(2.0), Rhythm(2.0), engine, step_ms=3000.0))
+    advised = re.findall(r"\w+_target|max_\w+|lag", found.message)
+    assert len(advised) == 3
+    assert set(advised) <= {parameter.name for parameter in TOP}
+    of_gaussians = [name for name in advised if "hypotheses" in name]
+    assert len(of_gaussians) == (2 if engine == "gaussian" else 0)
+
+
+def test_approximations_are_counted_where_the_engine_has_them():
+    pace = StepHealth(Rhythm(2.0), Rhythm(2.0), "gaussian")
+    for index, count in enumerate((0, 2, 0, 1)):
+        figures = {"approximate_clusters": count, "floored_covariances": 1, "origins": 9}
+        pace.stepped(index * 10**9, float(index), 1.0, 1, figures)
+    values = diagnostics.values_of(step_status(pace))
+    assert (values["approximate_clusters"], values["floored_covariances"]) == ("3", "4")
+    assert "origins" not in values
+    assert "approximate_clusters" not in diagnostics.values_of(step_status(stepping(1.0)))
 
 
 @pytest.mark.parametrize(("wall_s", "level"), [(2.0, WARN), (0.02, OK)])

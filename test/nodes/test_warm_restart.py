@@ -10,6 +10,8 @@ import pytest
 from live_radars import FAST, RELIABLE, Radars
 from std_srvs.srv import Trigger
 
+from phd_jdtc_ros.core.engines import ENGINES
+
 KILLED_AFTER, SCANS = 5, 8
 
 
@@ -42,15 +44,17 @@ def end(peer, process, group, kill=False):
     peer.node.destroy_subscription(subscription)
 
 
-def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_path):
-    process, group, whole = tracked(peer, processes, 0, SCANS, tmp_path / "other")
+@pytest.mark.parametrize("engine", ENGINES)
+def test_killed_tracker_goes_on_as_if_it_had_never_stopped(processes, peer, tmp_path, engine):
+    chosen = 1, f"engine:={engine}"
+    process, group, whole = tracked(peer, processes, 0, SCANS, tmp_path / "other", *chosen)
     end(peer, process, group)
     path = tmp_path / "tracker.ckpt"
-    process, group, _ = tracked(peer, processes, 0, KILLED_AFTER, path)
+    process, group, _ = tracked(peer, processes, 0, KILLED_AFTER, path, *chosen)
     peer.meet()  # it is written after the estimates have gone out
     end(peer, process, group, kill=True)
     assert path.exists()
-    process, group, rest = tracked(peer, processes, KILLED_AFTER, SCANS, path)
+    process, group, rest = tracked(peer, processes, KILLED_AFTER, SCANS, path, *chosen)
     assert rest == whole[KILLED_AFTER:]
     assert "going on from" in process.log.read_text()
     assert peer.call(Trigger, "/tracker/flush").success
@@ -100,6 +104,18 @@ def test_stale_checkpoint_and_one_of_another_tracker_are_refused(processes, peer
     assert "at most 10 s are allowed" in process.log.read_text()
     process, group, _ = tracked(peer, processes, 2, 3, path, 0, "lag:=3")
     assert "another lag" in process.log.read_text()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_checkpoint_of_another_engine_is_refused_with_a_reason(processes, peer, tmp_path, engine):
+    (other,) = ENGINES.keys() - {engine}
+    path = tmp_path / "tracker.ckpt"
+    process, group, _ = tracked(peer, processes, 0, 2, path, 1, f"engine:={other}")
+    end(peer, process, group)
+    process, group, _ = tracked(peer, processes, 2, 3, path, 1, f"engine:={engine}")
+    log = process.log.read_text()
+    assert "starting cold" in log
+    assert "of a tracker with another engine" in log
 
 
 def test_checkpoint_older_than_the_longest_gap_is_refused(processes, peer, tmp_path):

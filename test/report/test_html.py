@@ -157,6 +157,17 @@ def test_write_report_shows_the_headline_numbers(tmp_path, shown):
     assert shown in page(tmp_path, summary_of())
 
 
+def test_write_report_names_the_engine_and_shows_the_other_beside_it(tmp_path):
+    live, other = (summary_of(engine=name) for name in ("particles", "gaussian"))
+    alone = page(tmp_path, live)
+    assert "<dt>engine</dt><dd>particles</dd>" in alone
+    assert "Both engines" not in alone
+    rows = Reader(without_library(page(tmp_path, {**live, "compared": other}))).rows
+    of_engines = [row for row in rows if row and row[0].endswith(("live", "offline"))]
+    cells = ["140.5 m", "75.2 m", "46 %", "99.6 %", "9.5 ms"]
+    assert of_engines == [["particles, live", *cells], ["gaussian, offline", *cells]]
+
+
 def test_write_report_tells_a_worse_smoother(tmp_path):
     assert "12 % more" in page(tmp_path, summary_of(reduction=-0.12))
 

@@ -93,6 +93,24 @@ def test_metrics_hold_what_the_file_promises(evaluation):
     )
 
 
+def test_metrics_say_the_engine_if_it_is_known(evaluation):
+    assert metrics(evaluation, np.zeros(0), "gaussian")["engine"] == "gaussian"
+    assert "engine" not in metrics(evaluation, np.zeros(0))
+
+
+def test_score_tables_show_both_engines_side_by_side(evaluation):
+    live = metrics(evaluation, np.array([4.0]), "particles")
+    other = metrics(evaluation, np.array([2.0]), "gaussian")
+    other["smoothed"]["all"]["ospa"] = 50.0
+    title, rows, _ = tables({**live, "compared": other})[-1]
+    assert "both engines" in title
+    assert rows[-2:] == [
+        ["particles, live", "100.0 m", "25.0 m", "75%", "100.0%", "4.0 ms"],
+        ["gaussian, offline", "100.0 m", "50.0 m", "50%", "100.0%", "2.0 ms"],
+    ]
+    assert not [table for table in tables(live) if "both engines" in table[0]]
+
+
 def test_metrics_without_step_times_have_none(evaluation):
     assert "step_ms" not in metrics(evaluation, np.zeros(0))
 

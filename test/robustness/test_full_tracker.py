@@ -5,13 +5,16 @@
 
 import pytest
 
-from robustness import clutter, soak, stamps_and_time, warm_restart
+from robustness import clutter, engines, soak, stamps_and_time, warm_restart
 
 pytestmark = pytest.mark.live
+every_engine = pytest.mark.parametrize("engine", engines.ALL)
 
 
-def test_tracker_does_not_grow_over_a_short_run():
-    figure = soak.measure(60)
+@every_engine
+def test_tracker_does_not_grow_over_a_short_run(engine):
+    with engines.using(engine):
+        figure = soak.measure(60)
     assert figure.details["scans"] == 60
     assert figure.details["not_finite"] == 0
     assert (figure.details["descriptors"], figure.details["threads"]) == (0, 0)
@@ -22,13 +25,17 @@ def test_tracker_starts_anew_behind_long_gaps_alone_and_does_not_grow():
     assert figure.reached, (figure.measured, figure.details)
 
 
-def test_tracker_keeps_its_targets_through_a_burst_of_false_detections():
-    figure = clutter.measure(false_detections=300, count=2)
+@every_engine
+def test_tracker_keeps_its_targets_through_a_burst_of_false_detections(engine):
+    with engines.using(engine):
+        figure = clutter.measure(false_detections=300, count=2)
     assert figure.details, figure.measured
     # How long a scan takes is for `make faults`, where nothing else keeps the machine busy.
     assert figure.details["after_m"] <= clutter.MOST_RATIO * figure.details["quiet_m"]
 
 
-def test_restarted_tracker_is_soon_as_good_as_one_that_never_stopped():
-    figure = warm_restart.measure((21,))
+@every_engine
+def test_restarted_tracker_is_soon_as_good_as_one_that_never_stopped(engine):
+    with engines.using(engine):
+        figure = warm_restart.measure((21,))
     assert figure.reached, (figure.measured, figure.details)

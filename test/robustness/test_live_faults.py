@@ -5,11 +5,20 @@
 
 import pytest
 
-from robustness import bad_scans, publishers, raw_bytes, recordings, stamps_and_time, turning
+from robustness import (
+    bad_scans,
+    engines,
+    publishers,
+    raw_bytes,
+    recordings,
+    stamps_and_time,
+    turning,
+)
 
 pytestmark = pytest.mark.live
 
 CASES = bad_scans.cases()
+every_engine = pytest.mark.parametrize("engine", engines.ALL)
 
 
 @pytest.fixture(autouse=True)
@@ -23,8 +32,10 @@ def test_there_are_as_many_cases_as_there_have_to_be():
     assert len({case.name for case in CASES}) == len(CASES)
 
 
-def test_tracker_counts_every_bad_scan_and_loses_no_good_one():
-    figure = bad_scans.measure()
+@every_engine
+def test_tracker_counts_every_bad_scan_and_loses_no_good_one(engine):
+    with engines.using(engine):
+        figure = bad_scans.measure()
     assert figure.reached, (figure.measured, figure.details)
 
 
@@ -50,8 +61,10 @@ def test_second_publisher_is_an_error_and_a_restarted_driver_is_none():
     assert figure.reached, (figure.measured, figure.details)
 
 
-def test_tracker_bridges_and_counts_the_faults_of_a_turning_radar_and_keeps_its_target():
-    figure = turning.measure()
+@every_engine
+def test_tracker_bridges_and_counts_the_faults_of_a_turning_radar_and_keeps_its_target(engine):
+    with engines.using(engine):
+        figure = turning.measure()
     assert figure.reached, (figure.measured, figure.details)
 
 

@@ -3,13 +3,32 @@
 
 """A bounded part of what the harness does without nodes, and its own parts."""
 
+import argparse
 import json
 import random
+import unittest.mock
+from collections import Counter
 
+import numpy as np
 import pytest
 
 from msg_adapters import interfaces, names, stamps
-from robustness import bags, command, crowd, decoders, figures, forgeries, raw_bytes, report, scans
+from phd_jdtc_ros.core.types import Estimates
+from robustness import (
+    bags,
+    command,
+    crowd,
+    decoders,
+    engines,
+    figures,
+    forgeries,
+    numerics,
+    raw_bytes,
+    report,
+    scans,
+)
+
+every_engine = pytest.mark.parametrize("engine", engines.ALL)
 
 
 def test_bags_are_recovered():
@@ -22,14 +41,86 @@ def test_a_bomb_is_refused_within_its_memory():
     assert figure.reached, figure.measured
 
 
-def test_a_scan_of_very_many_detections_takes_bounded_time_and_memory_and_spoils_no_later_one():
-    figure = crowd.measure(10_000)
+@every_engine
+def test_a_scan_of_very_many_detections_takes_bounded_time_and_memory_and_spoils_no_later_one(
+    engine,
+):
+    with engines.using(engine):
+        figure = crowd.measure(10_000)
     assert figure.reached, (figure.measured, figure.details)
 
 
-def test_forged_checkpoints_are_cold_starts_with_a_reason():
-    figure = forgeries.measure()
+@every_engine
+def test_forged_checkpoints_are_cold_starts_with_a_reason(engine):
+    with engines.using(engine):
+        figure = forgeries.measure()
     assert figure.reached, (figure.measured, figure.details)
+
+
+@every_engine
+@pytest.mark.parametrize("case", numerics.CASES)
+def test_no_covariance_that_is_none_leaves_an_engine(case, engine):
+    assert numerics.outcome(numerics.CASES[case], engine) == ""
+
+
+def estimates(covariance):
+    size = len(covariance)
+    return Estimates(
+        stamp_ns=0,
+        lag=0,
+        state=np.zeros((1, size)),
+        covariance=np.array([covariance]),
+        weight=np.ones(1),
+        class_probability=np.ones((1, 1)),
+        class_id=np.zeros(1, dtype=np.int64),
+        track_id=np.zeros(1, dtype=np.int64),
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda matrix: matrix, ""),
+        (lambda matrix: matrix * np.nan, "covariance is not finite"),
+        (lambda matrix: -matrix, "a variance is not positive"),
+        (lambda matrix: 0.0 * matrix, "a variance is not positive"),
+        (lambda matrix: matrix + np.triu(matrix + 1.0, 1), "a covariance is not symmetric"),
+        (lambda matrix: matrix - 0.9 * (1.0 - matrix), "a covariance has a negative eigenvalue"),
+    ],
+)
+def test_faults_of_covariances_are_seen(change, said):
+    found = numerics.fault_of(estimates(change(np.eye(5))), 1e-12)
+    assert found.startswith(said) if said else found == ""
+
+
+def test_figure_is_named_after_its_engine_which_the_measurement_sees():
+    def measure():
+        return figures.Figure("crowd", "goal", engines.chosen(), True)
+
+    found = engines.of(engines.GAUSSIAN, measure)()
+    assert (found.name, found.measured) == ("gaussian: crowd", "gaussian")
+    assert engines.chosen() == engines.PARTICLES
+    allowed = "'kalman' given, must be one of particles, gaussian"
+    with pytest.raises(ValueError, match=allowed), engines.using("kalman"):
+        pass
+
+
+def named(arguments):
+    """Return how many measurements of each engine a command makes, none of which is done."""
+    begun = []
+    with unittest.mock.patch.object(engines, "of", lambda engine, _: begun.append(engine)):
+        list(command.faults(argparse.Namespace(**arguments)))
+    return Counter(begun)
+
+
+def test_faults_are_of_both_engines_unless_one_is_asked_for():
+    every, of_engines = len(list(command.every_fault())), len(command.OF_ENGINES)
+    assert set(command.OF_ENGINES) <= set(command.every_fault())
+    assert named({"engine": "particles", "only": False}) == {
+        "particles": every,
+        "gaussian": of_engines,
+    }
+    assert named({"engine": "gaussian", "only": True}) == {"gaussian": every}
 
 
 def test_decoders_refuse_or_understand_random_clouds():

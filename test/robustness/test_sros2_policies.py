@@ -12,6 +12,7 @@ import pytest
 import rclpy
 import stand_ins
 
+from msg_adapters import names, quantities
 from phd_jdtc_ros.nodes.tracker import settings
 from robustness.rig import Rig
 from robustness.stamps_and_time import BAG
@@ -35,6 +36,8 @@ ARGUMENTS = {
         *("-p", "flush_service:=/tracker/flush"),
     ),
 }
+# A tracker has the figures of its engine; another engine has others.
+FIGURES = {names.plot(name) for figures in quantities.FIGURES.values() for name in figures}
 PAGE = (ROOT / "docs" / "nodes" / "tracker.md").read_text()
 
 
@@ -68,7 +71,10 @@ def used():
             there = set(watcher.get_node_names())
             return {
                 name: {
-                    key: {entry for entry, _ in getattr(watcher, query)(name, "/")}
+                    key: {
+                        *(entry for entry, _ in getattr(watcher, query)(name, "/")),
+                        *(FIGURES if (name, key) == ("tracker", ("topics", "publish")) else ()),
+                    }
                     for key, query in QUERIES.items()
                 }
                 for name in ARGUMENTS

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from rich.console import Console
+from scipy.spatial import cKDTree
 
 from benchmarks import (
     backends,
@@ -24,6 +25,8 @@ from benchmarks import (
     searches,
     sector_latency,
     smoothing,
+    step_growth,
+    steps,
     timing,
     traffic,
     turning,
@@ -36,15 +39,15 @@ from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
 from phd_jdtc_ros.core.smc import backward_kernel
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
-from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import Detections
 
 LAG = 3
 BORN_ANYWHERE = {"detection_births.rates": [0.01, 0.01], "detection_births.particles": 64}
 FEW = {"particles_per_target": 100, "least_particles": 20, "particles_per_birth": 64}
-WITHOUT_ROS = ("peers", "steps", "growth", "smoother", "paper_smoother")
+WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
 every_backend = pytest.mark.parametrize("backend", backends.available())
+every_engine = pytest.mark.parametrize("engine", recursion.PARTS)
 every_death_term = pytest.mark.parametrize("death_term", DEATH_TERMS.values(), ids=DEATH_TERMS)
 
 
@@ -106,15 +109,16 @@ def test_copies_stand_for_the_same_intensity(window):
     assert_allclose(copies.components.sum(axis=0), phd.components.sum(axis=0))
 
 
-def test_timed_engine_notes_every_part_of_a_step():
-    config = resolve({**FEW, "lag": LAG, **BORN_ANYWHERE})
+@every_engine
+def test_timed_engine_notes_every_part_of_a_step(engine):
+    config = resolve({**FEW, "lag": LAG, **BORN_ANYWHERE, "engine": engine})
     scenario = replace(paper_scenario(config.model.radars), scans=LAG + 2)
-    engine = recursion.TimedEngine(config, ParticleSet.empty(len(config.model.modes.space)))
+    run = recursion.TimedEngine(config)
     for _, scan in simulate(scenario, 5):
-        engine.step(scan)
+        run.step(scan)
 
-    assert set(engine.parts_ms) == set(recursion.PARTS)
-    assert all(ms > 0.0 for ms in engine.parts_ms.values())
+    assert set(run.parts_ms) == set(recursion.PARTS[engine])
+    assert all(ms > 0.0 for ms in run.parts_ms.values())
 
 
 @pytest.mark.parametrize("place", searches.PLACES)
@@ -156,6 +160,45 @@ def test_crowd_of_200_targets_gives_300_detections_a_radar():
         assert {0, 1} == set(truth.class_id.tolist())
         for radar in config.model.radars:
             assert radar.measure(truth.state)[:, 0].max() < radar.max_range
+
+
+@every_engine
+def test_engine_tracks_all_targets_of_a_crowd_from_its_first_scan(engine):
+    config = scenes.configuration(20, 50, engine=engine)
+    scene = scenes.crowd(20, 4, config, seed=1)
+    run = recursion.tracking(config, scene, seed=1)
+    for truth, scan in simulate(scene, 1):
+        step = run.step(scan)
+        assert step.class_mass.sum() == pytest.approx(20.0, abs=2.0)
+        (found,) = step.filtered
+        apart = np.linalg.norm(found.position[:, None] - truth.position[None], axis=2)
+        assert np.median(apart.min(axis=0)) < 300.0
+
+
+def test_clutter_makes_1000_detections_of_1000_targets():
+    crowd = steps.CROWDS["1000 targets"]
+    config = scenes.configuration(crowd.targets, 10, clutter=crowd.clutter)
+    scene = scenes.crowd(crowd.targets, 4, config, seed=1)
+    counts = [len(d) for _, scan in simulate(scene, 1) for d in scan.detections]
+
+    assert np.mean(counts) == pytest.approx(1000.0, abs=10.0)
+
+
+def deviations_apart(targets):
+    """Return how far the nearest other target is, in deviations of the first radar's noise."""
+    config = scenes.configuration(targets, 10)
+    radar = config.model.radars[0]
+    truth = truth_at(scenes.crowd(targets, 2, config, seed=1), 1)
+    distance = radar.measure(truth.state)[:, 0]
+    assert len(distance) == targets
+    assert distance.max() < radar.clutter_max_range < radar.max_range
+    apart, _ = cKDTree(truth.position).query(truth.position, k=2)
+    deviation = np.hypot(radar.range_std, distance * radar.azimuth_std)
+    return np.quantile(apart[:, 1] / deviation, [0.1, 0.5, 0.9])
+
+
+def test_more_targets_have_a_larger_field_in_which_they_are_as_ambiguous():
+    assert_allclose(deviations_apart(2000), deviations_apart(200), rtol=0.1)
 
 
 def test_limit_goes_over_all_that_the_search_goes_over(window):
@@ -209,12 +252,14 @@ def test_traffic_is_fifty_aircraft_within_range_from_first_to_last():
 
 
 def test_a_turn_is_of_a_tracker_that_has_all_aircraft_in_every_form(cost):
-    assert set(cost) == set(backends.available())
-    for forms_of in cost.values():
-        assert set(forms_of) == set(turning.FORMS)
-        for found in forms_of.values():
-            assert found["rounds"] == 1
-            assert found["targets"] == pytest.approx(50.0, abs=2.0)
+    assert set(cost) == set(recursion.PARTS)
+    for of_backends in cost.values():
+        assert set(of_backends) == set(backends.available())
+        for forms_of in of_backends.values():
+            assert set(forms_of) == set(turning.FORMS)
+            for found in forms_of.values():
+                assert found["rounds"] == 1
+                assert found["targets"] == pytest.approx(50.0, abs=2.0)
 
 
 @pytest.fixture(scope="module")
@@ -236,11 +281,14 @@ def test_latency_is_from_the_time_of_a_detection_to_the_estimates_of_its_sector(
 
 
 @pytest.mark.live
-def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(monkeypatch):
+@every_engine
+def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
+    monkeypatch, engine
+):
     # What the measurement sets is forgotten afterwards.
     for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_BUILTIN_TRANSPORTS"):
         monkeypatch.setenv(name, "")
-    found = sector_latency.of_turns(1)
+    found = sector_latency.of_turns(1, engine)
 
     assert found.get("reason") is None
     assert found["sectors"] == 16
@@ -253,16 +301,21 @@ def test_latency_by_sectors_is_measured_on_a_live_tracker_that_has_all_aircraft(
 
 def test_latency_by_sectors_may_be_longer_by_a_step(cost):
     latency = {"latency_s": {"p99": 0.31}, "step_ms": {"p99": 20.0}}
-    of_turning = {"turning": {"latency": latency, "cost": cost}}
+    of_turning = {"turning": {"latency": {recursion.PARTICLES: latency}, "cost": cost}}
     figures = {figure["name"]: figure for figure in goals.judged(of_turning)}
     of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
 
     assert of_sectors["goal"] == pytest.approx(0.32)
     assert of_sectors["reached"] is True
     latency["step_ms"]["p99"] = 5.0
-    assert goals.judged(of_turning)[-3]["reached"] is False
+    figures = {figure["name"]: figure for figure in goals.judged(of_turning)}
+    of_sectors = figures["latency of a detection by sectors over DDS, p99, s"]
+    assert of_sectors["reached"] is False
     assert figures["turn of 50 aircraft (NumPy), ms"]["value"] > 0.0
     assert figures["a turn by 16 sectors against one cloud, times"]["value"] > 0.0
+    of_gaussian = figures["gaussian: turn of 50 aircraft by 16 sectors (NumPy), ms"]
+    by_sectors = cost[recursion.GAUSSIAN][backends.NUMPY][turning.BY_SECTORS]
+    assert of_gaussian["value"] == by_sectors["median_ms"]
 
 
 def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
@@ -273,17 +326,19 @@ def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
         "latency_s": {"p50": 0.15, "p99": 0.277, "most": 0.29},
         "step_ms": {"p50": 11.0, "p99": 20.0, "most": 22.0},
     }
-    of_turning = {"turning": {"latency": latency, "cost": cost}}
+    of_turning = {"turning": {"latency": {recursion.GAUSSIAN: latency}, "cost": cost}}
     page = tables.markdown(tables.tables({**of_turning, "figures": goals.judged(of_turning)}))
 
     assert "| to the estimates of its sector | 0.150 s | 0.277 s | 0.290 s |" in page
     assert "555 detections, 50 aircraft tracked" in page
     for form in turning.FORMS:
         assert f"| {form} | " in page
-    missing = {"turning": {"latency": {"value": None, "reason": "rclpy is missing"}, "cost": cost}}
+    why = {"value": None, "reason": "rclpy is missing"}
+    missing = {"turning": {"latency": {recursion.PARTICLES: why}, "cost": cost}}
     figures = goals.judged(missing)
     assert "in real time" not in tables.markdown(tables.tables({**missing, "figures": figures}))
-    assert figures[-3]["reason"] == "rclpy is missing"
+    reasons = {figure["name"]: figure.get("reason") for figure in figures}
+    assert reasons["latency of a detection by sectors over DDS, p99, s"] == "rclpy is missing"
 
 
 @pytest.fixture(scope="module")
@@ -295,7 +350,7 @@ def summary():
 def test_summary_holds_every_figure(summary):
     names = [figure["name"] for figure in summary["figures"]]
 
-    assert len(names) == len(set(names)) == 21
+    assert len(names) == len(set(names)) == 29
     for figure in summary["figures"]:
         keys = {"name", "value", "goal", "at_most", "reached"}
         if figure["value"] is None:
@@ -331,12 +386,14 @@ def test_summary_measures_the_error_of_weights_not_of_mass(summary):
 
 def test_parts_of_a_step_add_up_to_it(summary):
     for scene in summary["steps"].values():
-        for parts in scene["backends"].values():
-            whole = parts["step"]["median_ms"]
-            assert sum(parts[part]["median_ms"] for part in recursion.PARTS) < 1.2 * whole
+        assert set(scene["engines"]) == set(recursion.PARTS)
+        for engine, found in scene["engines"].items():
+            for times in found["backends"].values():
+                parts = (times[part]["median_ms"] for part in recursion.PARTS[engine])
+                assert sum(parts) < 1.2 * times["step"]["median_ms"]
 
 
-def test_write_leaves_the_summary_and_two_pictures(summary, tmp_path):
+def test_write_leaves_the_summary_and_the_pictures(summary, tmp_path):
     paths = command.write(summary, tmp_path / "bench")
 
     assert json.loads(paths[0].read_text()) == json.loads(json.dumps(summary))
@@ -345,6 +402,7 @@ def test_write_leaves_the_summary_and_two_pictures(summary, tmp_path):
         "table.md",
         "cost_against_particles_per_target.png",
         "cost_against_targets.png",
+        "step_against_targets.png",
     }
     assert all(path.stat().st_size > 10_000 for path in paths[2:])
 
@@ -360,6 +418,27 @@ def test_pictures_draw_the_limit_and_linear_growth(summary):
     assert any(label.startswith("limit") for label in labels)
 
 
+def test_picture_and_table_of_a_step_show_both_engines(summary):
+    growth = summary["step_growth"]
+    names = [f"{e} [{b}]" for e in recursion.PARTS for b in backends.available()]
+    assert sorted(growth["forms"]) == sorted(names)
+    _, labels = plots.step_cost(growth).axes[0].get_legend_handles_labels()
+    page = tables.markdown(tables.tables(summary))
+
+    for engine in ("particles", "Gaussian"):
+        assert any(label.startswith(f"{engine}, NumPy (slope ") for label in labels)
+    assert all(f"| {name} | " in page for name in names)
+
+
+@every_engine
+def test_memory_is_that_of_all_that_an_engine_holds(engine):
+    few, more = (step_growth.memory_of(engine, targets) for targets in (10, 40))
+
+    assert few > 20_000
+    # The window's sets are of all targets.
+    assert more > 2 * few
+
+
 def test_tables_show_every_part_and_figure(summary):
     console = Console(width=140, record=True, file=io.StringIO())
     for table in tables.tables(summary):
@@ -370,5 +449,5 @@ def test_tables_show_every_part_and_figure(summary):
     for figure in summary["figures"]:
         assert figure["name"] in text
         assert f"| {figure['name']} |" in page
-    for part in recursion.PARTS:
-        assert part in text
+    for parts in recursion.PARTS.values():
+        assert all(part in text for part in parts)

@@ -147,6 +147,88 @@ def test_merged_forgets_the_parts_that_a_later_layer_leaves_out():
     assert found == {"births": ["west"], "west.rates": [2.0], "lag": 3}
 
 
+def test_merged_gives_every_class_what_is_given_for_all():
+    found = merged(
+        {"classes": ["ship", "boat"], "ship.survival_probability": 0.9},
+        {"*.survival_probability": 0.8, "boat.survival_probability": 0.7},
+    )
+
+    assert found == {
+        "classes": ["ship", "boat"],
+        "ship.survival_probability": 0.8,
+        "boat.survival_probability": 0.7,
+    }
+    of_default_classes = merged({"*.motions": ["cv"]})
+    assert of_default_classes == {"class_0.motions": ["cv"], "class_1.motions": ["cv"]}
+
+
+def kinds_of(study_file, change, assigned=None):
+    study = load_study(study_file(change), assigned or {})
+    return {
+        variant.name: (variant.kind, study.parameters(study.cases[0], variant).get("engine"))
+        for variant in study.variants
+    }
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"kind": "gaussian"},
+        {"engine": "gaussian"},
+        {"kind": "particles", "engine": "gaussian"},
+        {"kind": "particles", "parameters": {"engine": "gaussian"}},
+    ],
+)
+def test_a_variant_of_the_tracker_names_its_engine(study_file, given):
+    def change(document):
+        document["variants"]["other"] = given
+
+    kinds = kinds_of(study_file, change)
+    assert kinds["other"] == ("gaussian", "gaussian")
+    assert kinds["corrected"] == ("particles", "particles")
+
+
+def test_the_command_line_chooses_the_engine_of_all_variants_that_it_has(study_file):
+    study = load_study(study_file(), {"engine": "gaussian"})
+
+    assert {v.name: v.kind for v in study.variants}["corrected"] == "gaussian"
+    plan = monte_carlo.plan(study, [0])
+    # The death term as printed is of the particle engine only.
+    assert plan.notes == [
+        "as printed: left out, death_term: paper given, must be bernoulli with engine gaussian"
+    ]
+    assert {variant.name for task in plan.tasks for variant in task.variants} == {
+        "corrected",
+        "fewer",
+        "reference",
+    }
+
+
+def test_a_variant_that_its_own_engine_does_not_have_is_a_fault(study_file):
+    def spoil(document):
+        document["variants"]["as printed"]["engine"] = "gaussian"
+
+    found = faults(study_file, spoil)
+
+    assert [fault.split(": ")[0] for fault in found] == [
+        "variants.as printed.parameters.death_term",
+        "variants.as printed.parameters.extraction",
+    ]
+
+
+def test_a_variant_of_an_unknown_engine_is_a_fault(study_file):
+    def spoil(document):
+        document["variants"]["corrected"]["engine"] = "steam"
+        document["variants"]["reference"]["engine"] = "gaussian"
+
+    found = faults(study_file, spoil)
+
+    assert [fault.split(": ")[0] for fault in found] == [
+        "variants.corrected.engine",
+        "variants.reference.engine",
+    ]
+
+
 def test_merged_forgets_default_parts_too():
     assert merged({"start_1.rates": [1.0]}, {"births": []}) == {"births": []}
 

@@ -37,7 +37,9 @@ def code_of(kind):
     ("kind", "path"),
     [
         ("particles", "core/smc/filter.py"),
-        ("particles", "study/particles.py"),
+        ("particles", "study/tracker.py"),
+        ("gaussian", "study/tracker.py"),
+        ("gaussian", "core/gaussian/update.py"),
         ("particles", "study/monte_carlo/scores.py"),
         ("particles", "study/monte_carlo/tasks.py"),
         ("reference", "study/reference.py"),
@@ -63,7 +65,9 @@ def test_code_does_not_follow_other_kinds(package):
     assert code_of("particles") == before
 
 
-@pytest.mark.parametrize("kind", ["particles", "turning", "reference", "gnn", "plot_kalman"])
+@pytest.mark.parametrize(
+    "kind", ["particles", "gaussian", "turning", "reference", "gnn", "plot_kalman"]
+)
 def test_sources_have_every_module_that_a_kind_imports(kind):
     name = kinds.module_of(kind).__name__
     script = (

@@ -9,19 +9,28 @@ from scipy.optimize import minimize
 
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.evaluation.metrics import ospa
-from phd_jdtc_ros.core.gaussian.ekf import Gaussian, predict, transition_matrix, update
-from phd_jdtc_ros.core.gaussian.rts import Filtered, smooth
-from phd_jdtc_ros.core.models.motion import ConstantVelocity
+from phd_jdtc_ros.core.gaussian import kalman
+from phd_jdtc_ros.core.models.motion import ConstantVelocity, sample
 from phd_jdtc_ros.core.models.radar import wrap_angle
 from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.core.types import Detections, Scan, Truth
-from phd_jdtc_ros.study.reference import birth, filter_target, known_association
+from phd_jdtc_ros.study.reference import (
+    Filtered,
+    Gaussian,
+    birth,
+    filter_target,
+    known_association,
+    predict,
+    smooth,
+    update,
+)
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 
 RADARS = resolve({}).model.radars
 RADAR = RADARS[1]
 MODEL = ConstantVelocity(1.0)
 POSITION = [0, 2]
+SUPPORT = np.ix_(MODEL.support, MODEL.support)
 REFERENCE = paper_scenario(RADARS)
 
 
@@ -33,18 +42,15 @@ def prior_at(x, y, position_std=200.0, velocity_std=40.0):
 def random_run(rng, targets, scans):
     """Return a run of targets that move as the model says, and the prior of their first states."""
     prior = prior_at(6e3, 4e3)
-    factor = np.linalg.cholesky(MODEL.noise_covariance(6.0))
-    moving = transition_matrix(MODEL, 6.0)
     state = rng.multivariate_normal(prior.mean, prior.covariance, targets)
     number = np.arange(1, targets + 1)
     truth, seen, sources = [], [], []
     for index in range(scans):
         if index:
-            state = state @ moving.T + rng.standard_normal(state.shape) @ factor.T
-        full = np.insert(state, 4, 0.0, axis=1)
+            state = sample(MODEL, state, 6.0, rng)
         stamp = 10**12 + index * 6 * 10**9
-        truth.append(Truth(stamp, full, number, np.zeros(targets, dtype=int)))
-        reports = [radar.measure(full) for radar in RADARS]
+        truth.append(Truth(stamp, state, number, np.zeros(targets, dtype=int)))
+        reports = [radar.measure(state) for radar in RADARS]
         noisy = [
             m + rng.standard_normal(m.shape) * r.noise_std
             for r, m in zip(RADARS, reports, strict=True)
@@ -65,19 +71,25 @@ def filtered_toy(rng, scans):
     noise = np.array([[3.0, 1.0], [1.0, 2.0]])
     prior = Gaussian(np.array([1.0, -2.0]), np.diag([4.0, 9.0]))
     seen, variance = rng.normal(0.0, 5.0, scans), 2.5
-    steps, updated = [], prior
+    steps, updated, back = [], prior, None
     information = np.zeros((2 * scans, 2 * scans))
     vector = np.zeros(2 * scans)
     information[:2, :2] = np.linalg.inv(prior.covariance)
     vector[:2] = information[:2, :2] @ prior.mean
     for k in range(scans):
-        predicted = prior if k == 0 else predict(updated, moving, noise)
+        predicted = updated
+        if k:
+            later, cross = kalman.predicted_covariance(updated.covariance, moving, noise)
+            predicted = Gaussian(moving @ updated.mean, later)
+            back, _ = kalman.backward(
+                updated.mean, updated.covariance, predicted.mean, later, cross, np.zeros(2)
+            )
         gain = predicted.covariance[:, 0] / (predicted.covariance[0, 0] + variance)
         updated = Gaussian(
             predicted.mean + gain * (seen[k] - predicted.mean[0]),
             predicted.covariance - np.outer(gain, predicted.covariance[0]),
         )
-        steps.append(Filtered(moving, predicted, updated))
+        steps.append(Filtered(updated, back))
         information[2 * k, 2 * k] += 1.0 / variance
         vector[2 * k] += seen[k] / variance
         if k:
@@ -88,56 +100,61 @@ def filtered_toy(rng, scans):
     return steps, (covariance @ vector).reshape(-1, 2), covariance
 
 
-def test_transition_matrix_moves_positions_by_velocities():
-    expected = [[1, 3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]]
-    np.testing.assert_array_equal(transition_matrix(MODEL, 3.0), expected)
+def test_predict_moves_positions_by_velocities_and_adds_the_noise():
+    before = prior_at(50.0, -20.0)
+    moving = np.array([[1, 3, 0, 0], [0, 1, 0, 0], [0, 0, 1, 3], [0, 0, 0, 1]])
+    found, _ = predict(replace(before, mean=np.array([50.0, 7.0, -20.0, 2.0, 0.0])), MODEL, 3.0)
+    np.testing.assert_allclose(found.mean, [71.0, 7.0, -14.0, 2.0, 0.0])
+    expected = moving @ before.covariance[SUPPORT] @ moving.T + MODEL.noise_covariance(3.0)
+    np.testing.assert_allclose(found.covariance[SUPPORT], expected)
+    assert not found.covariance[4].any()
 
 
 def test_birth_is_at_rest_about_the_position():
     found = birth(np.array([3.0, -4.0]), MODEL, 200.0, 40.0)
-    np.testing.assert_array_equal(found.mean, [3.0, 0.0, -4.0, 0.0])
-    np.testing.assert_array_equal(found.covariance, np.diag([4e4, 1600.0, 4e4, 1600.0]))
+    np.testing.assert_array_equal(found.mean, [3.0, 0.0, -4.0, 0.0, 0.0])
+    np.testing.assert_array_equal(found.covariance, np.diag([4e4, 1600.0, 4e4, 1600.0, 0.0]))
 
 
 def test_update_far_from_the_radar_is_the_kalman_update():
     # So far away range and azimuth are linear: range measures x, azimuth times range measures y.
     far = 1e8
     radar = replace(RADAR, position=(-far, 0.0), range_std=300.0, azimuth_std=100.0 / far)
-    moved = predict(prior_at(50.0, -20.0), transition_matrix(MODEL, 6.0), np.zeros((4, 4)))
-    found = update(moved, radar, np.array([far + 400.0, 150.0 / far]), MODEL.support)
+    moved, _ = predict(prior_at(50.0, -20.0), MODEL, 6.0)
+    found = update(moved, radar, np.array([far + 400.0, 150.0 / far]))
 
-    seen = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0]])
+    seen = np.array([[1.0, 0, 0, 0, 0], [0, 0, 1.0, 0, 0]])
     spread = seen @ moved.covariance @ seen.T + np.diag([300.0**2, 100.0**2])
     gain = moved.covariance @ seen.T @ np.linalg.inv(spread)
     mean = moved.mean + gain @ (np.array([400.0, 150.0]) - seen @ moved.mean)
     np.testing.assert_allclose(found.mean, mean, atol=1e-2)
-    expected = (np.eye(4) - gain @ seen) @ moved.covariance
+    expected = (np.eye(5) - gain @ seen) @ moved.covariance
     np.testing.assert_allclose(found.covariance, expected, rtol=1e-4, atol=0.1)
 
 
 def test_update_near_the_radar_finds_the_most_probable_state():
-    prior = predict(prior_at(1200.0, 900.0), transition_matrix(MODEL, 6.0), 100.0 * np.eye(4))
+    prior, _ = predict(prior_at(1200.0, 900.0), MODEL, 6.0)
     measurement = np.array([1800.0, 0.4])
-    found = update(prior, RADAR, measurement, MODEL.support, iterations=50)
+    found = update(prior, RADAR, measurement, iterations=50)
 
     def cost(mean):
         error = measurement - RADAR.measure(np.insert(mean, 4, 0.0)[None])[0]
         error[1] = wrap_angle(error[1])
-        away = mean - prior.mean
+        away = mean - prior.mean[:4]
         return np.sum((error / RADAR.noise_std) ** 2) + away @ np.linalg.solve(
-            prior.covariance, away
+            prior.covariance[SUPPORT], away
         )
 
-    best = minimize(cost, prior.mean, method="BFGS")
-    np.testing.assert_allclose(found.mean, best.x, atol=0.1)
-    one = update(prior, RADAR, measurement, MODEL.support, iterations=1)
-    assert cost(found.mean) < cost(one.mean)
+    best = minimize(cost, prior.mean[:4], method="BFGS")
+    np.testing.assert_allclose(found.mean[:4], best.x, atol=0.1)
+    one = update(prior, RADAR, measurement, iterations=1)
+    assert cost(found.mean[:4]) < cost(one.mean[:4])
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_update_wraps_the_azimuth(side):
     prior = prior_at(-8e3, side * 40.0)
-    found = update(prior, RADAR, np.array([8e3, -side * (np.pi - 0.005)]), MODEL.support)
+    found = update(prior, RADAR, np.array([8e3, -side * (np.pi - 0.005)]))
     assert abs(found.mean[2]) < 40.0
     assert found.mean[0] == pytest.approx(-8e3, abs=20.0)
 
@@ -166,8 +183,8 @@ def test_estimates_are_consistent_with_their_covariance(lag):
         track = filter_target(run, number, prior, MODEL)
         for index in range(4, scans - lag, 5):
             found = smooth([track[k] for k in range(index, index + lag + 1)])
-            error = run.truth[index].state[number - 1, list(MODEL.support)] - found.mean
-            squares.append(error @ np.linalg.solve(found.covariance, error))
+            error = (run.truth[index].state[number - 1] - found.mean)[list(MODEL.support)]
+            squares.append(error @ np.linalg.solve(found.covariance[SUPPORT], error))
     # Chi-square of 4 degrees: mean 4, variance 8; those of one target are dependent.
     assert np.mean(squares) == pytest.approx(4.0, abs=4.5 * np.sqrt(8.0 / targets))
 

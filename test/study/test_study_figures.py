@@ -14,7 +14,7 @@ from phd_jdtc_ros.study.figures.rows import band
 from phd_jdtc_ros.study.monte_carlo import Mean, Result, Study, summarise
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.scores import VALUES, Scores
-from phd_jdtc_ros.study.particles import Reading
+from phd_jdtc_ros.study.tracker import Reading
 
 SCANS = 6
 OVER_TIME = {

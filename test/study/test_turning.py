@@ -12,6 +12,7 @@ import yaml
 
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.engines import ENGINES
 from phd_jdtc_ros.core.evaluation.metrics import ospa
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.simulation.flight import Flight, Leg
@@ -94,11 +95,13 @@ def test_estimates_of_slow_targets_are_left_out_and_false_ones_stay():
     assert [left.track_id.tolist() for left in in_the_air(run, points)] == [[8, 9], [8, 9]]
 
 
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("sectors", [0, 16])
-def test_the_tracker_follows_targets_by_turn_and_by_sector(sectors):
+def test_the_tracker_follows_targets_by_turn_and_by_sector(sectors, engine):
     found, _ = scene(EAST, TURNING)
     run = turning_run(found, 1)
-    tracked = track(run, {**PARAMETERS, "approach.sectors": sectors}, [0, 3])
+    given = {**PARAMETERS, "approach.sectors": sectors, "engine": engine}
+    tracked = track(run, given, [0, 3])
     assert sorted(tracked.tracks) == [0, 3]
     assert tracked.cpu_ms > 0.0
     for lag in (0, 3):
@@ -219,7 +222,9 @@ def test_a_kind_that_does_not_suit_a_case_is_a_fault(tmp_path):
 
 def test_parameters_of_a_peer_are_a_fault(tmp_path):
     variants = {"peer": {"kind": "plot_kalman", "parameters": {"lag": 3}}}
-    with pytest.raises(ConfigError, match=r"peer\.parameters: only for kind particles or turning"):
+    with pytest.raises(
+        ConfigError, match=r"peer\.parameters: only for kind particles or gaussian or turn"
+    ):
         study_of(tmp_path, variants=variants)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
@@ -17,9 +18,18 @@ from phd_jdtc_ros.tools import params_file
 CONFIG = Path(__file__).parents[2] / "config"
 
 
-@pytest.mark.parametrize("profile", ["paper_scenario", "paper_literal", "surveillance"])
-def test_profile_runs_a_few_scans(profile):
-    config = resolve(params_file.load(CONFIG / f"{profile}.yaml"))
+@pytest.mark.parametrize(
+    ("profile", "given"),
+    [
+        ("paper_scenario", {}),
+        ("paper_literal", {}),
+        ("surveillance", {}),
+        ("paper_scenario", {"engine": "gaussian"}),
+        ("surveillance", {"engine": "gaussian"}),
+    ],
+)
+def test_profile_runs_a_few_scans(profile, given):
+    config = resolve(params_file.load(CONFIG / f"{profile}.yaml") | given)
     engine = new_engine(config)
     steps = [engine.step(s) for _, s in simulate(paper_scenario(config.model.radars), 0)[:8]]
 
@@ -38,6 +48,17 @@ def test_paper_literal_has_what_the_paper_prints():
     assert values["ct.turn_noise_density"] == 0.1
     assert sum(values[f"{name}.rates"][0] for name in values["births"]) == 0.02
     assert sum(values[f"{name}.rates"][1] for name in values["births"]) == 0.03
+
+
+def test_paper_literal_says_what_the_other_engine_lacks():
+    given = params_file.load(CONFIG / "paper_literal.yaml")
+    with pytest.raises(ConfigError) as caught:
+        resolve({**given, "engine": "gaussian"})
+    assert [fault.partition(":")[0] for fault in caught.value.faults] == [
+        "corrector",
+        "death_term",
+        "extraction",
+    ]
 
 
 def test_surveillance_knows_no_birth_places():

@@ -8,8 +8,9 @@
     rows of targets, their pairs with detections: claims
       |  edges, odds                         bernoulli
     edges (target, detection, odds), clutter
-      |  clusters with loops, if small       exact_marginals
-      |  everything else                     belief_propagation
+      |  connected targets and detections     clusters
+      |  clusters with loops, if affordable   batches -> exact_marginals
+      |  everything else                      belief_propagation
     probability of every edge, and of no detection: marginals
       |  factors on the rows' weights        bernoulli
 

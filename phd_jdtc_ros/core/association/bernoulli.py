@@ -19,8 +19,8 @@ from .marginals import marginals
 
 # Lower bound of the probability that a target is missed; odds are divided by it.
 LEAST_MISSED = 1e-6
-# Above this many a table of all cells would take more memory than the pairs that are sorted.
-LARGEST_TABLE = 1 << 23
+# Up to this many cells a pair, a table of all cells is faster than a sort of the pairs.
+CELLS_A_PAIR = 8
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,15 @@ class Shares(NamedTuple):
         By pair.
     claimed : array of shape (M,)
         Probability that a target is the source of each detection.
+    approximate : int
+        Number of clusters too large for exact probabilities; see `marginals.Marginals`.
     """
 
     prior: FloatArray
     missed: FloatArray
     pair: FloatArray
     claimed: FloatArray
+    approximate: int
 
 
 def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims) -> Shares:
@@ -105,20 +108,20 @@ def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims
     edge_target, column = edge // max(size, 1), edge % max(size, 1)
     explained = sum_by(edge_of_pair, claims.mass, len(edge)) / excess[edge_target]
     odds = explained / missed[edge_target]
-    probability, none = marginals(edge_target, column, odds, targets, claims.other)
+    probability, none, approximate = marginals(edge_target, column, odds, targets, claims.other)
 
     scale = probability / np.where(explained > 0.0, explained, 1.0) / excess[edge_target]
     claimed = np.minimum(sum_by(column, probability, size), 1.0)
-    return Shares(prior, none / missed, scale.take(edge_of_pair), claimed)
+    return Shares(prior, none / missed, scale.take(edge_of_pair), claimed, approximate)
 
 
 def _edges(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
     """Return the distinct cells, ascending, and the index of each entry's cell among them.
 
-    A table of all cells replaces the sort of `numpy.unique`, which takes half of the time of an
-    update with many targets.
+    A table of all cells replaces the sort of `numpy.unique` where the pairs are many, as those of
+    particles are: there the sort takes half of the time of an update.
     """
-    if cells > LARGEST_TABLE:
+    if cells > CELLS_A_PAIR * len(cell):
         found, place = np.unique(cell, return_inverse=True)
         return found, place.ravel()
     table = np.zeros(cells, dtype=np.int64)

@@ -167,6 +167,16 @@ def _table_faults(values: Mapping[str, Any], radar: str) -> list[str]:
     return []
 
 
+def _check_engine(values: Mapping[str, Any]) -> list[str]:
+    """Return a fault for each choice that the engine of Gaussians does not have."""
+    only = {"corrector": "bernoulli", "death_term": "bernoulli", "extraction": "components"}
+    return [
+        f"{key}: {values[key]} given, must be {choice} with engine gaussian"
+        for key, choice in only.items()
+        if values["engine"] == "gaussian" and values[key] != choice
+    ]
+
+
 def _check_turns(values: Mapping[str, Any]) -> list[str]:
     faults = []
     for name in values["radars"]:
@@ -218,6 +228,7 @@ CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_spawn,
     _check_rest,
     _check_visibility,
+    _check_engine,
     _check_turns,
     _check_radars,
 )

@@ -85,8 +85,40 @@ TOP = (
     Parameter(
         "engine",
         "particles",
-        "What represents the targets: particles.",
-        choices=("particles",),
+        "What represents a target. particles: weighted samples; gaussian: a mixture of Gaussians, "
+        "one per association hypothesis and motion.",
+        choices=("particles", "gaussian"),
+    ),
+    Parameter(
+        "hypotheses_per_target",
+        8,
+        "Largest number of association hypotheses of a target, with engine gaussian.",
+        1,
+        1000,
+    ),
+    Parameter(
+        "least_hypothesis",
+        1e-4,
+        "Probability, given that the target exists, below which one of its hypotheses is dropped; "
+        "with engine gaussian.",
+        0.0,
+        0.5,
+    ),
+    Parameter(
+        "merge_distance",
+        0.5,
+        "Square Mahalanobis distance within which a target's hypotheses are merged, with engine "
+        "gaussian.",
+        0.0,
+        100.0,
+    ),
+    Parameter(
+        "max_hypotheses",
+        50_000,
+        "Largest number of hypotheses of all targets; beyond it the least probable targets are "
+        "dropped. With engine gaussian.",
+        100,
+        10**7,
     ),
     Parameter("lag", 5, "Smoothing lag, scans.", 0, 100),
     Parameter("lag_s", 0.0, "Smoothing lag, s; above 0 it replaces lag.", 0.0, 1e5),

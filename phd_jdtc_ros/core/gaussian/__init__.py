@@ -1,15 +1,25 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Gaussian tracks: the iterated extended Kalman filter and the Rauch-Tung-Striebel smoother.
+"""The engine of Gaussians: a mixture of hypotheses for each target, and its fixed-lag smoother.
 
-::
+The path of one scan, with the module of each step::
 
-    Gaussian (mean, covariance)
-      |  predict, update                     ekf
-    Filtered, scan after scan
-      |  backward                            rts
-    smoothed Gaussian
+    stored mixture t                         mixture
+      |  predict: survive, spawn, be born    prediction, dynamics
+      |    mix motion modes, keep gains        moments, kalman
+      |  update, radar by radar              update
+      |    gate, associate                     gating, core.association
+      |    iterated Kalman update              kalman
+      |    keep the probable hypotheses        reduction
+      |  merge similar hypotheses            reduction
+    stored mixture t+1                       (filter: the steps in order)
+      |  link to mixture t, cached           smoother: moves and ancestry
+      |  backward over the lag window        smoother
+    smoothed mixtures
+      |  extract targets                     extraction
+    Estimates                                engine
 
-The study's model-matched reference uses these.
+`filter` and `engine` hold what is of Gaussians; the window and all else are of `core.forward` and
+`core.fixed_lag`. `snapshot` stores mixtures and links as arrays, and restores them.
 """

@@ -9,12 +9,14 @@ drawn from its class's band at birth, so that a target's amplitudes tell its rat
 scan. `Ignored` leaves positions only.
 
 Engines hold, for each of N hypotheses, a flat mode and a log_snr; both are arrays of shape (N,).
-Models that remember nothing keep log_snr at zero.
+Models that remember nothing keep log_snr at zero. Hypotheses that are not drawn but have weights
+spread them over `SnrCells`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +26,9 @@ from ..types import Detections
 from .amplitude_density import SMALLEST_AMPLITUDE
 from .modes import ModeSpace
 from .radar import RadarModel
+
+# Of a class's band; a cell of a band of 20 dB is 1.8 dB wide.
+CELLS = 11
 
 
 class AmplitudeModel(Protocol):
@@ -78,6 +83,10 @@ class AmplitudeModel(Protocol):
         modes: ModeSpace,
     ) -> FloatArray:
         """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
+        ...
+
+    def cells(self, modes: ModeSpace) -> SnrCells:
+        """Return the cells into which the classes' bands are cut for hypotheses with weights."""
         ...
 
 
@@ -140,6 +149,11 @@ class Band:
         place = (modes.class_of * len(detections)).take(mode).take(row) + column
         likelihood: FloatArray = per_class.take(place)
         return likelihood
+
+    def cells(self, modes: ModeSpace) -> SnrCells:
+        """Return one cell a class."""
+        classes = len(modes.classes)
+        return SnrCells(np.arange(classes), np.zeros(classes), np.zeros((classes, classes)))
 
 
 @dataclass(frozen=True)
@@ -253,6 +267,54 @@ class Memory:
         if radar.visibility.given:
             density += log_p_d - log_own
         return np.where(np.isnan(density), log_p_d, density)
+
+    def cells(self, modes: ModeSpace) -> SnrCells:
+        """Return `CELLS` cells a class, of equal width in ln(1 + d), between which d diffuses."""
+        edges = np.log1p([model.snr_band for model in modes.classes])
+        width = (edges[:, 1] - edges[:, 0]) / CELLS
+        centre = edges[:, :1] + width[:, None] * (np.arange(CELLS) + 0.5)
+        # A random walk over cells of this rate has the variance of the jitter.
+        rate = 0.5 * (self.jitter / width) ** 2
+        step = np.eye(CELLS, k=1) + np.eye(CELLS, k=-1)
+        step -= np.diag(step.sum(axis=1))
+        generator = np.asarray(np.kron(np.diag(rate), step) / modes.interval_s, dtype=np.float64)
+        return SnrCells(np.arange(len(edges)).repeat(CELLS), centre.ravel(), generator)
+
+
+@dataclass(frozen=True)
+class SnrCells:
+    """Cells of class and signal-to-noise ratio, over which a hypothesis can spread its weight.
+
+    Parameters
+    ----------
+    class_of : int array of shape (S,)
+        Class of each cell, ascending.
+    log_snr : array of shape (S,)
+        ln(1 + d) at the cell's centre; 0 in models that remember nothing.
+    generator : array of shape (S, S)
+        Rates of change from cell to cell per second, symmetric; rows sum to 0.
+    """
+
+    class_of: IntArray
+    log_snr: FloatArray
+    generator: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.class_of)
+
+    @cached_property
+    def _eigen(self) -> tuple[FloatArray, FloatArray]:
+        values, vectors = np.linalg.eigh(self.generator)
+        return values, vectors
+
+    def transition(self, dt: float) -> FloatArray | None:
+        """Return the (S, S) matrix over `dt` seconds; None if no cell is ever left."""
+        if not self.generator.any():
+            return None
+        values, vectors = self._eigen
+        matrix = np.maximum((vectors * np.exp(values * dt)) @ vectors.T, 0.0)
+        normalised: FloatArray = matrix / matrix.sum(axis=1, keepdims=True)
+        return normalised
 
 
 def _band_edges(mode: IntArray, modes: ModeSpace) -> tuple[FloatArray, FloatArray]:

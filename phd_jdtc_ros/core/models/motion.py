@@ -13,6 +13,7 @@ The state is ``[x, vx, y, vy, omega]`` in the world frame, `state_space.PLANAR`.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
@@ -22,8 +23,11 @@ import numpy as np
 from ..arrays import FloatArray, read_only
 from ..state_space import OMEGA, PLANAR, VX, VY, StateSpace, X, Y
 
+# Angle of a turn, radians, below which a series is more accurate than quotients that cancel.
+STRAIGHT = 1e-4
 
-class MotionModel(Protocol):
+
+class MotionModel(Hashable, Protocol):
     """One motion mode's transition."""
 
     @property
@@ -36,8 +40,15 @@ class MotionModel(Protocol):
         """Indices of the state on which the mode's densities are defined; the others are zero."""
         ...
 
-    def mean(self, state: FloatArray, dt: float) -> FloatArray:
-        """Return each row's state after `dt` seconds without noise; (N, D) to (N, D)."""
+    def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
+        """Return each row's state after `dt` seconds without noise; (N, D) to (N, D).
+
+        `dt` is one interval for all rows, or one for each, shape (N,).
+        """
+        ...
+
+    def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
+        """Return the derivatives of `mean` at each row's state; (N, D) to (N, D, D)."""
         ...
 
     def noise_covariance(self, dt: float) -> FloatArray:
@@ -78,13 +89,21 @@ class ConstantVelocity:
     support: tuple[int, ...] = (X, VX, Y, VY)
     space: StateSpace = PLANAR
 
-    def mean(self, state: FloatArray, dt: float) -> FloatArray:
+    def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return F(dt) x of each row, its turn rate zero; shape (N, D)."""
         moved: FloatArray = state.copy()
         moved[:, X] += dt * state[:, VX]
         moved[:, Y] += dt * state[:, VY]
         moved[:, OMEGA] = 0.0
         return moved
+
+    def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
+        """Return F(dt) for each row; shape (N, D, D)."""
+        matrix = np.zeros((*state.shape, state.shape[1]))
+        for axis in self.support:
+            matrix[:, axis, axis] = 1.0
+        matrix[:, X, VX] = matrix[:, Y, VY] = dt
+        return matrix
 
     def noise_covariance(self, dt: float) -> FloatArray:
         """Return Q(dt) over (x, vx, y, vy), shape (4, 4)."""
@@ -115,7 +134,7 @@ class CoordinatedTurn:
     support: tuple[int, ...] = (X, VX, Y, VY, OMEGA)
     space: StateSpace = PLANAR
 
-    def mean(self, state: FloatArray, dt: float) -> FloatArray:
+    def mean(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
         """Return F(omega, dt) x of each row; shape (N, D)."""
         omega = state[:, OMEGA]
         half = 0.5 * dt * omega
@@ -135,6 +154,37 @@ class CoordinatedTurn:
             ],
             axis=1,
         )
+
+    def jacobian(self, state: FloatArray, dt: FloatArray | float) -> FloatArray:
+        """Return the derivatives of `mean` at each row's state; shape (N, D, D).
+
+        Notes
+        -----
+        With s = sin(wT)/w and c = (1 - cos wT)/w, their derivatives by w are
+        (T cos wT - s)/w and (T sin wT - c)/w. Below `STRAIGHT` their series replace them.
+        """
+        omega = state[:, OMEGA]
+        angle = dt * omega
+        cos, sin = np.cos(angle), np.sin(angle)
+        half = np.sinc(0.5 * angle / np.pi)
+        along, across = dt * np.sinc(angle / np.pi), 0.5 * dt * angle * half**2
+        straight = np.abs(angle) < STRAIGHT
+        divisor = np.where(straight, 1.0, omega)
+        along_rate = np.where(straight, -(dt**3) * omega / 3.0, (dt * cos - along) / divisor)
+        across_rate = np.where(straight, 0.5 * dt**2, (dt * sin - across) / divisor)
+        vx, vy = state[:, VX], state[:, VY]
+        matrix = np.zeros((*state.shape, state.shape[1]))
+        for axis in (X, Y, OMEGA):
+            matrix[:, axis, axis] = 1.0
+        matrix[:, X, VX] = matrix[:, Y, VY] = along
+        matrix[:, Y, VX], matrix[:, X, VY] = across, -across
+        matrix[:, VX, VX] = matrix[:, VY, VY] = cos
+        matrix[:, VY, VX], matrix[:, VX, VY] = sin, -sin
+        matrix[:, X, OMEGA] = along_rate * vx - across_rate * vy
+        matrix[:, Y, OMEGA] = across_rate * vx + along_rate * vy
+        matrix[:, VX, OMEGA] = -dt * (sin * vx + cos * vy)
+        matrix[:, VY, OMEGA] = dt * (cos * vx - sin * vy)
+        return matrix
 
     def noise_covariance(self, dt: float) -> FloatArray:
         """Return Q(dt) over the whole state, shape (5, 5)."""

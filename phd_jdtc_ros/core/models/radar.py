@@ -94,6 +94,30 @@ class RadarModel:
         ahead, left = cos * east + sin * north, cos * north - sin * east
         return np.stack([np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)], axis=1)
 
+    def linearised(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return (range, azimuth) of positions, and their derivatives by the position.
+
+        Parameters
+        ----------
+        position : array of shape (..., 2)
+            In the world frame, metres.
+
+        Returns
+        -------
+        measured : array of shape (..., 2)
+        jacobian : array of shape (..., 2, 2)
+        """
+        line = position - np.asarray(self.position)
+        east, north = line[..., 0], line[..., 1]
+        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
+        ahead, left = cos * east + sin * north, cos * north - sin * east
+        distance = np.maximum(np.sqrt(ahead**2 + left**2), LEAST_RANGE)
+        along, across = east / distance, north / distance
+        jacobian = np.empty((*position.shape, 2))
+        jacobian[..., 0, 0], jacobian[..., 0, 1] = along, across
+        jacobian[..., 1, 0], jacobian[..., 1, 1] = -across / distance, along / distance
+        return np.stack([distance, np.arctan2(left, ahead)], axis=-1), jacobian
+
     def to_world(self, measurement: FloatArray) -> FloatArray:
         """Return world (x, y) in metres of (range, azimuth) rows; shape (M, 2)."""
         bearing = measurement[:, 1] + self.yaw
@@ -124,7 +148,12 @@ class RadarModel:
             [amplitude_density.detection_probability(self.threshold, c.snr_band) for c in classes]
         )
 
-    def missable(self, predicted: FloatArray, coverage: Coverage | None) -> FloatArray:
+    def missable(
+        self,
+        predicted: FloatArray,
+        coverage: Coverage | None,
+        azimuth_std: FloatArray | float | None = None,
+    ) -> FloatArray:
         """Return the probability that the antenna passes each target and could report it, (N,).
 
         Parameters
@@ -133,10 +162,14 @@ class RadarModel:
             `measure` of the targets.
         coverage : Coverage or None
             Of the report. A plot belongs to the sector in which it is measured.
+        azimuth_std : array of shape (N,), float or None
+            Standard deviation of the azimuth that would be measured, radians; None for the radar's
+            own, if the positions are certain.
         """
         seen = self.visibility.sees(predicted)
         if coverage is not None:
-            seen *= within(predicted[:, 1], coverage, self.azimuth_std)
+            std = self.azimuth_std if azimuth_std is None else azimuth_std
+            seen *= within(predicted[:, 1], coverage, std)
         return seen
 
     def log_clutter_intensity(self, detections: Detections) -> FloatArray:

@@ -18,7 +18,9 @@ WHOLE_TURN = Coverage(-np.pi, FULL_TURN)
 TURN_TOLERANCE = 1e-9
 
 
-def within(azimuth: FloatArray, sector: Coverage, azimuth_std: float = 0.0) -> FloatArray:
+def within(
+    azimuth: FloatArray, sector: Coverage, azimuth_std: FloatArray | float = 0.0
+) -> FloatArray:
     """Return the probability that an azimuth is measured inside a sector; shape kept.
 
     Parameters
@@ -26,14 +28,14 @@ def within(azimuth: FloatArray, sector: Coverage, azimuth_std: float = 0.0) -> F
     azimuth : array
         True azimuths, radians.
     sector : Coverage
-    azimuth_std : float
-        Standard deviation of the measured azimuth, radians. A target near the edge of a sector is
-        reported in it or in the next one by chance.
+    azimuth_std : array or float
+        Standard deviation of the measured azimuth, radians; 0 for all, or positive. A target
+        near the edge of a sector is reported in it or in the next one by chance.
     """
     if sector.width > FULL_TURN - TURN_TOLERANCE:
         return np.ones_like(azimuth)
     offset = np.mod(azimuth - sector.start, FULL_TURN)
-    if azimuth_std == 0.0:
+    if np.ndim(azimuth_std) == 0 and azimuth_std == 0.0:
         return (offset <= sector.width).astype(np.float64)
     share = np.zeros_like(offset)
     for turned in (offset, offset - FULL_TURN):

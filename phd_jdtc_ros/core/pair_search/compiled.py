@@ -1,46 +1,20 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The inner loops of the searches, compiled by numba, an optional dependency.
-
-Only this file and `compiled_kernel` import numba. No compiled function calls one of another file,
-because numba caches compiled code on disk by source file and does not notice a change in another
-one. Signatures are given, so that
-compilation happens at import and not during a scan.
-"""
+"""The inner loops of the searches, compiled by numba; see `core.compiled`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
-import numba
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..compiled import compiled, read, types
 from .gating import CellLists
-
-# numba ships no type information.
-types: Any = numba.types
 
 _FLOATS, _ROWS = types.float64[::1], types.float64[:, ::1]
 _INTS = types.int64[::1]
-# Inputs may be read-only arrays.
-_READ = types.Array(types.float64, 1, "C", readonly=True)
-_READ_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_READ_INTS = types.Array(types.int64, 1, "C", readonly=True)
-
-
-def compiled(signature: Any) -> Callable[[Callable[..., Any]], Any]:
-    """Compile a function for one signature, at its definition."""
-
-    def compile_it(function: Callable[..., Any]) -> Any:
-        try:
-            return numba.njit(signature, cache=True)(function)
-        except RuntimeError:  # no writable cache directory: compiled again at every start
-            return numba.njit(signature)(function)
-
-    return compile_it
+_READ, _READ_ROWS = read(types.float64, 1), read(types.float64, 2)
+_READ_INTS = read(types.int64, 1)
 
 
 @compiled(

@@ -11,24 +11,17 @@ compiled test, a kernel takes 0.6 to 0.7 of the time (`python -m benchmarks --pa
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
-from .compiled import compiled
+from ..compiled import compiled, read, types
 from .rows import Points, Queries
 
-types: Any = numba.types
-
 _FLOATS, _INTS, _NARROW = types.float64[::1], types.int64[::1], types.int32[::1]
-# What is only read may be read-only.
-_READ = types.Array(types.float64, 1, "C", readonly=True)
-_READ_ROWS = types.Array(types.float64, 2, "C", readonly=True)
-_READ_INTS = types.Array(types.int64, 1, "C", readonly=True)
-_READ_CLOUDS = types.Array(types.float64, 3, "C", readonly=True)
+_READ, _READ_ROWS, _READ_CLOUDS = (read(types.float64, axes) for axes in (1, 2, 3))
+_READ_INTS = read(types.int64, 1)
 # The two axes of a grid, its corner on them, the width of its cells, its columns and lines, the
 # rows in the order of their cells, and the index at which each cell begins.
 _GRID = types.Tuple((*(types.int64,) * 2, *(types.float64,) * 3, *(types.int64,) * 2, _INTS, _INTS))

@@ -1,30 +1,24 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The searches' inner loops: plain or compiled, and which of the two is in use.
+"""The searches' inner loops: plain or compiled, whichever backend is in use.
 
 Both kinds of `near_pairs` and `near_detections` add the same numbers in the same order and so
 return the same bits. The compiled `kernel_within_groups` evaluates the backward kernel as well; its
-values differ in their last digits. Compiled loops are used where numba is installed, unless the
-environment variable ``PHD_JDTC_KERNELS`` says otherwise: ``numpy`` or ``numba``, by default
-``auto``.
+values differ in their last digits.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
+from .. import backend
 from ..arrays import FloatArray, IntArray
 from .gating import near_detections
 from .plain import near_pairs
-
-VARIABLE = "PHD_JDTC_KERNELS"
 
 
 @dataclass(frozen=True)
@@ -55,50 +49,21 @@ class Kernels:
     kernel_within_groups: Callable[..., tuple[FloatArray, Any, Any, FloatArray]] | None
 
 
-NUMPY = Kernels("numpy", near_pairs, "C", near_detections, None)
-_USED: ContextVar[Kernels | None] = ContextVar("kernels", default=None)
+def chosen() -> Kernels:
+    """Return the kernels of the backend in use."""
+    return _of(backend.chosen())
 
 
 @cache
-def kernels(wanted: str) -> Kernels:
-    """Return the kernels of this name; ``auto`` is numba where it is installed, or else numpy.
+def _of(name: str) -> Kernels:
+    if name == backend.NUMPY:
+        return Kernels(name, near_pairs, "C", near_detections, None)
+    from . import compiled, compiled_kernel
 
-    Raises
-    ------
-    ValueError
-        If there are none of this name.
-    ImportError
-        If numba is asked for and not installed.
-    """
-    if wanted not in ("auto", "numpy", "numba"):
-        raise ValueError(f"{VARIABLE}: {wanted!r} given, must be auto, numpy or numba")
-    if wanted == "numpy":
-        return NUMPY
-    try:
-        from . import compiled, compiled_kernel
-    except ImportError:
-        if wanted == "numba":
-            raise
-        return NUMPY
     return Kernels(
-        "numba",
+        name,
         compiled.near_pairs,
         "F",
         compiled.near_detections,
         compiled_kernel.kernel_within_groups,
     )
-
-
-def chosen() -> Kernels:
-    """Return the kernels in use: those of `using`, or else what the environment says."""
-    return _USED.get() or kernels(os.environ.get(VARIABLE, "auto"))
-
-
-@contextmanager
-def using(name: str) -> Iterator[None]:
-    """Use the kernels of this name for as long as the block lasts."""
-    token = _USED.set(kernels(name))
-    try:
-        yield
-    finally:
-        _USED.reset(token)

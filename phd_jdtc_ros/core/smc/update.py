@@ -16,6 +16,7 @@ from .. import origins
 from ..association.bernoulli import Claims
 from ..models import detection_birth
 from ..models.detection_birth import Newborn
+from ..models.other_sources import other_sources
 from ..models.overload import thinned
 from ..models.radar import RadarModel
 from ..models.tracker_model import TrackerModel
@@ -54,9 +55,7 @@ def update(
 
     Notes
     -----
-    Sec. IV-C, Step 2. Radars are applied in turn (iterated corrector). All terms that explain a
-    detection are divided by the largest of them, because the clutter density underflows above an
-    amplitude of 38.
+    Sec. IV-C, Step 2. Radars are applied in turn (iterated corrector).
     """
     detections = model.amplitudes.used(detections)
     predicted = radar.measure(particles.state)
@@ -69,19 +68,13 @@ def update(
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
     )
-    log_other = radar.log_clutter_intensity(detections)[None]
-    if model.detection_births.enabled:
-        log_birth = model.detection_births.log_intensity(detections, radar, model.modes, dt)
-        log_other = np.concatenate([log_other, log_birth])
-    scale = log_other.max(axis=0)
-    np.maximum.at(scale, column, log_likelihood)
-    other = np.exp(log_other - scale)
+    others = other_sources(detections, radar, model, dt, column, log_likelihood)
 
     claims = Claims(
         row=row,
         column=column,
-        mass=particles.weight.take(row) * np.exp(log_likelihood - scale.take(column)),
-        other=other.sum(axis=0),
+        mass=particles.weight.take(row) * np.exp(log_likelihood - others.log_scale.take(column)),
+        other=others.total,
         detection_probability=seen
         * share
         * model.amplitudes.detection_probability(
@@ -89,11 +82,7 @@ def update(
         ),
     )
     corrected, claimed = corrector.correct(particles, claims)
-    if not model.detection_births.enabled:
-        return corrected, None
-    total = np.where(claims.other > 0.0, claims.other, 1.0)
-    unknown = (1.0 - claimed) * other[1:] / total
-    return corrected, detection_birth.newborn(radar, detections, unknown.T, model.detection_births)
+    return corrected, others.newborn(claimed, radar, detections, model)
 
 
 def update_scan(

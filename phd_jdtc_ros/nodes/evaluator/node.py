@@ -115,6 +115,9 @@ class Evaluator(Node):
             if self._values["publish_plots"]
         }
         self._recorder = self._make_recorder()
+        self._engine: str | None = None
+        if self._report is not None or self._recorder is not None:
+            TrackerParameters(self, tracker, self._on_parameters)
         self._subscribe()
         # By the wall clock, because simulated time stops with the replay, before the last scores.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -146,10 +149,10 @@ class Evaluator(Node):
                 tracker,
                 self._scores.topic_name,
                 self.get_fully_qualified_name(),
+                engine=None,
             ),
         }
         recorder = Recorder(self, directory, topics, names.optional(tracker))
-        TrackerParameters(self, tracker, recorder.write_parameters)
         MissingRadars(self, tracker, {self.resolve_topic_name(topic) for topic in topics})
         return recorder
 
@@ -162,7 +165,7 @@ class Evaluator(Node):
                 self.get_logger().warning(line)
         else:
             self._say_that_nothing_is_scored()
-        summary = metrics(self._evaluation, np.array(self._step_ms))
+        summary = metrics(self._evaluation, np.array(self._step_ms), self._engine)
         if self._report is not None:
             self._write_report(self._report, summary)
         if summary["scans"]:
@@ -235,6 +238,13 @@ class Evaluator(Node):
             raise RejectedMessageError(
                 "schema", f"class_id is {found.class_id.max()}, must be below classes, {classes}"
             )
+
+    def _on_parameters(self, values: Mapping[str, Any]) -> None:
+        """Take in the tracker's parameters."""
+        engine = values.get("engine")
+        self._engine = engine if isinstance(engine, str) else None
+        if self._recorder is not None:
+            self._recorder.write_parameters(values)
 
     def _on_figures(self, message: DiagnosticArray) -> None:
         for status in message.status:

@@ -9,9 +9,10 @@ Ages are measured by the wall clock, because a radar whose driver has died sends
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from statistics import median
+from types import MappingProxyType
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
@@ -36,7 +37,13 @@ WORKING_SHARE = 0.5
 # limit. A replay that waits for the tracker keeps it as busy, but with many scans a second.
 BUSY_SHARE = 0.95
 REAL_TIME = 0.9
-ADVICE = "turn down particles_per_target, max_particles or lag"
+# What to do about steps that take too long, by engine.
+ADVICE = {
+    "particles": "turn down particles_per_target, max_particles or lag",
+    "gaussian": "turn down hypotheses_per_target, max_hypotheses or lag",
+}
+# Figures of a step whose sum is part of the health, where an engine has them.
+SUMMED = ("approximate_clusters", "floored_covariances")
 
 
 class Rhythm:
@@ -292,18 +299,29 @@ class StepHealth:
         Of the scans, by their stamps.
     pace : Rhythm
         Of the steps, by the wall clock.
+    engine : str
+        The tracker's, a key of `ADVICE`.
     """
 
     rhythm: Rhythm
     pace: Rhythm
+    engine: str = "particles"
     step_ms: float | None = None
     scans: int = 0
     epoch: int = 0
     closed_by_wait: int = 0
     overdue: int = 0
+    sums: Counter[str] = field(default_factory=Counter)
     _targets_seen: bool = False
 
-    def stepped(self, stamp_ns: int, now_s: float, step_ms: float, targets: int = 0) -> None:
+    def stepped(
+        self,
+        stamp_ns: int,
+        now_s: float,
+        step_ms: float,
+        targets: int = 0,
+        figures: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         """Record a step.
 
         Parameters
@@ -315,8 +333,11 @@ class StepHealth:
             CPU time from receipt to publication.
         targets : int
             Number of reported targets.
+        figures : mapping of name to number
+            Of the engine.
         """
         self.scans += 1
+        self.sums.update({name: int(figures[name]) for name in SUMMED if name in figures})
         if targets:
             self._targets_seen, self.overdue = True, 0
         self.rhythm.beat(stamp_ns * 1e-9)
@@ -334,16 +355,17 @@ class StepHealth:
         The interval between the scans that were received says nothing about those that were lost,
         so losses come first.
         """
+        advice = ADVICE[self.engine]
         if self.step_ms is None:
             return DiagnosticStatus.STALE, "no scan yet"
         if lost:
             return DiagnosticStatus.WARN, (
-                f"overloaded, {lost} messages lost in the last {WARNING_MEMORY_S:g} s: {ADVICE}"
+                f"overloaded, {lost} messages lost in the last {WARNING_MEMORY_S:g} s: {advice}"
             )
         if self.step_ms > limit * 1e3 * self.rhythm.interval_s:
-            return DiagnosticStatus.WARN, f"too slow for the scan interval: {ADVICE}"
+            return DiagnosticStatus.WARN, f"too slow for the scan interval: {advice}"
         if busy > BUSY_SHARE and self.pace.interval_s > REAL_TIME * self.rhythm.interval_s:
-            return DiagnosticStatus.WARN, f"at its limit, busy for {busy:.0%} of the time: {ADVICE}"
+            return DiagnosticStatus.WARN, f"at its limit, busy for {busy:.0%} of the time: {advice}"
         if self.overdue and not self._targets_seen:
             # Once there were targets, it may well be that there are none now.
             return DiagnosticStatus.WARN, doubts.nothing_reported(self.overdue)
@@ -371,6 +393,7 @@ class StepHealth:
             "scans": self.scans,
             "epoch": self.epoch,
             "closed_by_wait": self.closed_by_wait,
+            **self.sums,
             **({"scans_without_targets": self.overdue} if self.overdue else {}),
         }
         return diagnostics.status(names.health("step time", node), values, level, text, node)

@@ -66,7 +66,7 @@ class LiveTracker:
             InputHealth(radar.name, _full_name(node, radar), Rhythm(nominal_s))
             for radar in config.inputs
         ]
-        self._pace = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s))
+        self._pace = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s), config.engine)
         self._load = Load(WARNING_MEMORY_S)
         self._looked_s = self._judged_s = time.monotonic()
         self._warnings = ThrottledWarnings(node.get_logger(), WARNING_PERIOD_S)
@@ -285,7 +285,8 @@ class LiveTracker:
         now = time.thread_time()
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
-        self._pace.stepped(event.scan.stamp_ns, time.monotonic(), step_ms, step.targets)
+        now_s = time.monotonic()
+        self._pace.stepped(event.scan.stamp_ns, now_s, step_ms, step.targets, step.figures)
         if event.overdue:
             self._pace.overdue = event.overdue
             self._node.get_logger().warning(doubts.nothing_reported(event.overdue))

@@ -121,7 +121,9 @@ class Outputs:
             self._cardinality = make(DiagnosticArray, "~/cardinality")
             self._plots = {
                 quantity: make(Float64, f"~/plot/{quantity}")
-                for quantity in quantities.of_tracker(len(self._class_names))
+                for quantity in quantities.of_tracker(
+                    len(self._class_names), settings.config.engine
+                )
                 if settings.node["publish_plots"]
             }
             self._path = make(Path, "~/tracks/path") if settings.node["publish_path"] else None

@@ -23,6 +23,7 @@ from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
 from ..lengths import metres_text
 from ..sets import Sets
+from ..table import engine_rows
 
 NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
@@ -46,7 +47,29 @@ def tables(summary: Mapping[str, Any]) -> str:
             _table(summary, OTHERS, over),
             "" if sets.one_class else _confusion(matrix, sets),
             "</details>",
+            _engines(summary),
         )
+    )
+
+
+def _engines(summary: Mapping[str, Any]) -> str:
+    """Return the table of both engines; empty if only one has tracked."""
+    compared = summary.get("compared")
+    if not compared:
+        return ""
+    headings = ("engine", "filtered OSPA", "smoothed OSPA", "reduction", "class accuracy", "CPU")
+    heads = "".join(f'<th scope="col">{heading}</th>' for heading in headings)
+    rows = []
+    for name, *cells in engine_rows(dict(summary), compared):
+        values = "".join(f"<td>{cell.replace('%', ' %')}</td>" for cell in cells)
+        rows.append(f'<tr><th scope="row">{escape(name)}</th>{values}</tr>')
+    return (
+        '<h2>Both engines</h2>\n<div class="wide">\n<table class="narrow">\n'
+        f"<thead><tr>{heads}</tr></thead>\n<tbody>\n"
+        + "\n".join(rows)
+        + "\n</tbody>\n</table>\n</div>\n<p>All targets; CPU time per scan, the median. The rest "
+        f"of this page is of the engine {escape(summary['engine'])}, which ran live. The other has "
+        "tracked the same detections offline.</p>"
     )
 
 
@@ -139,6 +162,7 @@ def tiles(summary: Mapping[str, Any]) -> str:
     step_ms = summary.get("step_ms") or {}
     one_class = Sets.of_summary(summary).one_class
     numbers = [
+        ("engine", escape(summary.get("engine") or "")),
         ("OSPA reduction", percent(summary.get("reduction"))),
         ("smoothed OSPA", _text(OSPA[0], _score(summary, SMOOTHED, "all", "ospa"))),
         ("class accuracy", "" if one_class else percent(summary.get("class_accuracy"), 1)),

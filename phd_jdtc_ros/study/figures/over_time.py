@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
-from ..monte_carlo import ALL, PARTICLES, Result
+from ..monte_carlo import ALL, TRACKERS, Result
 from .rows import draw_lags, rows_over_time, scale_from_zero, sets_of
 
 
@@ -70,9 +70,9 @@ def class_accuracy_over_time(results: Sequence[Result]) -> Figure:
 
 def has_main(results: Sequence[Result]) -> bool:
     """Return whether a study has a variant of this package's tracker."""
-    return any(result.variant.kind == PARTICLES for result in results)
+    return any(result.variant.kind in TRACKERS for result in results)
 
 
 def _main(results: Sequence[Result]) -> Result:
     """Return the study's first variant of this package's tracker."""
-    return next(result for result in results if result.variant.kind == PARTICLES)
+    return next(result for result in results if result.variant.kind in TRACKERS)

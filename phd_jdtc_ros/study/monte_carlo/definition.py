@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from phd_jdtc_ros.core.configuration.parameters import GROUPS, TOP
@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
 )
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 
-from ..particles import Reading
+from ..tracker import Reading
 
 # Cut-off c of OSPA and GOSPA (metres) if no other is asked for, and their order p.
 CUTOFF, ORDER = 1000.0, 2.0
@@ -65,6 +65,8 @@ METRICS = {
 # Reduction of the mean OSPA against lag 0.
 REDUCTION = "reduction"
 FIGURES = (*METRICS, REDUCTION)
+# Stands for the name of every class in a parameter's name.
+EVERY_CLASS = "*"
 # Parameters that the study sets itself.
 OWN = ("lag", "lag_s", "seed", "death_term", "extraction")
 
@@ -98,9 +100,10 @@ class Variant:
     kind : str
         One of `KINDS`.
     reading : Reading or None
-        None for all kinds but the particle engine.
+        None for all kinds but this package's tracker on scans.
     parameters : dict
-        Parameters of the tracker that replace the case's; the simulated data stay the same.
+        Parameters of the tracker that replace the case's; the simulated data stay the same. With
+        `EVERY_CLASS` instead of a class's name they are those of all classes of the case.
     cases : tuple of str
     lags : tuple of int
         Ascending.
@@ -154,6 +157,8 @@ class Study:
         Parameters that replace those of cases and variants.
     cutoff : float
         c of OSPA and GOSPA, metres.
+    left_out : mapping of str to str
+        Variants that the assigned engine does not have, and why.
     """
 
     cases: tuple[Case, ...]
@@ -161,6 +166,7 @@ class Study:
     goals: tuple[Goal, ...]
     assigned: dict[str, Any]
     cutoff: float = CUTOFF
+    left_out: Mapping[str, str] = field(default_factory=dict)
 
     def parameters(self, case: Case, variant: Variant) -> dict[str, Any]:
         """Return the tracker's parameters for a variant and a case."""
@@ -197,7 +203,8 @@ def merged(*layers: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of several layers, in which later layers replace earlier ones.
 
     If a layer lists the radars, classes, motions or births again, the parameters of those that it
-    leaves out are removed.
+    leaves out are removed. A parameter of `EVERY_CLASS` becomes one of each class; those of single
+    classes in the same layer come before it.
     """
     result: dict[str, Any] = {}
     for layer in layers:
@@ -207,8 +214,21 @@ def merged(*layers: Mapping[str, Any]) -> dict[str, Any]:
                 names = result.get(group, _DEFAULT_NAMES[group])
                 removed = {str(name) for name in names if name not in kept}
                 result = {k: v for k, v in result.items() if k.split(".")[0] not in removed}
-        result.update(layer)
+        classes = layer.get("classes", result.get("classes", _DEFAULT_NAMES["classes"]))
+        names = map(str, classes) if isinstance(classes, list) else ()
+        result.update(_of_every_class(layer, tuple(names)))
     return result
+
+
+def _of_every_class(layer: Mapping[str, Any], classes: Sequence[str]) -> dict[str, Any]:
+    """Return a layer's parameters with those of `EVERY_CLASS` under the name of each class."""
+    shared = {name: value for name, value in layer.items() if name.startswith(f"{EVERY_CLASS}.")}
+    of_classes = {
+        f"{kind}{name.removeprefix(EVERY_CLASS)}": value
+        for name, value in shared.items()
+        for kind in classes
+    }
+    return of_classes | {name: value for name, value in layer.items() if name not in shared}
 
 
 _DEFAULT_NAMES = {p.name: p.default for p in TOP if p.name in GROUPS}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from phd_jdtc_ros.core.configuration import build as tracker_config
@@ -16,12 +17,13 @@ from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 
-from ..particles import Reading
+from ..tracker import Reading
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
-from .kinds import KINDS, PARTICLES, TUNED, suits
+from .kinds import KINDS, TRACKERS, TUNED, suits
 
 BUILT_IN_SCENARIO = "paper_scenario"
-PARTICLES_ONLY = ("death_term", "extraction")
+# How the tracker's sets are read.
+OF_READING = ("death_term", "extraction")
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
 
@@ -60,7 +62,7 @@ def resolve(
     names = [name for name, _ in _entries(document, "cases", [])]
     turning = {case.name for case in checked if case is not None and case.scenario.turning}
     variants = [
-        _variant(name, given, names, turning, lags, faults)
+        _variant(name, given, names, turning, lags, assigned, faults)
         for name, given in _entries(document, "variants", faults)
     ]
     goals = [
@@ -69,10 +71,22 @@ def resolve(
     ]
     cases = tuple(case for case in checked if case is not None)
     study = Study(cases, tuple(variants), tuple(goals), dict(assigned))
-    faults += _tracker_faults(study)
+    by_variant = dict(_tracker_faults(study))
+    left_out = {}
+    if "engine" in assigned:
+        # A variant may be one of another engine only; so the command line leaves it out.
+        others = replace(study, assigned={k: v for k, v in assigned.items() if k != "engine"})
+        own = dict(_tracker_faults(others))
+        left_out = {name: found[0] for name, found in by_variant.items() if name not in own}
+    faults += [
+        f"variants.{name}.parameters.{fault}"
+        for name, found in by_variant.items()
+        if name not in left_out
+        for fault in found
+    ]
     if faults:
         raise ConfigError(list(dict.fromkeys(faults)))
-    return study
+    return replace(study, left_out=left_out)
 
 
 def _case(
@@ -121,6 +135,7 @@ def _variant(
     cases: Sequence[str],
     turning: Collection[str],
     lags: tuple[int, ...],
+    assigned: Mapping[str, Any],
     faults: list[str],
 ) -> Variant:
     """Return a variant; add its faults to `faults`.
@@ -128,20 +143,30 @@ def _variant(
     Its cases are by default all that its kind suits: those of `turning`, or the others.
     """
     prefix = f"variants.{name}."
-    faults += _unknown_keys(given, prefix, ("kind", "cases", "lags", "parameters", *PARTICLES_ONLY))
-    kind = _choice(given, "kind", prefix, KINDS, None, faults)
-    if kind not in TUNED and "parameters" in given:
-        faults.append(f"{prefix}parameters: only for kind {' or '.join(TUNED)}")
+    keys = ("kind", "engine", "cases", "lags", "parameters", *OF_READING)
+    faults += _unknown_keys(given, prefix, keys)
+    engine = _choice(given, "engine", prefix, TRACKERS, None, faults) if "engine" in given else None
+    kind = _choice(given, "kind", prefix, KINDS, engine, faults)
+    faults += [
+        f"{prefix}{key}: only for kind {' or '.join(TUNED)}"
+        for key in ("engine", "parameters")
+        if kind not in TUNED and key in given
+    ]
+    parameters = _parameters(given, prefix, faults)
+    if engine in TRACKERS:
+        parameters = {"engine": engine, **parameters}
+    if kind in TRACKERS:
+        parameters = {"engine": kind, **parameters}
+        kind = _engine_of({**parameters, **assigned}, kind)
     suited = [case for case in cases if suits(kind, case in turning)]
-    if kind != PARTICLES:
-        faults += [
-            f"{prefix}{key}: only for kind {PARTICLES}" for key in PARTICLES_ONLY if key in given
-        ]
-        reading = None
-    else:
+    reading = None
+    if kind in TRACKERS:
         death_term = _choice(given, "death_term", prefix, DEATH_TERMS, "bernoulli", faults)
         extraction = _choice(given, "extraction", prefix, EXTRACTIONS, "components", faults)
         reading = Reading(name, death_term, extraction)
+    else:
+        only = " or ".join(TRACKERS)
+        faults += [f"{prefix}{key}: only for kind {only}" for key in OF_READING if key in given]
     chosen = given.get("cases", suited)
     if not isinstance(chosen, list) or not chosen or not set(map(str, chosen)) <= set(suited):
         faults.append(f"{prefix}cases: {chosen!r} given, must be a list of {', '.join(suited)}")
@@ -150,7 +175,7 @@ def _variant(
         name=name,
         kind=kind,
         reading=reading,
-        parameters=_parameters(given, prefix, faults),
+        parameters=parameters,
         cases=tuple(chosen),
         lags=_lags(given["lags"], f"{prefix}lags", faults) if "lags" in given else lags,
     )
@@ -189,16 +214,28 @@ def _goal(
     )
 
 
-def _tracker_faults(study: Study) -> Iterator[str]:
-    """Yield the faults of each variant's parameters at each of its cases."""
+def _engine_of(parameters: Mapping[str, Any], default: str) -> str:
+    """Return the engine in force; a wrong name is a fault of the parameters, found later."""
+    engine = parameters["engine"]
+    return engine if engine in TRACKERS else default
+
+
+def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
+    """Yield the variants that are no possible tracker at one of their cases, and the faults."""
     for variant in study.variants:
+        faults: list[str] = []
         for case in study.cases:
             if variant.kind in TUNED and case.name in variant.cases and variant.parameters:
+                given = study.parameters(case, variant)
+                if variant.reading is not None:
+                    _, *of_reading = variant.reading
+                    given |= dict(zip(OF_READING, of_reading, strict=True))
                 try:
-                    tracker_config.resolve(study.parameters(case, variant))
+                    tracker_config.resolve(given)
                 except ConfigError as error:
-                    for fault in error.faults:
-                        yield f"variants.{variant.name}.parameters.{fault}"
+                    faults += error.faults
+        if faults:
+            yield variant.name, list(dict.fromkeys(faults))
 
 
 def _parameters(given: Mapping[str, Any], prefix: str, faults: list[str]) -> dict[str, Any]:

@@ -16,16 +16,20 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
-PARTICLES, REFERENCE, GNN = "particles", "reference", "gnn"
+from phd_jdtc_ros.core.engines import ENGINES
+
+# This package's tracker on scans, by the name of its engine.
+TRACKERS = tuple(ENGINES)
+REFERENCE, GNN = "reference", "gnn"
 # Kinds for radars whose antennas turn: this package's tracker through its pipeline, and a peer.
 TURNING, PLOT_KALMAN = TURNING_KINDS = ("turning", "plot_kalman")
 # Kinds with the parameters of this package's tracker.
-TUNED = (PARTICLES, TURNING)
+TUNED = (*TRACKERS, TURNING)
 # Peers that also smooth.
 NEAREST_NEIGHBOUR = (GNN, "gnn_loud", "gnn_anywhere")
 STONE_SOUP = ("gm_phd", *NEAREST_NEIGHBOUR, "jpda")
 PEERS = (*STONE_SOUP, PLOT_KALMAN)
-KINDS = (PARTICLES, TURNING, REFERENCE, *PEERS)
+KINDS = (*TRACKERS, TURNING, REFERENCE, *PEERS)
 PEERS_PACKAGE = "stonesoup"
 
 
@@ -40,6 +44,8 @@ def suits(kind: str, turning: bool) -> bool:
 
 
 def _module_name(kind: str) -> str:
+    if kind in TRACKERS:
+        return "tracker"
     return "peers" if kind in PEERS else kind
 
 

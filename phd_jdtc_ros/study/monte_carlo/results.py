@@ -17,10 +17,12 @@ import numpy as np
 from scipy import stats
 
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.configuration import build as tracker_config
 from phd_jdtc_ros.core.evaluation.scan_scores import ALL
 from phd_jdtc_ros.core.evaluation.totals import ratio
 
-from .definition import ORDER, Goal, Study, Variant
+from .definition import ORDER, Goal, Study, Variant, merged
+from .kinds import TUNED
 from .result import Result
 from .store import HEADER, Store
 from .tasks import Outcome, Task
@@ -106,8 +108,9 @@ def summarise(
     Returns
     -------
     dict
-        ``cases`` by case and variant: its kind, number of runs, seeds and, by lag and set, the mean
-        over runs of each of `FIGURES` with its 95 % interval, None where it has no meaning.
+        ``cases`` by case and variant: its kind, engine (None for other trackers), number of runs,
+        seeds and, by lag and set, the mean over runs of each of `FIGURES` with its 95 % interval,
+        None where it has no meaning.
         ``reduction`` is that of the mean OSPA against lag 0 of the same variant and seed.
         ``confusion`` of a class is the share of its targets that were estimated as each class or
         missed; that of all targets is the mean over runs of the confusion matrix, summed over the
@@ -117,6 +120,7 @@ def summarise(
     for result in results:
         cases.setdefault(result.case, {})[result.variant.name] = {
             "kind": result.variant.kind,
+            "engine": _engine(study, result),
             "runs": len(result.seeds),
             "seeds": list(result.seeds),
             "lags": {
@@ -149,6 +153,15 @@ def summarise(
             for outcome in failures
         ],
     }
+
+
+def _engine(study: Study, result: Result) -> str | None:
+    """Return the engine of a result of this package's tracker."""
+    if result.variant.kind not in TUNED:
+        return None
+    of_case = {case.name: case.parameters for case in study.cases}.get(result.case, {})
+    given = merged(of_case, result.variant.parameters, study.assigned)
+    return tracker_config.resolve(given).engine
 
 
 def _confusion(result: Result, lag: int, of_set: str) -> Any:

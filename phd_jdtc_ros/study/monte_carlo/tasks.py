@@ -18,16 +18,16 @@ import phd_jdtc_ros
 from phd_jdtc_ros.core.configuration import build as tracker_config
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 
-from ..particles import track
 from ..runs import SimulatedRun, Tracked, simulated_run
+from ..tracker import track
 from ..turning import turning_run
 from .definition import ORDER, OWN, Case, Study, Variant
 from .kinds import (
     NEAREST_NEIGHBOUR,
-    PARTICLES,
     PLOT_KALMAN,
     REFERENCE,
     STONE_SOUP,
+    TRACKERS,
     TURNING,
     code_of,
     missing,
@@ -43,7 +43,7 @@ WITHOUT_PARAMETERS = (REFERENCE, *STONE_SOUP)
 
 @dataclass(frozen=True)
 class Task:
-    """One seeded run of variants that share their data and, for the particle engine, one filter.
+    """One seeded run of variants that share their data and, with an engine of ours, one filter.
 
     Parameters
     ----------
@@ -119,15 +119,16 @@ class Plan(NamedTuple):
 
 def plan(study: Study, seeds: Sequence[int]) -> Plan:
     """Return all tasks of a study."""
-    left_out = {v.name: reason for v in study.variants if (reason := missing(v.kind)) is not None}
+    left_out = dict(study.left_out)
+    left_out |= {v.name: reason for v in study.variants if (reason := missing(v.kind)) is not None}
     notes = [f"{name}: left out, {reason}" for name, reason in left_out.items()]
     first_seed = []
     for case in study.cases:
         groups: dict[str, list[Variant]] = {}
         for variant in study.variants:
             if case.name in variant.cases and variant.name not in left_out:
-                # Only variants of the particle engine can share a filter.
-                name = "" if variant.kind == PARTICLES else variant.name
+                # Only variants of this package's tracker can share a filter.
+                name = "" if variant.kind in TRACKERS else variant.name
                 key = json.dumps([variant.kind, name, variant.parameters], sort_keys=True)
                 groups.setdefault(key, []).append(variant)
         first_seed += [_task(study, case, tuple(group)) for group in groups.values()]
@@ -189,7 +190,7 @@ def perform(task: Task) -> Outcome:
 def _tracked(task: Task, run: SimulatedRun) -> dict[str, Tracked]:
     """Return the estimates by name of the variant."""
     lags = sorted({lag for variant in task.variants for lag in variant.lags})
-    if task.kind == PARTICLES:
+    if task.kind in TRACKERS:
         readings = [variant.reading for variant in task.variants if variant.reading is not None]
         by_name = track(run, tracker_config.resolve(task.parameters), readings, lags)
         return {name: Tracked(tracks) for name, tracks in by_name.items()}

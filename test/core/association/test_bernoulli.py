@@ -55,7 +55,7 @@ def test_row_may_be_split_into_equal_ones():
 
 def test_many_targets_and_detections_are_sorted_with_the_same_result(monkeypatch):
     tabled = posterior(*scene())
-    monkeypatch.setattr(bernoulli, "LARGEST_TABLE", 0)
+    monkeypatch.setattr(bernoulli, "CELLS_A_PAIR", 0)
     for one, other in zip(tabled, posterior(*scene()), strict=True):
         np.testing.assert_array_equal(one, other)
 

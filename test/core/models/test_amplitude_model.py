@@ -6,7 +6,7 @@ import pytest
 from scenes import intensity, small
 from scipy.integrate import quad
 
-from phd_jdtc_ros.core.models.amplitude_model import Band, Ignored, Memory
+from phd_jdtc_ros.core.models.amplitude_model import CELLS, Band, Ignored, Memory
 from phd_jdtc_ros.core.types import Detections
 
 MODEL = small().model
@@ -139,3 +139,49 @@ def test_likelihood_without_amplitudes_is_the_detection_probability(model):
     expected = model.detection_probability(phd.mode, phd.log_snr, near, RADAR, MODES)
 
     np.testing.assert_allclose(likelihood, np.repeat(expected, 2))
+
+
+@pytest.mark.parametrize("model", [Band(), Ignored()])
+def test_models_without_memory_have_one_cell_a_class_that_is_never_left(model):
+    cells = model.cells(MODES)
+    assert cells.class_of.tolist() == [0, 1]
+    assert cells.transition(MODES.interval_s) is None
+
+
+def test_memory_cells_cut_each_band_into_equal_parts():
+    cells = Memory(0.1).cells(MODES)
+    assert (np.bincount(cells.class_of) == CELLS).all()
+    for class_id, (low, high) in enumerate(BANDS):
+        centre = cells.log_snr[cells.class_of == class_id]
+        np.testing.assert_allclose(np.diff(centre), (high - low) / CELLS)
+        assert centre.mean() == pytest.approx((low + high) / 2.0)
+
+
+@pytest.mark.parametrize("intervals", [0.01, 1.0, 3.0, 7.5])
+def test_diffusion_over_the_cells_has_the_variance_of_the_jitter(intervals):
+    jitter = 0.05
+    cells = Memory(jitter).cells(MODES)
+    matrix = cells.transition(intervals * MODES.interval_s)
+    for class_id in (0, 1):
+        # From the middle cell, so that the edges of the band are far.
+        row = matrix[class_id * CELLS + CELLS // 2]
+        away = cells.log_snr - cells.log_snr[class_id * CELLS + CELLS // 2]
+        assert row @ away == pytest.approx(0.0, abs=1e-9)
+        assert row @ away**2 == pytest.approx(intervals * jitter**2, rel=1e-6)
+
+
+@pytest.mark.parametrize("dt", [1e-3, 6.0, 900.0, 1e6])
+def test_diffusion_over_the_cells_is_a_stochastic_matrix_within_each_class(dt):
+    cells = Memory(0.3).cells(MODES)
+    matrix = cells.transition(dt)
+    assert (matrix >= 0.0).all()
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
+    other = cells.class_of[:, None] != cells.class_of
+    assert matrix[other].max() < 1e-12
+
+
+def test_diffusion_over_two_intervals_is_that_over_one_twice():
+    cells = Memory(0.3).cells(MODES)
+    np.testing.assert_allclose(
+        cells.transition(12.0), cells.transition(6.0) @ cells.transition(6.0), atol=1e-12
+    )

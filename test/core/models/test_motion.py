@@ -112,3 +112,43 @@ def test_sample_has_the_model_moments(model):
 def test_sample_of_constant_velocity_has_no_turn_rate():
     drawn = motion.sample(CV, STATES, 6.0, np.random.default_rng(1))
     np.testing.assert_array_equal(drawn[:, OMEGA], 0.0)
+
+
+def central_differences(model, state, dt):
+    """Return the derivatives of a model's mean, shape (N, D, D)."""
+    columns = []
+    for axis, step in enumerate([1.0, 1e-2, 1.0, 1e-2, 1e-6]):
+        away = np.zeros(5)
+        away[axis] = step
+        apart = model.mean(state + away, dt) - model.mean(state - away, dt)
+        columns.append(apart / (2.0 * step))
+    return np.stack(columns, axis=2)
+
+
+@pytest.mark.parametrize("dt", [1e-3, 6.0, 20.0, np.array([0.5, 6.0, 12.0, 3.0])])
+@pytest.mark.parametrize("model", [CV, CT], ids=["cv", "ct"])
+def test_jacobian_is_the_derivative_of_the_mean(model, dt):
+    np.testing.assert_allclose(
+        model.jacobian(STATES, dt), central_differences(model, STATES, dt), rtol=1e-6, atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("omega", [0.0, 1e-12, -1e-9, 1.6e-5, -1.7e-5, 1e-4])
+def test_coordinated_turn_jacobian_is_the_derivative_about_straight_flight(omega):
+    state = np.array([[100.0, 230.0, -50.0, -110.0, omega]])
+    # 1.65e-5 rad/s times 6 s is where the series ends.
+    found = CT.jacobian(state, 6.0)
+    np.testing.assert_allclose(found, central_differences(CT, state, 6.0), rtol=1e-5, atol=1e-3)
+    # By half the square of the time, a turn moves a target across its velocity.
+    np.testing.assert_allclose(found[0, [0, 2], 4], [18.0 * 110.0, 18.0 * 230.0], rtol=3e-3)
+
+
+def test_jacobian_takes_an_interval_for_each_row():
+    dt = np.array([0.5, 6.0, 12.0, 3.0])
+    for model in (CV, CT):
+        found = model.jacobian(STATES, dt)
+        moved = model.mean(STATES, dt)
+        for row in range(len(STATES)):
+            alone = STATES[row : row + 1]
+            np.testing.assert_array_equal(found[row], model.jacobian(alone, dt[row])[0])
+            np.testing.assert_array_equal(moved[row], model.mean(alone, dt[row])[0])

@@ -9,10 +9,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scenes import intensity, small
 
+from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.models import amplitude_density
 from phd_jdtc_ros.core.models.radar import GATE_SIGMA, RadarModel, wrap_angle
 from phd_jdtc_ros.core.models.visibility import Visibility
-from phd_jdtc_ros.core.pair_search import kernels
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
 from phd_jdtc_ros.core.smc.update import update
 from phd_jdtc_ros.core.types import Coverage, Detections
@@ -108,7 +108,7 @@ def test_gated_pairs_are_the_same_bits_with_either_backend(monkeypatch):
     detections = Detections(rng.uniform(0.0, 1.0, (200, 2)) * area - [0.0, np.pi], None)
     found = []
     for name in ("numpy", "numba"):
-        with kernels.using(name):
+        with backend.using(name):
             found.append(RADAR.gated_pairs(predicted, detections))
 
     assert len(found[0][0]) > 5000
@@ -264,3 +264,36 @@ def test_missable_is_what_the_antenna_passed_of_the_field_of_view():
     predicted = np.array([[5e3, 0.1], [5e3, 1.0], [20e3, 0.1]])
     assert RADAR.missable(predicted, Coverage(0.0, 0.5)).tolist() == pytest.approx([1.0, 0.0, 0.0])
     assert RADAR.missable(predicted, None).tolist() == [1.0, 1.0, 0.0]
+
+
+def test_linearised_is_the_measurement_and_its_derivative():
+    rng = np.random.default_rng(0)
+    position = rng.uniform(-12e3, 12e3, (40, 2))
+    measured, jacobian = RADAR.linearised(position)
+
+    def measure(places):
+        state = np.zeros((len(places), 5))
+        state[:, [0, 2]] = places
+        return RADAR.measure(state)
+
+    np.testing.assert_allclose(measured, measure(position), rtol=1e-12, atol=1e-12)
+    for axis in (0, 1):
+        away = np.zeros(2)
+        away[axis] = 0.1
+        apart = measure(position + away) - measure(position - away)
+        apart[:, 1] = wrap_angle(apart[:, 1])
+        np.testing.assert_allclose(jacobian[..., axis], apart / 0.2, rtol=1e-5, atol=1e-9)
+
+
+def test_linearised_keeps_leading_axes():
+    position = np.random.default_rng(1).uniform(-9e3, 9e3, (3, 4, 2))
+    measured, jacobian = RADAR.linearised(position)
+    flat, matrix = RADAR.linearised(position.reshape(-1, 2))
+    np.testing.assert_array_equal(measured, flat.reshape(3, 4, 2))
+    np.testing.assert_array_equal(jacobian, matrix.reshape(3, 4, 2, 2))
+
+
+def test_linearised_at_the_radar_is_finite():
+    measured, jacobian = RADAR.linearised(np.array([RADAR.position]))
+    assert np.isfinite(measured).all()
+    assert np.isfinite(jacobian).all()

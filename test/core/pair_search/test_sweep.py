@@ -1,10 +1,6 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-import os
-import subprocess
-import sys
-from pathlib import Path
 from unittest import mock
 
 import numpy as np
@@ -13,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from phd_jdtc_ros.core.pair_search import candidates, kernels, sweep
+from phd_jdtc_ros.core import backend
+from phd_jdtc_ros.core.pair_search import candidates, sweep
 
 
 def pairs_within(query, query_block, point, point_block, radius):
@@ -167,52 +164,10 @@ def test_backends_return_the_same_bits(seed, kind, sizes, dimension, chunk):
     results = []
     for name in ("numpy", "numba"):
         with (
-            kernels.using(name),
+            backend.using(name),
             mock.patch.object(candidates, "CHUNK_PAIRS", chunk),
         ):
             results.append(pairs_within(*parts, 7.0))
     for plain, compiled in zip(*results, strict=True):
         assert plain.dtype == compiled.dtype
         np.testing.assert_array_equal(plain, compiled)
-
-
-def chosen_backend(environment, without_numba=False):
-    """Return a new interpreter's choice, or the last line of its complaint."""
-    hide = "sys.modules['numba'] = None; " if without_numba else ""
-    script = (
-        f"import sys; {hide}"
-        "from phd_jdtc_ros.core.pair_search import kernels; print(kernels.chosen().name)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        cwd=Path(__file__).parents[3],
-        env={**os.environ, "PHD_JDTC_KERNELS": environment},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    return (done.stdout or done.stderr).strip().splitlines()[-1]
-
-
-def test_backend_is_numpy_if_told_so():
-    assert chosen_backend("numpy") == "numpy"
-
-
-def test_backend_is_numpy_where_numba_is_missing():
-    assert chosen_backend("auto", without_numba=True) == "numpy"
-
-
-def test_backend_is_numba_where_it_is_installed():
-    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
-    assert chosen_backend("auto") == "numba"
-
-
-def test_backend_that_is_missing_is_an_error_if_asked_for():
-    assert "numba" in chosen_backend("numba", without_numba=True)
-    assert "Error" in chosen_backend("numba", without_numba=True)
-
-
-def test_backend_unknown_is_an_error():
-    assert chosen_backend("fortran") == (
-        "ValueError: PHD_JDTC_KERNELS: 'fortran' given, must be auto, numpy or numba"
-    )

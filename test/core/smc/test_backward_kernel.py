@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scenes import gaussian_cloud, intensity, predict, short_scenario, small
 
+from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.engines import particle_filter
-from phd_jdtc_ros.core.pair_search import kernels
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning, spawn_intensity
 from phd_jdtc_ros.core.smc.correction import BERNOULLI, POISSON
@@ -310,7 +310,7 @@ def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch
     later = intensity(moved, weight, mode=mode[parent], origin=origin)
     links = {}
     for name in ("numpy", "numba"):
-        with kernels.using(name):
+        with backend.using(name):
             links[name] = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
 
     plain, compiled = (links[name].ratio.toarray() for name in ("numpy", "numba"))

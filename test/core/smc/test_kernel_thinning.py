@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scenes import gaussian_cloud, intensity, small
 
+from phd_jdtc_ros.core import backend
 from phd_jdtc_ros.core.models.motion import sample
-from phd_jdtc_ros.core.pair_search import kernels
 from phd_jdtc_ros.core.smc import backward_kernel, kernel_thinning, strata
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
 from phd_jdtc_ros.core.smc.transition_density import transition_density
@@ -132,7 +132,7 @@ def test_thinning_does_not_depend_on_the_backend(interval, monkeypatch):
     model, earlier, later = dense_scene(interval)
     ratios = []
     for name in ("numpy", "numba"):
-        with kernels.using(name):
+        with backend.using(name):
             ratios.append(
                 backward_kernel.build(earlier, later, model, BERNOULLI, interval).ratio.toarray()
             )

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.engines import ENGINES, new_engine
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.study.particles import Reading, track
 from phd_jdtc_ros.study.runs import simulated_run
+from phd_jdtc_ros.study.tracker import PARTS, Reading, track
 
 SCANS = 9
 SEED = 3
@@ -41,9 +41,9 @@ def tracks(run, config):
     return track(run, config, [DEFAULT, PRINTED], [0, 1, 3, 20])
 
 
-def engine_positions(run, lag):
+def engine_positions(run, lag, given=GIVEN):
     """Return what the engine's own smoother finds, filtered and smoothed, a scan each."""
-    engine = new_engine(resolve({**GIVEN, "lag": lag}))
+    engine = new_engine(resolve({**given, "lag": lag}))
     steps = [engine.step(scan) for scan in run.scans]
     smoothed = [found for step in steps for found in step.smoothed] + list(engine.flush())
     return [
@@ -102,3 +102,22 @@ def test_track_follows_the_runs_seed(run, config, tracks):
     other = track(replace(run, seed=SEED + 1), config, [DEFAULT], [0])
 
     assert not same(other["default"][0], tracks["default"][0])
+
+
+# --- with any engine ------------------------------------------------------------------------------
+
+GAUSSIAN = {**GIVEN, "engine": "gaussian"}
+
+
+@pytest.mark.parametrize("lag", [0, 1, 3, 20])
+def test_track_gives_what_the_engine_of_gaussians_gives(run, lag):
+    found = track(run, resolve(GAUSSIAN), [DEFAULT], [0, lag])["default"]
+    filtered, smoothed = engine_positions(run, lag, GAUSSIAN)
+
+    assert_equal(found[0], filtered)
+    assert_equal(found[lag], smoothed if lag else filtered)
+    assert sum(len(points) for points in found[lag]) > SCANS
+
+
+def test_track_has_the_parts_of_every_engine():
+    assert PARTS.keys() == ENGINES.keys()

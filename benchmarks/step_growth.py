@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Growth of the whole step's cost with the targets, of both engines, and the memory they hold.
+
+The targets are as dense in every scene, see `scenes.configuration`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.simulation.scenario import Scenario
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.types import Scan
+
+from . import backends, scenes
+from .backends import NUMPY
+from .recursion import GAUSSIAN, PARTICLES, SETTLING, tracking
+from .smoothing import PER_TARGET
+from .timing import exponent, peak_bytes, spread
+
+# A thousand targets have half a million particles, which take a second per step.
+LADDER = {GAUSSIAN: (200, 500, 1000, 2000, 5000), PARTICLES: (200, 500, 1000)}
+QUICK_LADDER = {GAUSSIAN: (20, 40, 80), PARTICLES: (20, 40)}
+STEPS = 6
+MEMORY_TARGETS, QUICK_MEMORY_TARGETS = 1000, 40
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return the cost of a step by form and size, and the memory of each engine."""
+    ladder = QUICK_LADDER if quick else LADDER
+    forms = {
+        f"{engine} [{backend}]": _form(engine, backend, sizes)
+        for engine, sizes in ladder.items()
+        for backend in backends.available()
+    }
+    targets = QUICK_MEMORY_TARGETS if quick else MEMORY_TARGETS
+    memory = {engine: memory_of(engine, targets) / 1e6 for engine in ladder}
+    return {
+        "forms": forms,
+        "particles_per_target": PER_TARGET,
+        "memory": {"targets": targets, "MB": memory},
+    }
+
+
+def _form(engine: str, backend: str, sizes: Sequence[int]) -> dict[str, Any]:
+    times = [spread(step_times_ms(engine, backend, size)) for size in sizes]
+    medians = [each["median_ms"] for each in times]
+    return {
+        "size": list(sizes),
+        "times": times,
+        "exponent": exponent(list(sizes), medians),
+    }
+
+
+def _scene(engine: str, targets: int) -> tuple[TrackerConfig, Scenario, list[Scan]]:
+    config = scenes.configuration(targets, PER_TARGET, engine=engine)
+    scene = scenes.crowd(targets, SETTLING + config.lag.scans + STEPS, config, seed=3)
+    return config, scene, [scan for _, scan in simulate(scene, seed=3)]
+
+
+def step_times_ms(engine: str, backend: str, targets: int) -> list[float]:
+    """Return the CPU milliseconds of each measured step."""
+    config, scene, scans = _scene(engine, targets)
+    run = tracking(config, scene, seed=3)
+    times = []
+    with backends.using(backend):
+        for scan in scans:
+            begin = time.process_time()
+            run.step(scan)
+            times.append(1e3 * (time.process_time() - begin))
+    return times[-STEPS:]
+
+
+def memory_of(engine: str, targets: int) -> int:
+    """Return the most bytes that an engine has held, its start and its window included."""
+    config, scene, scans = _scene(engine, targets)
+
+    def run() -> None:
+        tracker = tracking(config, scene, seed=3)
+        for scan in scans:
+            tracker.step(scan)
+
+    with backends.using(NUMPY):
+        return peak_bytes(run)

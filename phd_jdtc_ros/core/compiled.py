@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How loops are compiled by numba, an optional dependency.
+
+Only this module and those of the rooms named `compiled` or `compiled_kernel` import numba. No
+compiled function calls one of another file, because numba caches compiled code on disk by source
+file and does not notice a change in another one. Signatures are given, so that compilation happens
+at import and not during a scan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+
+# numba ships no type information.
+types: Any = numba.types
+
+
+def read(element: Any, dimensions: int) -> Any:
+    """Return the type of a contiguous array that is only read: it may be read-only."""
+    return types.Array(element, dimensions, "C", readonly=True)
+
+
+def compiled(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function for one signature, at its definition."""
+
+    def compile_it(function: Callable[..., Any]) -> Any:
+        try:
+            return numba.njit(signature, cache=True, error_model="numpy")(function)
+        except RuntimeError:  # no writable cache directory: compiled again at every start
+            return numba.njit(signature, error_model="numpy")(function)
+
+    return compile_it

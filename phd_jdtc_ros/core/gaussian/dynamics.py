@@ -1,0 +1,129 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The motion modes of all classes, with those of classes that move alike only once.
+
+A hypothesis of the Gaussian engine has one Gaussian per motion mode, and weights over motion modes
+and cells of class and signal-to-noise ratio. Classes with equal motions, mode matrices and survival
+probabilities share their Gaussians: only their weights differ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..models.amplitude_model import SnrCells
+from ..models.motion import MotionModel
+from ..models.tracker_model import TrackerModel
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """The motion modes and cells of a model.
+
+    Parameters
+    ----------
+    model : TrackerModel
+    """
+
+    model: TrackerModel
+
+    @cached_property
+    def cells(self) -> SnrCells:
+        """The S cells of class and signal-to-noise ratio."""
+        return self.model.amplitudes.cells(self.model.modes)
+
+    @cached_property
+    def mode_of(self) -> IntArray:
+        """The motion mode of each flat mode, shape (O,)."""
+        modes, first_of = self.model.modes, {}
+        place, count = np.zeros(len(modes), dtype=np.int64), 0
+        for index, one in enumerate(modes.classes):
+            own = np.flatnonzero(modes.class_of == index)
+            alike = (one.motions, one.mode_transition.tobytes(), one.survival_probability)
+            if alike not in first_of:
+                first_of[alike] = count
+                count += len(own)
+            place[own] = first_of[alike] + np.arange(len(own))
+        return place
+
+    @cached_property
+    def flat_of(self) -> IntArray:
+        """The first flat mode of each motion mode, shape (R,)."""
+        first: IntArray = np.unique(self.mode_of, return_index=True)[1]
+        return first
+
+    @cached_property
+    def motions(self) -> tuple[MotionModel, ...]:
+        """The R motion models."""
+        return tuple(self.model.modes.motions[flat] for flat in self.flat_of)
+
+    @cached_property
+    def pairs(self) -> tuple[IntArray, IntArray]:
+        """The K pairs of motion modes of one class, from and to, by the latter."""
+        class_of = self.model.modes.class_of[self.flat_of]
+        to, of = np.nonzero(class_of[:, None] == class_of)
+        return of, to
+
+    @cached_property
+    def to_mode(self) -> FloatArray:
+        """1 where a pair is one to a motion mode, 0 else; shape (R, K)."""
+        modes = np.arange(len(self.motions))
+        select: FloatArray = (modes[:, None] == self.pairs[1]).astype(np.float64)
+        return select
+
+    @cached_property
+    def supported(self) -> FloatArray:
+        """1 for each axis that a motion mode's densities are defined on, 0 else; shape (R, D)."""
+        supported = np.zeros((len(self.motions), len(self.model.modes.space)))
+        for row, motion in zip(supported, self.motions, strict=True):
+            row[list(motion.support)] = 1.0
+        return supported
+
+    @cached_property
+    def spread(self) -> FloatArray:
+        """The weights over (motion mode, cell) of a unit of each flat mode, shape (O, R, S)."""
+        modes, cells = self.model.modes, self.cells
+        spread = np.zeros((len(modes), len(self.motions), len(cells)))
+        for flat, (mode, class_id) in enumerate(zip(self.mode_of, modes.class_of, strict=True)):
+            own = cells.class_of == class_id
+            spread[flat, mode, own] = 1.0 / own.sum()
+        return spread
+
+    @cached_property
+    def born(self) -> FloatArray:
+        """The weights over (motion mode, cell) of a newborn of each class, shape (C, R, S).
+
+        A class's motion modes are equally probable.
+        """
+        modes = self.model.modes
+        of_class = modes.class_of == np.arange(len(modes.classes))[:, None]
+        share = of_class / of_class.sum(axis=1, keepdims=True)
+        weight: FloatArray = np.tensordot(share, self.spread, axes=1)
+        return weight
+
+    @cached_property
+    def mode_of_cell(self) -> IntArray:
+        """A flat mode of each cell's class, shape (S,)."""
+        return np.searchsorted(self.model.modes.class_of, self.cells.class_of)
+
+    def transition(self, dt: float) -> FloatArray:
+        """Return the (R, R) matrix of the motion modes over `dt` seconds, [from, to]."""
+        matrix: FloatArray = self.model.modes.transition(dt)[np.ix_(self.flat_of, self.flat_of)]
+        return matrix
+
+    def survival(self, dt: float) -> FloatArray:
+        """Return the probability to survive `dt` seconds by motion mode, shape (R,)."""
+        return self.model.modes.survival(dt)[self.flat_of]
+
+    def noise(self, dt: float) -> FloatArray:
+        """Return the process noise over `dt` seconds by motion mode, shape (R, D, D)."""
+        size = len(self.model.modes.space)
+        noise = np.zeros((len(self.motions), size, size))
+        for matrix, motion in zip(noise, self.motions, strict=True):
+            matrix[np.ix_(motion.support, motion.support)] = motion.noise_covariance(dt)
+        return noise

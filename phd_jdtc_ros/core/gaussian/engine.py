@@ -1,0 +1,60 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The Gaussian engine: the filter, the backward smoother and the extraction of mixtures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from ..fixed_lag import FixedLagEngine
+from ..forward import Filtered
+from ..snapshot import Snapshot
+from ..types import Estimates
+from . import snapshot
+from .extraction import extracted
+from .filter import GaussianFilter
+from .mixture import Mixture
+from .smoother import Link, backward_pass
+from .snapshot import GaussianEntry
+
+
+@dataclass
+class GaussianEngine(FixedLagEngine[Mixture, Link]):
+    """Gaussian mixtures of labelled targets with a fixed-lag backward smoother.
+
+    Parameters
+    ----------
+    forward : GaussianFilter
+    lag : Lag
+    schedule : Schedule
+    existence_threshold : float
+        Existence probability above which a target is reported.
+    """
+
+    forward: GaussianFilter
+
+    def _extract(self, stored: Mixture, stamp_ns: int, lag: int, threshold: float) -> Estimates:
+        return extracted(stored, self.forward.dynamics, stamp_ns, lag, threshold)
+
+    def _backward(self, window: Sequence[GaussianEntry]) -> Iterable[Mixture]:
+        return backward_pass(window)
+
+    def _figures(self, step: Filtered[Mixture, Link]) -> Mapping[str, float]:
+        stored = step.entry.stored
+        return {
+            "hypotheses": len(stored),
+            "origins": len(stored.label),
+            "approximate_clusters": self.forward.approximate,
+            "floored_covariances": self.forward.floored,
+        }
+
+    def _put_entry(self, held: Snapshot, name: str, entry: GaussianEntry) -> None:
+        snapshot.put_entry(held, name, entry)
+
+    def _take_entry(
+        self, held: Snapshot, name: str, earlier: Mapping[int, GaussianEntry]
+    ) -> GaussianEntry:
+        most = self.forward.bounds.most
+        return snapshot.take_entry(held, name, earlier, self.forward.dynamics, most)

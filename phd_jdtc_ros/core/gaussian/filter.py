@@ -1,0 +1,74 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The forward filter: predict, update with every radar, reduce."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ..forward import Filtered, ForwardFilter
+from ..touch import parted
+from ..types import Scan
+from ..window import Entry
+from .dynamics import Dynamics
+from .mixture import Mixture
+from .prediction import Aged, born, spawned, survivors
+from .reduction import Bounds, reduced
+from .smoother import Link
+from .update import update_scan
+
+
+@dataclass
+class GaussianFilter(ForwardFilter[Mixture, Link]):
+    """The filter over scans; keeps the mixtures that later scans continue.
+
+    Parameters
+    ----------
+    model : TrackerModel
+    bounds : Bounds
+    done : callable
+        See `ForwardFilter`.
+    """
+
+    bounds: Bounds
+    # Of the last step.
+    approximate: int = field(init=False, default=0)
+    floored: int = field(init=False, default=0)
+    _dynamics: Dynamics | None = field(init=False, default=None, repr=False)
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """The motion modes and cells of the model in use."""
+        if self._dynamics is None or self._dynamics.model is not self.model:
+            self._dynamics = Dynamics(self.model)
+        return self._dynamics
+
+    def step(self, scan: Scan, linked: bool) -> Filtered[Mixture, Link]:
+        """Predict, update with every radar and reduce; see `ForwardFilter.step`."""
+        dynamics, index = self.dynamics, self._scan_index
+        dt = self._interval(scan)
+        touched, others = parted(self.current, scan, self.model, labelled=True)
+        earlier = [
+            Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in touched
+        ]
+        parts, moves = [], None
+        if earlier:
+            moved, moves = survivors(earlier, dynamics)
+            parts.append(moved)
+        parts.append(born(self._births(scan), dynamics, index))
+        if self.model.spawn.rate > 0.0:
+            parts.append(spawned(earlier, dynamics, index, self.bounds.least_existence))
+        predicted = Mixture.joined(parts)
+        self.done("predict")
+        survived = len(parts[0]) if earlier else 0
+        branched, self.approximate = update_scan(
+            predicted, survived, scan, dynamics, self.bounds, dt, index
+        )
+        self.done("update")
+        stored, ancestry, self.floored = reduced(branched, self.bounds)
+        self.done("reduce")
+        link = Link(moves, ancestry) if linked and moves is not None else None
+        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
+        self._keep(entry, others)
+        return Filtered(stored, entry, tuple(rows.entry for rows in touched))

@@ -1,0 +1,148 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The Gaussian mixture of each target: hypotheses of association, motion modes, classes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, factorize, read_only, sum_by
+from ..state_space import StateSpace
+from ..window import Extents
+from .moments import merged
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """A labelled multi-Bernoulli density whose targets are mixtures of Gaussians.
+
+    A hypothesis is what a target is if certain detections of the last scans were its own. It has
+    one Gaussian per motion mode, and a weight for each motion mode and cell of class and
+    signal-to-noise ratio. The weights of a target's hypotheses sum to its existence probability.
+
+    Parameters
+    ----------
+    origin : int array of shape (H,)
+        The target of each hypothesis; see `origins`.
+    weight : array of shape (H, R, S)
+        Every class has equally many cells, in the order of the classes.
+    mean : array of shape (H, R, D)
+        In the world frame; metres, metres per second, radians per second.
+    covariance : array of shape (H, R, D, D)
+        Zero on the axes that a motion mode is not defined on.
+    """
+
+    origin: IntArray
+    weight: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "origin", read_only(self.origin, np.int64))
+        for name in ("weight", "mean", "covariance"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+    def __len__(self) -> int:
+        return len(self.origin)
+
+    @cached_property
+    def _targets(self) -> tuple[IntArray, IntArray]:
+        return factorize(self.origin)
+
+    @property
+    def label(self) -> IntArray:
+        """The distinct origins, ascending, shape (T,)."""
+        return self._targets[0]
+
+    @property
+    def target(self) -> IntArray:
+        """The index of each hypothesis's origin in `label`, shape (H,)."""
+        return self._targets[1]
+
+    @cached_property
+    def mode_weight(self) -> FloatArray:
+        """Weight of each Gaussian, shape (H, R)."""
+        weight: FloatArray = np.einsum("hrs->hr", self.weight)
+        return weight
+
+    @cached_property
+    def mass(self) -> FloatArray:
+        """Weight of each hypothesis, shape (H,)."""
+        mass: FloatArray = np.einsum("hr->h", self.mode_weight)
+        return mass
+
+    @cached_property
+    def existence(self) -> FloatArray:
+        """Existence probability of each target, shape (T,)."""
+        return sum_by(self.target, self.mass, len(self.label))
+
+    def take(self, rows: IntArray) -> Mixture:
+        """Return the hypotheses of these rows."""
+        return Mixture(self.origin[rows], self.weight[rows], self.mean[rows], self.covariance[rows])
+
+    def class_mass(
+        self, class_of: IntArray, classes: int, rows: IntArray | None = None
+    ) -> FloatArray:
+        """Return the expected number of targets of each class, shape (C,); see `Rows`."""
+        weight = self.weight if rows is None else self.weight[rows]
+        mass: FloatArray = weight.sum(axis=(0, 1)).reshape(classes, -1).sum(axis=1)
+        return mass
+
+    @cached_property
+    def overall(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and covariance of each target over its hypotheses and modes, (T, D), (T, D, D)."""
+        existence = np.where(self.existence > 0.0, self.existence, 1.0)
+        return self.matched(self.mode_weight / existence[self.target][:, None])
+
+    def matched(self, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return each target's mean and covariance, given the shares of its Gaussians, (H, R)."""
+        modes, size = self.mean.shape[1:]
+        order = np.argsort(self.target, kind="stable")
+        first = np.searchsorted(self.target[order], np.arange(len(self.label))) * modes
+        mean, covariance = merged(
+            share[order].reshape(-1, 1),
+            self.mean[order].reshape(-1, 1, size),
+            self.covariance[order].reshape(-1, 1, size, size),
+            first,
+        )
+        return mean[:, 0], covariance[:, 0]
+
+    def extents(self, space: StateSpace) -> Extents:
+        """Return where each target is; see `Rows`."""
+        mean, covariance = self.overall
+        variance = np.diagonal(covariance, axis1=1, axis2=2)
+        place, speed = list(space.position), list(space.velocity)
+        return Extents(
+            self.label,
+            self.target,
+            mean[:, place],
+            mean[:, speed],
+            np.sqrt(variance[:, place].sum(axis=1)),
+            np.sqrt(variance[:, speed].sum(axis=1)),
+        )
+
+    @staticmethod
+    def empty(modes: int, cells: int, size: int) -> Mixture:
+        """Return a mixture of no targets."""
+        return Mixture(
+            np.zeros(0, dtype=np.int64),
+            np.zeros((0, modes, cells)),
+            np.zeros((0, modes, size)),
+            np.zeros((0, modes, size, size)),
+        )
+
+    @staticmethod
+    def joined(parts: list[Mixture]) -> Mixture:
+        """Return the hypotheses of several mixtures, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        return Mixture(
+            np.concatenate([part.origin for part in parts]),
+            np.concatenate([part.weight for part in parts]),
+            np.concatenate([part.mean for part in parts]),
+            np.concatenate([part.covariance for part in parts]),
+        )

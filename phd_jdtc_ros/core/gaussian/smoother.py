@@ -1,0 +1,252 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The backward step over the window: Gaussians, weights and hypotheses with hindsight."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import backend
+from ..arrays import FloatArray, IntArray, run_starts, sum_by
+from ..backward import Told, smoothed_sets
+from ..window import Entry
+from . import moments
+from .mixture import Mixture
+from .prediction import Moves
+from .reduction import Ancestry
+
+# Log of the least fit of a pair of modes beside the best one, so that none is excluded for ever.
+LEAST_LOG_FIT = -50.0
+
+
+@dataclass(frozen=True)
+class Link:
+    """How a scan's hypotheses come from those of earlier scans.
+
+    Parameters
+    ----------
+    moves : Moves
+        From the rows of all sources, one source after the other, to the predicted hypotheses.
+    ancestry : Ancestry
+        From the predicted hypotheses to those kept.
+    """
+
+    moves: Moves
+    ancestry: Ancestry
+
+
+@dataclass(frozen=True)
+class Later:
+    """Predicted hypotheses, given later scans: those of one source of a link.
+
+    Parameters
+    ----------
+    moves : Moves
+        To these hypotheses.
+    weight : array of shape (H, R, S)
+    mean, covariance : arrays of shape (H, R, D) and (H, R, D, D)
+    """
+
+    moves: Moves
+    weight: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+
+    def take(self, rows: slice) -> Later:
+        """Return the hypotheses of these rows."""
+        return Later(
+            self.moves.take(rows), self.weight[rows], self.mean[rows], self.covariance[rows]
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[Later]) -> Later:
+        """Return the hypotheses of several sources, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
+        return Later(
+            Moves.joined([part.moves for part in parts]),
+            np.concatenate([part.weight for part in parts]),
+            np.concatenate([part.mean for part in parts]),
+            np.concatenate([part.covariance for part in parts]),
+        )
+
+
+def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> Iterator[Mixture]:
+    """Yield the smoothed mixtures of a window, newest first: lag 0, lag 1 and so on.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        Oldest first. Sources that are none of them have left the window.
+    """
+
+    def hear(filtered: Mixture, told: Sequence[Told[Later]]) -> Mixture:
+        if told[0].rows is None:
+            return _with_hindsight(filtered, None, told[0].message.take(told[0].part))
+        rows = np.concatenate([part.rows for part in told if part.rows is not None])
+        later = Later.joined([part.message.take(part.part) for part in told])
+        return _with_hindsight(filtered, rows, later)
+
+    return smoothed_sets(entries, _before_update, hear)
+
+
+def _before_update(smoothed: Mixture, link: Link) -> Later:
+    """Return the predicted hypotheses, given the smoothed ones that they led to.
+
+    A predicted hypothesis has the smoothed weights of its children, and its Gaussians keep the mean
+    and covariance of theirs. What merged hypotheses get is parted by their filtered weights.
+    """
+    ancestry, moves = link.ancestry, link.moves
+    edges = np.flatnonzero(ancestry.parent >= 0)
+    edges = edges[np.argsort(ancestry.parent[edges], kind="stable")]
+    child, parent = ancestry.child[edges], ancestry.parent[edges]
+    weight = smoothed.weight[child] * ancestry.share[edges]
+    mean, covariance = smoothed.mean[child], smoothed.covariance[child]
+    first = run_starts(parent)
+    if len(first) < len(parent):
+        size = np.diff(np.append(first, len(parent)))
+        mode_weight = weight.sum(axis=2)
+        weight = np.add.reduceat(weight, first)
+        total = weight.sum(axis=2).repeat(size, axis=0)
+        share = np.where(
+            total > 0.0,
+            mode_weight / np.where(total > 0.0, total, 1.0),
+            1.0 / size.repeat(size)[:, None],
+        )
+        mean, covariance = moments.merged(share, mean, covariance, first)
+    rows, count = parent[first], len(moves.change)
+    if len(rows) == count:
+        return Later(moves, weight, mean, covariance)
+    # The others have no children, and so no weight.
+    every = Later(
+        moves,
+        np.zeros((count, *weight.shape[1:])),
+        np.zeros((count, *mean.shape[1:])),
+        np.zeros((count, *covariance.shape[1:])),
+    )
+    every.weight[rows], every.mean[rows], every.covariance[rows] = weight, mean, covariance
+    return every
+
+
+def _with_hindsight(filtered: Mixture, rows: IntArray | None, later: Later) -> Mixture:
+    """Return a mixture whose given rows, all by default, know what later scans say.
+
+    Notes
+    -----
+    A later mode j hands its smoothed weight to the pairs of an earlier mode i and itself by
+    w_i P_s pi_ij N(m_j; m_ij, P_ij), with the smoothed mean m_j, and the mean and covariance that
+    the pair predicted. The state of a pair is that of a backward step from the smoothed later one:
+    the expectation correction. Without the normal density it is Kim's smoother, whose error grows
+    with the lag: in a turn by as much as it gains. What does not survive has the factor of a
+    Bernoulli target's death, (1 - its smoothed survivors) / (1 - its filtered survivors).
+
+    References
+    ----------
+    Barber, "Expectation correction for smoothed inference in switching linear dynamical systems",
+    Journal of Machine Learning Research 7, 2006.
+    Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
+    """
+    own = filtered if rows is None else filtered.take(rows)
+    moves, modes = later.moves, own.mean.shape[1]
+    of, to = moves.pairs
+    weight = moves.change[..., None] * own.weight.take(of, axis=1) * _fit(later)[..., None]
+    predicted = _by_mode(weight, to, modes)
+    if moves.cells is not None:
+        predicted = predicted @ moves.cells
+    back = np.where(predicted > 0.0, later.weight / np.where(predicted > 0.0, predicted, 1.0), 0.0)
+    if moves.cells is not None:
+        back = back @ moves.cells.swapaxes(1, 2)
+    weight *= back.take(to, axis=1)
+    survived = _by_mode(weight, of, modes)
+    died = own.weight * (1.0 - moves.survival)[..., None]
+    died *= _death_factor(own, survived, died)[:, None, None]
+    mean, covariance = _blended(own, weight.sum(axis=2), died.sum(axis=2), later)
+    if rows is None:
+        return Mixture(own.origin, survived + died, mean, covariance)
+    parts = [column.copy() for column in (filtered.weight, filtered.mean, filtered.covariance)]
+    for column, told in zip(parts, (survived + died, mean, covariance), strict=True):
+        column[rows] = told
+    return Mixture(filtered.origin, *parts)
+
+
+def _death_factor(own: Mixture, survived: FloatArray, dying: FloatArray) -> FloatArray:
+    """Return phi of each row's target: the factor on what does not survive."""
+
+    def by_target(weight: FloatArray) -> FloatArray:
+        return sum_by(own.target, weight.sum(axis=(1, 2)), len(own.label))
+
+    alive = np.minimum(by_target(survived), 1.0)
+    dead = 1.0 - own.existence + by_target(dying)
+    factor: FloatArray = (1.0 - alive) / np.where(dead > 0.0, dead, np.inf)
+    return factor[own.target]
+
+
+def _fit(later: Later) -> FloatArray:
+    """Return how well the mean of each later mode fits what its pairs predicted, shape (H, K).
+
+    A normal density, divided by the largest of the pairs of the later mode.
+    """
+    moves = later.moves
+    of, to = moves.pairs
+    if len(of) == later.mean.shape[1]:
+        return np.ones_like(moves.change)
+    if loops := backend.compiled("gaussian"):
+        log_density = loops.log_densities(
+            *map(np.ascontiguousarray, (later.mean, moves.mean, moves.precision)),
+            *map(np.ascontiguousarray, (moves.log_determinant, to)),
+        )
+    else:
+        apart = (later.mean[:, to] - moves.mean)[..., None]
+        square = (apart.swapaxes(-1, -2) @ moves.precision @ apart)[..., 0, 0]
+        log_density = 0.5 * (moves.log_determinant - square)
+    log_density = np.where(np.isfinite(log_density), log_density, np.finfo(float).min)
+    largest = np.stack(
+        [log_density[:, to == mode].max(axis=1) for mode in range(later.mean.shape[1])], axis=1
+    )
+    fit: FloatArray = np.exp(np.maximum(log_density - largest[:, to], LEAST_LOG_FIT))
+    return fit
+
+
+def _by_mode(weight: FloatArray, mode: IntArray, modes: int) -> FloatArray:
+    """Return the sums of pairs' weights, (H, K, S), over pairs of one mode, (H, R, S)."""
+    select = (np.arange(modes)[:, None] == mode).astype(np.float64)
+    total: FloatArray = select @ weight
+    return total
+
+
+def _blended(
+    own: Mixture, joint: FloatArray, died: FloatArray, later: Later
+) -> tuple[FloatArray, FloatArray]:
+    """Return the Gaussians of each earlier mode, matched over the later modes and death.
+
+    `joint` has the weights of the pairs, (H, K), and `died` those of no later mode, (H, R).
+    """
+    of, to = later.moves.pairs
+    if loops := backend.compiled("gaussian"):
+        every: tuple[FloatArray, FloatArray] = loops.blended(
+            *map(np.ascontiguousarray, (own.mean, own.covariance, joint, died, of, to)),
+            *map(np.ascontiguousarray, (*later.moves.backward, later.mean, later.covariance)),
+        )
+        return every
+    mean, covariance = later.moves.backward.earlier(
+        later.mean.take(to, axis=1), later.covariance.take(to, axis=1)
+    )
+    weight = (np.arange(own.mean.shape[1])[:, None] == of) * joint[:, None]
+    total = weight.sum(axis=2)
+    reached = total > 0.0
+    share = weight / np.where(reached, total, 1.0)[..., None]
+    mean, covariance = moments.matched(share, mean, covariance)
+    share = np.where(reached, died / np.where(reached, total + died, 1.0), 1.0)[..., None]
+    apart = own.mean - mean
+    mean = mean + share * apart
+    share = share[..., None]
+    covariance = (1.0 - share) * covariance + share * own.covariance
+    covariance += share * (1.0 - share) * apart[..., None] * apart[..., None, :]
+    # What a mode is not defined on stays zero, though other modes are.
+    axes = np.arange(mean.shape[2])
+    defined = (own.covariance[..., axes, axes] > 0.0).astype(np.float64)
+    return mean * defined, covariance * defined[..., None] * defined[..., None, :]

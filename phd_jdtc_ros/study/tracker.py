@@ -1,0 +1,177 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The package's tracker on a simulated run: one filter, with several extractions and all lags.
+
+The filter does not depend on death term and extraction. Variants that differ only in these share
+one filter, and one backward pass over the window gives the smoothed sets of all lags, with every
+engine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.engines import gaussian_engine, particle_filter
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.forward import ForwardFilter
+from phd_jdtc_ros.core.gaussian import extraction as gaussian_extraction
+from phd_jdtc_ros.core.gaussian import smoother as gaussian_smoother
+from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
+from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
+from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.window import Entry
+
+from .runs import SimulatedRun, Tracks
+
+# The entries of the latest scans, oldest first; what their sets are is the engine's.
+Window: TypeAlias = "Sequence[Entry[Any, Any]]"
+
+
+class Reading(NamedTuple):
+    """A death term and an extraction for the filter's sets.
+
+    Parameters
+    ----------
+    label : str
+    death_term : str
+        A value of the tracker's parameter `death_term`.
+    extraction : str
+        A value of the tracker's parameter `extraction`.
+    """
+
+    label: str
+    death_term: str
+    extraction: str
+
+
+class _Parts(NamedTuple):
+    """The parts of an engine, to be used one by one.
+
+    Parameters
+    ----------
+    forward : ForwardFilter
+    backward : callable of (window, death term)
+        Returns the smoothed sets, newest first.
+    extract : callable of (set, reading, stamp in ns, lag, generator)
+    """
+
+    forward: ForwardFilter[Any, Any]
+    backward: Callable[[Window, str], Iterable[Any]]
+    extract: Callable[[Any, Reading, int, int, np.random.Generator], Estimates]
+
+
+def _of_particles(config: TrackerConfig) -> _Parts:
+    modes, threshold = config.model.modes, config.existence_threshold
+
+    def backward(window: Window, death_term: str) -> Iterable[Any]:
+        return backward_pass(window, DEATH_TERMS[death_term])
+
+    def extract(
+        stored: Any, reading: Reading, stamp_ns: int, lag: int, rng: np.random.Generator
+    ) -> Estimates:
+        extraction = EXTRACTIONS[reading.extraction]
+        return extraction(stored, modes, stamp_ns, lag, threshold, rng)
+
+    return _Parts(particle_filter(config), backward, extract)
+
+
+def _of_gaussians(config: TrackerConfig) -> _Parts:
+    forward = gaussian_engine(config).forward
+
+    def backward(window: Window, _: str) -> Iterable[Any]:
+        return gaussian_smoother.backward_pass(window)
+
+    def extract(
+        stored: Any, _: Reading, stamp_ns: int, lag: int, __: np.random.Generator
+    ) -> Estimates:
+        dynamics, threshold = forward.dynamics, config.existence_threshold
+        return gaussian_extraction.extracted(stored, dynamics, stamp_ns, lag, threshold)
+
+    return _Parts(forward, backward, extract)
+
+
+# By the name of the engine, see `core.engines`.
+PARTS = {"particles": _of_particles, "gaussian": _of_gaussians}
+
+
+def track(
+    run: SimulatedRun, config: TrackerConfig, readings: Sequence[Reading], lags: Sequence[int]
+) -> dict[str, Tracks]:
+    """Return the tracker's estimates of a run, by label of the reading and by lag.
+
+    Parameters
+    ----------
+    run : SimulatedRun
+        Its seed is also that of the filter.
+    config : TrackerConfig
+        Its lag, seed, death term and extraction are not used.
+    readings : sequence of Reading
+    lags : sequence of int
+        Scans; 0 is the filter. The last scans of the run are smoothed with the fewer scans that
+        follow them.
+
+    Notes
+    -----
+    An estimate does not depend on the other readings and lags.
+    """
+    longest = max(lags)
+    parts = PARTS[config.engine](replace(config, seed=run.seed))
+    readers = [_Reader(reading, run, lags, parts) for reading in readings]
+    window: list[Entry[Any, Any]] = []
+    for index, scan in enumerate(run.scans):
+        step = parts.forward.step(scan, linked=longest > 0)
+        window = [*window, step.entry][-(longest + 1) :]
+        for reader in readers:
+            reader.read_filtered(index, step.updated)
+        if longest:
+            _read_window(window, index, readers, parts)
+    return {reader.reading.label: reader.tracks() for reader in readers}
+
+
+def _read_window(window: Window, newest: int, readers: Sequence[_Reader], parts: _Parts) -> None:
+    """Smooth a window whose newest scan has the index `newest`, and extract the estimates."""
+    for name in dict.fromkeys(reader.reading.death_term for reader in readers):
+        for lag, smoothed in enumerate(parts.backward(window, name)):
+            for reader in readers:
+                if reader.reading.death_term == name:
+                    reader.read_smoothed(newest - lag, lag, smoothed)
+
+
+class _Reader:
+    """Collects the estimates of one reading, by lag and scan."""
+
+    def __init__(
+        self, reading: Reading, run: SimulatedRun, lags: Sequence[int], parts: _Parts
+    ) -> None:
+        self.reading = reading
+        self._run, self._extract = run, parts.extract
+        self._estimates: dict[int, dict[int, PointSet]] = {lag: {} for lag in lags}
+        # One generator per lag, so that the draws of a lag do not depend on the other lags.
+        self._rng = {lag: np.random.default_rng([run.seed, 1, lag]) for lag in lags}
+
+    def read_filtered(self, index: int, updated: Any) -> None:
+        if 0 in self._estimates:
+            self._estimates[0][index] = self._points(index, 0, updated, 0)
+
+    def read_smoothed(self, index: int, lag: int, smoothed: Any) -> None:
+        run_over = index + lag == len(self._run.scans) - 1
+        for wanted in self._estimates:
+            if wanted > 0 and (wanted == lag or (run_over and wanted > lag)):
+                self._estimates[wanted][index] = self._points(index, lag, smoothed, wanted)
+
+    def _points(self, index: int, lag: int, stored: Any, wanted: int) -> PointSet:
+        stamp_ns = self._run.scans[index].stamp_ns
+        return PointSet.of(self._extract(stored, self.reading, stamp_ns, lag, self._rng[wanted]))
+
+    def tracks(self) -> Tracks:
+        """Return the estimates by lag, in the order of the scans."""
+        return {
+            lag: [by_scan[index] for index in sorted(by_scan)]
+            for lag, by_scan in self._estimates.items()
+        }

@@ -1,0 +1,189 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Scans at the edge of what numbers hold: hardly any noise or time, an hour's gap, range zero.
+
+A covariance that is not one must never leave an engine, and what it holds must be restorable.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import chain, cycle, islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.types import Detections, Estimates, Scan
+from phd_jdtc_ros.tools import params_file, tracker_params
+
+from . import engines, scans
+from .figures import Figure, measured_or_why
+
+NAME = "numbers at their edges"
+GOAL = "0 errors, 0 NaN, 0 estimates without a covariance, every snapshot restorable"
+PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
+HOUR_S = 3600.0
+USUAL_S = 6.0
+# The least variance of a place or a velocity; a target that is one particle has none.
+LEAST_VARIANCE = {engines.PARTICLES: 0.0, engines.GAUSSIAN: 1e-12}
+# Largest negative eigenvalue of a correlation matrix, by rounding.
+ROUNDING = 1e-9
+LONG_GAPS = {"max_gap_scans": 1e5}
+EXACT = {
+    f"{radar}.{name}": value
+    for radar in ("radar_1", "radar_2")
+    for name, value in {"range_std": 1e-3, "azimuth_std_deg": 1e-4}.items()
+}
+STILL = {"cv.noise_density": 1e-9, "ct.noise_density": 1e-9}
+
+Run = Sequence[Scan]
+
+
+@dataclass(frozen=True)
+class Case:
+    """Scans and parameters.
+
+    Parameters
+    ----------
+    scans : function of the configuration
+    values : mapping
+        Added to the profile's.
+    """
+
+    scans: Callable[[TrackerConfig], Run]
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+def _at(*intervals_s: float) -> Callable[[TrackerConfig], Run]:
+    """Return a function that gives the reference scans these intervals, again and again."""
+
+    def run(_: TrackerConfig) -> Run:
+        passed = np.cumsum([*islice(cycle(intervals_s), len(scans.reference()))])
+        return [
+            Scan(scans.START_NS + round(1e9 * since), scan.detections)
+            for since, scan in zip(passed, scans.reference(), strict=True)
+        ]
+
+    return run
+
+
+def _simulated(config: TrackerConfig) -> Run:
+    """Return scans with the configuration's noise."""
+    return [scan for _, scan in simulate(paper_scenario(config.model.radars), 0)]
+
+
+def _changed(change: Callable[[Detections], Detections]) -> Callable[[TrackerConfig], Run]:
+    def run(_: TrackerConfig) -> Run:
+        return [
+            Scan(scan.stamp_ns, tuple(None if d is None else change(d) for d in scan.detections))
+            for scan in scans.reference()
+        ]
+
+    return run
+
+
+def _repeated(found: Detections) -> Detections:
+    """Return every detection three times."""
+    amplitude = None if found.amplitude is None else np.repeat(found.amplitude, 3)
+    return Detections(np.repeat(found.measurement, 3, axis=0), amplitude)
+
+
+def _at_the_radar(_: Detections) -> Detections:
+    """Return detections at the antenna itself, and at the azimuth where it wraps."""
+    places = [[0.0, 3.0], [1e-9, 0.0], [1e-3, -3.0], [1e3, np.pi], [1e3, -np.pi]]
+    return Detections(np.array(places), np.full(len(places), 30.0))
+
+
+def _nothing(_: Detections) -> Detections:
+    return Detections(np.zeros((0, 2)), np.zeros(0))
+
+
+CASES: Mapping[str, Case] = {
+    "as usual": Case(_at(USUAL_S)),
+    "1 ms": Case(_at(1e-3)),
+    "1 us": Case(_at(1e-6)),
+    "an hour's gap": Case(_at(*[USUAL_S] * 40, HOUR_S), LONG_GAPS),
+    "1 ms and an hour": Case(_at(*[USUAL_S] * 5, 1e-3, HOUR_S), {**LONG_GAPS, "spawn.rate": 0.0}),
+    "hardly any noise": Case(_simulated, EXACT),
+    "hardly any noise of radars and motions": Case(_simulated, {**EXACT, **STILL}),
+    "less noise assumed than there is": Case(_at(USUAL_S), EXACT),
+    "every detection three times": Case(_changed(_repeated)),
+    "at the radar": Case(_changed(_at_the_radar)),
+    "no detections": Case(_changed(_nothing)),
+}
+
+
+def measure(cases: Mapping[str, Case] = CASES) -> Figure:
+    """Track every case with the chosen engine."""
+    return measured_or_why(NAME, GOAL, lambda: _measure(cases))
+
+
+def _measure(cases: Mapping[str, Case]) -> tuple[str, bool, Mapping[str, Any]]:
+    wrong: dict[str, str] = {}
+    seconds = {}
+    for name, case in cases.items():
+        begin = time.process_time()
+        fault = outcome(case, engines.chosen())
+        seconds[name] = time.process_time() - begin
+        if fault:
+            wrong[name] = fault
+    text = f"{len(cases)} kinds: {len(wrong)} wrong"
+    if wrong:
+        text += f", such as {next(iter(wrong.items()))}"
+    return text, not wrong, {"wrong": wrong, "seconds": seconds}
+
+
+def outcome(case: Case, engine: str) -> str:
+    """Return what is wrong with what an engine makes of a case; empty if nothing is."""
+    values = {**params_file.load(PROFILE), **case.values, "engine": engine}
+    config = tracker_params.config(values)
+    tracker, restored = new_engine(config), new_engine(config)
+    try:
+        for index, scan in enumerate(case.scans(config)):
+            step = tracker.step(scan)
+            for estimates in (*step.filtered, *step.smoothed):
+                fault = fault_of(estimates, LEAST_VARIANCE[engine])
+                if fault:
+                    return f"scan {index}, lag {estimates.lag}: {fault}"
+            if not np.isfinite([*step.class_mass, *step.figures.values()]).all():
+                return f"scan {index}: figures that are not finite"
+        restored.restore(tracker.snapshot())
+        rest = chain(tracker.flush(), restored.flush())
+        faults = (fault_of(estimates, LEAST_VARIANCE[engine]) for estimates in rest)
+        return next(filter(None, faults), "")
+    except Exception as error:  # any of them would end the node
+        return f"{type(error).__name__}: {error}"[:200]
+
+
+def fault_of(found: Estimates, least_variance: float) -> str:
+    """Return what is wrong with estimates; empty if nothing is."""
+    for name in ("state", "covariance", "weight", "class_probability"):
+        if not np.isfinite(getattr(found, name)).all():
+            return f"{name} is not finite"
+    return next(_faults_of_covariances(found.covariance, least_variance), "")
+
+
+def _faults_of_covariances(covariance: FloatArray, least_variance: float) -> Iterator[str]:
+    if not len(covariance):
+        return
+    apart = np.abs(covariance - covariance.swapaxes(1, 2))
+    if (apart > ROUNDING * np.abs(covariance).max(axis=(1, 2), keepdims=True)).any():
+        yield "a covariance is not symmetric"
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    # A target that cannot turn has no deviation of its turn rate.
+    if (variance[:, :4] < least_variance).any() or (variance < 0.0).any():
+        yield "a variance is not positive"
+    std = np.sqrt(np.where(variance > 0.0, variance, 1.0))
+    correlation = covariance / std[:, :, None] / std[:, None, :]
+    least = float(np.linalg.eigvalsh(correlation).min())
+    if least < -ROUNDING:
+        yield f"a covariance has a negative eigenvalue, {least:.1e} of a correlation"

@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
+from scenes import small
+
+from phd_jdtc_ros.core import origins
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.extraction import extracted
+from phd_jdtc_ros.core.gaussian.prediction import Aged, born, spawned, survivors
+
+
+def dynamics_of(given=None):
+    return Dynamics(small({"engine": "gaussian", **(given or {})}).model)
+
+
+def test_dynamics_share_the_motions_of_classes_that_move_alike():
+    shared, apart = dynamics_of(), dynamics_of({"class_1.survival_probability": 0.9})
+    assert shared.mode_of.tolist() == [0, 1, 0, 1]
+    assert apart.mode_of.tolist() == [0, 1, 2, 3]
+    for dynamics in (shared, apart):
+        np.testing.assert_allclose(dynamics.transition(17.0).sum(axis=1), 1.0)
+        np.testing.assert_allclose(dynamics.spread.sum(axis=(1, 2)), 1.0)
+        np.testing.assert_allclose(dynamics.born.sum(axis=(1, 2)), 1.0)
+        for mode, motion in enumerate(dynamics.motions):
+            assert np.flatnonzero(dynamics.supported[mode]).tolist() == list(motion.support)
+
+
+@pytest.mark.parametrize("amplitude", ["band", "memory"])
+def test_births_are_the_terms_in_every_mode_with_their_rates(amplitude):
+    dynamics = dynamics_of({"amplitude": amplitude})
+    model = dynamics.model
+    found = born([(0, 6.0), (2, 12.0)], dynamics, 5)
+    first = origins.first_predicted(5)
+    assert found.origin.tolist() == [first, first + 2]
+    np.testing.assert_allclose(found.existence, [0.01, 0.02])
+    np.testing.assert_allclose(
+        found.class_mass(dynamics.cells.class_of, len(model.modes.classes)), [0.015, 0.015]
+    )
+    for row, term in enumerate((model.births[0], model.births[2])):
+        for mode in range(2):
+            inside = dynamics.supported[mode]
+            np.testing.assert_array_equal(found.mean[row, mode], term.mean * inside)
+            np.testing.assert_allclose(found.covariance[row, mode], np.diag(term.std**2 * inside))
+
+
+def test_survivors_lose_what_does_not_survive_and_keep_their_origins():
+    config = lone({**TWO_MOTIONS, "target.survival_probability": 0.9})
+    dynamics = Dynamics(config.model)
+    parts = [mixture_of(dynamics, [(0.8, MEAN, STD), (0.3, MEAN, STD)])] * 2
+    found, moves = survivors([Aged(parts[0], 6.0), Aged(parts[1], 12.0)], dynamics)
+    np.testing.assert_allclose(found.mass, [0.72, 0.27, 0.648, 0.243])
+    assert found.origin.tolist() == [0, 1, 0, 1]
+    np.testing.assert_allclose(moves.survival[:, 0], [0.9, 0.9, 0.81, 0.81])
+    np.testing.assert_allclose(found.mean[:, 0, 0], MEAN[0] + MEAN[1] * np.array([6, 6, 12, 12.0]))
+
+
+def test_spawned_targets_are_about_their_predicted_parents():
+    dynamics = dynamics_of({"spawn.rate": 0.02})
+    parents = mixture_of(dynamics, [(0.9, MEAN, STD), (1e-6, MEAN, STD)])
+    found = spawned([Aged(parents, 6.0)], dynamics, 3, 1e-4)
+    assert len(found) == 1  # of the second one, next to nothing could be spawned
+    assert found.existence[0] == pytest.approx(0.9 * 0.02)
+    assert found.origin[0] == origins.first_predicted(3) + len(dynamics.model.births)
+    np.testing.assert_allclose(found.mean[0, :, 0], MEAN[0] + 6.0 * MEAN[1], atol=1.0)
+    std = np.sqrt(STD[0] ** 2 + (6.0 * STD[1]) ** 2 + dynamics.model.spawn.std[0] ** 2)
+    assert np.sqrt(found.covariance[0, 0, 0, 0]) == pytest.approx(std, rel=1e-6)
+
+
+def test_extraction_reports_the_majority_class_of_targets_above_the_threshold():
+    dynamics = dynamics_of({"class_1.survival_probability": 0.9})
+    mixture = mixture_of(dynamics, [(0.9, MEAN, STD), (0.3, MEAN, STD), (0.7, -MEAN, STD)])
+    weight = np.array(mixture.weight)
+    weight[0] *= 0.0
+    weight[0, [0, 1], 0], weight[0, 2, 1] = [0.1, 0.2], 0.6
+    mean = np.array(mixture.mean)
+    mean[0, :2, 0] += 1e3
+    changed = type(mixture)(mixture.origin, weight, mean, mixture.covariance)
+    found = extracted(changed, dynamics, 7, 2, 0.5)
+    assert found.track_id.tolist() == [1, 3]
+    assert (found.stamp_ns, found.lag) == (7, 2)
+    np.testing.assert_allclose(found.weight, [0.9, 0.7])
+    np.testing.assert_allclose(found.class_probability[0], [1 / 3, 2 / 3])
+    assert found.class_id[0] == 1
+    # Of the class's own motions alone, one of which has no weight.
+    np.testing.assert_allclose(found.state[0], MEAN * dynamics.supported[2])
+
+
+def test_extraction_of_nothing_is_nothing():
+    dynamics = dynamics_of()
+    found = extracted(born([], dynamics, 0), dynamics, 7, 0, 0.5)
+    assert len(found) == 0
+    assert found.class_probability.shape == (0, 2)

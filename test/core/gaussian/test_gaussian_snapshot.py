@@ -1,0 +1,271 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import json
+
+import numpy as np
+import pytest
+from scenes import short_scenario, small
+
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.snapshot import Snapshot
+
+SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
+NAMES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
+NAN, INF = float("nan"), float("inf")
+
+
+def gaussian(given=None):
+    return new_engine(small({"engine": "gaussian", "lag": 2, **(given or {})}))
+
+
+def equal(a, b):
+    return (a.stamp_ns, a.lag) == (b.stamp_ns, b.lag) and all(
+        np.array_equal(getattr(a, name), getattr(b, name)) for name in NAMES
+    )
+
+
+def stored_and_read(snapshot):
+    """Return a snapshot after conversion to JSON and bytes and back."""
+    arrays = {
+        name: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
+        for name, array in snapshot.arrays.items()
+    }
+    return Snapshot(snapshot.stamp_ns, arrays, json.loads(json.dumps(snapshot.facts)))
+
+
+BIRTHS = {"births": [], "detection_births.rates": [0.1, 0.1]}
+
+
+@pytest.mark.parametrize("given", [{}, {"amplitude": "memory"}, {"spawn.rate": 0.0, **BIRTHS}])
+@pytest.mark.parametrize("lag", [0, 3])
+@pytest.mark.parametrize("stop", [0, 1, 6])
+def test_restored_engine_goes_on_as_if_it_had_never_stopped_bit_by_bit(given, lag, stop):
+    given = {"lag": lag, **given}
+    first, second = gaussian(given), gaussian(given)
+    for scan in SCANS[:stop]:
+        first.step(scan)
+    second.restore(stored_and_read(first.snapshot()))
+    for scan in SCANS[stop:]:
+        one, other = first.step(scan), second.step(scan)
+        assert equal(one.filtered[0], other.filtered[0])
+        assert len(one.smoothed) == len(other.smoothed)
+        assert all(equal(a, b) for a, b in zip(one.smoothed, other.smoothed, strict=True))
+        np.testing.assert_array_equal(one.class_mass, other.class_mass)
+    assert all(equal(a, b) for a, b in zip(first.flush(), second.flush(), strict=True))
+
+
+@pytest.fixture(scope="module")
+def stored():
+    """The arrays and facts of an engine in mid run, as a snapshot to copy."""
+    engine = gaussian()
+    for scan in SCANS[:6]:
+        engine.step(scan)
+    return engine.snapshot()
+
+
+def copied(snapshot):
+    return Snapshot(
+        snapshot.stamp_ns, dict(snapshot.arrays), json.loads(json.dumps(snapshot.facts))
+    )
+
+
+def put(name, value, at=0):
+    """Return a change that writes a value into one entry of an array."""
+
+    def change(snapshot):
+        array = np.array(snapshot.arrays[name])
+        array.flat[at] = value
+        snapshot.arrays[name] = array
+
+    return change
+
+
+def put_matrix(name, matrix):
+    """Return a change that writes a matrix over the first one, by its upper left corner."""
+
+    def change(snapshot):
+        array = np.array(snapshot.arrays[name])
+        first = array.reshape(-1, *array.shape[-2:])[0]
+        size = len(matrix)
+        first[:] = np.diag(np.diag(first))
+        first[:size, :size] = matrix
+        snapshot.arrays[name] = array
+
+    return change
+
+
+def changed(name, function):
+    def change(snapshot):
+        snapshot.arrays[name] = function(np.array(snapshot.arrays[name]))
+
+    return change
+
+
+# Of x, vx and y: each pair is possible, but not all three at a time.
+INDEFINITE = 1e4 * np.array([[1.0, 0.9, -0.9], [0.9, 1.0, 0.9], [-0.9, 0.9, 1.0]])
+ASYMMETRIC = 1e4 * np.array([[1.0, 0.5], [-0.5, 1.0]])
+LINK = "stored.1.link"
+FORGERIES = {
+    **{
+        f"{part} {value}": put(f"{where}.{part}", value)
+        for where, parts in {
+            "stored.1": {
+                "weight": (NAN, INF, -1e-3, 1e9),
+                "mean": (NAN, INF, 1e300),
+                "covariance": (NAN, INF, -1.0, 1e300),
+                "origin": (-5, 2**62),
+            },
+            LINK: {
+                "survival": (NAN, 1.5, -0.5),
+                "change": (NAN, 1.5, -0.5),
+                "mean": (-INF, 2e300),
+                "precision": (NAN, INF, 1e300),
+                "gain": (NAN, INF, 1e300),
+                "offset": (NAN, INF, 1e300),
+                "base": (NAN, INF),
+                "share": (NAN, -0.5, 2.0),
+                "child": (-1, 10**6),
+                "parent": (-7, 10**6),
+            },
+        }.items()
+        for part, values in parts.items()
+        for value in values
+    },
+    "an indefinite covariance": put_matrix("stored.1.covariance", INDEFINITE),
+    "an asymmetric covariance": put_matrix("stored.1.covariance", ASYMMETRIC),
+    "one mean less": changed("stored.1.mean", lambda a: a[:-1]),
+    "means of other axes": changed("stored.1.mean", lambda a: a[..., :3]),
+    "weights of other cells": changed("stored.1.weight", lambda a: a[..., :1]),
+    "weights of other modes": changed("stored.1.weight", lambda a: a[:, :1]),
+    "weights as whole numbers": changed("stored.1.weight", lambda a: a.astype("i8")),
+    "weights as text": changed("stored.1.weight", lambda a: a.astype("U8")),
+    "origins as numbers": changed("stored.1.origin", lambda a: a.astype("f8")),
+    "a flat covariance": changed("stored.1.covariance", np.ravel),
+    "one child less": changed(f"{LINK}.child", lambda a: a[:-1]),
+    "one share less": changed(f"{LINK}.share", lambda a: a[:-1]),
+    "one gain less": changed(f"{LINK}.gain", lambda a: a[:-1]),
+    "no gain": lambda snapshot: snapshot.arrays.pop(f"{LINK}.gain"),
+    "no covariance": lambda snapshot: snapshot.arrays.pop("stored.0.covariance"),
+    "no filter": lambda snapshot: snapshot.facts.pop("filter"),
+    "no smoother": lambda snapshot: snapshot.facts.update(smoother=7),
+}
+
+
+def test_snapshot_that_is_not_forged_is_taken(stored):
+    engine = gaussian()
+    engine.restore(copied(stored))
+    assert len(engine.step(SCANS[6]).filtered[0]) > 0
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_forged_snapshot_is_an_error_and_leaves_a_new_engine(stored, name):
+    snapshot = copied(stored)
+    FORGERIES[name](snapshot)
+    engine = gaussian()
+    with pytest.raises(ValueError, match="snapshot: "):
+        engine.restore(snapshot)
+    assert engine.snapshot().facts == gaussian().snapshot().facts
+    assert engine.snapshot().arrays == {}
+
+
+@pytest.mark.parametrize("matrix", [INDEFINITE, ASYMMETRIC])
+def test_forged_filtered_covariance_is_an_error(stored, matrix):
+    snapshot, engine = copied(stored), gaussian()
+    put_matrix(f"filtered.{stored.stamp_ns}.covariance", matrix)(snapshot)
+    with pytest.raises(ValueError, match="snapshot: "):
+        engine.restore(snapshot)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"amplitude": "memory"},
+        {"class_1.survival_probability": 0.9},
+        {"max_hypotheses": 100, "hypotheses_per_target": 1},
+    ],
+    ids=["cells", "motions", "bound"],
+)
+def test_snapshot_of_another_structure_is_an_error(stored, other):
+    snapshot = copied(stored)
+    if "max_hypotheses" in other:
+        snapshot.arrays["stored.1.origin"] = np.zeros(101, dtype=np.int64)
+    with pytest.raises(ValueError, match="snapshot: "):
+        gaussian(other).restore(snapshot)
+
+
+def test_forged_snapshot_that_is_taken_gives_only_finite_estimates(stored):
+    # Values that the engine could have stored, in places where it did not.
+    rng = np.random.default_rng(0)
+    taken = 0
+    for _ in range(25):
+        snapshot = copied(stored)
+        name = rng.choice([n for n, a in snapshot.arrays.items() if a.size and n[0] == "s"])
+        array = np.array(snapshot.arrays[name])
+        low = rng.integers(array.size)
+        part = array.flat[low : low + 7]
+        array.flat[low : low + len(part)] = rng.choice(array.ravel(), len(part))
+        snapshot.arrays[name] = array
+        engine = gaussian()
+        try:
+            engine.restore(snapshot)
+        except ValueError:
+            continue
+        taken += 1
+        for scan in SCANS[6:8]:
+            step = engine.step(scan)
+            for found in (*step.filtered, *step.smoothed):
+                sound(found)
+    assert taken > 5
+
+
+@pytest.mark.parametrize("matrix", [INDEFINITE, ASYMMETRIC, -1e6 * np.eye(5)])
+def test_forged_base_of_a_backward_step_gives_only_sound_estimates(stored, matrix):
+    snapshot, engine = copied(stored), gaussian()
+    put_matrix(f"{LINK}.base", matrix)(snapshot)
+    engine.restore(snapshot)
+    step = engine.step(SCANS[6])
+    for found in (*step.filtered, *step.smoothed, *engine.flush()):
+        sound(found)
+
+
+@pytest.mark.parametrize("matrix", [INDEFINITE, np.zeros((5, 5)), -np.eye(5)])
+def test_forged_precision_of_a_pair_of_modes_gives_only_sound_estimates(stored, matrix):
+    snapshot, engine = copied(stored), gaussian()
+    precision = np.array(snapshot.arrays[f"{LINK}.precision"])
+    precision[..., : len(matrix), : len(matrix)] = matrix
+    snapshot.arrays[f"{LINK}.precision"] = precision
+    try:
+        engine.restore(snapshot)
+    except ValueError:
+        return
+    step = engine.step(SCANS[6])
+    for found in (*step.filtered, *step.smoothed, *engine.flush()):
+        sound(found)
+
+
+def sound(found):
+    """Check that estimates are finite and their covariances no less than nothing."""
+    assert np.isfinite(found.state).all()
+    assert np.isfinite(found.covariance).all()
+    assert np.isfinite(found.weight).all()
+    assert np.isfinite(found.class_probability).all()
+    variance = np.diagonal(found.covariance, axis1=1, axis2=2)
+    assert (variance >= 0.0).all()
+    scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
+    correlation = found.covariance / scale[:, :, None] / scale[:, None, :]
+    assert np.linalg.eigvalsh(correlation).min(initial=0.0) > -1e-6
+
+
+def test_snapshot_is_not_changed_by_what_the_engine_does_later():
+    engine = gaussian()
+    for scan in SCANS[:4]:
+        engine.step(scan)
+    snapshot = engine.snapshot()
+    before = stored_and_read(snapshot)
+    for scan in SCANS[4:]:
+        engine.step(scan)
+    assert snapshot.facts == before.facts
+    for name, array in snapshot.arrays.items():
+        np.testing.assert_array_equal(array, before.arrays[name])

@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.state_space import PLANAR
+
+RNG = np.random.default_rng(0)
+
+
+def mixture(origin, modes=2, cells=3):
+    count = len(origin)
+    factor = RNG.normal(0.0, 1.0, (count, modes, 5, 5))
+    return Mixture(
+        np.array(origin),
+        RNG.uniform(0.0, 0.05, (count, modes, cells)),
+        RNG.normal(0.0, 100.0, (count, modes, 5)),
+        factor @ factor.swapaxes(-1, -2),
+    )
+
+
+def test_weights_of_hypotheses_sum_to_the_existence_of_their_target():
+    found = mixture([7, 7, 9, 12, 12, 12])
+    assert found.label.tolist() == [7, 9, 12]
+    expected = [found.weight[rows].sum() for rows in ([0, 1], [2], [3, 4, 5])]
+    np.testing.assert_allclose(found.existence, expected)
+    np.testing.assert_allclose(found.mode_weight.sum(axis=1), found.mass)
+
+
+def test_class_mass_sums_the_cells_of_each_class():
+    found = mixture([7, 7, 9], cells=4)
+    expected = [found.weight[..., :2].sum(), found.weight[..., 2:].sum()]
+    np.testing.assert_allclose(found.class_mass(np.array([0, 0, 1, 1]), 2), expected)
+    some = found.class_mass(np.array([0, 0, 1, 1]), 2, np.array([2]))
+    np.testing.assert_allclose(some, [found.weight[2, :, :2].sum(), found.weight[2, :, 2:].sum()])
+
+
+def test_overall_and_extents_are_the_moments_of_each_target():
+    found = mixture([3, 3, 8])
+    mean, covariance = found.overall
+    extents = found.extents(PLANAR)
+    for target, rows in enumerate(([0, 1], [2])):
+        share = found.mode_weight[rows].ravel() / found.mode_weight[rows].sum()
+        states = found.mean[rows].reshape(-1, 5)
+        centre = share @ states
+        apart = states - centre
+        spread = np.tensordot(share, found.covariance[rows].reshape(-1, 5, 5), axes=1)
+        spread = spread + (share[:, None] * apart).T @ apart
+        np.testing.assert_allclose(mean[target], centre)
+        np.testing.assert_allclose(covariance[target], spread)
+        np.testing.assert_allclose(extents.position[target], centre[[0, 2]])
+        np.testing.assert_allclose(
+            extents.position_std[target], np.sqrt(spread[0, 0] + spread[2, 2])
+        )
+    assert extents.row_origin.tolist() == [0, 0, 1]
+
+
+def test_joined_and_taken_rows_are_the_same_hypotheses():
+    one, other = mixture([1, 2]), mixture([5])
+    whole = Mixture.joined([one, other, Mixture.empty(2, 3, 5)])
+    assert whole.origin.tolist() == [1, 2, 5]
+    np.testing.assert_array_equal(whole.take(np.array([2])).mean, other.mean)
+
+
+def test_mixture_is_read_only():
+    with pytest.raises(ValueError, match="read-only"):
+        mixture([1]).weight[0] = 1.0
+
+
+def test_empty_mixture_has_no_targets():
+    found = Mixture.empty(2, 3, 5)
+    assert len(found) == len(found.label) == len(found.existence) == 0
+    assert found.class_mass(np.array([0, 0, 0]), 1).tolist() == [0.0]
+    assert len(found.extents(PLANAR).origin) == 0

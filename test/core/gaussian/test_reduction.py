@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched, probable, reduced
+
+pytestmark = pytest.mark.usefixtures("backend")
+
+BOUNDS = Bounds(hypotheses=5, least_share=1e-3, merge_distance=0.5, least_existence=1e-4, most=1000)
+
+
+def bounds(**changed):
+    return Bounds(**{**BOUNDS.__dict__, **changed})
+
+
+def branched(rng, sizes, spread=30.0):
+    """Return targets of some hypotheses, by target, the most probable first."""
+    origin = np.arange(len(sizes)).repeat(sizes) * 10
+    count, modes, cells = len(origin), 2, 2
+    weight = rng.exponential(1.0, (count, modes, cells))
+    total = np.bincount(origin // 10, weight.sum(axis=(1, 2)))
+    weight *= (rng.uniform(0.2, 1.0, len(sizes)) / total)[origin // 10][:, None, None]
+    order = np.lexsort((-weight.sum(axis=(1, 2)), origin))
+    factor = rng.normal(0.0, 10.0, (count, modes, 5, 5))
+    return Branched(
+        Mixture(
+            origin,
+            weight[order],
+            rng.normal(0.0, spread, (count, modes, 5)),
+            factor @ factor.swapaxes(-1, -2) + 100.0 * np.eye(5),
+        ),
+        np.arange(count),
+    )
+
+
+def moments_of(mixture, mode):
+    """Return weight, mean and covariance of one mode of each target."""
+    found = []
+    for target in range(len(mixture.label)):
+        rows = np.flatnonzero(mixture.target == target)
+        weight = mixture.mode_weight[rows, mode]
+        share = weight / weight.sum()
+        centre = share @ mixture.mean[rows, mode]
+        apart = mixture.mean[rows, mode] - centre
+        spread = np.tensordot(share, mixture.covariance[rows, mode], axes=1)
+        found.append((weight.sum(), centre, spread + (share[:, None] * apart).T @ apart))
+    return found
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("distance", [0.0, 0.5, 3.0, 100.0])
+def test_merging_conserves_weight_mean_and_covariance_of_each_mode(seed, distance):
+    rng = np.random.default_rng(seed)
+    before = branched(rng, [1, 4, 7, 2])
+    after, ancestry, floored = reduced(before, bounds(merge_distance=distance))
+    assert floored == 0
+    np.testing.assert_allclose(after.existence, before.mixture.existence)
+    for mode in range(2):
+        for ours, theirs in zip(
+            moments_of(before.mixture, mode), moments_of(after, mode), strict=True
+        ):
+            for part, other in zip(ours, theirs, strict=True):
+                np.testing.assert_allclose(part, other, rtol=1e-8, atol=1e-7)
+    # Cells' weights are summed too.
+    np.testing.assert_allclose(after.weight.sum(axis=0), before.mixture.weight.sum(axis=0))
+    if distance == 0.0:
+        assert len(after) == len(before.mixture)
+    if distance == 100.0:
+        assert len(after) < len(before.mixture)
+    told = np.zeros_like(after.weight)
+    np.add.at(told, ancestry.child, ancestry.share)
+    np.testing.assert_allclose(told, 1.0)
+    np.testing.assert_allclose(
+        after.weight[ancestry.child] * ancestry.share,
+        before.mixture.weight[ancestry.parent],
+    )
+
+
+def test_hypotheses_within_the_distance_are_merged_and_no_others():
+    rng = np.random.default_rng(0)
+    part = branched(rng, [3]).mixture
+    mean = np.zeros((3, 2, 5))
+    mean[1, :, 0], mean[2, :, 0] = 0.6, 0.9
+    whole = Mixture(part.origin, part.weight, mean, np.broadcast_to(np.eye(5), (3, 2, 5, 5)))
+    after, ancestry, _ = reduced(Branched(whole, np.arange(3)), bounds(merge_distance=0.5))
+    # Square distances from the first: 0.36 and 0.81.
+    assert len(after) == 2
+    children = dict(zip(ancestry.parent.tolist(), ancestry.child.tolist(), strict=True))
+    assert children[0] == children[1] != children[2]
+
+
+def test_targets_are_never_merged_with_each_other():
+    rng = np.random.default_rng(0)
+    part = branched(rng, [1, 1]).mixture
+    same = Mixture(part.origin, part.weight, part.mean[[0, 0]], part.covariance[[0, 0]])
+    after, _, _ = reduced(Branched(same, np.arange(2)), bounds(merge_distance=100.0))
+    assert after.origin.tolist() == [0, 10]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_existence_is_unchanged_by_pruning_and_bounds_hold(seed):
+    rng = np.random.default_rng(seed)
+    target = rng.integers(0, 6, 80)
+    target[:6] = np.arange(6)
+    mass = rng.exponential(1.0, 80) ** 6
+    mass /= np.bincount(target, mass)[target]
+    mass *= rng.uniform(0.1, 1.0, 6)[target]
+    kept, factor = probable(target, mass, BOUNDS)
+    existence = np.bincount(target, mass)
+    np.testing.assert_allclose(np.bincount(target[kept], mass[kept] * factor), existence)
+    assert np.bincount(target[kept]).max() <= BOUNDS.hypotheses
+    assert (mass[kept] >= BOUNDS.least_share * existence[target[kept]]).all()
+    for one in range(6):
+        own = kept[target[kept] == one]
+        assert (np.diff(mass[own]) <= 0.0).all()
+        dropped = np.setdiff1d(np.flatnonzero(target == one), own)
+        assert mass[dropped].max(initial=0.0) <= mass[own].min()
+
+
+def test_targets_that_hardly_exist_are_dropped():
+    part = branched(np.random.default_rng(0), [2, 2]).mixture
+    weight = part.weight * np.array([1e-6, 1e-6, 1.0, 1.0])[:, None, None]
+    faint = Mixture(part.origin, weight, part.mean, part.covariance)
+    after, _, _ = reduced(Branched(faint, np.arange(4)), BOUNDS)
+    assert after.label.tolist() == [10]
+
+
+def test_least_probable_targets_are_dropped_beyond_the_most_hypotheses():
+    before = branched(np.random.default_rng(1), [5] * 30, spread=1e4)
+    after, _, _ = reduced(before, bounds(most=40))
+    assert 30 <= len(after) <= 40
+    existence = before.mixture.existence
+    dropped = np.setdiff1d(before.mixture.label, after.label) // 10
+    assert existence[dropped].max() <= after.existence.min()
+
+
+def test_nothing_is_reduced_to_nothing():
+    none = Mixture.empty(2, 2, 5)
+    after, ancestry, floored = reduced(Branched(none, np.zeros(0, dtype=int)), BOUNDS)
+    assert (len(after), len(ancestry.child), floored) == (0, 0, 0)

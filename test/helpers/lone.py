@@ -1,0 +1,106 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A target alone in the field of one radar, and Gaussian engines that know where it starts."""
+
+import numpy as np
+
+from phd_jdtc_ros.core.configuration import build
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.types import Detections, Scan
+
+START_NS = 10**12
+INTERVAL_S = 6.0
+GIVEN = {
+    "engine": "gaussian",
+    "radars": ["radar"],
+    "classes": ["target"],
+    "motions": ["cv"],
+    "births": [],
+    "interval_s": INTERVAL_S,
+    "max_gap_scans": 1e5,
+    "amplitude": "none",
+    "spawn.rate": 0.0,
+    "spawn.class_transition": [],
+    "spawn.mode_transition": [],
+    "target.motions": ["cv"],
+    "target.mode_transition": [1.0],
+    "target.survival_probability": 1.0,
+    "cv.noise_density": 1.0,
+    "radar.position": [500.0, -300.0],
+    "radar.yaw_deg": 20.0,
+    "radar.clutter_rate": 0.0,
+    "radar.detection_probability": 0.999,
+    "radar.max_range": 5e4,
+}
+TWO_MOTIONS = {
+    "motions": ["cv", "ct"],
+    "target.motions": ["cv", "ct"],
+    "target.mode_transition": [0.9, 0.1, 0.25, 0.75],
+    "ct.model": "coordinated_turn",
+    "ct.noise_density": 2.0,
+    "ct.turn_noise_density": 1e-5,
+}
+# Nothing is dropped or merged.
+UNREDUCED = {"hypotheses_per_target": 1000, "least_hypothesis": 0.0, "merge_distance": 0.0}
+MEAN = np.array([6e3, 40.0, 8e3, -25.0, 0.0])
+STD = np.array([300.0, 30.0, 250.0, 35.0, 5e-3])
+
+
+def lone(given=None):
+    """Return a configuration of one radar and no births, changed by `given`."""
+    table = {**GIVEN, **(given or {})}
+    gone = {"target", "cv"} - {*table["classes"], *table["motions"]}
+    kept = {name: value for name, value in table.items() if name.split(".")[0] not in gone}
+    return build.resolve(kept)
+
+
+def mixture_of(dynamics, targets):
+    """Return targets of one hypothesis each, given as (existence, mean, std)."""
+    supported = dynamics.supported
+    share = np.tensordot(
+        np.full(len(dynamics.model.modes), 1.0 / len(dynamics.model.modes)), dynamics.spread, axes=1
+    )
+    weight = [existence * share for existence, _, _ in targets]
+    mean = [np.asarray(mean) * supported for _, mean, _ in targets]
+    covariance = [
+        np.diag(np.square(std)) * supported[:, :, None] * supported[:, None, :]
+        for _, _, std in targets
+    ]
+    return Mixture(np.arange(len(targets)), weight, mean, covariance)
+
+
+def started(config, *targets):
+    """Return an engine that knows these targets, (existence, mean, std), at the start."""
+    engine = new_engine(config)
+    stored = mixture_of(engine.forward.dynamics, targets or [(1.0, MEAN, STD)])
+    engine.forward.start_from(START_NS, stored)
+    return engine
+
+
+def scan_at(seconds, measurement, amplitude=None, **more):
+    """Return the scan of one radar so long after the start."""
+    measurement = np.reshape(measurement, (-1, 2)).astype(float)
+    return Scan(START_NS + round(seconds * 1e9), (Detections(measurement, amplitude, **more),))
+
+
+def path(seconds, turn_rate=0.0):
+    """Return where the target is at some times, shape (K, 5)."""
+    heading = np.arctan2(MEAN[3], MEAN[1]) + turn_rate * np.asarray(seconds)
+    speed = np.hypot(MEAN[1], MEAN[3])
+    fine = np.linspace(0.0, max(seconds), 4000)
+    course = np.arctan2(MEAN[3], MEAN[1]) + turn_rate * fine
+    step = np.gradient(fine)
+    east = np.interp(seconds, fine, np.cumsum(speed * np.cos(course) * step))
+    north = np.interp(seconds, fine, np.cumsum(speed * np.sin(course) * step))
+    return np.stack(
+        [
+            MEAN[0] + east,
+            speed * np.cos(heading),
+            MEAN[2] + north,
+            speed * np.sin(heading),
+            np.full(len(east), turn_rate),
+        ],
+        axis=1,
+    )
