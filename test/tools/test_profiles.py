@@ -25,7 +25,7 @@ CONFIG = Path(__file__).parents[2] / "config"
         ("paper_literal", {}),
         ("surveillance", {}),
         ("paper_scenario", {"engine": "gaussian"}),
-        ("surveillance", {"engine": "gaussian"}),
+        ("surveillance", {"engine": "particles"}),
     ],
 )
 def test_profile_runs_a_few_scans(profile, given):

@@ -106,7 +106,7 @@ TOP = (
     ),
     Parameter(
         "merge_distance",
-        0.5,
+        4.0,
         "Square Mahalanobis distance within which a target's hypotheses are merged, with engine "
         "gaussian.",
         0.0,
