@@ -52,6 +52,21 @@ def test_maintainers_and_licence_are_equal():
     assert ast.literal_eval(arguments["license"]) == manifest.findtext("license") == "Apache-2.0"
 
 
+def test_descriptions_are_equal():
+    manifest = ElementTree.parse(ROOT / "package.xml").getroot()
+    described = " ".join(manifest.findtext("description").split())
+    assert described == ast.literal_eval(setup_arguments()["description"])
+
+
+@pytest.mark.parametrize(
+    "name", ["README.md", "docs/index.md", "docs/method.md", "package.xml", "CITATION.cff"]
+)
+def test_filter_is_called_labelled_multi_bernoulli_with_soft_association(name):
+    text = " ".join((ROOT / name).read_text().split())
+    assert "labelled multi-Bernoulli filter" in text
+    assert "soft association" in text
+
+
 def test_every_message_package_is_declared():
     manifest = ElementTree.parse(ROOT / "package.xml").getroot()
     declared = {element.text for element in manifest if "depend" in element.tag}

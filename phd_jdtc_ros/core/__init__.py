@@ -38,7 +38,11 @@ Packages import in one direction only::
     smc, gaussian -> backward -> window
     evaluation, simulation -> models          everything -> types, state_space, arrays, quoting
 
-The method is that of Y. Qin, "Joint Target Detection, Tracking and Classification with
+By default both engines are labelled multi-Bernoulli filters with soft association, as JPDA's: every
+origin is at most one target, and no hard assignment is made. Particles, the default, can also be
+the PHD filter of the paper, with ``corrector: poisson``.
+
+The method is based on Y. Qin, "Joint Target Detection, Tracking and Classification with
 Forward-Backward PHD Smoothing". Sections cited in the docstrings are the paper's. Where the code
 departs from the paper, the docstring says so under "Deviation".
 """

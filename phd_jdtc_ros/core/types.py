@@ -141,9 +141,10 @@ class Estimates:
     state : array of shape (T, D)
         In the world frame; metres, metres per second, radians per second.
     covariance : array of shape (T, D, D)
-        Of the target's particles about the state, in the same units.
+        Of the target's density about the state, in the same units.
     weight : array of shape (T,)
-        Mass of the component: the probability that the target exists, up to the PHD's bias.
+        Mass of the component: the probability that the target exists; biased if the filter is the
+        PHD filter.
     class_probability : array of shape (T, C)
     class_id : int array of shape (T,)
     track_id : int array of shape (T,)

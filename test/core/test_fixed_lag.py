@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.backward import smoothed_sets
 from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.fixed_lag import FixedLagEngine
 from phd_jdtc_ros.core.forward import Filtered, ForwardFilter
-from phd_jdtc_ros.core.reporting import Schedule
+from phd_jdtc_ros.core.reporting import Schedule, chosen
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.touch import parted
 from phd_jdtc_ros.core.types import Coverage, Detections, Estimates, Scan
@@ -74,7 +74,7 @@ class MarkEngine(FixedLagEngine):
         count, modes = len(stored), self.forward.model.modes
         state = np.zeros((count, len(modes.space)))
         state[:, list(modes.space.position)] = PLACES[stored.origin]
-        return Estimates(
+        estimates = Estimates(
             stamp_ns=stamp_ns,
             lag=lag,
             state=state,
@@ -85,6 +85,7 @@ class MarkEngine(FixedLagEngine):
             track_id=stored.origin + 1,
             space=modes.space,
         )
+        return chosen(estimates, np.flatnonzero(estimates.weight > threshold))
 
     def _backward(self, window):
         return smoothed_sets(window, lambda later, link: later.mark[link], self._heard)
@@ -115,8 +116,8 @@ class MarkEngine(FixedLagEngine):
         return Entry(stamp_ns, stored, sources, held.arrays.get(f"{name}.link"))
 
 
-def engine(lag=4):
-    return MarkEngine(MarkFilter(MODEL), Lag(lag), Schedule(0), 0.5)
+def engine(lag=4, existence_threshold=0.5):
+    return MarkEngine(MarkFilter(MODEL), Lag(lag), Schedule(0), existence_threshold)
 
 
 def sector(index):
@@ -125,8 +126,13 @@ def sector(index):
     return Scan((index + 1) * SECOND, (Detections(np.zeros((0, 2)), None, coverage=coverage),))
 
 
-def run(of, first, last):
-    steps = [of.step(sector(index)) for index in range(first, last)]
+def whole(index):
+    """Return the scan of a whole turn."""
+    return Scan((index + 1) * SECOND, (Detections(np.zeros((0, 2)), None),))
+
+
+def run(of, first, last, scan=sector):
+    steps = [of.step(scan(index)) for index in range(first, last)]
     return [e for step in steps for e in step.filtered], [e for s in steps for e in s.smoothed]
 
 
@@ -152,6 +158,30 @@ def test_smoothed_estimates_have_heard_of_the_scans_within_the_lag():
     for index, estimates in enumerate(smoothed):
         assert len(estimates) == 4
         assert estimates.weight.max() <= index + 5.0
+
+
+def test_filtered_estimates_are_of_targets_above_the_threshold():
+    filtered, _ = run(engine(existence_threshold=7.5), 0, 9)
+    # Of 6, 7, 8 and 9, when their scans touched them.
+    assert [len(estimates) for estimates in filtered] == [0, 0, 0, 0, 0, 0, 0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("scan", "threshold", "found"), [(sector, 4.5, [1, 2, 3, 4]), (whole, 5.5, [0, 4, 4, 4])]
+)
+def test_smoothed_estimates_are_of_targets_above_the_threshold(scan, threshold, found):
+    # The first ones are of 2, 3, 4 and 5 by sectors, and all of 5 by turns; then of one more.
+    _, smoothed = run(engine(existence_threshold=threshold), 0, 8, scan)
+    assert [len(estimates) for estimates in smoothed] == found
+
+
+def test_changed_threshold_is_that_of_the_next_estimates():
+    of = engine()
+    assert {len(estimates) for estimates in run(of, 0, 9)[0]} == {4}
+    of.retune(MODEL, 10.5)
+    filtered, smoothed = run(of, 9, 11)
+    assert len(filtered[-1]) == 4 - 1  # the scan before the last one touched a target of 10
+    assert [len(estimates) for estimates in smoothed] == [0, 1]
 
 
 def test_window_forgets_what_no_stamp_needs():

@@ -15,20 +15,26 @@ from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.evaluation.metrics import assign
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.core.simulation.scenario import truth_at
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.tools.params_file import scenario_parameters
 
 ROOT = Path(__file__).parents[2]
-# Too long for a bag that is shipped; `madap` simulates it.
-WITHOUT_BAG = ("madap",)
-ALL_FILES = sorted(
-    path for path in (ROOT / "config" / "scenarios").glob("*.yaml") if path.stem not in WITHOUT_BAG
-)
+# Of the studies alone: they simulate these, and no bag of them is shipped.
+OF_STUDIES = {"madap", "parallel_250_m", "weak_12_db", "weak_15_db"}
+DEFINED = sorted((ROOT / "config" / "scenarios").glob("*.yaml"))
+ALL_FILES = [path for path in DEFINED if path.stem not in OF_STUDIES]
 # Radars that turn have no common scan.
 TURNING = [path for path in ALL_FILES if "terminal" in path.stem]
 FILES = [path for path in ALL_FILES if path not in TURNING]
+# MADAP has flights of an hour, and tests of its own.
+WITH_SCANS = [path for path in DEFINED if path not in TURNING and path.stem != "madap"]
+# Targets are scored in so many scans, after so many.
+SCORED, SETTLED = 13, 12
+# Missed targets that are allowed in these scans, other than two. Weak ones are often not detected.
+MISSED = {"weak_12_db": 6}
 LARGEST_BAG, LARGEST_TURNING_BAG = 500_000, 1_500_000
 
 
@@ -42,9 +48,11 @@ def resolved(path, **changes):
 each_of_all = pytest.mark.parametrize("path", ALL_FILES, ids=lambda path: path.stem)
 each_turning = pytest.mark.parametrize("path", TURNING, ids=lambda path: path.stem)
 each = pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+each_with_scans = pytest.mark.parametrize("path", WITH_SCANS, ids=lambda path: path.stem)
 
 
 def test_the_shipped_scenarios_are_these():
+    assert {path.stem for path in DEFINED} - {path.stem for path in ALL_FILES} == OF_STUDIES
     assert [path.stem for path in ALL_FILES] == [
         "clutter_50",
         "manoeuvring",
@@ -58,16 +66,22 @@ def test_the_shipped_scenarios_are_these():
 
 
 @each
-def test_a_scenario_file_resolves_with_its_parameters(path):
+def test_a_shipped_scenario_has_targets_of_every_class(path):
     config, found = resolved(path)
     classes = config.model.modes.classes
     assert {target.class_id for target in found.targets} == set(range(len(classes)))
+
+
+@each_with_scans
+def test_a_scenario_file_resolves_with_targets_within_the_bands_of_their_classes(path):
+    config, found = resolved(path)
+    classes = config.model.modes.classes
     for target in found.targets:
         low, high = classes[target.class_id].snr_band
         assert low < target.snr < high
 
 
-@each
+@each_with_scans
 def test_a_scenario_keeps_its_targets_in_sight_of_every_radar(path):
     _, found = resolved(path)
     for scan in range(found.scans):
@@ -144,15 +158,22 @@ def test_the_bag_of_a_turning_radar_holds_the_times_of_its_plots(path):
         assert all(report.detections.amplitude is None for report in reports)
 
 
-@each
+@each_with_scans
 def test_a_scenario_is_tracked_with_its_parameters(path):
     config, found = resolved(path, particles_per_target=300, particles_per_birth=512)
     engine = new_engine(config)
-    numbers = []
-    for truth, scan in simulate(found, 1)[:25]:
-        numbers.append(len(engine.step(scan).filtered[0]) - len(truth.state))
-    # Births take a few scans; after them few targets are missed and few invented.
-    assert abs(np.mean(numbers[12:])) < 0.7
+    missed, false = 0, 0
+    for index, (truth, scan) in enumerate(simulate(found, 1)):
+        estimates = engine.step(scan).filtered[0]
+        # Births take a few scans.
+        if SETTLED <= index < SETTLED + SCORED:
+            paired, _ = assign(truth.state[:, [0, 2]], estimates.state[:, [0, 2]], 1000.0, 2.0)
+            missed += len(truth.state) - len(paired)
+            false += len(estimates) - len(paired)
+        elif index >= SETTLED:
+            break
+    assert missed <= MISSED.get(path.stem, 2)
+    assert false <= 2
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,8 @@
 
 """The engine of Gaussians: a mixture of hypotheses for each target, and its fixed-lag smoother.
 
+A labelled multi-Bernoulli filter with soft association, as the particle engine by default.
+
 The path of one scan, with the module of each step::
 
     stored mixture t                         mixture

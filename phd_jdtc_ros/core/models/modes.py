@@ -4,9 +4,9 @@
 """The general mode: one flat index over all pairs of class and motion mode.
 
 The paper treats class and motion mode as one jump-Markov variable o = (c, r). With a flat index,
-all filters of the family share the same code. A plain PHD filter has one mode, a multi-model PHD
-filter has several modes of one class, and a filter that only classifies has several classes with
-one motion each.
+all filters of the family share the same code, whatever their engine and corrector. A plain filter
+has one mode, a multi-model filter has several modes of one class, and a filter that only classifies
+has several classes with one motion each.
 
 The class of a living target never changes, so the transition over o is block-diagonal in c.
 All matrices are [from, to]; rows sum to one.

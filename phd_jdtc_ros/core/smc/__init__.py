@@ -3,6 +3,10 @@
 
 """The particle engine: a sequential Monte Carlo filter with a fixed-lag backward smoother.
 
+By default the filtered density is labelled multi-Bernoulli, with the origins as labels. With the
+corrector `POISSON` the filter is the PHD filter of the paper. Either way the particles represent
+the intensity of the targets.
+
 The path of one scan, with the module of each step::
 
     stored set t                             particle_set
@@ -20,5 +24,5 @@ The path of one scan, with the module of each step::
 
 `filter` and `engine` hold what is of particles; the window and all else are of `core.forward` and
 `core.fixed_lag`. `snapshot` stores particle sets and kernels as arrays, and restores them. The
-algorithm is that of Sec. IV-C; each module names the step that it implements and its deviations.
+steps are those of Sec. IV-C; each module names the step that it implements and its deviations.
 """

@@ -3,10 +3,11 @@
 
 """The two correctors: rules by which one radar's detections change the intensity.
 
-`POISSON` is the corrector of the PHD filter (Sec. IV-C, Step 2). Targets are a Poisson process: the
-mass at one place may claim any number of detections, and a missed detection scales it down by
-1 - p_D. `BERNOULLI` takes the particles of one origin as at most one target, which claims at most
-one detection. After a missed detection its existence probability is that of Bayes' rule.
+`BERNOULLI`, the default, is that of a labelled multi-Bernoulli filter. The particles of one origin
+are at most one target, which claims at most one detection. After a missed detection its existence
+probability is that of Bayes' rule. `POISSON` is the corrector of the PHD filter (Sec. IV-C,
+Step 2). Targets are a Poisson process: the mass at one place may claim any number of detections,
+and a missed detection scales it down by 1 - p_D.
 """
 
 from __future__ import annotations

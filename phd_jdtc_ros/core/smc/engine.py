@@ -29,6 +29,8 @@ EXTRACTION_STREAM = 1
 class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
     """Sequential Monte Carlo filter with a fixed-lag backward smoother over the general mode.
 
+    A labelled multi-Bernoulli filter or a PHD filter: the corrector of `forward` decides.
+
     Parameters
     ----------
     forward : ParticleFilter

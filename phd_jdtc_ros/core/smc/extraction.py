@@ -55,8 +55,8 @@ def components(
 
     Notes
     -----
-    Deviation from Sec. IV-C, Step 6, which rounds the total mass and clusters: the PHD's mass is
-    biased, and a component already tells which particles belong together.
+    Deviation from Sec. IV-C, Step 6, which rounds the total mass and clusters: the mass of the
+    PHD filter is biased, and a component already tells which particles belong together.
     """
     parts = particles.components
     target_class = modes.class_of[particles.mode]

@@ -23,8 +23,9 @@ class ParticleSet:
 
     After an update the posterior is a Poisson part and Bernoulli components, each of at most one
     target. The weight of a particle is split accordingly:
-    ``weight = poisson + components.sum(axis=1)``. A component is the mass that one detection
-    explains, or the mass of one origin; see `correction`.
+    ``weight = poisson + components.sum(axis=1)``. A component is the mass of one origin, and then
+    the Poisson part is zero; or with the corrector of the PHD filter the mass that one detection
+    explains. See `correction`.
 
     Parameters
     ----------

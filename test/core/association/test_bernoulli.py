@@ -84,6 +84,49 @@ def test_target_with_a_mass_above_one_is_taken_as_certain(excess):
         np.testing.assert_allclose(one, other, rtol=1e-9)
 
 
+def test_mass_above_one_is_scaled_down_for_that_target_alone():
+    # Far from each other, with a detection each: the first of mass 1.5, in two rows.
+    weight, target = np.array([0.75, 0.75, 0.4]), np.array([0, 0, 1])
+    likelihood, other = np.array([2.0, 4.0, 3.0]), np.array([0.5, 0.7])
+    p_d = np.full(3, 0.9)
+    claims = Claims(np.arange(3), target, 0.9 * weight * likelihood, other, p_d)
+    missed, detected, claimed = posterior(target, weight, claims)
+    # Hypotheses of a target: it does not exist, is missed, or is the source of the detection.
+    certain = np.array([0.5, 0.5, 0.4])
+    absent, unseen = np.array([0.0, 0.6]), certain * 0.1
+    source = certain * 0.9 * likelihood / other[target]
+    total = (absent + np.bincount(target, unseen + source))[target]
+    np.testing.assert_allclose(missed, unseen / total, rtol=1e-9)
+    np.testing.assert_allclose(detected, source / total, rtol=1e-9)
+    np.testing.assert_allclose(claimed, np.bincount(target, source / total), rtol=1e-9)
+
+
+@pytest.mark.parametrize("p_d", [0.9, 0.995, 0.9999, 1.0 - 2e-6])
+def test_certain_target_that_is_missed_exists_however_good_the_radar(p_d):
+    none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
+    claims = Claims(none, none, empty, empty, np.array([p_d, p_d]))
+    missed, _, _ = posterior(np.zeros(2, dtype=np.int64), np.array([0.7, 0.3]), claims)
+    np.testing.assert_allclose(missed, [0.7, 0.3], rtol=1e-9)
+
+
+@pytest.mark.parametrize("p_d", [0.995, 0.9999, 1.0 - 2e-6])
+def test_detection_of_a_certain_target_is_weighed_against_clutter_as_by_bayes_rule(p_d):
+    one = np.zeros(1, dtype=np.int64)
+    claims = Claims(one, one, np.array([p_d * 0.01]), np.array([2.0]), np.array([p_d]))
+    missed, detected, _ = posterior(one, np.ones(1), claims)
+    source, unseen = p_d * 0.01 / 2.0, 1.0 - p_d
+    np.testing.assert_allclose(detected, [source / (source + unseen)], rtol=1e-9)
+    np.testing.assert_allclose(missed, [unseen / (source + unseen)], rtol=1e-9)
+
+
+def test_radar_that_detects_every_target_gives_finite_weights():
+    one = np.zeros(1, dtype=np.int64)
+    claims = Claims(one, one, np.array([0.01]), np.array([2.0]), np.ones(1))
+    missed, detected, _ = posterior(one, np.ones(1), claims)
+    np.testing.assert_array_equal(missed, [0.0])
+    np.testing.assert_allclose(detected, [1.0], rtol=1e-3)
+
+
 def test_no_rows_and_no_detections_are_valid():
     none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
     shares = bernoulli.bernoulli(none, 0, empty, Claims(none, none, empty, np.ones(2), empty))

@@ -253,7 +253,7 @@ def test_resolve_builds_three_classes_of_different_motions():
     np.testing.assert_allclose(model.spawn.transition, np.tile(expected, (6, 1)))
 
 
-def test_resolve_builds_a_plain_phd():
+def test_resolve_builds_a_plain_filter():
     model = plain().model
     assert len(model.modes) == 1
     np.testing.assert_array_equal(model.modes.transition(3.0), [[1.0]])

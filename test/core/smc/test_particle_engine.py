@@ -261,7 +261,7 @@ def one_target_scans(config, scans=6):
 
 @pytest.mark.parametrize("death_term", ["bernoulli", "paper"])
 @pytest.mark.parametrize("extraction", ["components", "clusters"])
-def test_engine_runs_a_plain_phd(death_term, extraction):
+def test_engine_runs_a_filter_of_one_mode(death_term, extraction):
     config = plain(
         {
             "death_term": death_term,
