@@ -22,6 +22,7 @@ import numpy as np
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
 from phd_jdtc_ros.core.types import Scan
 
@@ -52,7 +53,8 @@ def of_turns(turns: int, engine: str) -> dict[str, Any]:
         return {"value": None, "reason": "rclpy is missing"}
     from .radars import Radars
 
-    config = traffic.configuration(traffic.AT_EVERY_SECTOR)
+    config = traffic.configuration({**traffic.AT_EVERY_SECTOR, "engine": engine})
+    new_engine(config)  # compiles what no earlier run has stored, which takes longer than a start
     scene = traffic.scene(traffic.SETTLING + turns, config, seed=0)
     reports = simulate_reports(scene, config.inputs, seed=0)
     settling = traffic.SETTLING * traffic.SECTORS
