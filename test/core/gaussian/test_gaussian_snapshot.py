@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from held import equal, stored_and_read
 from scenes import short_scenario, small
 
 from phd_jdtc_ros.core.engines import new_engine
@@ -12,27 +13,11 @@ from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.snapshot import Snapshot
 
 SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
-NAMES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
 NAN, INF = float("nan"), float("inf")
 
 
 def gaussian(given=None):
     return new_engine(small({"engine": "gaussian", "lag": 2, **(given or {})}))
-
-
-def equal(a, b):
-    return (a.stamp_ns, a.lag) == (b.stamp_ns, b.lag) and all(
-        np.array_equal(getattr(a, name), getattr(b, name)) for name in NAMES
-    )
-
-
-def stored_and_read(snapshot):
-    """Return a snapshot after conversion to JSON and bytes and back."""
-    arrays = {
-        name: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
-        for name, array in snapshot.arrays.items()
-    }
-    return Snapshot(snapshot.stamp_ns, arrays, json.loads(json.dumps(snapshot.facts)))
 
 
 BIRTHS = {"births": [], "detection_births.rates": [0.1, 0.1]}
