@@ -47,7 +47,7 @@ TRACKER_ARGUMENTS = {
 # itself.
 FINISH_S = 10.0
 # Log text of each of the replay's subscribers once it is ready.
-READY = {"tracker": "tracking ", "evaluator": "waiting for "}
+READY = {"tracker": "tracking ", "evaluator": "connected to"}
 
 
 class Failure(Event):
@@ -161,8 +161,8 @@ def _nodes(context, share):
 def _once_heard(replay):
     """Return a handler that starts the replay when tracker and evaluator are ready.
 
-    The replay waits for its own subscribers, but cannot see whether the evaluator has found the
-    tracker. That has to happen while the replay starts.
+    The replay waits for its own subscribers, but cannot see whether the evaluator and the tracker
+    have found each other.
     """
     awaited = dict(READY)
 

@@ -71,11 +71,15 @@ class Processes:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for process in self._running.values():
+        self._stop(*self._running)
+
+    def _stop(self, *names: str) -> None:
+        stopped = [self._running[name] for name in names]
+        for process in stopped:
             if process.poll() is None:
                 # A job that a script starts in the background ignores SIGINT, and so would they.
                 process.terminate()
-        for process in self._running.values():
+        for process in stopped:
             try:
                 process.wait(STOP_S)
             except subprocess.TimeoutExpired:
@@ -103,7 +107,7 @@ class Processes:
         deadline = time.monotonic() + START_S
         while text not in (self._logs / f"{name}.log").read_text():
             if self._running[name].poll() is not None or time.monotonic() > deadline:
-                print(f"demo: {name} did not start\n{self._tail(name)}", file=sys.stderr)
+                print(f"demo: {name} did not get ready\n{self._tail(name)}", file=sys.stderr)
                 return False
             time.sleep(0.05)
         return True
@@ -117,6 +121,8 @@ class Processes:
                 print(f"demo: {ended[0]} ended early\n{self._tail(ended[0])}", file=sys.stderr)
                 return False
             if deadline and time.monotonic() > deadline:
+                # Its last words are what it waited for.
+                self._stop(name)
                 print(f"demo: {name} did not finish\n{self._tail(name)}", file=sys.stderr)
                 return False
             time.sleep(0.05)
@@ -157,15 +163,17 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
         "class_names": f"[{', '.join(kind.name for kind in config.model.modes.classes)}]",
     }
     patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
+    # The evaluator scores the truth and records it; what it records of the radars, the tracker has.
+    patient["subscribers"] = 2
     patient["answer_delay_s"] = config.answer_delay_s
     flushing = {"flush_service": f"{names.TRACKER}/flush", **patient}
     with Processes(logs) as nodes:
         bag_parameters.write(parameters, config.values)
         nodes.start("evaluator", [], reporting)
         nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], reliable)
-        # The replay waits for its own subscribers, but cannot see whether the evaluator has found
-        # the tracker. That has to happen while the replay starts.
-        if not (nodes.wait_for("evaluator", "waiting") and nodes.wait_for("tracker", "tracking")):
+        # The replay waits for its own subscribers, but cannot see whether the evaluator and the
+        # tracker have found each other.
+        if not (nodes.wait_for("tracker", "tracking") and nodes.wait_for("evaluator", "connected")):
             return False
         nodes.start("sensor_replay", [str(bag), "--rate", "0"], flushing, shown=True)
         return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)

@@ -341,6 +341,18 @@ def test_replay_warns_when_nobody_listens(processes):
     assert "nothing is connected to /radar_1/detections, /radar_2/detections; playing" in text
 
 
+def test_replay_waits_for_as_many_subscribers_as_it_is_told(processes, peer):
+    """The peer is the only one."""
+    Listener(peer)
+    status, text = processes.run(
+        *("sensor_replay", BAG, "--rate", "1000", *QUIET),
+        *("-p", "subscriber_timeout_s:=3.0", "-p", "subscribers:=2"),
+    )
+
+    assert status == 0
+    assert "fewer than 2 subscribers are connected to /radar_1/detections, /radar_2/det" in text
+
+
 def test_replay_without_an_evaluator_hardly_waits_for_one(processes, peer):
     """Far shorter than for the radars' subscribers, whose time is longer than the test has."""
     for topic in TOPICS[:2]:

@@ -12,6 +12,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
+from rclpy.subscription import Subscription
 
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 
@@ -39,7 +40,7 @@ def qos_of(topic: str) -> Iterator[None]:
 
 def subscribe(
     node: Node, message_type: type, topic: str, callback: Callable[..., None], depth: int
-) -> None:
+) -> Subscription:
     """Subscribe reliably, unless ``qos_overrides.TOPIC.subscription`` says otherwise.
 
     Raises
@@ -51,4 +52,6 @@ def subscribe(
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
     options = QoSOverridingOptions.with_default_policies()
     with qos_of(node.resolve_topic_name(topic)):
-        node.create_subscription(message_type, topic, callback, qos, qos_overriding_options=options)
+        return node.create_subscription(
+            message_type, topic, callback, qos, qos_overriding_options=options
+        )

@@ -20,6 +20,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from rich.console import Console
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
@@ -116,26 +117,31 @@ class Evaluator(Node):
         }
         self._recorder = self._make_recorder()
         self._engine: str | None = None
-        if self._report is not None or self._recorder is not None:
-            TrackerParameters(self, tracker, self._on_parameters)
-        self._subscribe()
+        self._answered = False
+        self._awaited = self._subscribe()
+        # After all subscriptions: DDS announces endpoints in the order in which they were made, so
+        # a tracker that answers these has found those.
+        TrackerParameters(self, tracker, self._on_parameters)
         # By the wall clock, because simulated time stops with the replay, before the last scores.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(CHECK_PERIOD_S, self._look, clock=steady)
         self.get_logger().info("waiting for estimates and truth")
 
-    def _subscribe(self) -> None:
-        tracker = self._values["tracker"]
+    def _subscribe(self) -> list[Subscription]:
+        """Subscribe to the truth and to the tracker, and return the subscriptions to the latter."""
+        truth_topic = self._values["truth_topic"]
+        overridable.subscribe(self, PointCloud2, truth_topic, self._on_truth, INPUT_DEPTH)
         inputs = [
-            (PointCloud2, self._values["truth_topic"], self._on_truth),
             *(
                 (PointCloud2, topic, partial(self._on_estimates, source))
                 for source, topic in self._coverage.estimates.items()
             ),
-            (DiagnosticArray, names.cardinality(tracker), self._on_figures),
+            (DiagnosticArray, names.cardinality(self._values["tracker"]), self._on_figures),
         ]
-        for message_type, topic, callback in inputs:
+        return [
             overridable.subscribe(self, message_type, topic, callback, INPUT_DEPTH)
+            for message_type, topic, callback in inputs
+        ]
 
     def _make_recorder(self) -> Recorder | None:
         if not self._values["record"]:
@@ -240,11 +246,12 @@ class Evaluator(Node):
             )
 
     def _on_parameters(self, values: Mapping[str, Any]) -> None:
-        """Take in the tracker's parameters."""
+        """Take in the tracker's parameters, which it sends once it has found this node."""
         engine = values.get("engine")
         self._engine = engine if isinstance(engine, str) else None
         if self._recorder is not None:
             self._recorder.write_parameters(values)
+        self._answered = True
 
     def _on_figures(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -271,6 +278,10 @@ class Evaluator(Node):
                     self._plots[quantity].publish(message)
 
     def _look(self) -> None:
+        if self._answered and self._awaited:
+            self._awaited = [sub for sub in self._awaited if not sub.get_publisher_count()]
+            if not self._awaited:
+                self.get_logger().info(f"connected to {self._values['tracker']}")
         if not self._warned_unmatched and (text := self._coverage.unmatched(self._evaluation)):
             self._warned_unmatched = True
             self.get_logger().warning(text)

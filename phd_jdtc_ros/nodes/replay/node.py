@@ -178,11 +178,14 @@ class SensorReplay(Node):
         return missing
 
     def _heard(self, topic: str) -> bool:
-        return bool(self._outputs[topic].get_subscription_count())
+        wanted = self._values["subscribers"] if topic in self._played.scan_topics else 1
+        return int(self._outputs[topic].get_subscription_count()) >= wanted
 
     def _play_without(self, topics: Sequence[str]) -> None:
+        wanted = self._values["subscribers"]
+        connected = "nothing is" if wanted == 1 else f"fewer than {wanted} subscribers are"
         self.get_logger().warning(
-            f"nothing is connected to {', '.join(topics)}; playing without waiting for it"
+            f"{connected} connected to {', '.join(topics)}; playing without waiting for it"
         )
 
     def _begin(self) -> None:

@@ -43,6 +43,14 @@ AT_THE_START = (
         element=str,
     ),
     Parameter(
+        "subscribers",
+        1,
+        "Number of subscribers of each topic of detections or of truth to wait for. As many as "
+        "there will be, no one misses the beginning.",
+        1,
+        100,
+    ),
+    Parameter(
         "subscriber_timeout_s",
         5.0,
         "Longest wait for subscribers of the detections, s.",
