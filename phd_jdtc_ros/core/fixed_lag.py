@@ -18,7 +18,7 @@ from .arrays import IntArray
 from .engine import Lag, Step
 from .forward import MOST_SCANS, Filtered, ForwardFilter
 from .models.tracker_model import TrackerModel
-from .reporting import Schedule, at_stamp, chosen, joined, predicted
+from .reporting import Schedule, at_stamp, chosen, joined, none, predicted
 from .snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, whole
 from .track_numbers import TrackNumbers
 from .types import Estimates, Scan
@@ -27,6 +27,24 @@ from .window import Entry, LinkT, RowsT
 # Messages have 32 bits for a track's number; half of them are left for what is still to come.
 MOST_TRACKS = 1 << 31
 NO_ROWS = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class Part(Generic[RowsT]):
+    """Targets of a set.
+
+    Parameters
+    ----------
+    stored : Rows
+    rows : int array or None
+        The rows of those targets; None for all.
+    stamp_ns : int
+        Of the set's scan.
+    """
+
+    stored: RowsT
+    rows: IntArray | None
+    stamp_ns: int
 
 
 @dataclass
@@ -65,6 +83,17 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         Those with an existence probability above the threshold; the `track_id` of a labelled target
         is its label plus one, and otherwise 0.
         """
+
+    def _extract_all(self, parts: Sequence[Part[RowsT]], lag: int) -> tuple[Estimates, IntArray]:
+        """Return the targets of several sets, and the time of each; those that exist or not."""
+        every = []
+        for part in parts:
+            found = self._extract(part.stored, part.stamp_ns, lag, 0.0)
+            if part.rows is not None:
+                alive = np.isin(found.track_id - 1, part.stored.origin[part.rows])
+                found = chosen(found, np.flatnonzero(alive))
+            every.append(found)
+        return joined(every, lag)
 
     @abstractmethod
     def _backward(self, window: Sequence[Entry[RowsT, LinkT]]) -> Iterable[RowsT]:
@@ -205,9 +234,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             if rows.rows is not None:
                 alive = np.isin(targets.track_id - 1, rows.origin)
                 targets = chosen(targets, np.flatnonzero(alive))
-            parts.append(predicted(targets, stamp_ns, self.forward.model.modes))
-        whole = parts[0] if len(parts) == 1 else joined(parts, stamp_ns, 0)
-        return self._tracks.numbered(whole)
+            parts.append(targets)
+        found, time_ns = joined(parts, 0)
+        return self._tracks.numbered(predicted(found, time_ns, stamp_ns, self.forward.model.modes))
 
     def _smooth_rest(self) -> tuple[Estimates, ...]:
         """Smooth all stamps that are held back with the scans that the window holds."""
@@ -229,12 +258,13 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         smoothed = dict(zip((entry.stamp_ns for entry in self._window), backward, strict=True))
         if alive.keys() == {stamp_ns}:
             found = self._extracted(smoothed[stamp_ns], stamp_ns, lag, threshold)
+        elif held := self._held(stamp_ns, alive):
+            parts = [Part(smoothed[part_ns], alive.get(part_ns), part_ns) for part_ns in held]
+            every, time_ns = self._extract_all(parts, lag)
+            found = at_stamp(every, time_ns, stamp_ns, threshold, modes)
+            self.forward.done("extraction")
         else:
-            parts = [
-                self._extracted_of(smoothed[part_ns], alive.get(part_ns), part_ns, lag)
-                for part_ns in self._held(stamp_ns, alive)
-            ]
-            found = at_stamp(parts, stamp_ns, lag, threshold, modes)
+            found = none(modes, stamp_ns, lag)
         del self._stamps[0]
         self._trim()
         return self._tracks.numbered(found)
@@ -268,16 +298,6 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
                 and any(source.stamp_ns in alive for source in entry.sources)
             )
         ]
-
-    def _extracted_of(
-        self, stored: RowsT, rows: IntArray | None, stamp_ns: int, lag: int
-    ) -> Estimates:
-        """Extract all targets of a set, or those of these rows."""
-        found = self._extracted(stored, stamp_ns, lag, 0.0)
-        if rows is None:
-            return found
-        alive = np.isin(found.track_id - 1, stored.origin[rows])
-        return chosen(found, np.flatnonzero(alive))
 
     def _trim(self) -> None:
         """Remove what neither the filter nor a stamp that is held back needs."""

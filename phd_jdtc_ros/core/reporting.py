@@ -9,7 +9,7 @@ there to the common stamp, and smoothed ones are interpolated between the times 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -45,16 +45,21 @@ class Schedule:
         return list(range(first, before_ns, self.period_ns))
 
 
-def joined(parts: Sequence[Estimates], stamp_ns: int, lag: int) -> Estimates:
-    """Return estimates of one stamp as one, by ascending track; there must be one part at least."""
+def joined(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
+    """Return estimates of several stamps as one, by ascending track, and the stamp of each.
+
+    There must be one part at least. The stamp of the whole is that of the last part.
+    """
+    if len(parts) == 1:
+        return parts[0], np.full(len(parts[0]), parts[0].stamp_ns)
     order = np.argsort(np.concatenate([part.track_id for part in parts]), kind="stable")
 
     def column(name: str) -> FloatArray:
         joint: FloatArray = np.concatenate([getattr(part, name) for part in parts])[order]
         return joint
 
-    return Estimates(
-        stamp_ns=stamp_ns,
+    whole = Estimates(
+        stamp_ns=parts[-1].stamp_ns,
         lag=lag,
         state=column("state"),
         covariance=column("covariance"),
@@ -64,6 +69,8 @@ def joined(parts: Sequence[Estimates], stamp_ns: int, lag: int) -> Estimates:
         track_id=column("track_id").astype(np.int64),
         space=parts[0].space,
     )
+    stamps = np.array([part.stamp_ns for part in parts], dtype=np.int64)
+    return whole, stamps.repeat([len(part) for part in parts])[order]
 
 
 def chosen(estimates: Estimates, rows: IntArray) -> Estimates:
@@ -79,18 +86,32 @@ def chosen(estimates: Estimates, rows: IntArray) -> Estimates:
     )
 
 
-def predicted(estimates: Estimates, stamp_ns: int, modes: ModeSpace) -> Estimates:
+def predicted(
+    estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeSpace
+) -> Estimates:
     """Return the estimates at a later stamp.
+
+    Parameters
+    ----------
+    estimates : Estimates
+        Of N targets.
+    time_ns : int array of shape (N,)
+        The time of each.
+    stamp_ns : int
+    modes : ModeSpace
 
     Notes
     -----
     The mean moves along its turn, and the covariance to first order of it. The process noise is the
     mean of those of the class's motions.
     """
-    dt = (stamp_ns - estimates.stamp_ns) * 1e-9
-    if dt == 0.0 or not len(estimates):
-        return replace(estimates, stamp_ns=stamp_ns)
-    state = estimates.state
+    moved = np.flatnonzero(time_ns != stamp_ns)
+    estimates = replace(estimates, stamp_ns=stamp_ns)
+    if not len(moved):
+        return estimates
+    every, which = np.unique((stamp_ns - time_ns[moved]) * 1e-9, return_inverse=True)
+    dt, kind = every[which.ravel()], estimates.class_id[moved]
+    state, covariance = estimates.state[moved], estimates.covariance[moved]
     size = state.shape[1]
     step = np.full(size, STEP)
     step[estimates.space.turn_rate] = TURN_STEP
@@ -99,32 +120,50 @@ def predicted(estimates: Estimates, stamp_ns: int, modes: ModeSpace) -> Estimate
         for shift, width in zip(np.diag(step), step, strict=True)
     ]
     jacobian = np.stack(columns, axis=2)
+    noise = np.stack([_noise(modes, size, length) for length in every.tolist()])
+    first_mode = np.searchsorted(modes.class_of, np.arange(len(modes.classes)))
+    survival = np.stack([modes.survival(length)[first_mode] for length in every.tolist()])
+    rows = which.ravel(), kind
+    covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise[rows]
+    return replace(
+        estimates,
+        state=_with(estimates.state, moved, NOISE_FREE.mean(state, dt)),
+        covariance=_with(estimates.covariance, moved, covariance),
+        weight=_with(estimates.weight, moved, estimates.weight[moved] * survival[rows]),
+    )
+
+
+def _noise(modes: ModeSpace, size: int, dt: float) -> FloatArray:
+    """Return the process noise of each class after `dt` seconds, shape (C, D, D)."""
     noise = np.zeros((len(modes.classes), size, size))
     for index, model in enumerate(modes.classes):
         for motion in model.motions:
             axes = np.ix_(motion.support, motion.support)
             noise[index][axes] += motion.noise_covariance(dt) / len(model.motions)
-    first_mode = np.searchsorted(modes.class_of, np.arange(len(modes.classes)))
-    return replace(
-        estimates,
-        stamp_ns=stamp_ns,
-        state=NOISE_FREE.mean(state, dt),
-        covariance=jacobian @ estimates.covariance @ jacobian.transpose(0, 2, 1)
-        + noise[estimates.class_id],
-        weight=estimates.weight * modes.survival(dt)[first_mode][estimates.class_id],
-    )
+    return noise
 
 
-def interpolated(before: Estimates, after: Estimates, stamp_ns: int) -> Estimates:
+def _with(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:
+    """Return a copy of a column with other values in these rows."""
+    changed: FloatArray = column.copy()
+    changed[rows] = values
+    return changed
+
+
+def interpolated(
+    before: Estimates, after: Estimates, between_ns: tuple[IntArray, IntArray], stamp_ns: int
+) -> Estimates:
     """Return the estimates at a stamp between two others; tracks must match row by row.
+
+    `between_ns` has the times of both, row by row.
 
     Notes
     -----
     Positions follow the cubic with the positions and velocities at both ends. Everything else is
     linear in time.
     """
-    length = (after.stamp_ns - before.stamp_ns) * 1e-9
-    s = (stamp_ns - before.stamp_ns) * 1e-9 / length
+    length = ((between_ns[1] - between_ns[0]) * 1e-9)[:, None]
+    s = (stamp_ns - between_ns[0])[:, None] * 1e-9 / length
     state = (1.0 - s) * before.state + s * after.state
     place, speed = list(before.space.position), list(before.space.velocity)
     p0, p1 = before.state[:, place], after.state[:, place]
@@ -141,32 +180,35 @@ def interpolated(before: Estimates, after: Estimates, stamp_ns: int) -> Estimate
         + s * (3.0 * s - 2.0) * v1
     ) / length
 
-    def linear(name: str) -> FloatArray:
-        between: FloatArray = (1.0 - s) * getattr(before, name) + s * getattr(after, name)
+    def linear(first: FloatArray, second: FloatArray) -> FloatArray:
+        part = s.reshape(-1, *[1] * (first.ndim - 1))
+        between: FloatArray = (1.0 - part) * first + part * second
         return between
 
+    probability = linear(before.class_probability, after.class_probability)
     return replace(
         before,
         stamp_ns=stamp_ns,
         state=state,
-        covariance=linear("covariance"),
-        weight=linear("weight"),
-        class_probability=linear("class_probability"),
-        class_id=linear("class_probability").argmax(axis=1),
+        covariance=linear(before.covariance, after.covariance),
+        weight=linear(before.weight, after.weight),
+        class_probability=probability,
+        class_id=probability.argmax(axis=1),
     )
 
 
 def at_stamp(
-    parts: Sequence[Estimates], stamp_ns: int, lag: int, threshold: float, modes: ModeSpace
+    found: Estimates, time_ns: IntArray, stamp_ns: int, threshold: float, modes: ModeSpace
 ) -> Estimates:
     """Return the targets at a stamp, given them at the times at which they were updated.
 
     Parameters
     ----------
-    parts : sequence of Estimates
-        By ascending stamp, also of targets that are not reported. A target may be in several.
+    found : Estimates
+        Also of targets that are not reported. A target may be there at several times.
+    time_ns : int array
+        The time of each.
     stamp_ns : int
-    lag : int
     threshold : float
         Existence probability above which a target is reported.
     modes : ModeSpace
@@ -176,42 +218,34 @@ def at_stamp(
     A target is interpolated between its last update until the stamp and its first one after it. If
     there is none after it, it is predicted.
     """
-    split = sum(part.stamp_ns <= stamp_ns for part in parts)
-    latest = _one_each(range(split - 1, -1, -1), parts)
-    upcoming = _one_each(range(split, len(parts)), parts)
-    pairs: dict[tuple[int, int | None], list[tuple[int, int]]] = {}
-    for track, (part, row) in latest.items():
-        later, later_row = upcoming.get(track, (None, 0))
-        pairs.setdefault((part, later), []).append((row, later_row))
-    found = []
-    for (part, later), rows in pairs.items():
-        here, there = np.array(rows, dtype=np.int64).T
-        before = chosen(parts[part], here)
-        if later is None:
-            found.append(predicted(before, stamp_ns, modes))
-        else:
-            found.append(interpolated(before, chosen(parts[later], there), stamp_ns))
-    if split:  # what no label follows is only known from the last scan
-        unlabelled = np.flatnonzero(parts[split - 1].track_id == 0)
-        found.append(predicted(chosen(parts[split - 1], unlabelled), stamp_ns, modes))
-    if not found:
-        return _none(modes, stamp_ns, lag)
-    whole = joined(found, stamp_ns, lag)
+    order = np.lexsort((time_ns, found.track_id))
+    order = order[found.track_id[order] != 0]
+    track, past = found.track_id[order], time_ns[order] <= stamp_ns
+    last = np.flatnonzero(
+        past & np.append((track[1:] != track[:-1]) | ~past[1:], True)[: len(past)]
+    )
+    row = order[last]
+    following = np.minimum(last + 1, len(order) - 1)
+    seen_again = (last + 1 < len(order)) & (track[following] == track[last])
+    both, only = row[seen_again], row[~seen_again]
+    after = order[following[seen_again]]
+    # What no label follows is only known from the last scan.
+    unlabelled = (found.track_id == 0) & (time_ns <= stamp_ns)
+    latest = time_ns[unlabelled].max(initial=0)
+    only = np.append(only, np.flatnonzero(unlabelled & (time_ns == latest)))
+    parts = [
+        interpolated(
+            chosen(found, both), chosen(found, after), (time_ns[both], time_ns[after]), stamp_ns
+        ),
+        predicted(chosen(found, only), time_ns[only], stamp_ns, modes),
+    ]
+    whole, _ = joined(parts, found.lag)
     return chosen(whole, np.flatnonzero(whole.weight > threshold))
 
 
-def _one_each(order: Iterable[int], parts: Sequence[Estimates]) -> dict[int, tuple[int, int]]:
-    """Return the first part, in this order, that holds each labelled track, and its row there."""
-    found: dict[int, tuple[int, int]] = {}
-    for index in order:
-        for row, track in enumerate(parts[index].track_id.tolist()):
-            if track:
-                found.setdefault(track, (index, row))
-    return found
-
-
-def _none(modes: ModeSpace, stamp_ns: int, lag: int) -> Estimates:
-    size, none = len(modes.space), np.zeros(0, dtype=np.int64)
+def none(modes: ModeSpace, stamp_ns: int, lag: int) -> Estimates:
+    """Return estimates of no targets."""
+    size, no_one = len(modes.space), np.zeros(0, dtype=np.int64)
     return Estimates(
         stamp_ns=stamp_ns,
         lag=lag,
@@ -219,7 +253,7 @@ def _none(modes: ModeSpace, stamp_ns: int, lag: int) -> Estimates:
         covariance=np.zeros((0, size, size)),
         weight=np.zeros(0),
         class_probability=np.zeros((0, len(modes.classes))),
-        class_id=none,
-        track_id=none,
+        class_id=no_one,
+        track_id=no_one,
         space=modes.space,
     )

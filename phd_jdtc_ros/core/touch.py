@@ -75,15 +75,17 @@ def _near(
     """Return whether an antenna may have passed each origin, one entry's after the other."""
     if not extents:
         return np.zeros(0, dtype=bool)
-    dt = np.repeat(age_s, [len(extent.origin) for extent in extents])
+    sizes = [len(extent.origin) for extent in extents]
+    dt = np.repeat(age_s, sizes)
     position = np.concatenate([extent.position for extent in extents])
     position += dt[:, None] * np.concatenate([extent.velocity for extent in extents])
+    # The radius within which each target is.
+    spread = np.concatenate([extent.position_std for extent in extents])
+    spread += dt * np.concatenate([extent.velocity_std for extent in extents])
+    spread += np.repeat([_noise_std(model, age) for age in age_s], sizes)
     near = np.zeros(len(dt), dtype=bool)
-    spread = np.concatenate(
-        [_spread(extent, age, model) for extent, age in zip(extents, age_s, strict=True)]
-    )
     for radar, coverage in sectors:
-        near |= _passed(position, spread, radar, coverage)
+        near |= _passed(position, SPREAD_SIGMA * spread, radar, coverage)
     return near
 
 
@@ -112,13 +114,10 @@ def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
     return near
 
 
-def _spread(extents: Extents, dt: float, model: TrackerModel) -> FloatArray:
-    """Return the radius within which the target of each origin is `dt` later, shape (T,)."""
-    noise = max(_position_variance(motion, dt) for motion in dict.fromkeys(model.modes.motions))
-    spread: FloatArray = SPREAD_SIGMA * (
-        extents.position_std + dt * extents.velocity_std + np.sqrt(2.0 * noise)
-    )
-    return spread
+def _noise_std(model: TrackerModel, dt: float) -> float:
+    """Return the standard deviation, along both axes, that the process noise adds in `dt`."""
+    motions = dict.fromkeys(model.modes.motions)
+    return float(np.sqrt(2.0 * max(_position_variance(motion, dt) for motion in motions)))
 
 
 # Antennas turn evenly, so the same intervals come again and again.

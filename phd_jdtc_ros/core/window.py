@@ -176,9 +176,19 @@ class Current(Generic[RowsT, LinkT]):
         origin = self.entry.stored.origin
         return origin if self.rows is None else origin[self.rows]
 
+    @cached_property
+    def _class_mass(self) -> dict[int, FloatArray]:
+        return {}
+
     def class_mass(self, class_of: IntArray, classes: int) -> FloatArray:
-        """Return the rows' expected number of targets of each class; see `Rows.class_mass`."""
-        return self.entry.stored.class_mass(class_of, classes, self.rows)
+        """Return the rows' expected number of targets of each class; computed once.
+
+        See `Rows.class_mass`. The flat modes of a number of classes are always the same.
+        """
+        if classes not in self._class_mass:
+            mass = self.entry.stored.class_mass(class_of, classes, self.rows)
+            self._class_mass[classes] = mass
+        return self._class_mass[classes]
 
     @property
     def source(self) -> Source:

@@ -8,7 +8,7 @@ import pytest
 from scenes import small
 
 from phd_jdtc_ros.core.models.motion import CoordinatedTurn
-from phd_jdtc_ros.core.reporting import Schedule, at_stamp, interpolated, joined, predicted
+from phd_jdtc_ros.core.reporting import Schedule, at_stamp, interpolated, joined, none, predicted
 from phd_jdtc_ros.core.types import Estimates
 
 MODES = small().model.modes
@@ -39,6 +39,15 @@ def moved(found, dt):
     )
 
 
+def predicted_from(found, stamp_ns):
+    return predicted(found, np.full(len(found), found.stamp_ns), stamp_ns, MODES)
+
+
+def between(before, after, stamp_ns):
+    times = tuple(np.full(len(part), part.stamp_ns) for part in (before, after))
+    return interpolated(before, after, times, stamp_ns)
+
+
 def test_schedule_without_a_period_has_no_stamps_of_its_own():
     assert Schedule(0).between(0, 10 * SECOND) == []
 
@@ -54,7 +63,7 @@ def test_schedule_has_the_multiples_strictly_between(after, before, expected):
 
 def test_predicted_follows_the_turn_and_grows_uncertain():
     found = estimates(0.0, [1], np.array([[1000.0, 100.0, 2000.0, -50.0, 0.05]]))
-    later = predicted(found, 4 * SECOND, MODES)
+    later = predicted_from(found, 4 * SECOND)
     np.testing.assert_allclose(later.state, TURNING.mean(found.state, 4.0))
     # 10 m and 4 s of 2 m/s, and the noise on top; the turn rate adds next to nothing
     assert 100.0 + 16.0 * 4.0 < later.covariance[0, 0, 0] < 250.0
@@ -73,7 +82,7 @@ def test_predicted_jacobian_is_that_of_a_straight_line_without_a_turn():
         axes = np.ix_(motion.support, motion.support)
         noise[axes] += motion.noise_covariance(3.0) / 2.0
     expected = jacobian @ found.covariance[0] @ jacobian.T + noise
-    later = predicted(found, 3 * SECOND, MODES)
+    later = predicted_from(found, 3 * SECOND)
     np.testing.assert_allclose(later.covariance[0], expected, rtol=1e-6, atol=1e-9)
 
 
@@ -81,25 +90,25 @@ def test_predicted_jacobian_is_that_of_a_straight_line_without_a_turn():
 def test_interpolated_is_on_the_path_between(turn_rate):
     before = estimates(10.0, [1, 2], np.array([[0.0, 200.0, 50.0, 10.0, turn_rate]] * 2))
     after = moved(before, 4.0)
-    between = interpolated(before, after, 11 * SECOND)
+    found = between(before, after, 11 * SECOND)
     expected = moved(before, 1.0)
     # A cubic is off by the fourth derivative: v w^3 T^4 / 384
-    np.testing.assert_allclose(between.position, expected.position, atol=0.01)
-    np.testing.assert_allclose(between.velocity, expected.velocity, atol=0.05)
+    np.testing.assert_allclose(found.position, expected.position, atol=0.01)
+    np.testing.assert_allclose(found.velocity, expected.velocity, atol=0.05)
 
 
 def test_interpolated_at_either_end_is_that_end():
     before = estimates(10.0, [1])
     after = replace(moved(before, 4.0), weight=np.array([0.5]))
     for end in (before, after):
-        found = interpolated(before, after, end.stamp_ns)
+        found = between(before, after, end.stamp_ns)
         np.testing.assert_allclose(found.state, end.state, atol=1e-9)
         np.testing.assert_allclose(found.weight, end.weight)
 
 
 def test_at_stamp_takes_the_update_before_and_the_one_after_it():
     first, second = estimates(10.0, [3, 5]), moved(estimates(10.0, [5]), 4.0)
-    found = at_stamp([first, second], 12 * SECOND, 2, 0.5, MODES)
+    found = at_stamp(*joined([first, second], 2), 12 * SECOND, 0.5, MODES)
     assert found.track_id.tolist() == [3, 5]
     np.testing.assert_allclose(found.position, moved(first, 2.0).position, atol=1e-6)
     assert (found.stamp_ns, found.lag) == (12 * SECOND, 2)
@@ -109,19 +118,36 @@ def test_at_stamp_takes_the_update_before_and_the_one_after_it():
 
 def test_at_stamp_leaves_out_who_came_later_or_is_unlikely():
     parts = [estimates(10.0, [1]), estimates(10.0, [2], weight=0.3), estimates(14.0, [7])]
-    assert at_stamp(parts, 12 * SECOND, 0, 0.5, MODES).track_id.tolist() == [1]
+    assert at_stamp(*joined(parts, 0), 12 * SECOND, 0.5, MODES).track_id.tolist() == [1]
 
 
 def test_at_stamp_takes_unlabelled_targets_from_the_last_scan():
     parts = [estimates(9.0, [0, 0, 0]), estimates(10.0, [0, 0]), estimates(14.0, [0])]
-    assert at_stamp(parts, 12 * SECOND, 0, 0.5, MODES).track_id.tolist() == [0, 0]
+    assert at_stamp(*joined(parts, 0), 12 * SECOND, 0.5, MODES).track_id.tolist() == [0, 0]
 
 
-def test_at_stamp_without_targets_has_all_columns():
-    found = at_stamp([], 12 * SECOND, 1, 0.5, MODES)
+@pytest.mark.parametrize("parts", [[], [estimates(10.0, [])]])
+def test_at_stamp_without_targets_has_all_columns(parts):
+    found = (
+        at_stamp(*joined(parts, 1), 12 * SECOND, 0.5, MODES)
+        if parts
+        else none(MODES, 12 * SECOND, 1)
+    )
     assert (len(found), found.state.shape, found.class_probability.shape) == (0, (0, 5), (0, 2))
 
 
 def test_joined_is_in_the_order_of_the_tracks():
-    found = joined([estimates(1.0, [4, 9]), estimates(1.0, [2])], SECOND, 0)
+    found, time_ns = joined([estimates(1.0, [4, 9]), estimates(2.0, [2])], 0)
     assert found.track_id.tolist() == [2, 4, 9]
+    assert time_ns.tolist() == [2 * SECOND, SECOND, SECOND]
+
+
+def test_predicted_moves_every_target_from_its_own_time():
+    parts = [estimates(1.0, [1, 4]), estimates(2.0, [2]), estimates(5.0, [3])]
+    found = predicted(*joined(parts, 0), 5 * SECOND, MODES)
+    for part in parts:
+        own = np.isin(found.track_id, part.track_id)
+        alone = predicted_from(part, 5 * SECOND)
+        np.testing.assert_array_equal(found.state[own], alone.state)
+        np.testing.assert_allclose(found.covariance[own], alone.covariance)
+        np.testing.assert_array_equal(found.weight[own], alone.weight)

@@ -17,7 +17,7 @@ The path of one scan, with the module of each step::
       |  merge similar hypotheses            reduction
     stored mixture t+1                       (filter: the steps in order)
       |  link to mixture t, cached           smoother: moves and ancestry
-      |  backward over the lag window        smoother
+      |  backward over the lag window        smoother, generations
     smoothed mixtures
       |  extract targets                     extraction
     Estimates                                engine

@@ -107,6 +107,13 @@ class Dynamics:
         return weight
 
     @cached_property
+    def of_class(self) -> FloatArray:
+        """1 where a cell is one of a class, 0 else; shape (S, C)."""
+        classes = np.arange(len(self.model.modes.classes))
+        select: FloatArray = (self.cells.class_of[:, None] == classes).astype(np.float64)
+        return select
+
+    @cached_property
     def mode_of_cell(self) -> IntArray:
         """A flat mode of each cell's class, shape (S,)."""
         return np.searchsorted(self.model.modes.class_of, self.cells.class_of)

@@ -8,15 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..fixed_lag import FixedLagEngine
+from ..arrays import IntArray
+from ..fixed_lag import FixedLagEngine, Part
 from ..forward import Filtered
 from ..snapshot import Snapshot
 from ..types import Estimates
 from . import snapshot
-from .extraction import extracted
+from .extraction import extracted, extracted_from
 from .filter import GaussianFilter
+from .generations import Link
 from .mixture import Mixture
-from .smoother import Link, backward_pass
+from .smoother import backward_pass
 from .snapshot import GaussianEntry
 
 
@@ -37,6 +39,9 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
 
     def _extract(self, stored: Mixture, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         return extracted(stored, self.forward.dynamics, stamp_ns, lag, threshold)
+
+    def _extract_all(self, parts: Sequence[Part[Mixture]], lag: int) -> tuple[Estimates, IntArray]:
+        return extracted_from(parts, self.forward.dynamics, lag)
 
     def _backward(self, window: Sequence[GaussianEntry]) -> Iterable[Mixture]:
         return backward_pass(window)

@@ -5,9 +5,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
-from ..arrays import sum_by
+from ..arrays import IntArray, sum_by
+from ..fixed_lag import Part
 from ..types import Estimates
 from . import kalman
 from .dynamics import Dynamics
@@ -22,23 +26,19 @@ def extracted(
     The class is that of the largest weight. The state and covariance are those of that class, over
     all hypotheses and motion modes. The `track_id` of a target is its origin plus one.
     """
-    reported = np.flatnonzero(mixture.existence > threshold)
-    rows = np.flatnonzero(np.isin(mixture.target, reported))
-    mixture = mixture.take(rows)
+    reported = mixture.existence > threshold
+    if not reported.all():
+        mixture = mixture.take(np.flatnonzero(reported[mixture.target]))
     space, cells = dynamics.model.modes.space, dynamics.cells
-    count, classes = len(mixture.label), len(dynamics.model.modes.classes)
-    weight = mixture.weight.sum(axis=1)
+    count = len(mixture.label)
+    by_class = np.einsum("hrs->hs", mixture.weight) @ dynamics.of_class
     class_mass = np.stack(
-        [
-            sum_by(mixture.target, weight[:, cells.class_of == index].sum(axis=1), count)
-            for index in range(classes)
-        ],
-        axis=1,
+        [sum_by(mixture.target, weight, count) for weight in by_class.T.copy()], axis=1
     )
     majority = class_mass.argmax(axis=1) if count else np.zeros(0, dtype=np.int64)
     mass = class_mass.sum(axis=1)
     own = cells.class_of == majority[mixture.target][:, None]
-    own_weight = (mixture.weight * own[:, None]).sum(axis=2)
+    own_weight = np.einsum("hrs,hs->hr", mixture.weight, own.astype(np.float64))
     total = class_mass[np.arange(count), majority]
     share = own_weight / np.where(total > 0.0, total, 1.0)[mixture.target][:, None]
     state, covariance = mixture.matched(share)
@@ -53,3 +53,31 @@ def extracted(
         track_id=mixture.label + 1,
         space=space,
     )
+
+
+def extracted_from(
+    parts: Sequence[Part[Mixture]], dynamics: Dynamics, lag: int
+) -> tuple[Estimates, IntArray]:
+    """Return the targets of several mixtures, whatever their existence, and the time of each.
+
+    All at once, because a radar that turns leaves a few targets each in many mixtures.
+    """
+    stored = [part.stored for part in parts]
+    sizes = np.array([len(mixture) for mixture in stored])
+    labels = np.array([len(mixture.label) for mixture in stored])
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    rows = np.concatenate(
+        [
+            begin + (np.arange(len(part.stored)) if part.rows is None else part.rows)
+            for begin, part in zip(first.tolist(), parts, strict=False)
+        ]
+    )
+    # A target that is in several mixtures is there several times.
+    place = np.concatenate([mixture.target for mixture in stored])
+    place += (np.cumsum(labels) - labels).repeat(sizes)
+    whole = replace(Mixture.joined(stored), origin=place).take(rows)
+    found = extracted(whole, dynamics, parts[-1].stamp_ns, lag, 0.0)
+    at = found.track_id - 1
+    origin = np.concatenate([mixture.label for mixture in stored])
+    time_ns = np.array([part.stamp_ns for part in parts]).repeat(labels)
+    return replace(found, track_id=origin[at] + 1), time_ns[at]

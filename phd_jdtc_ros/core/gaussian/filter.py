@@ -12,10 +12,10 @@ from ..touch import parted
 from ..types import Scan
 from ..window import Entry
 from .dynamics import Dynamics
+from .generations import Link
 from .mixture import Mixture
 from .prediction import Aged, born, spawned, survivors
 from .reduction import Bounds, reduced
-from .smoother import Link
 from .update import update_scan
 
 

@@ -68,7 +68,7 @@ class Moves:
     log_determinant: FloatArray
     backward: Backward
 
-    def take(self, rows: slice) -> Moves:
+    def take(self, rows: IntArray) -> Moves:
         """Return the moves of these rows."""
         return Moves(
             self.pairs,

@@ -12,36 +12,19 @@ import numpy as np
 
 from .. import backend
 from ..arrays import FloatArray, IntArray, run_starts, sum_by
-from ..backward import Told, smoothed_sets
 from ..window import Entry
 from . import moments
+from .generations import Link, generations, is_chain
 from .mixture import Mixture
 from .prediction import Moves
-from .reduction import Ancestry
 
 # Log of the least fit of a pair of modes beside the best one, so that none is excluded for ever.
 LEAST_LOG_FIT = -50.0
 
 
 @dataclass(frozen=True)
-class Link:
-    """How a scan's hypotheses come from those of earlier scans.
-
-    Parameters
-    ----------
-    moves : Moves
-        From the rows of all sources, one source after the other, to the predicted hypotheses.
-    ancestry : Ancestry
-        From the predicted hypotheses to those kept.
-    """
-
-    moves: Moves
-    ancestry: Ancestry
-
-
-@dataclass(frozen=True)
 class Later:
-    """Predicted hypotheses, given later scans: those of one source of a link.
+    """Predicted hypotheses, given later scans.
 
     Parameters
     ----------
@@ -56,42 +39,43 @@ class Later:
     mean: FloatArray
     covariance: FloatArray
 
-    def take(self, rows: slice) -> Later:
-        """Return the hypotheses of these rows."""
-        return Later(
-            self.moves.take(rows), self.weight[rows], self.mean[rows], self.covariance[rows]
-        )
 
-    @staticmethod
-    def joined(parts: Sequence[Later]) -> Later:
-        """Return the hypotheses of several sources, one after the other."""
-        if len(parts) == 1:
-            return parts[0]
-        return Later(
-            Moves.joined([part.moves for part in parts]),
-            np.concatenate([part.weight for part in parts]),
-            np.concatenate([part.mean for part in parts]),
-            np.concatenate([part.covariance for part in parts]),
-        )
-
-
-def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> Iterator[Mixture]:
-    """Yield the smoothed mixtures of a window, newest first: lag 0, lag 1 and so on.
+def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
+    """Return the smoothed mixtures of a window, newest first: lag 0, lag 1 and so on.
 
     Parameters
     ----------
     entries : sequence of Entry
         Oldest first. Sources that are none of them have left the window.
     """
+    if is_chain(entries):
+        return list(_chained([(entry.stored, entry.link) for entry in reversed(entries)]))
+    parts = generations(entries)
+    weight, mean, covariance = (
+        np.concatenate([getattr(entry.stored, column) for entry in entries])
+        for column in ("weight", "mean", "covariance")
+    )
+    smoothed = _chained([(part.stored, part.link) for part in parts])
+    for part, mixture in zip(parts, smoothed, strict=True):
+        weight[part.rows] = mixture.weight
+        mean[part.rows], covariance[part.rows] = mixture.mean, mixture.covariance
+    ends = np.cumsum([len(entry.stored) for entry in entries])[:-1]
+    columns = (np.split(column, ends) for column in (weight, mean, covariance))
+    whole = zip(entries, *columns, strict=True)
+    return [entry.stored.told(*parts) for entry, *parts in whole][::-1]
 
-    def hear(filtered: Mixture, told: Sequence[Told[Later]]) -> Mixture:
-        if told[0].rows is None:
-            return _with_hindsight(filtered, None, told[0].message.take(told[0].part))
-        rows = np.concatenate([part.rows for part in told if part.rows is not None])
-        later = Later.joined([part.message.take(part.part) for part in told])
-        return _with_hindsight(filtered, rows, later)
 
-    return smoothed_sets(entries, _before_update, hear)
+def _chained(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
+    """Yield the smoothed mixtures of a chain, newest first, each with its link to the next."""
+    later: Mixture | None = None
+    link: Link | None = None
+    for filtered, before in chain:
+        if later is None or link is None:
+            later = filtered
+        else:
+            later = _with_hindsight(filtered, _before_update(later, link))
+        yield later
+        link = before
 
 
 def _before_update(smoothed: Mixture, link: Link) -> Later:
@@ -132,8 +116,8 @@ def _before_update(smoothed: Mixture, link: Link) -> Later:
     return every
 
 
-def _with_hindsight(filtered: Mixture, rows: IntArray | None, later: Later) -> Mixture:
-    """Return a mixture whose given rows, all by default, know what later scans say.
+def _with_hindsight(own: Mixture, later: Later) -> Mixture:
+    """Return a mixture that knows what later scans say.
 
     Notes
     -----
@@ -150,7 +134,6 @@ def _with_hindsight(filtered: Mixture, rows: IntArray | None, later: Later) -> M
     Journal of Machine Learning Research 7, 2006.
     Kim, "Dynamic linear models with Markov-switching", Journal of Econometrics 60, 1994.
     """
-    own = filtered if rows is None else filtered.take(rows)
     moves, modes = later.moves, own.mean.shape[1]
     of, to = moves.pairs
     weight = moves.change[..., None] * own.weight.take(of, axis=1) * _fit(later)[..., None]
@@ -165,12 +148,7 @@ def _with_hindsight(filtered: Mixture, rows: IntArray | None, later: Later) -> M
     died = own.weight * (1.0 - moves.survival)[..., None]
     died *= _death_factor(own, survived, died)[:, None, None]
     mean, covariance = _blended(own, weight.sum(axis=2), died.sum(axis=2), later)
-    if rows is None:
-        return Mixture(own.origin, survived + died, mean, covariance)
-    parts = [column.copy() for column in (filtered.weight, filtered.mean, filtered.covariance)]
-    for column, told in zip(parts, (survived + died, mean, covariance), strict=True):
-        column[rows] = told
-    return Mixture(filtered.origin, *parts)
+    return own.told(survived + died, mean, covariance)
 
 
 def _death_factor(own: Mixture, survived: FloatArray, dying: FloatArray) -> FloatArray:

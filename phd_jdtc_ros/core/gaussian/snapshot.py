@@ -12,11 +12,11 @@ from ..snapshot import MOST_INDEX, Snapshot, require_covariances, require_number
 from ..window import Entry
 from ..window_snapshot import MASS_SLACK, MOST_STATE, put_sources, require_rows_of, take_sources
 from .dynamics import Dynamics
+from .generations import Link
 from .kalman import Backward
 from .mixture import Mixture
 from .prediction import Moves
 from .reduction import Ancestry
-from .smoother import Link
 
 GaussianEntry = Entry[Mixture, Link]
 # Of a backward step: metres per radian per second are the largest of its units.

@@ -180,7 +180,7 @@ def test_hindsight_is_that_of_numpy():
         np.diagonal(moved.covariance, axis1=-2, axis2=-1)
     )
     later = smoother.Later(moves, 0.9 * moved.weight, mean, 0.8 * moved.covariance)
-    plain, compiled = by_both(smoother._with_hindsight, earlier, None, later)
+    plain, compiled = by_both(smoother._with_hindsight, earlier, later)
     np.testing.assert_allclose(compiled.weight, plain.weight, rtol=1e-9, atol=1e-15)
     scale = np.sqrt(np.diagonal(plain.covariance, axis1=-2, axis2=-1))
     scale = np.where(scale > 0.0, scale, 1.0)
