@@ -14,8 +14,10 @@ FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 # scipy ships no type information.
 SparseArray = Any
-# Mean length of a run of equal values from which on summing by runs pays off.
+# Mean length of a run of equal values from which on summing by runs pays off, and the number of
+# values up to which it does not pay to look.
 SHORT_RUN = 4
+FEW_VALUES = 64
 
 
 def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
@@ -37,9 +39,10 @@ def sum_by(index: IntArray, weight: FloatArray, size: int) -> FloatArray:
     Long runs of equal indices, as the particles of one target have, are summed run by run, which
     is ten times as fast.
     """
-    first = run_starts(index)
-    if len(first) < len(index) // SHORT_RUN:
-        index, weight = index.take(first), np.add.reduceat(weight, first)
+    if len(index) > FEW_VALUES:
+        first = run_starts(index)
+        if len(first) < len(index) // SHORT_RUN:
+            index, weight = index.take(first), np.add.reduceat(weight, first)
     total: FloatArray = np.bincount(index, weights=weight, minlength=size).astype(
         np.float64, copy=False
     )

@@ -27,7 +27,7 @@ from .reduction import Bounds, Branched, probable
 
 # Of the sources of a detection, and of the hypotheses of a target; pairs below it are left out
 # before they are located.
-LEAST_SHARE = 1e-5
+LEAST_SHARE = 1e-4
 
 
 def update(
