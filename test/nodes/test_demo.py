@@ -96,6 +96,16 @@ def test_demo_shows_the_other_engine_beside_the_one_that_ran(demo):
     assert "Both engines" in (demo / "report.html").read_text()
 
 
+def assert_same_estimates(live, still):
+    """Compare what a demo recorded with what was tracked offline."""
+    for source in ("filtered", "smoothed"):
+        topic = names.estimates(source)
+        found, expected = clouds(live / "estimates", topic), clouds(still, topic)
+        assert {k: bytes(v.data) for k, v in found.items()} == {
+            k: bytes(v.data) for k, v in expected.items()
+        }
+
+
 def test_demo_of_the_other_engine_tracks_live_as_offline(tmp_path):
     live, still = tmp_path / "live", tmp_path / "still"
     assert run("demo", ["--bag", str(BAG), "--out", str(live), "--engine", "gaussian"]) == 0
@@ -105,15 +115,26 @@ def test_demo_of_the_other_engine_tracks_live_as_offline(tmp_path):
     metrics = json.loads((live / "metrics.json").read_text())
     assert metrics["engine"] == "gaussian"
     assert metrics["compared"]["engine"] == "particles"
-    for source in ("filtered", "smoothed"):
-        topic = names.estimates(source)
-        found, expected = clouds(live / "estimates", topic), clouds(still, topic)
-        assert {k: bytes(v.data) for k, v in found.items()} == {
-            k: bytes(v.data) for k, v in expected.items()
-        }
+    assert_same_estimates(live, still)
     recorded = set(BagReader(live / "estimates").types)
     assert names.plot("hypotheses") in recorded
     assert names.plot("particles") not in recorded
+
+
+def test_demo_of_the_phd_filter_tracks_live_as_offline(tmp_path):
+    live, still = tmp_path / "live", tmp_path / "still"
+    assert run("demo", ["--profile", "phd", "--out", str(live)]) == 0
+    profile = str(Path(__file__).parents[2] / "config" / "phd.yaml")
+    assert run("track_bag", [str(BAG), "--out", str(still), "--params-file", profile]) == 0
+
+    metrics = json.loads((live / "metrics.json").read_text())
+    assert metrics["filtered"]["all"]["ospa"] < 160.0
+    assert metrics["smoothed"]["all"]["ospa"] < 0.7 * metrics["filtered"]["all"]["ospa"]
+    # Its targets have no numbers.
+    assert metrics["identity_switches"] is None
+    # The other engine has no such corrector.
+    assert "compared" not in metrics
+    assert_same_estimates(live, still)
 
 
 @pytest.mark.parametrize("source", ["filtered", "smoothed"])

@@ -43,6 +43,7 @@ def code_of(kind):
         ("particles", "study/monte_carlo/scores.py"),
         ("particles", "study/monte_carlo/tasks.py"),
         ("reference", "study/reference.py"),
+        ("reference_best", "study/reference.py"),
         ("reference", "study/monte_carlo/scores.py"),
         ("gnn_loud", "study/peers/settings.py"),
         ("gnn_loud", "study/peers/__init__.py"),

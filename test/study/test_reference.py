@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.types import Detections, Scan, Truth
 from phd_jdtc_ros.study.reference import (
     Filtered,
     Gaussian,
+    best_noise,
     birth,
     filter_target,
     known_association,
@@ -285,3 +286,10 @@ def test_known_association_reaches_the_reference_figures(runs, tracks):
     # Of 30 seeds: 100.6, 82.4, 62.7, 55.9 and 54.0 m, one run spread by 6.
     for lag, expected in {0: 100.6, 1: 82.4, 3: 62.7, 5: 55.9, 8: 54.0}.items():
         assert mean[lag] == pytest.approx(expected, abs=13.0)
+
+
+def test_less_noise_is_better_where_targets_fly_straight_on(runs, tracks):
+    """So the error of the model-matched reference is no bound."""
+    for run, matched in zip(runs, tracks, strict=True):
+        for lag, found in best_noise(run, (0, 5)).items():
+            assert mean_ospa(run, found) < mean_ospa(run, matched[lag])

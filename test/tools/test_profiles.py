@@ -23,6 +23,7 @@ CONFIG = Path(__file__).parents[2] / "config"
     [
         ("paper_scenario", {}),
         ("paper_literal", {}),
+        ("phd", {}),
         ("surveillance", {}),
         ("paper_scenario", {"engine": "gaussian"}),
         ("surveillance", {"engine": "particles"}),
@@ -48,6 +49,14 @@ def test_paper_literal_has_what_the_paper_prints():
     assert values["ct.turn_noise_density"] == 0.1
     assert sum(values[f"{name}.rates"][0] for name in values["births"]) == 0.02
     assert sum(values[f"{name}.rates"][1] for name in values["births"]) == 0.03
+
+
+def test_phd_differs_from_the_default_by_its_corrector_alone():
+    values = resolve(params_file.load(CONFIG / "phd.yaml")).values
+    default = resolve({}).values
+
+    changed = {name for name in values if values[name] != default[name]}
+    assert changed == {"corrector", "existence_threshold"}
 
 
 def test_paper_literal_says_what_the_other_engine_lacks():

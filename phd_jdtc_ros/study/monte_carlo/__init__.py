@@ -31,13 +31,14 @@ from phd_jdtc_ros.core.evaluation.scan_scores import ALL
 from .definition import Study
 from .document import Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
-from .kinds import REFERENCE, TRACKERS
+from .kinds import KNOWN_ASSOCIATION, REFERENCE, TRACKERS
 from .results import Mean, Result, collect, summarise, write_csv
 from .store import Store, remaining, slug, write_atomically
 from .tasks import Outcome, Plan, Task, plan
 
 __all__ = [
     "ALL",
+    "KNOWN_ASSOCIATION",
     "REFERENCE",
     "TRACKERS",
     "Mean",

@@ -21,15 +21,17 @@ from phd_jdtc_ros.core.engines import ENGINES
 # This package's tracker on scans, by the name of its engine.
 TRACKERS = tuple(ENGINES)
 REFERENCE, GNN = "reference", "gnn"
+# Trackers that are given the association; with a function of `reference` each.
+KNOWN_ASSOCIATION = {REFERENCE: "known_association", "reference_best": "best_noise"}
 # Kinds for radars whose antennas turn: this package's tracker through its pipeline, and a peer.
 TURNING, PLOT_KALMAN = TURNING_KINDS = ("turning", "plot_kalman")
 # Kinds with the parameters of this package's tracker.
 TUNED = (*TRACKERS, TURNING)
 # Peers that also smooth.
 NEAREST_NEIGHBOUR = (GNN, "gnn_loud", "gnn_anywhere")
-STONE_SOUP = ("gm_phd", *NEAREST_NEIGHBOUR, "jpda")
+STONE_SOUP = ("gm_phd", "gm_phd_loud", *NEAREST_NEIGHBOUR, "jpda", "jpda_loud")
 PEERS = (*STONE_SOUP, PLOT_KALMAN)
-KINDS = (*TRACKERS, TURNING, REFERENCE, *PEERS)
+KINDS = (*TRACKERS, TURNING, *KNOWN_ASSOCIATION, *PEERS)
 PEERS_PACKAGE = "stonesoup"
 
 
@@ -46,6 +48,8 @@ def suits(kind: str, turning: bool) -> bool:
 def _module_name(kind: str) -> str:
     if kind in TRACKERS:
         return "tracker"
+    if kind in KNOWN_ASSOCIATION:
+        return REFERENCE
     return "peers" if kind in PEERS else kind
 
 

@@ -23,9 +23,9 @@ from ..tracker import track
 from ..turning import turning_run
 from .definition import ORDER, OWN, Case, Study, Variant
 from .kinds import (
+    KNOWN_ASSOCIATION,
     NEAREST_NEIGHBOUR,
     PLOT_KALMAN,
-    REFERENCE,
     STONE_SOUP,
     TRACKERS,
     TURNING,
@@ -38,7 +38,7 @@ from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
 # Must be increased when the meaning of a stored row changes.
 FORMAT = 4
 # Trackers with settings of their own.
-WITHOUT_PARAMETERS = (REFERENCE, *STONE_SOUP)
+WITHOUT_PARAMETERS = (*KNOWN_ASSOCIATION, *STONE_SOUP)
 
 
 @dataclass(frozen=True)
@@ -206,8 +206,8 @@ def _of_one(task: Task, run: SimulatedRun, lags: Sequence[int]) -> Tracked:
     if task.kind == PLOT_KALMAN:
         inputs = tracker_config.resolve(task.parameters).inputs
         return Tracked(*module.plot_kalman(run, inputs, lags))
-    if task.kind == REFERENCE:
-        return Tracked(module.known_association(run, lags))
+    if task.kind in KNOWN_ASSOCIATION:
+        return Tracked(getattr(module, KNOWN_ASSOCIATION[task.kind])(run, lags))
     if task.kind in NEAREST_NEIGHBOUR:
         return Tracked(getattr(module, task.kind)(run, lags))
     return Tracked(getattr(module, task.kind)(run))

@@ -12,12 +12,12 @@ given the scenario, and their estimates are collected. The data's path, with the
 step::
 
     SimulatedRun
-      |  for gnn_loud: drop low amplitudes        threshold
+      |  if loud: drop low amplitudes             threshold
       |  convert to Stone Soup's types            problem, conversion
     scans, birth places, predictor, updater
-      |  gm_phd                                   mixture_phd
+      |  gm_phd, gm_phd_loud                      mixture_phd
       |  gnn, gnn_loud, gnn_anywhere              nearest_neighbour, tracks, management
-      |  jpda                                     probabilistic, tracks, management
+      |  jpda, jpda_loud                          probabilistic, tracks, management
     Tracks: positions of every scan, by lag
 
 `soup` lists the parts of Stone Soup that are used, `settings` the tuned values.
@@ -29,7 +29,7 @@ the scenario's targets do fly straight. Both radars of a stamp update in sequenc
 
 They are not given classes or amplitudes, which Stone Soup's trackers do not use. The probability
 of detection is the mean over the classes, and every estimate has class 0, so only the set ``all``
-of their scores is meaningful. `gnn_loud`, which uses detections of high amplitude only, shows the
+of their scores is meaningful. The loud ones, which use detections of high amplitude only, show the
 value of amplitudes to such a tracker. `gnn_anywhere`, which starts tracks at any detection, shows
 the value of known birth places.
 
@@ -65,9 +65,18 @@ Three things differ from plain Stone Soup, each to the peers' advantage:
   130). Here a track claims only its most probable detection.
 """
 
-from .mixture_phd import gm_phd
+from .mixture_phd import gm_phd, gm_phd_loud
 from .nearest_neighbour import gnn, gnn_anywhere, gnn_loud
 from .plot_kalman import plot_kalman
-from .probabilistic import jpda
+from .probabilistic import jpda, jpda_loud
 
-__all__ = ["gm_phd", "gnn", "gnn_anywhere", "gnn_loud", "jpda", "plot_kalman"]
+__all__ = [
+    "gm_phd",
+    "gm_phd_loud",
+    "gnn",
+    "gnn_anywhere",
+    "gnn_loud",
+    "jpda",
+    "jpda_loud",
+    "plot_kalman",
+]

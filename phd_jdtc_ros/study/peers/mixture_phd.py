@@ -10,8 +10,9 @@ import math
 from ..runs import SimulatedRun, Tracks
 from .conversion import clutter_density, point_set
 from .problem import Problem
-from .settings import GM_PHD, PhdSettings
+from .settings import GM_PHD, LOUD_THRESHOLD, PhdSettings
 from .soup import Part, Soup
+from .threshold import raised_threshold
 
 
 def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
@@ -68,6 +69,11 @@ def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
             survival = 1.0
         reports.append(point_set(c for c in mixture if c.weight > settings.extract))
     return {0: reports}
+
+
+def gm_phd_loud(run: SimulatedRun) -> Tracks:
+    """Return the estimates of `gm_phd` from detections of high amplitude only; see `gnn_loud`."""
+    return gm_phd(raised_threshold(run, LOUD_THRESHOLD))
 
 
 def nearest_turn(soup: Soup, hypothesis: Part) -> Part:

@@ -12,8 +12,9 @@ from phd_jdtc_ros.core.models.radar import RadarModel
 from ..runs import SimulatedRun, Tracks
 from .conversion import clutter_density
 from .problem import Problem
-from .settings import AT_BIRTH_PLACES, TrackSettings
+from .settings import AT_BIRTH_PLACES, LOUD, LOUD_THRESHOLD, TrackSettings
 from .soup import Part
+from .threshold import raised_threshold
 from .tracks import at_lag, follow
 
 
@@ -56,3 +57,11 @@ def jpda(run: SimulatedRun, settings: TrackSettings = AT_BIRTH_PLACES) -> Tracks
 
     history = follow(problem, soup.MultiTargetMixtureTracker, associator, settings)
     return {0: at_lag(problem, history, 0)}
+
+
+def jpda_loud(run: SimulatedRun) -> Tracks:
+    """Return the estimates of `jpda` from detections of high amplitude only.
+
+    With the settings of `gnn_loud`, which see for errors.
+    """
+    return jpda(raised_threshold(run, LOUD_THRESHOLD), LOUD)
