@@ -10,7 +10,7 @@ from typing import Any
 
 from . import backends, forms, limit, recursion
 from .recursion import Window
-from .smoothing import DEATH_TERM, LAG, PER_TARGET, k_d_tree_smoother, product_smoother
+from .smoothing import DEATH_TERM, LAG, PER_TARGET, cached_smoother, product_smoother
 from .timing import Case, exponent, interleaved, spread
 
 TARGETS = 20
@@ -64,7 +64,7 @@ def _cases(window: Window, quick: bool) -> dict[str, Case]:
         for backend in backends.available()
     }
     copies = [forms.copies(phd) for phd in window.stored]
-    cases["k-d tree"] = Case(k_d_tree_smoother(window, copies), 3)
+    cases["k-d tree"] = Case(cached_smoother(window, copies, forms.k_d_tree), 3)
     last = (*window.stored[-2:], window.model, window.dt)
     cases["limit"] = Case(partial(limit.whiten_sort_gather, *last), rounds)
     if window.particles <= DENSE_PARTICLES and not quick:

@@ -98,7 +98,8 @@ def _smoother(title: str, sizes: Mapping[str, Any]) -> Table:
         size: min(found["times"][name]["median_ms"] for name in whole if name in found["times"])
         for size, found in sizes.items()
     }
-    for name in sorted(whole, key=lambda name: ["dense", "k-d t", "smoot"].index(name[:5])):
+    kinds = ["dense,", "dense ", "k-d tr", "smooth"]
+    for name in sorted(whole, key=lambda name: kinds.index(name[:6])):
         cells = []
         for size, found in sizes.items():
             if name not in found["times"]:

@@ -52,13 +52,19 @@ def _measure_size(targets: int, dense_runs: bool, quick: bool, corrector: str) -
     rounds = 3 if quick else 15 if targets <= 20 else 7
     cases = {
         **_product_cases(window, rounds),
-        "k-d tree": Case(k_d_tree_smoother(window, copies), min(rounds, 5)),
+        "k-d tree": Case(cached_smoother(window, copies, forms.k_d_tree), min(rounds, 5)),
         "k-d tree, unique particles": Case(
-            k_d_tree_smoother(window, window.stored), min(rounds, 5)
+            cached_smoother(window, window.stored, forms.k_d_tree), min(rounds, 5)
         ),
     }
+    few = 1 if quick else 3 if targets <= 4 else 2
+    if window.corrector.labelled:
+        by_origin = cached_smoother(window, window.stored, forms.dense_by_origin)
+        cases["dense products by origin"] = Case(by_origin, min(rounds, 5))
     if dense_runs:
-        cases["dense"] = Case(dense, 1 if quick else 3 if targets <= 4 else 2)
+        products = cached_smoother(window, window.stored, forms.dense_products)
+        cases["dense products"] = Case(products, few)
+        cases["dense, naive"] = Case(dense, few)
     times = interleaved(cases)
     result: dict[str, Any] = {
         "targets": targets,
@@ -103,13 +109,15 @@ def product_smoother(window: Window, backend: str) -> Callable[[], None]:
     return smooth
 
 
-def k_d_tree_smoother(window: Window, stored: Sequence[ParticleSet]) -> Callable[[], None]:
-    """Return a function that does the same with the cached kernels of a k-d tree."""
+def cached_smoother(
+    window: Window, stored: Sequence[ParticleSet], link: forms.Link
+) -> Callable[[], None]:
+    """Return a function that does the same with the cached kernels of another form."""
     pairs = list(itertools.pairwise(stored))
-    links = [forms.k_d_tree(*pair, *window.assumed) for pair in pairs]
+    links = [link(*pair, *window.assumed) for pair in pairs]
 
     def smooth() -> None:
-        forms.k_d_tree(*pairs[-1], *window.assumed)
+        link(*pairs[-1], *window.assumed)
         _backward(stored, links)
 
     return smooth

@@ -100,6 +100,16 @@ def test_k_d_tree_form_is_the_dense_one_within_the_gate(window, death_term):
     assert_allclose(tree.weight, exact, rtol=1e-4, atol=1e-9 * exact.sum())
 
 
+@every_death_term
+def test_dense_products_are_the_dense_form(window, death_term):
+    exact = of_rows(dense(window, death_term), window.stored[0])
+    # By origin only where origins are targets.
+    by_origin = [forms.dense_by_origin] if window.corrector.labelled else []
+    for form in (forms.dense_products, *by_origin):
+        products = forms.smooth(window.stored, *window.assumed, death_term, form)
+        assert_allclose(products.weight, exact, rtol=1e-6, atol=1e-12 * exact.sum())
+
+
 def test_copies_stand_for_the_same_intensity(window):
     phd = window.stored[-1]
     copies = forms.copies(phd)
@@ -350,7 +360,7 @@ def summary():
 def test_summary_holds_every_figure(summary):
     names = [figure["name"] for figure in summary["figures"]]
 
-    assert len(names) == len(set(names)) == 29
+    assert len(names) == len(set(names)) == 32
     for figure in summary["figures"]:
         keys = {"name", "value", "goal", "at_most", "reached"}
         if figure["value"] is None:
