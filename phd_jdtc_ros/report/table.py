@@ -20,6 +20,7 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     GOSPA,
     GROUPS,
     IDENTITY_SWITCHES,
+    NEES,
     OSPA,
     OSPA2,
     SURVEILLANCE,
@@ -60,7 +61,7 @@ def metrics(
 def score_tables(summary: dict[str, Any]) -> Group:
     """Return the figures of filter and smoother, for all targets and for each class, as tables.
 
-    A single class is shown once.
+    A single class is shown once, and figures of covariances only where there are any.
 
     Parameters
     ----------
@@ -70,7 +71,8 @@ def score_tables(summary: dict[str, Any]) -> Group:
     Returns
     -------
     rich.console.Group
-        OSPA, GOSPA, the surveillance figures, and the confusion matrix of the classes.
+        OSPA, GOSPA, the surveillance figures, the consistency of the covariances, and the confusion
+        matrix of the classes.
     """
     distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
     gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_of_tracks(summary)}"
@@ -80,7 +82,11 @@ def score_tables(summary: dict[str, Any]) -> Group:
         _plain(SURVEILLANCE, summary, "surveillance figures", gaps),
     ]
     others = {t: group for t, group in GROUPS.items() if group not in (OSPA, GOSPA, SURVEILLANCE)}
-    tables += [_plain(group, summary, title, None) for title, group in others.items()]
+    tables += [
+        _plain(group, summary, title, _bands(summary) if group is NEES else None)
+        for title, group in others.items()
+        if _any_known(group, summary)
+    ]
     sets, matrix = Sets.of_summary(summary), summary[SMOOTHED]["all"]["confusion"]
     if matrix is not None and not sets.one_class:
         tables.append(_confusion(matrix, sets))
@@ -149,6 +155,27 @@ def _plain(columns: Columns, summary: dict[str, Any], title: str, caption: str |
         table.add_row(_name(sets, key), "filter", *_cells(columns, before))
         table.add_row("", "smoother", *_cells(columns, after), end_section=True)
     return table
+
+
+def _any_known(columns: Columns, summary: dict[str, Any]) -> bool:
+    """Return whether any set has any of the figures."""
+    return any(
+        figures.get(metric.key) is not None
+        for source in (FILTERED, SMOOTHED)
+        for figures in summary[source].values()
+        for metric in columns
+    )
+
+
+def _bands(summary: dict[str, Any]) -> str:
+    """Return the bands of the NEES of all targets and ages, a line for each source."""
+    lines = []
+    for source, name in ((FILTERED, "filter"), (SMOOTHED, "smoother")):
+        found = summary["consistency"][source]
+        if found["pairs"]:
+            low, high = found["nees_band_95"]
+            lines.append(f"95 % band of {found['pairs']} pairs, {name}: {low:.2f} to {high:.2f}")
+    return "\n".join(lines)
 
 
 def _of_tracks(summary: dict[str, Any]) -> str:

@@ -100,6 +100,12 @@ best assignment by position alone pairs them closer than c.
 `confusion` of all targets counts, over the scans, targets by true class (rows) and by the class of
 their paired estimate (columns). The last column counts missed targets, the last row false
 estimates.
+
+`consistency` has for each source, over all targets, the judged `pairs`, `nees` with `nees_band_95`,
+and `outside_3_sigma`; and under `by_age` the same for tracks of an age. The age of a track is the
+number of scans since its number was first reported by that source; an unlabelled estimate has none.
+The band is that of so many independent pairs. Those of one track are not independent from scan to
+scan, and a mean over the runs of a study has the interval that its runs give it.
 """
 
 _CLASSES = (

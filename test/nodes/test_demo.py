@@ -68,6 +68,10 @@ def test_demo_reaches_the_promised_figures(demo):
     assert set(metrics["smoothed"]) == {"all", "class_0", "class_1"}
     assert metrics["step_ms"]["median"] > 0.0
     assert metrics["engine"] == "particles"
+    for source, consistency in metrics["consistency"].items():
+        assert consistency["pairs"] == pytest.approx(240, abs=3), source
+        assert consistency["outside_3_sigma"] <= 0.03, source
+        assert 0.7 < consistency["nees"] < 1.3, source
 
 
 def test_phd_filter_does_not_reach_the_promised_figures(tmp_path):

@@ -130,6 +130,20 @@ def test_write_report_tells_the_surveillance_figures(tmp_path):
     assert "more than 16.4 s" in text
 
 
+def test_write_report_shows_the_consistency_of_covariances(tmp_path):
+    summary = summary_of()
+    stated = {"pairs": 240, "nees": 1.234, "nees_band_95": [0.877, 1.13], "outside_3_sigma": 0.025}
+    summary["consistency"] = {"filtered": stated, "smoothed": {"pairs": 0}}
+    summary["filtered"]["all"] |= {"nees": 1.234, "outside_3_sigma_age_0_4": 0.025}
+    text = page(tmp_path, summary)
+    rows = Reader(without_library(text)).rows
+
+    heading = rows.index(["set", "source", "NEES", "outside age 0-4"])
+    assert rows[heading + 1] == ["all classes", "filtered", "1.23", "2.5%"]
+    assert "filtered, 240 pairs: 0.88 to 1.13." in text
+    assert "NEES" not in page(tmp_path, summary_of()).partition("<h2>Definitions")[0]
+
+
 def test_write_report_shows_which_class_was_taken_for_which(tmp_path):
     summary = summary_of()
     summary["smoothed"]["all"]["confusion"] = [[118, 2, 0], [1, 76, 3], [4, 5, 0]]

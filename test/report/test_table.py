@@ -67,6 +67,7 @@ def test_metrics_hold_what_the_file_promises(evaluation):
     assert set(found) == {
         "filtered", "smoothed", "reduction", "class_accuracy", "p", "c", "scans", "step_ms",
         "truth_scans", "long_gap_s", "ospa2_window", "identity_switches", "class_names",
+        "consistency",
     }  # fmt: skip
     promised = {
         "ospa", "localization", "cardinality", "cardinality_abs_error",
@@ -177,6 +178,43 @@ def test_score_tables_shows_the_figures_of_tracks_where_there_are_any(evaluation
         "OSPA(2) over 10 scans: filter -, smoother 12.3 m",
         "identity switches: filter -, smoother 3",
     ]
+
+
+@pytest.fixture
+def stated():
+    """Estimates 10 m off with a deviation of 10 m; smoothed ones 40 m off with the same."""
+    found = Evaluation(classes=1, cutoff=1000.0, order=2.0)
+    covariance = np.full((1, 2, 2), 100.0 * np.eye(2))
+    for stamp in range(7):
+        found.add_truth(stamp, points([[0, 0]], [0]))
+        for source, off in (("filtered", 10.0), ("smoothed", 40.0)):
+            place = np.array([[off, 0.0]])
+            estimate = PointSet(place, np.array([0]), np.array([3]), covariance=covariance)
+            found.add_estimates(source, stamp, estimate)
+    return metrics(found, np.zeros(0))
+
+
+def test_score_tables_shows_the_consistency_of_stated_covariances(stated):
+    *_, (title, rows, caption), (other, shares, _) = tables(stated)
+
+    assert title == "NEES / 2 of positions, by age in scans"
+    assert rows == [
+        ["class 0", "filter", "0.50", "0.50", "0.50", "-"],
+        ["", "smoother", "8.00", "8.00", "8.00", "-"],
+    ]
+    assert caption == [
+        "95 % band of 7 pairs, filter: 0.40 to 1.87",
+        "95 % band of 7 pairs, smoother: 0.40 to 1.87",
+    ]
+    assert other == "positions outside 3 sigma, by age in scans"
+    assert [row[1:] for row in shares] == [
+        ["filter", "0.0%", "0.0%", "0.0%", "-"],
+        ["smoother", "100.0%", "100.0%", "100.0%", "-"],
+    ]
+
+
+def test_score_tables_of_estimates_without_covariances_leaves_their_consistency_out(evaluation):
+    assert not any("sigma" in title for title, *_ in tables(metrics(evaluation, np.zeros(0))))
 
 
 def test_score_tables_has_the_configured_names(evaluation):

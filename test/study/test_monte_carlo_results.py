@@ -146,8 +146,12 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
         seen = rng.random(len(position)) < 0.6
         near = position[seen] + rng.normal(0.0, 400.0, (seen.sum(), 2))
         false = rng.uniform(-9e3, 9e3, (rng.integers(0, 2), 2))
+        number = len(near) + len(false)
         estimate = PointSet(
-            np.concatenate([near, false]), rng.integers(0, 2, len(near) + len(false))
+            np.concatenate([near, false]),
+            rng.integers(0, 2, number),
+            rng.permutation(number + 1)[:number],
+            covariance=np.tile(2.5e4 * np.eye(2), (number, 1, 1)),
         )
         tracks.append(estimate)
         evaluation.add_truth(truth.stamp_ns, PointSet(position, class_id, truth.track_id))
@@ -160,6 +164,8 @@ def test_figures_of_a_study_are_those_of_the_evaluator(pair):
     )
 
     assert live["all"]["long_gap_share"] > 0.0
+    assert live["all"]["nees_age_0_4"] > 1.0
+    assert live["all"]["outside_3_sigma"] > 0.0
     assert result.confusion(0)[0].tolist() == live["all"].pop("confusion")
     for metric in OF_ALL:
         del live["all"][metric.key]

@@ -153,6 +153,20 @@ def test_markdown_has_a_row_for_each_variant():
     assert rows[5].endswith("| - | - |")
 
 
+def test_tables_show_the_consistency_of_those_that_state_covariances():
+    stated, silent = result_of(variant_of("corrected")), result_of(variant_of("GNN", "gnn", (0,)))
+    silent.scores.values[..., [VALUES.index(name) for name in VALUES if "judged" in name]] = 0
+    text = markdown(summary_of([stated, silent]))
+    _, _, after = text.partition("Covariances of positions")
+    rows = [line.split(" | ") for line in after.partition("## ")[0].splitlines() if "|" in line]
+
+    assert rows[0][:5] == ["| variant", "runs", "lag", "NEES", "NEES age 0-4"]
+    assert [row[0] for row in rows[2:]] == ["| corrected"] * 3
+    titles = [table.title for table in tables(summary_of([stated, silent]))]
+    assert titles[1] == "quiet: covariances of positions, by lag in scans"
+    assert len(list(tables(summary_of([silent])))) == 1
+
+
 def test_tables_show_every_variant():
     console = Console(width=80, record=True, file=io.StringIO())
     for table in tables(summary_of(everything())):

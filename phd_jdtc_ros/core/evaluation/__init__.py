@@ -8,7 +8,7 @@
     truth, estimates (PointSet): pairs by stamp    evaluation, true_tracks
       |  by position alone                         scan_scores, metrics
     PairedScan
-      |  distances, gaps, tracks, per set          scan_scores, metrics, surveillance
+      |  distances, gaps, tracks, per set          scan_scores, metrics, surveillance, consistency
     Comparison, of all targets and of each class   scan_scores
       |  values per scan                           metric_table
     ScanScore                                      scan_scores

@@ -174,14 +174,16 @@ class Evaluation:
         dict
             The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
             smoothing; ``class_accuracy`` and ``identity_switches`` of the smoothed estimates;
-            ``p``, ``c``; ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of
-            stamps with scores of both sources, of ``truth_scans`` stamps of the truth, None where
-            estimates have stamps of their own; ``class_names``. A figure without data is None.
+            ``consistency``, the result of `RunScores.consistency` per source; ``p``, ``c``;
+            ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of stamps with
+            scores of both sources, of ``truth_scans`` stamps of the truth, None where estimates
+            have stamps of their own; ``class_names``. A figure without data is None.
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
         result["class_accuracy"] = self._runs[SMOOTHED].of_all(CLASS_ACCURACY)
         result["identity_switches"] = result[SMOOTHED][ALL][IDENTITY_SWITCHES.key]
+        result["consistency"] = {source: run.consistency() for source, run in self._runs.items()}
         result["p"], result["c"] = self.order, self.cutoff
         result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
         result["scans"] = self._scans

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray
+from . import consistency
 from .limits import LONG_GAP_S, NEAR, OSPA2_WINDOW
 from .totals import Totals, ratio
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 # Returns None for a scan without such a value.
 Value: TypeAlias = "Callable[[Comparison], float | None]"
 Figure: TypeAlias = "Callable[[Totals], FloatArray]"
+Group: TypeAlias = "tuple[Metric, ...]"
 
 # --- values per scan ------------------------------------------------------------------------------
 
@@ -77,6 +79,11 @@ COUNTED: Mapping[str, Value] = {
     "long_gaps": _of_gaps(lambda gaps: sum(gap.is_long for gap in gaps)),
     "missed_in_long_gaps": _of_gaps(lambda gaps: sum(gap.missed for gap in gaps if gap.is_long)),
     "longest_gap_s": _of_gaps(lambda gaps: max((gap.duration_s for gap in gaps), default=0.0)),
+    **{
+        name: value
+        for ages in consistency.AGE_GROUPS
+        for name, value in consistency.values(ages).items()
+    },
 }
 # Values that need labelled estimates.
 TRACKED: Mapping[str, Value] = {
@@ -270,6 +277,50 @@ SURVEILLANCE = (
         "Share of the targets, over all scans, that are missed in long gaps.",
     ),
 )
+
+
+def _by_age(heading: str, short: str, definition: str, key: str, part: str, form: str) -> Group:
+    """Return a share of the judged pairs: of all ages, and of each group of ages."""
+    texts = [
+        (heading, definition),
+        *((f"{short} age {ages.text}", _of_ages(heading, ages)) for ages in consistency.AGES),
+    ]
+    return tuple(
+        Metric(ages.key(key), head, "", form, share(ages.key(part), ages.key(JUDGED)), text)
+        for ages, (head, text) in zip(consistency.AGE_GROUPS, texts, strict=True)
+    )
+
+
+def _of_ages(heading: str, ages: consistency.Ages) -> str:
+    last = "or more" if ages.last == consistency.OLDEST else f"to {ages.last}"
+    return (
+        f"{heading[0].upper()}{heading[1:]} of the estimates whose track number was first reported "
+        f"{ages.first} {last} scans before."
+    )
+
+
+JUDGED = consistency.PAIRS
+NEES = _by_age(
+    "NEES",
+    "NEES",
+    "Normalised estimation error squared of the position, divided by 2: the mean over the pairs of "
+    "half the squared Mahalanobis distance of the true position from the estimate. It is 1 if the "
+    "covariances are right, and larger if they are too small. Estimates without a positive "
+    "definite covariance are left out.",
+    "nees",
+    consistency.NEES,
+    ".2f",
+)
+OUTSIDE = _by_age(
+    "outside 3 sigma",
+    "outside",
+    "Share of the pairs with a covariance in which the Mahalanobis distance of the position is "
+    f"above {consistency.BOUND:g}. It is {consistency.EXPECTED_OUTSIDE:.1%} if the covariances are "
+    "right and the errors are normal.",
+    "outside_3_sigma",
+    consistency.OUTSIDE,
+    ".1%",
+)
 OSPA2 = Metric(
     "ospa2",
     "OSPA(2)",
@@ -312,7 +363,13 @@ CLASS_ACCURACY = Metric(
     "targets are left out.",
 )
 # Figures of every set in `metrics.json`; each group is a table on the terminal.
-GROUPS = {"OSPA": OSPA, "GOSPA": GOSPA, "surveillance figures": SURVEILLANCE}
+GROUPS = {
+    "OSPA": OSPA,
+    "GOSPA": GOSPA,
+    "surveillance figures": SURVEILLANCE,
+    "NEES / 2 of positions, by age in scans": NEES,
+    "positions outside 3 sigma, by age in scans": OUTSIDE,
+}
 OF_SETS = tuple(metric for group in GROUPS.values() for metric in group)
 # Figures of all targets only.
 OF_ALL = (OSPA2, IDENTITY_SWITCHES, POSITION_NEAR)

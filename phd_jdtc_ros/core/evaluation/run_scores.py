@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from . import consistency
 from .metric_table import OF_ALL, OF_SETS, VALUES, Metric, values_of
 from .scan_scores import ALL, Comparison, PairedScan, ScanComparer, set_names
 from .surveillance import confusion_matrix
@@ -68,6 +69,10 @@ class RunScores:
         result[ALL].update((metric.key, _by_set(metric, totals)[0]) for metric in OF_ALL)
         result[ALL]["confusion"] = self._confusion.tolist() if self.scans else None
         return result
+
+    def consistency(self) -> dict[str, Any]:
+        """Return the consistency of the covariances, see `consistency.figures`."""
+        return consistency.figures(self._totals())
 
     def of_all(self, metric: Metric) -> float | None:
         """Return a figure of all targets."""

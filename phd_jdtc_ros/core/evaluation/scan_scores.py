@@ -13,6 +13,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..types import Estimates, Truth
+from .consistency import TrackAges, mahalanobis2
 from .identity import IdentitySwitches
 from .limits import OSPA2_WINDOW
 from .metrics import Gospa, Ospa, assign, gospa, ospa
@@ -46,17 +47,23 @@ class PointSet:
         0 for an unlabelled point; None if all are unlabelled.
     velocity : array of shape (T, 2) or None
         Metres per second; None if it is not known.
+    covariance : array of shape (T, 2, 2) or None
+        Of the positions, square metres; None if it is not known, as of the truth.
     """
 
     position: FloatArray
     class_id: IntArray
     track_id: IntArray | None = None
     velocity: FloatArray | None = None
+    covariance: FloatArray | None = None
 
     @staticmethod
     def of(targets: Truth | Estimates) -> PointSet:
         """Return the points of targets or estimates."""
-        return PointSet(targets.position, targets.class_id, targets.track_id, targets.velocity)
+        covariance = targets.position_covariance if isinstance(targets, Estimates) else None
+        return PointSet(
+            targets.position, targets.class_id, targets.track_id, targets.velocity, covariance
+        )
 
     def __len__(self) -> int:
         return len(self.position)
@@ -69,7 +76,8 @@ class PointSet:
         """Return the points of the given indices."""
         label = None if self.track_id is None else self.track_id[index]
         velocity = None if self.velocity is None else self.velocity[index]
-        return PointSet(self.position[index], self.class_id[index], label, velocity)
+        covariance = None if self.covariance is None else self.covariance[index]
+        return PointSet(self.position[index], self.class_id[index], label, velocity, covariance)
 
     def labelled(self) -> LabelledPoints | None:
         """Return the points with their labels; None unless all labels are non-zero and distinct."""
@@ -114,6 +122,8 @@ class Comparison:
     paired_truth, paired_estimate : PointSet
         The set's targets that are paired with an estimate by position alone, and these estimates,
         which may be of any class.
+    age : int array of shape (P,)
+        Of the tracks of `paired_estimate`, see `TrackAges`.
     cutoff : float
         c, metres.
     order : float
@@ -131,6 +141,7 @@ class Comparison:
     estimate: PointSet
     paired_truth: PointSet
     paired_estimate: PointSet
+    age: IntArray
     cutoff: float
     order: float
     gaps: tuple[Gap, ...] | None
@@ -147,6 +158,12 @@ class Comparison:
         """The GOSPA distance and its parts."""
         return gospa(self.truth.position, self.estimate.position, self.cutoff, self.order)
 
+    @cached_property
+    def mahalanobis2(self) -> FloatArray:
+        """Squared Mahalanobis distances of the pairs, shape (P,); NaN without a covariance."""
+        error = self.paired_truth.position - self.paired_estimate.position
+        return mahalanobis2(error, self.paired_estimate.covariance)
+
     def of_class(self, class_id: int) -> Comparison:
         """Return the comparison of one class alone."""
         pairs = np.flatnonzero(self.paired_truth.class_id == class_id)
@@ -156,6 +173,7 @@ class Comparison:
             estimate=self.estimate.of_class(class_id),
             paired_truth=self.paired_truth.only(pairs),
             paired_estimate=self.paired_estimate.only(pairs),
+            age=self.age[pairs],
             gaps=None if self.gaps is None else _of_set(self.gaps, class_set(class_id)),
             ospa2=None,
             identity_switches=None,
@@ -165,7 +183,7 @@ class Comparison:
 class ScanComparer:
     """Compares a source's scans with the truth, in order.
 
-    It keeps the part of earlier scans that gaps, OSPA(2) and identity switches need.
+    It keeps the part of earlier scans that gaps, OSPA(2), identity switches and ages need.
 
     Parameters
     ----------
@@ -181,16 +199,19 @@ class ScanComparer:
         self._finder = GapFinder()
         self._window = TrackWindow(OSPA2_WINDOW)
         self._identities = IdentitySwitches(cutoff)
+        self._ages = TrackAges()
         self._newest_ns: int | None = None
 
     def compare(self, scan: PairedScan) -> dict[str, Comparison]:
         """Return the comparison of each set at the next scan."""
         ospa2, switches = self._of_tracks(scan)
+        age = self._ages.add(scan.stamp_ns, scan.estimate.track_id, len(scan.estimate))
         everything = Comparison(
             scan.truth,
             scan.estimate,
             scan.truth.only(scan.pairs[0]),
             scan.estimate.only(scan.pairs[1]),
+            age[scan.pairs[1]],
             self._cutoff,
             self._order,
             self._ended_gaps(scan),

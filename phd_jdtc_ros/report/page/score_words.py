@@ -13,9 +13,11 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
     GOSPA,
     IDENTITY_SWITCHES,
+    NEES,
     OF_ALL,
     OF_SETS,
     OSPA,
+    OUTSIDE,
     TERMS,
     Metric,
 )
@@ -29,7 +31,9 @@ NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
 # Only the localisation part of OSPA is shown, not that of GOSPA.
 DISTANCES = (*OSPA, *(metric for metric in GOSPA if metric.key != "gospa_localization"))
-OTHERS = (*(metric for metric in OF_SETS if metric not in (*OSPA, *GOSPA)), *OF_ALL)
+CONSISTENCY = (*NEES, *OUTSIDE)
+_ELSEWHERE = (*OSPA, *GOSPA, *CONSISTENCY)
+OTHERS = (*(metric for metric in OF_SETS if metric not in _ELSEWHERE), *OF_ALL)
 
 
 def tables(summary: Mapping[str, Any]) -> str:
@@ -45,6 +49,7 @@ def tables(summary: Mapping[str, Any]) -> str:
             _table(summary, DISTANCES, "Means over all scans."),
             f"<details>\n<summary>{_folded(sets)}</summary>",
             _table(summary, OTHERS, over),
+            _consistency(summary),
             "" if sets.one_class else _confusion(matrix, sets),
             "</details>",
             _engines(summary),
@@ -93,6 +98,23 @@ def _table(summary: Mapping[str, Any], columns: Sequence[Metric], note: str) -> 
         f'<th scope="col">source</th>{heads}</tr></thead>\n{rows}\n</table>\n</div>\n'
         f"<p>{escape(note)}</p>"
     )
+
+
+def _consistency(summary: Mapping[str, Any]) -> str:
+    """Return the table of the covariances' consistency; empty if there are no covariances."""
+    bands = []
+    for source in SOURCES:
+        found = (summary.get("consistency") or {}).get(source) or {}
+        if found.get("pairs"):
+            low, high = found["nees_band_95"]
+            bands.append(f"{source}, {found['pairs']} pairs: {low:.2f} to {high:.2f}")
+    if not bands:
+        return ""
+    note = (
+        "Consistency of the covariances of positions, over all pairs and by age of the track in "
+        f"scans. The 95 % band of a NEES of right covariances is, {'; '.join(bands)}."
+    )
+    return _table(summary, CONSISTENCY, note)
 
 
 def _confusion(matrix: Sequence[Sequence[int]] | None, sets: Sets) -> str:
@@ -199,7 +221,7 @@ def definitions(summary: Mapping[str, Any]) -> str:
     """Return the definitions of the shown metrics and terms; empty if there are no scores."""
     if not _scored(summary):
         return ""
-    metrics = (*DISTANCES, *OTHERS, CLASS_ACCURACY)
+    metrics = (*DISTANCES, *OTHERS, NEES[0], OUTSIDE[0], CLASS_ACCURACY)
     words = [*((m.heading[0].upper() + m.heading[1:], m.definition) for m in metrics), *TERMS]
     terms = "\n".join(f"<dt>{escape(word)}</dt>\n<dd>{escape(text)}</dd>" for word, text in words)
     return f'<h2>Definitions</h2>\n{_parameters(summary)}<dl class="terms">\n{terms}\n</dl>'

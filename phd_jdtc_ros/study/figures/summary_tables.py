@@ -11,6 +11,8 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from phd_jdtc_ros.core.evaluation.metric_table import NEES, OUTSIDE, Metric
+
 from ..monte_carlo import ALL
 from ..monte_carlo.definition import METRICS
 from ..monte_carlo.kinds import TURNING_KINDS
@@ -27,16 +29,20 @@ SURVEYED = tuple(
         "cpu_ms",
     )
 )
+# Figures of the covariances, of trackers that state them.
+CONSISTENCY = (*NEES, *OUTSIDE)
 
 
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield one table per case, of the mean OSPA by variant and lag, and one of the goals.
+    """Yield the tables of each case, and one of the goals.
 
-    Of a case whose antennas turn it is a table of what surveillance asks for.
+    The first of a case is of the mean OSPA by variant and lag, or, if antennas turn, of what
+    surveillance asks for. The second is of the consistency of the covariances, where there are any.
     """
     for case, variants in summary["cases"].items():
         if _turning(variants):
             yield _surveillance(case, variants)
+            yield from _consistency(case, variants)
             continue
         lags = _all_lags(variants)
         table = Table(title=f"{escape(case)}: mean OSPA in m, by lag in scans")
@@ -47,6 +53,7 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
         for name, row in _ospa_rows(variants, lags, _number):
             table.add_row(escape(name), *row)
         yield table
+        yield from _consistency(case, variants)
     goals = [goal for goal in summary["goals"] if goal["reached"] is not None]
     if goals:
         table = Table(title="goals")
@@ -63,6 +70,7 @@ def markdown(summary: Mapping[str, Any]) -> str:
     for case, variants in summary["cases"].items():
         if _turning(variants):
             lines += _surveillance_markdown(case, variants)
+            lines += _consistency_markdown(variants)
             continue
         lags = _all_lags(variants)
         distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
@@ -73,6 +81,7 @@ def markdown(summary: Mapping[str, Any]) -> str:
         for name, row in _ospa_rows(variants, lags, _with_interval):
             lines += _markdown_row([name, *row])
         lines.append("")
+        lines += _consistency_markdown(variants)
     lines += ["## Goals", ""]
     lines += _markdown_row(["goal", "value", "bound", "reached"]) + _markdown_row(["---"] * 4)
     for goal in summary["goals"]:
@@ -95,7 +104,7 @@ def _surveillance(case: str, variants: Mapping[str, Any]) -> Table:
     table.add_column("variant")
     for heading in ("runs", "lag", *(metric.heading for metric in SURVEYED)):
         table.add_column(heading, justify="right")
-    for name, *row in _surveillance_rows(variants):
+    for name, *row in _figure_rows(variants, SURVEYED):
         table.add_row(escape(name), *row)
     return table
 
@@ -104,19 +113,49 @@ def _surveillance_markdown(case: str, variants: Mapping[str, Any]) -> list[str]:
     headings = ["variant", "runs", "lag", *(metric.heading for metric in SURVEYED)]
     lines = [f"## {case}", "", "Targets in the air, at the end of each turn; lags in turns.", ""]
     lines += _markdown_row(headings) + _markdown_row(["---", *["---:"] * (len(headings) - 1)])
-    for row in _surveillance_rows(variants):
+    for row in _figure_rows(variants, SURVEYED):
         lines += _markdown_row(row)
     return [*lines, ""]
 
 
-def _surveillance_rows(variants: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Yield each variant's name, number of runs, lag and surveillance figures."""
+def _consistency(case: str, variants: Mapping[str, Any]) -> Iterator[Table]:
+    """Yield the table of the covariances, none if no variant states any."""
+    rows = _consistency_rows(variants)
+    if rows:
+        table = Table(title=f"{escape(case)}: covariances of positions, by lag in scans")
+        table.add_column("variant")
+        for heading in ("runs", "lag", *(metric.heading for metric in CONSISTENCY)):
+            table.add_column(heading, justify="right")
+        for name, *row in rows:
+            table.add_row(escape(name), *row)
+        yield table
+
+
+def _consistency_markdown(variants: Mapping[str, Any]) -> list[str]:
+    rows = _consistency_rows(variants)
+    if not rows:
+        return []
+    headings = ["variant", "runs", "lag", *(metric.heading for metric in CONSISTENCY)]
+    lines = ["Covariances of positions, by age of the track in scans; NEES divided by 2.", ""]
+    lines += _markdown_row(headings) + _markdown_row(["---", *["---:"] * (len(headings) - 1)])
+    for row in rows:
+        lines += _markdown_row(row)
+    return [*lines, ""]
+
+
+def _consistency_rows(variants: Mapping[str, Any]) -> list[list[str]]:
+    """Return the rows of the variants that state covariances."""
+    return [row for row in _figure_rows(variants, CONSISTENCY) if any(c != "-" for c in row[3:])]
+
+
+def _figure_rows(variants: Mapping[str, Any], columns: Sequence[Metric]) -> Iterator[list[str]]:
+    """Yield each variant's name, number of runs, lag and means of these figures."""
     for name, found in variants.items():
         for lag, figures in _of_all(found):
-            means = [figures[metric.key] for metric in SURVEYED]
+            means = [figures.get(metric.key) for metric in columns]
             cells = [
                 "-" if mean is None else metric.text(mean["mean"])
-                for metric, mean in zip(SURVEYED, means, strict=True)
+                for metric, mean in zip(columns, means, strict=True)
             ]
             yield [name, str(found["runs"]), lag, *cells]
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.core.evaluation.consistency import NO_AGE
 from phd_jdtc_ros.core.evaluation.metric_table import METRICS, OSPA, VALUES, reduction, values_of
 from phd_jdtc_ros.core.evaluation.scan_scores import Comparison, PointSet
 from phd_jdtc_ros.core.evaluation.surveillance import Gap
@@ -26,7 +27,7 @@ def scan():
     truth = points((0, 0, 0), (5000, 0, 1))
     estimate = points((30, 40, 1), (-9000, 0, 0), (9000, 0, 0))
     gaps = (Gap(0, 12.0, 1), Gap(0, 18.0, 2), Gap(1, 16.4, 3))
-    pair = truth.only(np.array([0])), estimate.only(np.array([0]))
+    pair = truth.only(np.array([0])), estimate.only(np.array([0])), np.array([NO_AGE])
     labels = {"ospa2": None, "identity_switches": None}
     return Comparison(truth, estimate, *pair, cutoff=1000.0, order=2.0, gaps=gaps, **labels)
 
