@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from typing import Generic
 
 from . import window_snapshot
+from .clutter_snapshot import put_clutter, take_clutter
+from .models.clutter_memory import ClutterMemory
 from .models.tracker_model import TrackerModel
 from .snapshot import MOST_STAMP_NS, Snapshot, whole
 from .touch import births_passed
@@ -62,6 +64,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     stamp_ns: int | None = field(init=False, repr=False)
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
+    clutter: ClutterMemory = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.reset()
@@ -82,6 +85,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     def reset(self) -> None:
         """Return to the initial state."""
         self.current, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
+        self.clutter = ClutterMemory()
 
     def start_from(self, stamp_ns: int, stored: RowsT) -> None:
         """Use `stored` as the set of an earlier scan."""
@@ -96,6 +100,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         }
         for rows in self.current:
             window_snapshot.put_current(into, rows)
+        put_clutter(into, self.clutter)
 
     def take(self, stored: Snapshot, entries: Mapping[int, Entry[RowsT, LinkT]]) -> None:
         """Restore the filter's state from a snapshot.
@@ -127,7 +132,9 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             whole("birth", term, 0, MOST_SCANS): whole("born_ns", stamp, 0, MOST_STAMP_NS)
             for term, stamp in facts["born_ns"]
         }
+        clutter = take_clutter(stored, self.model.radars)
         self.current, self.stamp_ns, self._scan_index = current, latest, index
+        self.clutter = clutter
         self._born_ns = born
 
     def _interval(self, scan: Scan) -> float:

@@ -50,7 +50,11 @@ ROOMS = {
     "backward": ("arrays", "window"),
     "touch": ("arrays", "models", "types", "window"),
     "window_snapshot": ("arrays", "models", "snapshot", "types", "window"),
-    "forward": ("models", "snapshot", "touch", "types", "window", "window_snapshot"),
+    "clutter_snapshot": ("models", "snapshot"),
+    "forward": (
+        *("clutter_snapshot", "models", "snapshot", "touch", "types"),
+        *("window", "window_snapshot"),
+    ),
     "fixed_lag": (
         *("arrays", "track_numbers", "types"),
         *("engine", "forward", "models", "reporting", "snapshot", "window", "window_snapshot"),

@@ -36,6 +36,8 @@ def test_resolve_takes_the_published_study():
         "terminal radar",
         "two terminal radars",
         "precise radar",
+        "clutter 3",
+        "loud clutter",
     ]
     assert {variant.kind for variant in study.variants} == set(KINDS)
 
@@ -46,8 +48,9 @@ def test_resolve_finds_every_published_goal_among_what_is_run():
     variants = {variant.name: variant for variant in study.variants}
 
     for goal in study.goals:
-        for name in (goal.variant, goal.relative_to or goal.variant):
-            assert goal.case in variants[name].cases
+        others = (goal.relative_to or goal.variant, goal.relative_case)
+        for name, case in ((goal.variant, goal.case), others):
+            assert case in variants[name].cases
             assert goal.lag in variants[name].lags
 
 

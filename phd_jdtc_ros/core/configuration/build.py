@@ -19,6 +19,7 @@ from ..engine import Lag
 from ..models import amplitude_density
 from ..models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from ..models.birth import BirthTerm
+from ..models.clutter_amplitude import ClutterAmplitude, Learned, LogNormal, Rayleigh
 from ..models.detection_birth import DetectionBirthModel
 from ..models.modes import ClassModel, ModeSpace
 from ..models.motion import MOTIONS, MotionModel
@@ -268,6 +269,7 @@ def _spawn(values: Mapping[str, Any], modes: ModeSpace) -> SpawnModel:
 
 def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
     get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
+    threshold = amplitude_density.threshold_for(get["false_alarm_probability"])
     return RadarModel(
         name=name,
         position=(get["position"][0], get["position"][1]),
@@ -277,10 +279,19 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         visibility=_visibility(get),
         clutter_rate=get["clutter_rate"],
         clutter_max_range=get["clutter_max_range"],
-        threshold=amplitude_density.threshold_for(get["false_alarm_probability"]),
+        threshold=threshold,
         range_growth=get["range_std_growth"],
         rotation_s=get["rotation_s"],
+        clutter_amplitude=_clutter_amplitude(get, threshold),
     )
+
+
+def _clutter_amplitude(get: Mapping[str, Any], threshold: float) -> ClutterAmplitude:
+    if get["clutter_amplitude"] == "learned":
+        return Learned(threshold)
+    if get["clutter_amplitude"] == "log_normal":
+        return LogNormal(get["clutter_level_db"], get["clutter_std_db"])
+    return Rayleigh(amplitude_density.snr_from_db(get["clutter_level_db"]))
 
 
 def _rounded(std: float, step: float) -> float:

@@ -360,6 +360,30 @@ RADAR = (
         mutable=True,
     ),
     Parameter(
+        "clutter_amplitude",
+        "rayleigh",
+        "Law of the amplitudes of false detections. rayleigh: that of noise, or clutter_level_db "
+        "above it; log_normal: of median clutter_level_db and standard deviation clutter_std_db; "
+        "learned: as what no target claims tells it.",
+        choices=("rayleigh", "log_normal", "learned"),
+    ),
+    Parameter(
+        "clutter_level_db",
+        0.0,
+        "Level of clutter as an SNR, dB; 0 is noise. Not used if its law is learned.",
+        -100.0,
+        200.0,
+        mutable=True,
+    ),
+    Parameter(
+        "clutter_std_db",
+        6.0,
+        "Standard deviation of the level of log-normal clutter, dB.",
+        0.1,
+        100.0,
+        mutable=True,
+    ),
+    Parameter(
         "false_alarm_probability",
         1e-3,
         "Probability that noise exceeds the detection threshold; determines the threshold.",

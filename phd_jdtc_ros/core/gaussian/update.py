@@ -13,6 +13,7 @@ from .. import origins
 from ..arrays import FloatArray, IntArray, sum_by
 from ..association.bernoulli import Claims, bernoulli
 from ..association.marginals import LEAST_CLUTTER
+from ..models.clutter_memory import ClutterMemory
 from ..models.detection_birth import Newborn
 from ..models.other_sources import OtherSources, other_sources
 from ..models.overload import thinned
@@ -37,6 +38,7 @@ def update(
     dynamics: Dynamics,
     bounds: Bounds,
     dt: float,
+    clutter: ClutterMemory | None = None,
 ) -> tuple[Branched, Newborn | None, int]:
     """Update the hypotheses with one radar's detections.
 
@@ -50,6 +52,9 @@ def update(
     bounds : Bounds
     dt : float
         True interval since the previous scan, seconds.
+    clutter : ClutterMemory or None
+        What is known of the radar's clutter, to learn from these detections; None to go by the
+        radar model alone.
 
     Returns
     -------
@@ -69,6 +74,7 @@ def update(
     """
     model, mixture = dynamics.model, predicted.mixture
     detections = model.amplitudes.used(detections)
+    radar = radar if clutter is None else clutter.informed(radar)
     expected = Expected.of(mixture, radar)
     flat = expected.measured.reshape(-1, 2)
     detections, radar, share = thinned(flat, float(mixture.mass.sum()), detections, radar)
@@ -96,6 +102,8 @@ def update(
         detection_probability=_summed(mixture.weight * detectable) / prior,
     )
     shares = bernoulli(mixture.target, len(mixture.label), mixture.mass, claims)
+    if clutter is not None:
+        clutter.learn(radar, detections, shares.claimed)
     factor = shares.missed[mixture.target] * shares.prior / prior
     weight = np.concatenate([missed * factor[:, None, None], weight * shares.pair[:, None, None]])
     source = np.concatenate([np.arange(len(mixture)), row])
@@ -260,6 +268,7 @@ def update_scan(
     bounds: Bounds,
     dt: float,
     scan_index: int,
+    clutter: ClutterMemory | None = None,
 ) -> tuple[Branched, int]:
     """Update with every radar that reported, in the configured order.
 
@@ -278,6 +287,8 @@ def update_scan(
         True interval since the previous scan, seconds.
     scan_index : int
         Determines the origins of births.
+    clutter : ClutterMemory or None
+        See `update`.
 
     Returns
     -------
@@ -291,7 +302,9 @@ def update_scan(
     for radar, detections in zip(dynamics.model.radars, scan.detections, strict=True):
         if detections is None:
             continue
-        branched, newborn, clusters = update(branched, detections, radar, dynamics, bounds, dt)
+        branched, newborn, clusters = update(
+            branched, detections, radar, dynamics, bounds, dt, clutter
+        )
         approximate += clusters
         if newborn is not None:
             branched = _with_newborn(branched, newborn, dynamics, origin)

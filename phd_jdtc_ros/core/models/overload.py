@@ -73,7 +73,8 @@ def thinned(
         left = detections.take(rows)
         # Unknown amplitudes are NaN, which neither of these takes for the smallest.
         threshold = float(np.fmax(np.fmin.reduce(detections.amplitude[rows]), radar.threshold))
-        share, fewer = 1.0, float(np.exp(-0.5 * (threshold**2 - radar.threshold**2)))
+        fewer = float(np.exp(radar.clutter_amplitude.log_share(threshold, radar.threshold)))
+        share = 1.0
     # A rate is that of a whole turn, of which the report may be a part.
     part = 1.0 if detections.coverage is None else detections.coverage.width / FULL_TURN
     rate = max(radar.clutter_rate * fewer, (kept - targets) / part)

@@ -16,6 +16,7 @@ from ..pair_search.gating import CellLists, cell_lists
 from ..state_space import PLANAR, StateSpace
 from ..types import Coverage, Detections
 from . import amplitude_density
+from .clutter_amplitude import NOISE, ClutterAmplitude
 from .modes import ClassModel
 from .visibility import Visibility, within
 
@@ -60,6 +61,8 @@ class RadarModel:
         Standard deviation that the range has in addition, in metres per metre of range.
     rotation_s : float
         Time of one turn of the antenna, seconds; 0 if it does not turn.
+    clutter_amplitude : ClutterAmplitude
+        Law of the amplitudes of false detections.
 
     Notes
     -----
@@ -79,6 +82,7 @@ class RadarModel:
     space: StateSpace = PLANAR
     range_growth: float = 0.0
     rotation_s: float = 0.0
+    clutter_amplitude: ClutterAmplitude = NOISE
 
     @property
     def max_range(self) -> float:
@@ -184,11 +188,10 @@ class RadarModel:
         )
         if detections.amplitude is None:
             return log_intensity
-        log_false_alarm = -0.5 * self.threshold**2
         density: FloatArray = (
             log_intensity
-            + amplitude_density.log_clutter_density(detections.amplitude)
-            - log_false_alarm
+            + self.clutter_amplitude.log_density(detections.amplitude)
+            - self.clutter_amplitude.log_share(self.threshold)
         )
         return np.where(np.isnan(density), log_intensity, density)
 

@@ -9,7 +9,7 @@
       |  check                               scenario_file, checked
       |  many targets by one block           generators, traffic, geodesy
     Scenario: targets, turns, radars         scenario, flight
-      |  detect, with clutter                simulate
+      |  detect, with clutter                simulate, clutter_law
     (Truth, Scan) by stamp
       |  where antennas turn                 sweep
     Report by turn or sector, with times

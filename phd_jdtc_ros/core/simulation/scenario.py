@@ -18,6 +18,7 @@ from ..models.amplitude_density import snr_from_db
 from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
 from ..types import FULL_TURN, Truth
+from .clutter_law import NOISE, ClutterLaw
 from .flight import ROUNDING_S, Flight, Leg
 
 # True targets follow this model's mean; turn rate 0 is a straight line.
@@ -177,6 +178,8 @@ class Scenario:
         One per radar.
     most_radars : int
         Largest number of turning radars that see a target at a time, the nearest ones; 0 for all.
+    clutter : tuple of ClutterLaw
+        One per radar; noise if empty.
     """
 
     start_ns: int
@@ -186,11 +189,16 @@ class Scenario:
     radars: tuple[RadarModel, ...]
     antennas: tuple[Antenna, ...] = ()
     most_radars: int = 0
+    clutter: tuple[ClutterLaw, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.antennas:
             usual = tuple(usual_antenna(index) for index in range(len(self.radars)))
             object.__setattr__(self, "antennas", usual)
+
+    def law(self, radar: int) -> ClutterLaw:
+        """Return the law of a radar's clutter, by the radar's index."""
+        return self.clutter[radar] if self.clutter else NOISE
 
     @property
     def turning(self) -> bool:

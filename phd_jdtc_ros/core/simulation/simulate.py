@@ -11,13 +11,18 @@ import numpy.typing as npt
 from ..arrays import FloatArray, IntArray
 from ..models.radar import RadarModel, wrap_angle
 from ..types import Detections, Scan, Truth
+from .clutter_law import NOISE, ClutterLaw
 from .scenario import Scenario, truth_at
 
 BoolArray = npt.NDArray[np.bool_]
 
 
 def detect(
-    truth: Truth, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
+    truth: Truth,
+    snr: FloatArray,
+    radar: RadarModel,
+    rng: np.random.Generator,
+    law: ClutterLaw = NOISE,
 ) -> tuple[Detections, IntArray]:
     """Return one radar's detections of `truth` among its clutter, in random order.
 
@@ -29,6 +34,8 @@ def detect(
         Mean signal-to-noise ratio of each target, linear.
     radar : RadarModel
     rng : numpy.random.Generator
+    law : ClutterLaw
+        Of the envelopes of clutter.
 
     Returns
     -------
@@ -39,12 +46,12 @@ def detect(
 
     Notes
     -----
-    Target envelopes are Rayleigh with sigma^2 = 1 + d, clutter envelopes with sigma^2 = 1; both
-    are reported only above the radar's threshold. The clutter rate counts reported detections.
+    Target envelopes are Rayleigh with sigma^2 = 1 + d, those of noise with sigma^2 = 1; all are
+    reported only above the radar's threshold. The clutter rate counts reported detections.
     """
     exact = radar.measure(truth.state)
     measurement, envelope, seen = observe(exact, snr, radar, rng)
-    clutter, tail = false_detections(radar, rng.poisson(radar.clutter_rate), rng)
+    clutter, tail = false_detections(radar, rng.poisson(radar.clutter_rate), rng, law)
     count = len(clutter)
     measurement = np.concatenate([measurement[seen], clutter])
     order = rng.permutation(len(measurement))
@@ -97,7 +104,7 @@ def observe(
 
 
 def false_detections(
-    radar: RadarModel, count: int, rng: np.random.Generator
+    radar: RadarModel, count: int, rng: np.random.Generator, law: ClutterLaw
 ) -> tuple[FloatArray, FloatArray]:
     """Return measurements of clutter, shape (count, 2), and their envelopes, shape (count,)."""
     clutter = np.stack(
@@ -107,9 +114,7 @@ def false_detections(
         ],
         axis=1,
     )
-    # The square of a Rayleigh envelope is exponential, so this tail above tau is exact.
-    tail = np.sqrt(radar.threshold**2 + 2.0 * rng.standard_exponential(count))
-    return _polar(clutter), tail
+    return _polar(clutter), law.draw(radar.threshold, count, rng)
 
 
 def _polar(measurement: FloatArray) -> FloatArray:
@@ -132,7 +137,8 @@ def simulate_with_sources(
     for index in range(scenario.scans):
         truth = truth_at(scenario, index)
         reports = [
-            detect(truth, snr_of[truth.track_id - 1], radar, rng) for radar in scenario.radars
+            detect(truth, snr_of[truth.track_id - 1], radar, rng, scenario.law(number))
+            for number, radar in enumerate(scenario.radars)
         ]
         scan = Scan(truth.stamp_ns, tuple(detections for detections, _ in reports))
         run.append((truth, scan, tuple(source for _, source in reports)))

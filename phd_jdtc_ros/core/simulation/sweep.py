@@ -187,7 +187,7 @@ def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
     begin = antenna.bearing / FULL_TURN
     last = int(np.ceil(scenario.duration_s / radar.rotation_s + begin))
     count = rng.poisson(radar.clutter_rate, last)
-    measurement, amplitude = false_detections(radar, int(count.sum()), rng)
+    measurement, amplitude = false_detections(radar, int(count.sum()), rng, scenario.law(index))
     turns = np.repeat(np.arange(last), count) + antenna.turns_to(measurement[:, 1])
     kept = radar.visibility.sees(measurement) > 0.0
     return Plots(
@@ -249,7 +249,7 @@ def _still_reports(
     for scan in range(scenario.scans):
         truth = truth_at(scenario, scan)
         snr = snr_of[truth.track_id - 1]
-        found, source = detect(truth, snr, scenario.radars[index], rng)
+        found, source = detect(truth, snr, scenario.radars[index], rng, scenario.law(index))
         if not layout.amplitude_field:
             found = Detections(found.measurement, None)
         reports.append(Report(index, truth.stamp_ns, found, source))

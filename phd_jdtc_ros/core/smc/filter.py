@@ -77,7 +77,9 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         births = self._births(scan)
         predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.done("predict")
-        updated, newborns = update_scan(predicted, scan, model, corrector, dt, index, rng)
+        updated, newborns = update_scan(
+            predicted, scan, model, corrector, dt, index, rng, self.clutter
+        )
         self.done("update")
         stored = resample(updated, model.modes, budget, rng)
         self.done("resample")

@@ -15,6 +15,7 @@ from scipy import sparse
 from .. import origins
 from ..association.bernoulli import Claims
 from ..models import detection_birth
+from ..models.clutter_memory import ClutterMemory
 from ..models.detection_birth import Newborn
 from ..models.other_sources import other_sources
 from ..models.overload import thinned
@@ -32,6 +33,7 @@ def update(
     model: TrackerModel,
     corrector: Corrector,
     dt: float,
+    clutter: ClutterMemory | None = None,
 ) -> tuple[ParticleSet, Newborn | None]:
     """Update the intensity with one radar's detections.
 
@@ -45,6 +47,9 @@ def update(
     corrector : Corrector
     dt : float
         True interval since the previous scan, seconds.
+    clutter : ClutterMemory or None
+        What is known of the radar's clutter, to learn from these detections; None to go by the
+        radar model alone.
 
     Returns
     -------
@@ -58,6 +63,7 @@ def update(
     Sec. IV-C, Step 2. Radars are applied in turn (iterated corrector).
     """
     detections = model.amplitudes.used(detections)
+    radar = radar if clutter is None else clutter.informed(radar)
     predicted = radar.measure(particles.state)
     seen = radar.missable(predicted, detections.coverage)
     predicted[predicted[:, 0] > radar.max_range, 0] = np.inf  # outside every detection's gate
@@ -82,6 +88,8 @@ def update(
         ),
     )
     corrected, claimed = corrector.correct(particles, claims)
+    if clutter is not None:
+        clutter.learn(radar, detections, claimed)
     return corrected, others.newborn(claimed, radar, detections, model)
 
 
@@ -93,6 +101,7 @@ def update_scan(
     dt: float,
     scan_index: int,
     rng: np.random.Generator,
+    clutter: ClutterMemory | None = None,
 ) -> tuple[ParticleSet, tuple[Newborn, ...]]:
     """Update with every radar that reported, in the configured order.
 
@@ -109,7 +118,7 @@ def update_scan(
     newborns = []
     for radar, detections in zip(model.radars, scan.detections, strict=True):
         if detections is not None:
-            particles, newborn = update(particles, detections, radar, model, corrector, dt)
+            particles, newborn = update(particles, detections, radar, model, corrector, dt, clutter)
             if newborn is not None:
                 newborn, count = detection_birth.affordable(newborn, model.detection_births)
                 particles = _with_newborn(particles, newborn, count, model, corrector, origin, rng)

@@ -132,6 +132,8 @@ class Goal:
         Whether it is an upper bound.
     relative_to : str or None
         If given, `bound` is a multiple of this variant's figure.
+    relative_case : str
+        The case of that figure.
     """
 
     name: str
@@ -142,6 +144,7 @@ class Goal:
     bound: float
     at_most: bool
     relative_to: str | None
+    relative_case: str
 
 
 @dataclass(frozen=True)

@@ -188,7 +188,8 @@ def _goal(
     if not isinstance(given, Mapping):
         faults.append(f"{prefix[:-1]}: must be a mapping")
         given = {}
-    keys = ("name", "case", "variant", "lag", "figure", "at_most", "at_least", "relative_to")
+    keys = ("name", "case", "variant", "lag", "figure", "at_most", "at_least")
+    keys += ("relative_to", "relative_case")
     faults += _unknown_keys(given, prefix, keys)
     names = [variant.name for variant in variants]
     bounds = [key for key in ("at_most", "at_least") if key in given]
@@ -202,15 +203,19 @@ def _goal(
     relative = given.get("relative_to")
     if relative is not None:
         _choice(given, "relative_to", prefix, names, None, faults)
+    case = other = _choice(given, "case", prefix, cases, None, faults)
+    if "relative_case" in given:
+        other = _choice(given, "relative_case", prefix, cases, None, faults)
     return Goal(
         name=str(given.get("name", prefix)),
-        case=_choice(given, "case", prefix, cases, None, faults),
+        case=case,
         variant=_choice(given, "variant", prefix, names, None, faults),
         lag=lag if isinstance(lag, int) else 0,
         figure=_choice(given, "figure", prefix, FIGURES, None, faults),
         bound=given[bounds[0]] if bounds else math.nan,
         at_most=bounds == ["at_most"],
         relative_to=relative,
+        relative_case=other,
     )
 
 

@@ -179,10 +179,10 @@ def _confusion(result: Result, lag: int, of_set: str) -> Any:
 
 def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
     """Return a goal with the value that was reached; None if the study has no such figure."""
-    value = _mean(goal, goal.variant, results)
+    value = _mean(goal, goal.case, goal.variant, results)
     bound = goal.bound
     if goal.relative_to is not None:
-        bound *= _mean(goal, goal.relative_to, results)
+        bound *= _mean(goal, goal.relative_case, goal.relative_to, results)
     reached = value <= bound if goal.at_most else value >= bound
     known = math.isfinite(value) and math.isfinite(bound)
     return {
@@ -194,9 +194,9 @@ def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
     }
 
 
-def _mean(goal: Goal, variant: str, results: Sequence[Result]) -> float:
+def _mean(goal: Goal, case: str, variant: str, results: Sequence[Result]) -> float:
     for result in results:
-        matches = (result.case, result.variant.name) == (goal.case, variant)
+        matches = (result.case, result.variant.name) == (case, variant)
         if matches and goal.lag in result.scores.lags:
             return Mean.of(result.figure(goal.figure, goal.lag)).mean
     return math.nan

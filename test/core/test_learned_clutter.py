@@ -1,0 +1,226 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Clutter that is higher than noise, with both engines."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from held import equal, stored_and_read
+from scenes import small
+from sweep import configuration
+
+from phd_jdtc_ros.core.clutter_snapshot import NAME
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.evaluation.metrics import assign
+from phd_jdtc_ros.core.models.clutter_amplitude import CELLS, MEMORY, Learned
+from phd_jdtc_ros.core.simulation.clutter_law import NOISE, UniformClutter
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.snapshot import Snapshot
+from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
+
+ENGINES = ("particles", "gaussian")
+# Targets are born at detections; three false detections a scan and radar.
+ANYWHERE = {
+    "births": [],
+    "detection_births.rates": [0.05, 0.05],
+    "detection_births.particles": 256,
+    "radar_1.clutter_rate": 3.0,
+    "radar_2.clutter_rate": 3.0,
+    "lag": 2,
+}
+LEARNED = {"radar_1.clutter_amplitude": "learned", "radar_2.clutter_amplitude": "learned"}
+RADARS = small(ANYWHERE).model.radars
+LOUD = UniformClutter(10.0, 20.0)
+
+
+def scans(law, count=40, seed=3):
+    scene = replace(paper_scenario(RADARS), scans=count, clutter=(law, law))
+    return simulate(scene, seed)
+
+
+def engine_of(engine, **given):
+    return new_engine(small({**ANYWHERE, **LEARNED, "engine": engine, **given}))
+
+
+def errors(engine, run):
+    """Return how many estimates are false and how many targets are missed in a run."""
+    false = missed = 0
+    for truth, scan in run:
+        (found,) = engine.step(scan).filtered
+        paired, _ = assign(truth.position, found.position, 1000.0, 2.0)
+        false += len(found) - len(paired)
+        missed += len(truth.state) - len(paired)
+    return false, missed
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_high_clutter_makes_no_false_targets_once_it_is_learned(engine):
+    noisy = dict.fromkeys(LEARNED, "rayleigh")
+    false, _ = errors(engine_of(engine, **noisy), scans(LOUD))
+    assert false > 50
+    false, missed = errors(engine_of(engine), scans(LOUD))
+    assert false <= 2
+    _, among_noise = errors(engine_of(engine), scans(NOISE))
+    assert missed <= among_noise
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_learned_law_is_that_of_the_clutter_and_not_of_the_targets(engine):
+    tracker = engine_of(engine)
+    for _, scan in scans(LOUD):
+        tracker.step(scan)
+    for law in tracker.forward.clutter.laws.values():
+        level = np.linspace(-20.0, 80.0, CELLS + 1)[:-1] + 0.25
+        inside = (level > 10.0) & (level < 20.0)
+        assert law.count[inside].sum() > 60.0
+        assert law.count[level > 26.0].sum() < 0.06 * law.count.sum()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_one_high_detection_among_noise_is_no_target(engine):
+    """Against noise its existence is certain at once."""
+    existence = {}
+    threshold = RADARS[0].threshold
+    for law in ("rayleigh", "learned"):
+        tracker = engine_of(engine, existence_threshold=0.0, **dict.fromkeys(LEARNED, law))
+        for index in range(30):
+            rng = np.random.default_rng(index)
+            place = np.stack([rng.uniform(2e3, 14e3, 3), rng.uniform(-3.0, 3.0, 3)], axis=1)
+            found = Detections(place, NOISE.draw(threshold, 3, rng))
+            tracker.step(Scan((index + 1) * 6_000_000_000, (found, None)))
+        high = Detections(np.array([[8e3, 3.1]]), np.array([14.0]))
+        step = tracker.step(Scan(31 * 6_000_000_000, (high, None)))
+        existence[law] = step.filtered[0].weight.max(initial=0.0)
+    assert existence["rayleigh"] > 0.95
+    assert existence["learned"] < 0.5
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_run_that_is_reset_learns_again(engine):
+    tracker = engine_of(engine)
+    run = scans(LOUD, 6)
+    first = [tracker.step(scan) for _, scan in run]
+    tracker.flush()
+    assert tracker.forward.clutter.laws == {}
+    for (_, scan), before in zip(run, first, strict=True):
+        assert equal(tracker.step(scan).filtered[0], before.filtered[0])
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("stop", [0, 1, 8])
+def test_restored_engine_goes_on_with_what_it_has_learned_bit_by_bit(engine, stop):
+    run = [scan for _, scan in scans(LOUD, 12)]
+    first, second = engine_of(engine), engine_of(engine)
+    for scan in run[:stop]:
+        first.step(scan)
+    second.restore(stored_and_read(first.snapshot()))
+    for scan in run[stop:]:
+        one, other = first.step(scan), second.step(scan)
+        assert equal(one.filtered[0], other.filtered[0])
+    for name, law in first.forward.clutter.laws.items():
+        np.testing.assert_array_equal(second.forward.clutter.laws[name].count, law.count)
+
+
+def stored(engine):
+    tracker = engine_of(engine)
+    for _, scan in scans(LOUD, 4):
+        tracker.step(scan)
+    held = tracker.snapshot()
+    return Snapshot(held.stamp_ns, dict(held.arrays), json.loads(json.dumps(held.facts)))
+
+
+def test_noise_stores_nothing_of_clutter():
+    tracker = engine_of("gaussian", **dict.fromkeys(LEARNED, "rayleigh"))
+    for _, scan in scans(NOISE, 4):
+        tracker.step(scan)
+    held = tracker.snapshot()
+    assert not [name for name in (*held.arrays, *held.facts) if name.startswith(NAME)]
+
+
+def of_another_radar(held):
+    held.facts[NAME] = ["mast"]
+    held.arrays[f"{NAME}.mast"] = held.arrays[f"{NAME}.radar_1"]
+
+
+def put(array):
+    def change(held):
+        held.arrays[f"{NAME}.radar_1"] = array
+
+    return change
+
+
+FORGERIES = {
+    "another radar": (of_another_radar, "amplitudes of mast given, must be of a radar"),
+    "no radars": (lambda held: held.facts.update({NAME: 3}), "must be a list of radars"),
+    "missing": (lambda held: held.arrays.pop(f"{NAME}.radar_1"), "clutter.radar_1: missing"),
+    "shape": (put(np.zeros(3)), r"shape \(3,\), expected"),
+    "whole": (put(np.zeros(CELLS, dtype=np.int64)), "int64 given, expected floats"),
+    "nan": (put(np.full(CELLS, np.nan)), "not finite"),
+    "negative": (put(np.full(CELLS, -1.0)), "outside"),
+    "too many": (put(np.full(CELLS, 0.5 * MEMORY)), "detections given, at most"),
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_clutter_of_another_radar_or_of_none_is_refused_with_the_reason(name):
+    change, reason = FORGERIES[name]
+    held = stored("gaussian")
+    change(held)
+    tracker = engine_of("gaussian")
+    with pytest.raises(ValueError, match=reason):
+        tracker.restore(held)
+    assert tracker.forward.clutter.laws == {}
+
+
+def test_a_law_that_is_no_longer_to_be_learned_is_refused():
+    tracker = engine_of("gaussian", **{"radar_1.clutter_amplitude": "rayleigh"})
+    with pytest.raises(ValueError, match="must be of a radar whose clutter_amplitude is learned"):
+        tracker.restore(stored("gaussian"))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_another_threshold_keeps_what_has_been_learned(engine):
+    tracker = engine_of(engine)
+    run = [scan for _, scan in scans(LOUD, 6)]
+    for scan in run[:5]:
+        tracker.step(scan)
+    before = {name: law.count.sum() for name, law in tracker.forward.clutter.laws.items()}
+    other = small({**ANYWHERE, **LEARNED, "radar_1.false_alarm_probability": 1e-4})
+    tracker.retune(other.model, 0.6)
+    tracker.step(run[5])
+    law = tracker.forward.clutter.laws["radar_1"]
+    assert law.threshold == other.model.radars[0].threshold
+    assert law.count.sum() > before["radar_1"]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_sectors_of_a_turn_teach_the_radars_law(engine):
+    given = {"radar.clutter_amplitude": "learned", "amplitude": "band"}
+    config = configuration({**given, "engine": engine})
+    tracker = new_engine(config)
+    rng = np.random.default_rng(4)
+    width = FULL_TURN / 16
+    for step in range(64):
+        azimuth = step % 16 * width + rng.uniform(0.0, width, 2) - np.pi
+        place = np.stack([rng.uniform(5e3, 95e3, 2), azimuth], axis=1)
+        found = Detections(
+            place,
+            LOUD.draw(config.model.radars[0].threshold, 2, rng),
+            coverage=Coverage(step % 16 * width - np.pi, width),
+        )
+        tracker.step(Scan((step + 1) * 250_000_000, (found,)))
+    law = tracker.forward.clutter.laws["radar"]
+    assert isinstance(law, Learned)
+    assert 90.0 < law.count.sum() <= 128.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_without_amplitudes_nothing_is_learned(engine):
+    tracker = engine_of(engine, amplitude="none")
+    for _, scan in scans(LOUD, 4):
+        tracker.step(scan)
+    assert tracker.forward.clutter.laws == {}
