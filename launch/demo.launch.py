@@ -99,13 +99,14 @@ def _nodes(context, share):
     demo = launching.demo(bag, given["params_file"], tracker_name, Path(out))
     scans = BagReader(demo.bag).counts[names.TRUTH]
     topics = [source.topic for source in demo.config.inputs]
+    poses = list(demo.config.carried)
     tracker = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(f"{share}/launch/tracker.launch.py"),
         # Nothing may be lost between two nodes that wait for each other.
         launch_arguments={
             **given,
             "params_file": demo.params_file,
-            "reliable_topics": ",".join(topics),
+            "reliable_topics": ",".join([*topics, *poses]),
         }.items(),
     )
     evaluator = Node(
@@ -121,6 +122,9 @@ def _nodes(context, share):
                 "class_names": [kind.name for kind in demo.config.model.modes.classes],
                 "world_frame": demo.config.world_frame,
                 "radar_topics": topics,
+                # An empty list has no type.
+                **({"pose_topics": poses} if poses else {}),
+                "pose_message": demo.config.pose_message,
                 # Without truth there is nothing to report.
                 "report": f"{out}/metrics.json" if scans else "",
                 "exit_after_scans": scans,

@@ -42,7 +42,7 @@ def to_msg(scan: Scan, radars: Sequence[RadarModel], frame: str) -> PointCloud2:
     for number, (radar, found) in enumerate(zip(radars, scan.detections, strict=True)):
         if found is not None:
             none = np.zeros(len(found))
-            position.append(radar.to_world(found.measurement))
+            position.append(radar.at(found.pose).to_world(found.measurement))
             amplitude.append(none if found.amplitude is None else found.amplitude)
             index.append(np.full(len(found), number))
     x, y = np.concatenate(position).T

@@ -98,6 +98,10 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
         f"{count} parts of turns came after their scans were closed; set reorder_s to the longest "
         "rotation_s of the radars"
     ),
+    "poses_extrapolated": lambda radar, count: (
+        f"{count} clouds, or parts of turns, were later than the poses on {radar.pose_topic}; the "
+        "platform is extrapolated with its last velocity"
+    ),
     "sectors_not_configured": lambda radar, count: (
         "each cloud is of a part of the turn, and together they are of all of it; set "
         f"{radar.name}.rotation_s and {radar.name}.sectors, or what the antenna did not pass "

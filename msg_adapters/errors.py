@@ -26,7 +26,8 @@ class RejectedMessageError(ValueError):
     Parameters
     ----------
     reason : str
-        Key that diagnostics count by: ``schema``, ``frame`` or ``oversize``.
+        Key that diagnostics count by: ``schema``, ``frame``, ``oversize``, ``not_finite`` or
+        ``range``.
     detail : str
         What is wrong, where, and what is allowed.
     """

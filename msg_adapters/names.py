@@ -23,6 +23,7 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 NUMBER = "std_msgs/msg/Float64"
 PATH = "nav_msgs/msg/Path"
 ODOMETRY = "nav_msgs/msg/Odometry"
+POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
 DETECTIONS_3D = "vision_msgs/msg/Detection3DArray"
 

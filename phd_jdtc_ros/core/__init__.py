@@ -7,8 +7,9 @@ The data's path, with the room or module of each step::
 
     reports (radar, stamp, Detections)         types
       |  cut turns into slices, coverage       turns, antenna
+      |  poses of radars that move             posed_reports, poses
       |  group by stamp, gaps, resets          scans
-    Scan                                       pipeline: turns -> scans -> engine -> events
+    Scan                                       pipeline: turns -> posed_reports -> scans -> engine
       |  predict, update with every radar      an engine: smc (particles), gaussian
       |    motion, radars, amplitudes, births    models
       |    gating                              pair_search

@@ -3,8 +3,9 @@
 
 """The pipeline from reports to estimates, which the live node and the offline tracker share.
 
-Reports of turning radars are cut into slices, reports are grouped into scans, scans step the
-engine, and jumps of the stamps end runs. The live node publishes the estimates, and the offline
+Reports of turning radars are cut into slices, those of moving radars get the poses that they were
+measured from, reports are grouped into scans, scans step the engine, and jumps of the stamps end
+runs. The live node publishes the estimates, and the offline
 tracker writes them.
 """
 
@@ -19,9 +20,11 @@ from typing import TypeAlias
 from .configuration.build import TrackerConfig
 from .engine import Engine, Step
 from .engines import new_engine
+from .posed_reports import PosedReports
+from .poses import Platform, PoseFault
 from .scans import Rejection, Reset, ScanGrouper
 from .turns import Turns
-from .types import Detections, Estimates, Scan
+from .types import Detections, Estimates, Pose, Scan
 from .watch import ReportWatch, ResultWatch
 
 
@@ -58,6 +61,9 @@ class RunEnded:
     smoothed: tuple[Estimates, ...]
 
 
+# Why a report of a moving radar is not used: where the radar was is not known.
+POSE_MISSING = "pose_missing"
+
 Event: TypeAlias = "Stepped | RunEnded"
 
 
@@ -84,6 +90,9 @@ class Pipeline:
     watches : sequence of ReportWatch
         What watches each radar's reports, in the configured order; empty for nothing.
     results : ResultWatch or None
+    platforms : sequence of (Platform or None)
+        What carries each radar, in the configured order, None for one that stands; empty if none
+        of them moves.
     """
 
     def __init__(
@@ -94,19 +103,22 @@ class Pipeline:
         turns: Sequence[Turns] = (),
         watches: Sequence[ReportWatch] = (),
         results: ResultWatch | None = None,
+        platforms: Sequence[Platform | None] = (),
     ) -> None:
         self.engine = engine
         self._turns = tuple(turns) or tuple(Turns() for _ in range(grouper.radars))
         self._watches = tuple(watches) or tuple(ReportWatch() for _ in range(grouper.radars))
         self._results = results or ResultWatch(math.inf)
         self._grouper = grouper
+        self._posed = PosedReports(platforms)
+        self._drops: list[Counter[str]] = [Counter() for _ in range(grouper.radars)]
         self._begin = begin
         self._begun = False
 
     @property
     def waiting(self) -> bool:
-        """Whether a report is held back because its scan is not complete."""
-        return self._grouper.waiting
+        """Whether a report is held back: its scan is not complete, or its pose is not known."""
+        return self._grouper.waiting or self._posed.waiting
 
     def add(
         self, radar: int, stamp_ns: int, detections: Detections, sector: int | None = None
@@ -133,6 +145,9 @@ class Pipeline:
         pieces = turns.split(stamp_ns, detections, sector)
         if isinstance(pieces, Rejection):
             return pieces
+        if self._posed.moving:
+            self._posed.add(radar, pieces)
+            return self._events(self._released())
         closed: list[Scan | Reset] = []
         rejected = []
         for piece_ns, piece in pieces:
@@ -146,6 +161,50 @@ class Pipeline:
         turns.doubts["slices_late"] += len(rejected)
         return self._events(closed)
 
+    def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:
+        """Add a pose of what carries a radar.
+
+        Parameters
+        ----------
+        radar : int
+            Index in the configured order, of a radar that moves.
+        stamp_ns : int
+        pose : Pose
+
+        Returns
+        -------
+        iterator of Event
+            Of the scans that waited for it.
+        PoseFault
+            If the pose is not used.
+        """
+        fault = self._posed.add_pose(radar, stamp_ns, pose)
+        return fault if fault is not None else self._events(self._released())
+
+    def take_drops(self, radar: int) -> Counter[str]:
+        """Return what of a radar's reports was not used after `add`, counted since the last call.
+
+        Reports of moving radars wait for their poses, so that it is not known earlier.
+        """
+        taken, self._drops[radar] = self._drops[radar], Counter()
+        return taken
+
+    def _released(self, everything: bool = False) -> list[Scan | Reset]:
+        """Return what the reports close that no longer wait for their poses, or all reports."""
+        closed: list[Scan | Reset] = []
+        for report in self._posed.released(everything):
+            if report.detections is None:
+                self._drops[report.radar][POSE_MISSING] += 1
+                continue
+            if report.extrapolated:
+                self._turns[report.radar].doubts["poses_extrapolated"] += 1
+            found = self._grouper.add(report.radar, report.stamp_ns, report.detections)
+            if isinstance(found, Rejection):
+                self._drops[report.radar][found.value] += 1
+            else:
+                closed += found
+        return closed
+
     def take_doubts(self, radar: int) -> Counter[str]:
         """Return what was bridged or noticed in a radar's reports since the last call, counted."""
         doubts = self._turns[radar].doubts
@@ -155,7 +214,7 @@ class Pipeline:
 
     def close_scans(self) -> Iterator[Event]:
         """Close all scans, complete or not, and step the engine through them."""
-        return self._events(self._grouper.close_all())
+        return self._events([*self._released(everything=True), *self._grouper.close_all()])
 
     def flush(self) -> Iterator[Event]:
         """Close all scans, step the engine through them, and end the run."""
@@ -171,6 +230,7 @@ class Pipeline:
 
     def _forget_stamps(self) -> None:
         self._grouper.reset()
+        self._posed.forget()
         for turns in self._turns:
             turns.reset()
 
@@ -205,4 +265,5 @@ def new_pipeline(
         config.turns(),
         config.watches(),
         ResultWatch(config.model.modes.interval_s),
+        config.platforms(),
     )

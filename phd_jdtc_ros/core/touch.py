@@ -91,11 +91,7 @@ def _near(
 
 def passed(scan: Scan, model: TrackerModel) -> list[tuple[RadarModel, Coverage]] | None:
     """Return the sectors that the antennas passed in a scan; None if it is no scan of sectors."""
-    reports = [
-        (radar, detections.coverage)
-        for radar, detections in zip(model.radars, scan.detections, strict=True)
-        if detections is not None
-    ]
+    reports = [(radar, detections.coverage) for radar, detections in model.reports(scan)]
     sectors = [(radar, coverage) for radar, coverage in reports if coverage is not None]
     return sectors if sectors and len(sectors) == len(reports) else None
 

@@ -48,6 +48,23 @@ class Coverage:
 
 
 @dataclass(frozen=True)
+class Pose:
+    """Where a sensor, or what carries it, is and how it is turned.
+
+    Parameters
+    ----------
+    position : tuple of two floats
+        In the world frame, metres.
+    yaw : float
+        Direction of its x axis in the world frame, radians counter-clockwise; NaN if it is not
+        known.
+    """
+
+    position: tuple[float, float]
+    yaw: float
+
+
+@dataclass(frozen=True)
 class Detections:
     """What one radar reports in one scan, in that radar's own frame.
 
@@ -66,6 +83,9 @@ class Detections:
         model's.
     coverage : Coverage or None
         The azimuths that the antenna passed; None for the radar's whole field.
+    pose : Pose or None
+        Of the radar at the scan's stamp, which all measurements are relative to; None for the
+        radar model's.
     """
 
     measurement: FloatArray
@@ -73,6 +93,7 @@ class Detections:
     time_s: FloatArray | None = None
     noise_std: FloatArray | None = None
     coverage: Coverage | None = None
+    pose: Pose | None = None
 
     def __post_init__(self) -> None:
         measurement = read_only(self.measurement)
@@ -97,7 +118,7 @@ class Detections:
         return len(self.measurement)
 
     def take(self, rows: IntArray) -> Detections:
-        """Return the detections of these rows, in this order; the coverage stays the same."""
+        """Return the detections of these rows, in this order; coverage and pose stay the same."""
 
         def chosen(column: FloatArray | None) -> FloatArray | None:
             return None if column is None else column[rows]

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import diagnostics, estimates, interfaces, names, truth
-from msg_adapters.detections import Report
+from msg_adapters import diagnostics, estimates, interfaces, names, platform_poses, truth
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.posed_reports import PosedReport, PosedReports
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
 from .record import Plot, RadarSite, Record
@@ -70,12 +70,9 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
             else:
                 classes = max(classes, estimates.class_count(message))
                 parts[sources[topic]].append(estimates.from_msg(message))
-        for radar, model in zip(config.inputs, config.model.radars, strict=True):
-            for entry in intact.messages([radar.topic]):
-                # Messages that the tracker rejects and counts are not shown.
-                with contextlib.suppress(RejectedMessageError):
-                    report = reader_of(radar).from_cdr(entry.data, radar)
-                    parts["plots"].append(_plot(report, model))
+        found = sorted(_posed_reports(intact, config), key=lambda report: report.radar)
+        for report in found:
+            parts["plots"] += _plots(report, config.model.radars[report.radar])
     except RejectedMessageError as error:
         raise BagError(f"{path}: {error}") from error
     return Record(
@@ -85,7 +82,11 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         smoothed=_by_stamp(parts[SMOOTHED]),
         classes=classes or len(config.model.modes.classes),
         step_ms=np.array(parts["step_ms"], dtype=float),
-        radars=tuple(RadarSite(radar.name, radar.position) for radar in config.model.radars),
+        radars=tuple(
+            RadarSite(radar.name, radar.position)
+            for radar, source in zip(config.model.radars, config.inputs, strict=True)
+            if not source.pose_topic
+        ),
         damage=intact.damage,
         class_names=tuple(kind.name for kind in config.model.modes.classes),
     )
@@ -116,13 +117,42 @@ class _Intact:
             self.damage = error
 
 
-def _plot(report: Report, model: RadarModel) -> Plot:
-    amplitude = report.detections.amplitude
-    return Plot(
+def _posed_reports(intact: _Intact, config: TrackerConfig) -> Iterator[PosedReport]:
+    """Yield the reports of all radars, those that move with their poses, in order of log time.
+
+    Messages that the tracker rejects and counts are left out.
+    """
+    held, carried = PosedReports(config.platforms()), config.carried
+    radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
+    for entry in intact.messages([*radar_of, *carried]):
+        with contextlib.suppress(RejectedMessageError):
+            if entry.topic in carried:
+                stamp_ns, pose = platform_poses.from_cdr(
+                    entry.data, config.pose_message, config.world_frame
+                )
+                for index in carried[entry.topic]:
+                    held.add_pose(index, stamp_ns, pose)
+            else:
+                index = radar_of[entry.topic]
+                radar = config.inputs[index]
+                report = reader_of(radar).from_cdr(entry.data, radar)
+                held.add(index, [(report.stamp_ns, report.detections)])
+        yield from held.released()
+    yield from held.released(everything=True)
+
+
+def _plots(report: PosedReport, model: RadarModel) -> Iterator[Plot]:
+    """Yield the detections of a report in the world frame; none if the pose is not known."""
+    found = report.detections
+    if found is None:
+        return
+    unknown = np.full(len(found), np.nan)
+    yield Plot(
         stamp_ns=report.stamp_ns,
         radar=model.name,
-        position=model.to_world(report.detections.measurement),
-        amplitude=np.full(len(report.detections), np.nan) if amplitude is None else amplitude,
+        position=model.at(found.pose).to_world(found.measurement),
+        amplitude=unknown if found.amplitude is None else found.amplitude,
+        sensor=None if found.pose is None else found.pose.position,
     )
 
 

@@ -29,12 +29,15 @@ class Plot:
         Metres.
     amplitude : array of shape (M,)
         Linear envelope; NaN where the radar reports none.
+    sensor : tuple of two floats, or None
+        Where a radar that moves was, metres; None for one that stands.
     """
 
     stamp_ns: int
     radar: str
     position: FloatArray
     amplitude: FloatArray
+    sensor: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class Record:
     step_ms : array of shape (scans,)
         CPU time of each step, milliseconds; empty if it was not measured.
     radars : tuple of RadarSite
+        Those that stand.
     damage : BagError or None
         What is wrong with the bag that the run was read from; the run is what is intact of it.
     class_names : tuple of str

@@ -150,8 +150,10 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
     scans = BagReader(bag).counts[names.TRUTH]
     if not scans:
         raise BagError(f"{bag}: no message on {names.TRUTH}, the truth that the demo needs")
-    topics = [radar.topic for radar in config.inputs]
-    reliable = {f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in topics}
+    topics, poses = [radar.topic for radar in config.inputs], list(config.carried)
+    reliable = {
+        f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in [*topics, *poses]
+    }
     parameters = logs / PARAMETERS
     reporting = {
         "report": out / METRICS,
@@ -162,6 +164,9 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
         "exit_after_scans": scans,
         "class_names": f"[{', '.join(kind.name for kind in config.model.modes.classes)}]",
     }
+    if poses:
+        reporting["pose_topics"] = f"[{', '.join(poses)}]"
+        reporting["pose_message"] = config.pose_message
     patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
     # The evaluator scores the truth and records it; what it records of the radars, the tracker has.
     patient["subscribers"] = 2

@@ -18,7 +18,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import doubts, estimates, interfaces, names
+from msg_adapters import doubts, estimates, interfaces, names, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import resources
@@ -27,6 +27,7 @@ from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
+from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
@@ -58,6 +59,7 @@ class OfflineTracker:
         self._bag = bag
         self._pipeline = new_pipeline(config)
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
+        self._carried = config.carried
         self.scans = 0
         self.step_ms: list[float] = []
         self._cpu_s = 0.0
@@ -68,9 +70,12 @@ class OfflineTracker:
         self._doubts: list[Counter[str]] = [Counter() for _ in config.inputs]
 
     def add(self, entry: BagMessage) -> None:
-        """Process one recorded message of a radar."""
+        """Process one recorded message of a radar, or a pose of what carries one."""
         begin_s, scans = time.thread_time(), self.scans
-        self._take(entry)
+        if entry.topic in self._carried:
+            self._take_pose(entry)
+        else:
+            self._take(entry)
         self._cpu_s += time.thread_time() - begin_s
         if self.scans > scans:
             self.step_ms.append(1e3 * self._cpu_s)
@@ -93,6 +98,23 @@ class OfflineTracker:
             self.dropped[events.value] += 1
         else:
             self._write(events)
+
+    def _take_pose(self, entry: BagMessage) -> None:
+        carried = self._carried[entry.topic]
+        kind = self._config.inputs[carried[0]].pose_message
+        try:
+            stamp_ns, pose = platform_poses.from_cdr(entry.data, kind, self._config.world_frame)
+        except RejectedMessageError as error:
+            self.dropped[f"pose_{error.reason}"] += 1
+            return
+        faults = set()
+        for index in carried:
+            events = self._pipeline.add_pose(index, stamp_ns, pose)
+            if isinstance(events, PoseFault):
+                faults.add(events.value)
+            else:
+                self._write(events)
+        self.dropped.update(f"pose_{fault}" for fault in faults)
 
     def finish(self) -> None:
         """Close all scans and write the estimates that are held back."""
@@ -118,6 +140,10 @@ class OfflineTracker:
             self._overdue = event.overdue or self._overdue
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
+        # What waited for a pose, or until the end, was judged only now.
+        for index, counts in enumerate(self._doubts):
+            self.dropped.update(self._pipeline.take_drops(index))
+            counts.update(self._pipeline.take_doubts(index))
 
     def _write_estimates(self, source: str, by_stamp: Iterable[Estimates]) -> None:
         for values in by_stamp:
@@ -133,9 +159,11 @@ def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTra
     BagError
         If the bag lacks a radar's topic or is damaged; detections before the damage are tracked.
     """
-    topics = [radar.topic for radar in config.inputs]
-    copied = [*topics, *([names.TRUTH] if names.TRUTH in source.types else [])]
     types = {radar.topic: reader_of(radar).type_name for radar in config.inputs}
+    for topic, carried in config.carried.items():
+        types[topic] = platform_poses.TYPES[config.inputs[carried[0]].pose_message]
+    topics = list(types)
+    copied = [*topics, *([names.TRUTH] if names.TRUTH in source.types else [])]
     source.require({topic: types.get(topic, names.CLOUD) for topic in copied})
     with BagWriter(out) as bag:
         for topic in copied:

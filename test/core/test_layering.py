@@ -48,6 +48,8 @@ ROOMS = {
     "reporting": (*BASE, "models"),
     "window": ("arrays", "state_space"),
     "backward": ("arrays", "window"),
+    "poses": ("models", "types"),
+    "posed_reports": ("poses", "types"),
     "touch": ("arrays", "models", "types", "window"),
     "window_snapshot": ("arrays", "models", "snapshot", "types", "window"),
     "clutter_snapshot": ("models", "snapshot"),
@@ -64,11 +66,14 @@ ROOMS = {
     "evaluation": BASE,
     "configuration": (
         *BASE,
-        *("engine", "models", "quoting", "reporting", "scans", "smc", "turns", "watch"),
+        *("engine", "models", "poses", "quoting", "reporting", "scans", "smc", "turns", "watch"),
     ),
     "simulation": (*BASE, "configuration", "models"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
-    "pipeline": ("configuration", "engine", "engines", "scans", "turns", "types", "watch"),
+    "pipeline": (
+        *("configuration", "engine", "engines", "posed_reports", "poses", "scans", "turns"),
+        *("types", "watch"),
+    ),
 }
 # What each part of the project may import of the others.
 PARTS = {

@@ -27,12 +27,13 @@ from ..models.radar import RadarModel
 from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
 from ..models.visibility import TURN_TOLERANCE, Visibility
+from ..poses import Mount, Platform, PoseTrack
 from ..reporting import Schedule
 from ..scans import ScanGrouper
 from ..turns import Turns
 from ..types import FULL_TURN, Coverage
 from ..watch import FAR, SLOW_TURN, ReportWatch
-from .checks import CHECKS, name_or, square
+from .checks import CHECKS, FIXED, name_or, square
 from .parameters import BIRTH, MOTION, RADAR, schema
 from .radar_input import RadarInput
 from .schema import ConfigError
@@ -118,6 +119,27 @@ class TrackerConfig:
             for radar in self.inputs
         )
 
+    @property
+    def carried(self) -> dict[str, list[int]]:
+        """The radars that move, by the topic of the poses of what carries them."""
+        radars: dict[str, list[int]] = {}
+        for index, radar in enumerate(self.inputs):
+            if radar.pose_topic:
+                radars.setdefault(radar.pose_topic, []).append(index)
+        return radars
+
+    @property
+    def pose_message(self) -> str:
+        """What the poses of all platforms are."""
+        return next((radar.pose_message for radar in self.inputs if radar.pose_topic), "odometry")
+
+    def platforms(self) -> tuple[Platform | None, ...]:
+        """Return what carries each radar, in the configured order, None for one that stands."""
+        return tuple(
+            _platform(radar, model, self.reset_threshold_s)
+            for radar, model in zip(self.inputs, self.model.radars, strict=True)
+        )
+
     def watches(self) -> tuple[ReportWatch, ...]:
         """Return what watches each radar's reports, in the configured order; all new."""
         return tuple(map(_watch, self.inputs, self.model.radars))
@@ -192,6 +214,13 @@ def _slowest_s(values: Mapping[str, Any]) -> float:
     """Return the nominal interval or the longest turn, seconds: until all has been seen again."""
     turns = [values[f"{name}.rotation_s"] for name in values["radars"]]
     return float(max([values["interval_s"], *turns]))
+
+
+def _platform(radar: RadarInput, model: RadarModel, reset_threshold_s: float) -> Platform | None:
+    if not radar.pose_topic:
+        return None
+    track = PoseTrack(radar.pose_yaw, radar.pose_max_age_s, radar.pose_max_speed, reset_threshold_s)
+    return Platform(track, Mount(model.position, model.yaw))
 
 
 def _watch(radar: RadarInput, model: RadarModel) -> ReportWatch:
@@ -352,4 +381,9 @@ def _input(values: Mapping[str, Any], name: str) -> RadarInput:
         azimuth_std_field=get["fields.azimuth_std"],
         rotation_s=get["rotation_s"],
         sectors=get["sectors"],
+        pose_topic="" if get["pose"] == FIXED else get["pose"],
+        pose_message=get["pose_message"],
+        pose_yaw=get["pose_yaw"],
+        pose_max_age_s=get["pose_max_age_s"],
+        pose_max_speed=get["pose_max_speed"],
     )

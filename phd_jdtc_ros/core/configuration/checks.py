@@ -19,6 +19,8 @@ from ..models import amplitude_density
 from ..models.modes import markov_generator
 from .parameters import GROUPS, RADAR, TOP
 
+# The value of a radar's parameter `pose` for one that stands.
+FIXED = "fixed"
 # A target that cannot be missed would be lost for good with its first miss.
 MOST_PROBABILITY = 0.999
 
@@ -208,6 +210,34 @@ def _check_radars(values: Mapping[str, Any]) -> list[str]:
     return faults
 
 
+def _check_poses(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    kinds: dict[str, str] = {}
+    topics = {name_or(values, radar, "topic"): radar for radar in values["radars"]}
+    for radar in values["radars"]:
+        key, pose, kind = f"{radar}.pose", values[f"{radar}.pose"], values[f"{radar}.pose_message"]
+        if pose == FIXED:
+            continue
+        if pose == "tf":
+            faults.append(
+                f"{key}: 'tf' given, transforms are not read; must be {FIXED} or the topic of the "
+                "platform's poses in the world frame, nav_msgs/Odometry or "
+                "geometry_msgs/PoseStamped, which localisation publishes beside its transforms"
+            )
+        elif not pose or pose.lower() in (FIXED, "tf"):
+            faults.append(f"{key}: {pose!r} given, must be {FIXED} or a topic's name")
+        elif pose in topics:
+            faults.append(f"{key}: {pose!r} given, {topics[pose]} has its detections there")
+        elif kinds and kind not in kinds.values():
+            other = next(iter(kinds))
+            faults.append(
+                f"{radar}.pose_message: {kind} given, must be {kinds[other]} as that of {other}"
+            )
+        else:
+            kinds[radar] = kind
+    return faults
+
+
 def _field_faults(values: Mapping[str, Any], radar: str) -> list[str]:
     """Return a fault for each quantity of a cloud whose field another quantity has too."""
     faults: list[str] = []
@@ -231,6 +261,7 @@ CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_engine,
     _check_turns,
     _check_radars,
+    _check_poses,
 )
 
 

@@ -265,6 +265,40 @@ RADAR = (
         -360.0,
         360.0,
     ),
+    Parameter(
+        "pose",
+        "fixed",
+        "Where the radar is. fixed: at position and yaw_deg; a topic: on a platform whose poses in "
+        "the world frame come there, at position and yaw_deg in the platform's frame.",
+    ),
+    Parameter(
+        "pose_message",
+        "odometry",
+        "Message type of the poses' topic. odometry: nav_msgs/Odometry; pose_stamped: "
+        "geometry_msgs/PoseStamped.",
+        choices=("odometry", "pose_stamped"),
+    ),
+    Parameter(
+        "pose_yaw",
+        True,
+        "Whether the platform's orientation turns the radar; false for azimuths that are "
+        "stabilised, as to north.",
+    ),
+    Parameter(
+        "pose_max_age_s",
+        1.0,
+        "Farthest that a detection may be from the nearest pose, s: so long a platform is "
+        "extrapolated with its last velocity, and detections wait for poses.",
+        0.0,
+        60.0,
+    ),
+    Parameter(
+        "pose_max_speed",
+        100.0,
+        "Speed above which a change between two poses is a jump, m/s; such poses are not used.",
+        SMALL,
+        1e5,
+    ),
     Parameter("range_std", 300.0, "Standard deviation of the range, m.", SMALL, mutable=True),
     Parameter(
         "azimuth_std_deg",

@@ -50,6 +50,16 @@ class RadarInput:
         Time of one turn of the antenna, seconds; 0 if it does not turn.
     sectors : int
         Number of clouds to a turn; 0 if a cloud is a whole turn.
+    pose_topic : str
+        Topic of the poses of what carries it; empty if it stands.
+    pose_message : str
+        ``odometry`` or ``pose_stamped``.
+    pose_yaw : bool
+        Whether the orientation of what carries it turns it too.
+    pose_max_age_s : float
+        Farthest that a detection may be from the nearest pose, seconds.
+    pose_max_speed : float
+        Speed above which a change between two poses is a jump, metres per second.
     """
 
     name: str
@@ -75,3 +85,8 @@ class RadarInput:
     azimuth_std_field: str = ""
     rotation_s: float = 0.0
     sectors: int = 0
+    pose_topic: str = ""
+    pose_message: str = "odometry"
+    pose_yaw: bool = True
+    pose_max_age_s: float = 1.0
+    pose_max_speed: float = 100.0

@@ -299,9 +299,7 @@ def update_scan(
     origin, approximate = origins.first_detected(scan_index), 0
     row = np.arange(len(predicted))
     branched = Branched(predicted, np.where(row < survivors, row, -1))
-    for radar, detections in zip(dynamics.model.radars, scan.detections, strict=True):
-        if detections is None:
-            continue
+    for radar, detections in dynamics.model.reports(scan):
         branched, newborn, clusters = update(
             branched, detections, radar, dynamics, bounds, dt, clutter
         )

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,7 +14,7 @@ from ..arrays import FloatArray, IntArray
 from ..pair_search import kernels
 from ..pair_search.gating import CellLists, cell_lists
 from ..state_space import PLANAR, StateSpace
-from ..types import Coverage, Detections
+from ..types import Coverage, Detections, Pose
 from . import amplitude_density
 from .clutter_amplitude import NOISE, ClutterAmplitude
 from .modes import ClassModel
@@ -88,6 +88,12 @@ class RadarModel:
     def max_range(self) -> float:
         """Targets beyond it are not detected and detections beyond it are rejected, metres."""
         return self.visibility.max_range
+
+    def at(self, pose: Pose | None) -> RadarModel:
+        """Return the radar at a pose; None is for where it is."""
+        if pose is None:
+            return self
+        return replace(self, position=pose.position, yaw=pose.yaw)
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..types import Detections, Scan
 from .amplitude_model import AmplitudeModel
 from .birth import BirthTerm
 from .detection_birth import DetectionBirthModel
@@ -42,3 +43,11 @@ class TrackerModel:
     spawn: SpawnModel
     amplitudes: AmplitudeModel
     radars: tuple[RadarModel, ...]
+
+    def reports(self, scan: Scan) -> list[tuple[RadarModel, Detections]]:
+        """Return the radars that reported in a scan, each where it was then, with what they saw."""
+        return [
+            (radar.at(found.pose), found)
+            for radar, found in zip(self.radars, scan.detections, strict=True)
+            if found is not None
+        ]

@@ -75,11 +75,7 @@ class Places:
 
 def places(scan: Scan, model: TrackerModel) -> Places:
     """Return where a scan's detections are, of all radars."""
-    found = [
-        _places(detections, radar)
-        for radar, detections in zip(model.radars, scan.detections, strict=True)
-        if detections is not None
-    ]
+    found = [_places(detections, radar) for radar, detections in model.reports(scan)]
     return Places(
         np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),
         np.concatenate([np.zeros((0, 2, 2)), *(part.covariance for part in found)]),

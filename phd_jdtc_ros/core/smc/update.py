@@ -116,14 +116,13 @@ def update_scan(
     """
     origin = origins.first_detected(scan_index)
     newborns = []
-    for radar, detections in zip(model.radars, scan.detections, strict=True):
-        if detections is not None:
-            particles, newborn = update(particles, detections, radar, model, corrector, dt, clutter)
-            if newborn is not None:
-                newborn, count = detection_birth.affordable(newborn, model.detection_births)
-                particles = _with_newborn(particles, newborn, count, model, corrector, origin, rng)
-                origin += len(newborn)
-                newborns.append(newborn)
+    for radar, detections in model.reports(scan):
+        particles, newborn = update(particles, detections, radar, model, corrector, dt, clutter)
+        if newborn is not None:
+            newborn, count = detection_birth.affordable(newborn, model.detection_births)
+            particles = _with_newborn(particles, newborn, count, model, corrector, origin, rng)
+            origin += len(newborn)
+            newborns.append(newborn)
     return particles, tuple(newborns)
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Says so if a recording leaves out a radar that the tracker subscribes to."""
+"""Says so if a recording leaves out a radar, or its poses, that the tracker subscribes to."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from rclpy._rclpy_pybind11 import NodeNameNonExistentError
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from msg_adapters import platform_poses
 from msg_adapters.readers import READERS
 
 PERIOD_S = 0.5
 
 
 class MissingRadars:
-    """Warns of every topic of detections that the tracker has and a recording has not.
+    """Warns of every topic of detections or poses that the tracker has and a recording has not.
 
     They are those of the graph and not of the parameters, because topics can be remapped.
 
@@ -35,6 +36,7 @@ class MissingRadars:
         self._tracker = tracker
         self._known = set(recorded)
         self._kinds = {reader.type_name for reader in READERS.values()}
+        self._poses = frozenset(platform_poses.TYPES.values())
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(PERIOD_S, self._look, clock=steady)
 
@@ -50,4 +52,10 @@ class MissingRadars:
                 self._node.get_logger().warning(
                     f"{topic}, of which {self._tracker} has a radar's detections, is not among "
                     "radar_topics and is not recorded"
+                )
+            elif topic not in self._known and self._poses.intersection(types):
+                self._known.add(topic)
+                self._node.get_logger().warning(
+                    f"{topic}, of which {self._tracker} has the poses of a radar that moves, is "
+                    "not among pose_topics and is not recorded"
                 )

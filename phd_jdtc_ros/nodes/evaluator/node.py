@@ -25,7 +25,16 @@ from rich.console import Console
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
-from msg_adapters import diagnostics, estimates, names, plots, quantities, stamps, truth
+from msg_adapters import (
+    diagnostics,
+    estimates,
+    names,
+    platform_poses,
+    plots,
+    quantities,
+    stamps,
+    truth,
+)
 from msg_adapters.errors import RejectedMessageError, quoted
 from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
@@ -74,6 +83,19 @@ TABLE = (
         [names.detections("radar_1"), names.detections("radar_2")],
         "Detections to record too.",
         element=str,
+    ),
+    Parameter(
+        "pose_topics",
+        [],
+        "Poses of what carries radars that move, to record too.",
+        element=str,
+    ),
+    Parameter(
+        "pose_message",
+        "odometry",
+        "Message type of pose_topics. odometry: nav_msgs/Odometry; pose_stamped: "
+        "geometry_msgs/PoseStamped.",
+        choices=tuple(platform_poses.TYPES),
     ),
     Parameter(
         "exit_after_scans",
@@ -149,6 +171,9 @@ class Evaluator(Node):
         directory, tracker = Path(self._values["record"]), self._values["tracker"]
         topics = {
             **dict.fromkeys(self._values["radar_topics"], names.CLOUD),
+            **dict.fromkeys(
+                self._values["pose_topics"], platform_poses.TYPES[self._values["pose_message"]]
+            ),
             self._values["truth_topic"]: names.CLOUD,
             **names.published(
                 self._values["classes"],

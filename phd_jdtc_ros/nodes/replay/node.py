@@ -217,6 +217,9 @@ class SensorReplay(Node):
     def _may_go_out(self, group: Group) -> bool:
         if self._lock_step is None:
             return self._steps > 0 or self._bag_clock.is_due(group.log_time_ns)
+        # A scan may wait for what is between it and the next one, as for a pose.
+        if group.stamp_ns is None:
+            return True
         now = time.monotonic()
         if self._lock_step.hopeless(now):
             self._fail(f"no estimate on {self._values['estimates_topic']} for {GIVE_UP_S:g} s")

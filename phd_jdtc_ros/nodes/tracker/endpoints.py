@@ -27,6 +27,9 @@ from rclpy.subscription import Subscription
 from ..common import overridable
 from .health import InputHealth, OutputHealth, Publishers
 
+# Scans of a radar that wait while one is stepped.
+INPUT_DEPTH = 10
+
 
 def output_qos() -> QoSProfile:
     """Return the QoS of every output but the markers.
@@ -45,8 +48,8 @@ def latched_qos() -> QoSProfile:
     )
 
 
-def _input_qos() -> QoSProfile:
-    return QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+def _input_qos(depth: int) -> QoSProfile:
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def publisher(
@@ -84,10 +87,11 @@ def subscription(
     topic: str,
     callback: Callable[..., None],
     health: InputHealth,
+    depth: int = INPUT_DEPTH,
 ) -> Subscription:
     """Return a subscription to `topic` whose QoS events are counted in `health`.
 
-    In addition to the usual policies, the deadline can be overridden.
+    `depth` is its history's. In addition to the usual policies, the deadline can be overridden.
 
     Raises
     ------
@@ -118,7 +122,7 @@ def subscription(
             message_type,
             topic,
             callback,
-            _input_qos(),
+            _input_qos(depth),
             event_callbacks=SubscriptionEventCallbacks(
                 deadline=on_deadline, incompatible_qos=on_incompatible
             ),

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,13 +22,15 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from msg_adapters import doubts
+from msg_adapters import doubts, interfaces, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader, reader_of
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, new_pipeline
+from phd_jdtc_ros.core.pipeline import POSE_MISSING, Event, RunEnded, Stepped, new_pipeline
+from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.types import SMOOTHED
 
@@ -41,6 +43,16 @@ from .load import Load
 from .outputs import Outputs
 from .settings import Settings
 from .static_frames import StaticFrames
+
+# Why poses are not used, in words.
+POSE_FAULTS = {
+    PoseFault.DUPLICATE: "duplicate stamp",
+    PoseFault.LATE: "older than the one before",
+    PoseFault.JUMP: "a jump from the one before; used once others go on from there",
+    PoseFault.ORIENTATION: "its orientation is no quaternion; set pose_yaw false if it has none",
+}
+# Poses come much more often than scans, and wait while one is stepped.
+POSES_KEPT = 200
 
 
 class LiveTracker:
@@ -63,9 +75,14 @@ class LiveTracker:
         config = settings.config
         nominal_s = config.model.modes.interval_s
         self._inputs = [
-            InputHealth(radar.name, _full_name(node, radar), Rhythm(nominal_s))
+            InputHealth(radar.name, _full_name(node, radar, "topic"), Rhythm(nominal_s))
             for radar in config.inputs
         ]
+        self._pose_inputs = {
+            topic: InputHealth(_pose_name(config, carried), full, Rhythm(nominal_s))
+            for topic, carried in config.carried.items()
+            for full in [_full_name(node, config.inputs[carried[0]], "pose")]
+        }
         self._pace = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s), config.engine)
         self._load = Load(WARNING_MEMORY_S)
         self._looked_s = self._judged_s = time.monotonic()
@@ -89,6 +106,13 @@ class LiveTracker:
                     endpoints.subscription(
                         node, _message_class(radar, reader), radar.topic, on_message, health
                     )
+                )
+            for topic, health in self._pose_inputs.items():
+                kind = config.inputs[config.carried[topic][0]].pose_message
+                message_class = interfaces.message_class(platform_poses.TYPES[kind])
+                on_pose = partial(self._on_pose, topic)
+                self._subscriptions.append(
+                    endpoints.subscription(node, message_class, topic, on_pose, health, POSES_KEPT)
                 )
         except Exception:
             self.destroy()
@@ -169,6 +193,7 @@ class LiveTracker:
         for event in self._pipeline.flush():
             start = self._publish(event, start)
             published = len(event.smoothed) if isinstance(event, RunEnded) else 0
+        self._judge_held()
         return published
 
     def save(self) -> str | None:
@@ -207,6 +232,56 @@ class LiveTracker:
         self._take(index, reader, message)
         self._load.add(begin_s, time.monotonic())
 
+    def _on_pose(self, topic: str, message: Any, info: Mapping[str, int]) -> None:
+        """Take in a pose of what carries radars, and process the scans that waited for it."""
+        if not self._active:
+            return
+        begin_s = time.monotonic()
+        health = self._pose_inputs[topic]
+        health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
+        self._take_pose(topic, health, message)
+        self._load.add(begin_s, time.monotonic())
+
+    def _take_pose(self, topic: str, health: InputHealth, message: Any) -> None:
+        start, config = time.thread_time(), self._settings.config
+        try:
+            stamp_ns, pose = platform_poses.from_msg(message, config.world_frame)
+        except RejectedMessageError as error:
+            self._drop(health, error.reason, f"pose rejected: {error}")
+            return
+        faults, closed = set(), 0
+        for index in config.carried[topic]:
+            events = self._pipeline.add_pose(index, stamp_ns, pose)
+            if isinstance(events, PoseFault):
+                faults.add(events)
+                continue
+            closed += self._handle(events, start)
+            start = time.thread_time()
+        for fault in faults:
+            self._drop(health, fault.value, f"pose rejected: {POSE_FAULTS[fault]}")
+        if not faults:
+            health.rhythm.beat(time.monotonic())
+        self._judge_held()
+        if self._patience is not None:
+            self._wait(new_scan=bool(closed))
+
+    def _judge_held(self) -> None:
+        """Count what of reports that waited for their poses is not used, or is in doubt."""
+        for index in range(len(self._inputs)):
+            self._count_drops(index)
+            self._doubt(index, self._pipeline.take_doubts(index))
+
+    def _count_drops(self, index: int) -> None:
+        radar = self._settings.config.inputs[index]
+        for reason, count in self._pipeline.take_drops(index).items():
+            text = f"{count} scans rejected: {reason} stamp"
+            if reason == POSE_MISSING:
+                text = (
+                    f"{count} scans rejected: no pose on {radar.pose_topic} within "
+                    f"{radar.pose_max_age_s:g} s"
+                )
+            self._drop(self._inputs[index], reason, text, count)
+
     def _take(self, index: int, reader: Reader, message: Any) -> None:
         """Decode a message, and process the scans that it closes."""
         start = time.thread_time()
@@ -231,6 +306,8 @@ class LiveTracker:
             return
         health.rhythm.beat(time.monotonic())
         closed = self._handle(events, start)
+        if self._pose_inputs:
+            self._judge_held()
         if self._patience is not None:
             self._wait(new_scan=bool(closed) or not waiting)
 
@@ -256,6 +333,7 @@ class LiveTracker:
         self._patience.cancel()
         events = self._pipeline.close_scans()
         self._pace.closed_by_wait += self._handle(events, time.thread_time())
+        self._judge_held()
         self._load.add(begin_s, time.monotonic())
 
     def _handle(self, events: Iterable[Event], start: float) -> int:
@@ -310,17 +388,18 @@ class LiveTracker:
         self._warnings.warn((health.name, reason), f"{health.name}: {text}")
 
     def look(self) -> frozenset[str]:
-        """Return the names of the radars that are silent; to be called regularly.
+        """Return the names of the inputs that are silent; to be called regularly.
 
         The executor takes one message of every radar between two looks. So what had come before
         the previous look has been received by now, however long the steps between them took.
         """
         self._judged_s, self._looked_s = self._looked_s, time.monotonic()
         scans = self._settings.node["silent_after_scans"]
-        return frozenset(r.name for r in self._inputs if r.silent(self._judged_s, scans))
+        inputs = (*self._inputs, *self._pose_inputs.values())
+        return frozenset(r.name for r in inputs if r.silent(self._judged_s, scans))
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Return a status for each radar, one for the step time and one for the outputs."""
+        """Return a status for each input, one for the step time and one for the outputs."""
         now, name = time.monotonic(), self._node.get_fully_qualified_name()
         values = self._settings.node
         lost = sum(health.losses.by_overload(now) for health in self._inputs)
@@ -333,7 +412,9 @@ class LiveTracker:
                     values["silent_after_scans"],
                     endpoints.publishers(self._node, listener),
                 )
-                for health, listener in zip(self._inputs, self._subscriptions, strict=True)
+                for health, listener in zip(
+                    (*self._inputs, *self._pose_inputs.values()), self._subscriptions, strict=True
+                )
             ),
             self._pace.status(name, values["step_time_limit"], lost, self._load.share(now)),
             self._served.status(name, now),
@@ -345,7 +426,7 @@ class LiveTracker:
         gaps = [f"{health.name} {health.gaps}" for health in self._inputs if health.gaps]
         drops = [
             f"{health.name} {reason} {count}"
-            for health in self._inputs
+            for health in (*self._inputs, *self._pose_inputs.values())
             for reason, count in sorted(health.dropped.items())
         ]
         return (
@@ -354,15 +435,21 @@ class LiveTracker:
         )
 
 
-def _full_name(node: LifecycleNode, radar: RadarInput) -> str:
-    """Return the name of a radar's topic after remapping."""
+def _full_name(node: LifecycleNode, radar: RadarInput, parameter: str) -> str:
+    """Return the name after remapping of the topic that a radar's parameter names."""
+    topic = radar.topic if parameter == "topic" else radar.pose_topic
     try:
-        full: str = node.resolve_topic_name(radar.topic)
+        full: str = node.resolve_topic_name(topic)
     except RuntimeError as error:  # rcl's own, whose type is private
         raise ConfigError(
-            [f"{radar.name}.topic: {radar.topic!r} given, must be a topic's name"]
+            [f"{radar.name}.{parameter}: {topic!r} given, must be a topic's name"]
         ) from error
     return full
+
+
+def _pose_name(config: TrackerConfig, carried: Sequence[int]) -> str:
+    """Return the name of the poses of what carries some radars, for diagnostics."""
+    return f"pose of {', '.join(config.inputs[index].name for index in carried)}"
 
 
 def _message_class(radar: RadarInput, reader: Reader) -> Any:

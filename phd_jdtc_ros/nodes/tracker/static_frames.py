@@ -43,6 +43,8 @@ class StaticFrames:
         mountings = [
             Mounting(source.frame, model.position, model.yaw)
             for source, model in zip(config.inputs, config.model.radars, strict=True)
+            # Whoever moves a radar publishes its frame.
+            if not source.pose_topic
         ]
         publisher = self._node.create_publisher(kind, names.STATIC_FRAMES, endpoints.latched_qos())
         stamp_ns = self._node.get_clock().now().nanoseconds

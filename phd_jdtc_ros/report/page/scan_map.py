@@ -61,6 +61,7 @@ def scan_map(record: Record) -> Chart:
         *_true_lines(record, scale),
         *_detections(record, scans, scale),
         *_radars(record, scale),
+        *_moving_radars(record, scans, scale),
         *(layer for source in SOURCE_ORDER for layer in _estimates(record, scans, source, scale)),
         *_true_positions(record, scans, scale),
     ]
@@ -167,6 +168,39 @@ def _radars(record: Record, scale: MapScale) -> Iterable[Layer]:
                 hovertemplate=f"%{{text}}<br>{_place_text(scale)}<extra></extra>",
             ),
             {},
+        )
+
+
+def _moving_radars(record: Record, scans: Sequence[Scan], scale: MapScale) -> Iterable[Layer]:
+    """Yield the path of every radar that moves, and where it is in each scan."""
+    for name in sorted({plot.radar for plot in record.plots if plot.sensor is not None}):
+        path = np.array([p.sensor for p in record.plots if p.radar == name and p.sensor])
+        seen = [scan.plots.get(name) for scan in scans]
+        places = [() if p is None or p.sensor is None else (p.sensor,) for p in seen]
+        shared = {"name": f"{name}, moving", "legendgroup": f"{name}, moving", "meta": INK}
+        yield Layer(
+            Scatter(
+                x=_on_axis(path[:, 0], scale),
+                y=_on_axis(path[:, 1], scale),
+                mode="lines",
+                line={"color": NEUTRAL, "width": 1.0, "dash": "dot"},
+                hoverinfo="skip",
+                showlegend=False,
+                **shared,
+            ),
+            {},
+        )
+        yield Layer(
+            Scatter(
+                mode="markers",
+                marker={"symbol": "star-triangle-up", "size": 10, "color": NEUTRAL},
+                hovertemplate=f"{name}<br>{_place_text(scale)}<extra></extra>",
+                **shared,
+            ),
+            {
+                axis: [_on_axis(np.array([at[k] for at in place]), scale) for place in places]
+                for k, axis in enumerate("xy")
+            },
         )
 
 

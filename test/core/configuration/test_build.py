@@ -333,3 +333,34 @@ def test_resolve_refuses_one_field_for_two_quantities():
 )
 def test_answers_of_turning_radars_are_older_than_their_reports(given, expected):
     assert build.resolve(given).answer_delay_s == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (
+            {"radar_1.pose": "tf"},
+            "radar_1.pose: 'tf' given, transforms are not read; must be fixed",
+        ),
+        ({"radar_1.pose": ""}, "radar_1.pose: '' given, must be fixed or a topic's name"),
+        ({"radar_1.pose": "Fixed"}, "radar_1.pose: 'Fixed' given, must be fixed or a topic's name"),
+        (
+            {"radar_1.pose": "/radar_2/detections"},
+            "radar_1.pose: '/radar_2/detections' given, radar_2 has its detections there",
+        ),
+        (
+            {"radar_1.pose": "/a", "radar_2.pose": "/b", "radar_2.pose_message": "pose_stamped"},
+            "radar_2.pose_message: pose_stamped given, must be odometry as that of radar_1",
+        ),
+    ],
+)
+def test_resolve_says_what_a_radars_pose_may_be(given, expected):
+    (fault,) = faults_of(given)
+    assert fault.startswith(expected)
+
+
+def test_radars_on_one_platform_share_its_topic():
+    config = build.resolve({"radar_1.pose": "/ship", "radar_2.pose": "/ship"})
+    assert config.carried == {"/ship": [0, 1]}
+    assert all(config.platforms())
+    assert build.resolve({}).platforms() == (None, None)

@@ -1,0 +1,95 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The poses of what carries a radar: ``nav_msgs/Odometry`` or ``geometry_msgs/PoseStamped``."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from geometry_msgs.msg import Point, PoseStamped, Quaternion
+from nav_msgs.msg import Odometry
+
+from phd_jdtc_ros.core.types import Pose
+
+from . import interfaces, names, stamps
+from .detections import stamp_of
+from .errors import RejectedMessageError, quoted
+
+# Types by their name in a configuration.
+TYPES = {"odometry": names.ODOMETRY, "pose_stamped": names.POSE_STAMPED}
+# Of an orientation's quaternion; a message that was not filled in has the norm 0.
+LEAST_NORM, LARGEST_NORM = 0.5, 2.0
+# Metres from the map's origin; clouds in single precision have no metres beyond.
+FARTHEST = 1e7
+
+
+def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Pose]:
+    """Return the stamp and the pose of a message.
+
+    Parameters
+    ----------
+    message : Odometry or PoseStamped
+        In the world frame.
+    world_frame : str
+
+    Returns
+    -------
+    stamp_ns : int
+    pose : Pose
+        The yaw is NaN if the orientation is none, as in a message that was not filled in.
+
+    Raises
+    ------
+    RejectedMessageError
+        ``frame`` if it is in another frame, ``schema`` if its stamp is none, ``not_finite`` or
+        ``range`` if its position is not finite or absurdly far away.
+    """
+    frame = message.header.frame_id
+    if frame != world_frame:
+        raise RejectedMessageError(
+            "frame", f"frame_id {quoted(frame)}, must be the world frame, {world_frame!r}"
+        )
+    stamp_ns = stamp_of(message.header)
+    pose = message.pose.pose if isinstance(message, Odometry) else message.pose
+    position = float(pose.position.x), float(pose.position.y)
+    if not all(map(math.isfinite, position)):
+        raise RejectedMessageError("not_finite", f"position {position}, must be finite")
+    if max(map(abs, position)) > FARTHEST:
+        raise RejectedMessageError(
+            "range", f"position {position}, must be within {FARTHEST:g} m of the map's origin"
+        )
+    return stamp_ns, Pose(position, _yaw(pose.orientation))
+
+
+def from_cdr(data: bytes, kind: str, world_frame: str) -> tuple[int, Pose]:
+    """Do as `from_msg` with a recorded message of a kind of `TYPES`."""
+    return from_msg(interfaces.decode(data, TYPES[kind]), world_frame)
+
+
+def to_cdr(pose: Pose, stamp_ns: int, world_frame: str, kind: str, child_frame: str = "") -> bytes:
+    """Return the bytes of a message of a kind of `TYPES`; an odometry's velocity is 0."""
+    header = stamps.header(stamp_ns, world_frame)
+    x, y = pose.position
+    position = Point(x=float(x), y=float(y), z=0.0)
+    half = 0.5 * pose.yaw
+    orientation = Quaternion(x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
+    message: Any
+    if kind == "odometry":
+        message = Odometry(header=header, child_frame_id=child_frame)
+        message.pose.pose.position, message.pose.pose.orientation = position, orientation
+    else:
+        message = PoseStamped(header=header)
+        message.pose.position, message.pose.orientation = position, orientation
+    return interfaces.encode(message)
+
+
+def _yaw(turn: Quaternion) -> float:
+    """Return the direction of the x axis over ground, radians; NaN without a quaternion."""
+    norm = math.sqrt(turn.x**2 + turn.y**2 + turn.z**2 + turn.w**2)
+    if not LEAST_NORM <= norm <= LARGEST_NORM:  # nor if it is NaN
+        return math.nan
+    ahead = turn.w**2 + turn.x**2 - turn.y**2 - turn.z**2
+    left = 2.0 * (turn.x * turn.y + turn.w * turn.z)
+    return math.atan2(left, ahead)

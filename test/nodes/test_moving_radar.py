@@ -1,0 +1,210 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A live tracker and a radar on a ship that turns, over DDS; and its recording, played again."""
+
+import moving
+import numpy as np
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import detections, diagnostics, estimates, interfaces, names, platform_poses
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.configuration.schema import flatten
+from phd_jdtc_ros.core.types import Pose
+from phd_jdtc_ros.report import load
+from phd_jdtc_ros.report.page import scan_map
+from phd_jdtc_ros.tools import track_bag
+
+KINDS = {"odometry": Odometry, "pose_stamped": PoseStamped}
+CLOUDS = "/mast/detections"
+
+
+def sent(kind="odometry", frame="map", count=moving.SCANS):
+    """Return (topic, bytes, stamp) of all messages, poses between scans and not with them."""
+    settings, found = moving.config(), []
+    for index, scan in enumerate(moving.scans(count)):
+        stamp_ns = moving.stamp(index * moving.INTERVAL_S)
+        cloud = detections.to_msg(scan, stamp_ns, "mast", settings.inputs[0])
+        found.append((CLOUDS, interfaces.encode(cloud), stamp_ns))
+    for time_s in np.arange(-0.3, count * moving.INTERVAL_S - 2.5, 0.4):
+        stamp_ns = moving.stamp(time_s)
+        pose = moving.ship(time_s)
+        data = platform_poses.to_cdr(pose, stamp_ns, frame, kind, "own_ship")
+        found.append((moving.ODOMETRY, data, stamp_ns))
+    return sorted(found, key=lambda message: message[2])
+
+
+def write_bag(path, messages, kind="odometry"):
+    with BagWriter(path) as bag:
+        bag.add_topic(Topic(CLOUDS, names.CLOUD))
+        bag.add_topic(Topic(moving.ODOMETRY, platform_poses.TYPES[kind]))
+        for topic, data, stamp_ns in messages:
+            bag.write(topic, data, stamp_ns)
+    return path
+
+
+def tracked(path):
+    return [
+        estimates.from_msg(interfaces.decode(entry.data, names.CLOUD))
+        for entry in BagReader(path).messages([names.estimates("filtered")])
+    ]
+
+
+@pytest.fixture
+def tracker(processes, peer, tmp_path):
+    """Return a function that starts a tracker; it returns publishers by topic, and estimates."""
+
+    def start(kind="odometry", **changes):
+        given = {**dict(flatten(moving.PARAMETERS)), "mast.pose_message": kind, **changes}
+        qos = {
+            f"qos_overrides.{topic}.subscription.reliability": "reliable"
+            for topic in (CLOUDS, moving.ODOMETRY)
+        }
+        file = tmp_path / "moving.yaml"
+        file.write_text(yaml.safe_dump({"/tracker": {"ros__parameters": {**given, **qos}}}))
+        outputs = {
+            CLOUDS: peer.publisher(PointCloud2, CLOUDS, 50),
+            moving.ODOMETRY: peer.publisher(KINDS[kind], moving.ODOMETRY, 50),
+        }
+        found = peer.collect(PointCloud2, "/tracker/filtered/estimates", 1000)
+        processes.start("tracker", "--ros-args", "--params-file", file)
+        assert peer.spin_until(
+            lambda: (
+                all(output.get_subscription_count() for output in outputs.values())
+                and peer.node.count_publishers("/tracker/filtered/estimates")
+            )
+        )
+        peer.meet()
+        return outputs, found
+
+    return start
+
+
+@pytest.mark.parametrize("kind", list(KINDS))
+def test_a_moving_radar_is_tracked_live_as_offline(tracker, peer, tmp_path, kind):
+    outputs, found = tracker(kind)
+    messages = sent(kind)
+    for topic, data, stamp_ns in messages:
+        outputs[topic].publish(data)
+        if topic == moving.ODOMETRY:
+            due = sum(other == CLOUDS and ns <= stamp_ns for other, _, ns in messages)
+            assert peer.spin_until(lambda due=due: len(found) >= due)
+    bag = write_bag(tmp_path / "bag", messages, kind)
+    config = moving.config(**{"mast.pose_message": kind})
+    offline = track_bag.track_bag(BagReader(bag), config, tmp_path / "out")
+    expected = tracked(tmp_path / "out")
+    # The last scan waits for a pose that never comes, until the end of the bag.
+    assert len(expected) == moving.SCANS
+    assert not offline.dropped
+
+    heard = [estimates.from_msg(cloud) for cloud in found]
+    for one, other in zip(heard, expected[:-1], strict=True):
+        assert one.stamp_ns == other.stamp_ns
+        np.testing.assert_allclose(one.state, other.state, rtol=1e-5, atol=1e-3)
+    assert moving.errors(heard).max() < 25.0
+
+
+def test_poses_of_another_frame_are_counted_and_their_scans_too(tracker, peer):
+    outputs, _ = tracker()
+    health = peer.collect(DiagnosticArray, "/diagnostics")
+    messages = sent(frame="odom", count=5)
+    for topic, data, _ in messages:
+        outputs[topic].publish(data)
+    poses = sum(topic == moving.ODOMETRY for topic, _, _ in messages)
+
+    def values(name):
+        found = [s for array in health for s in array.status if s.name == names.health(name)]
+        return diagnostics.values_of(found[-1]) if found else {}
+
+    assert peer.spin_until(lambda: values("pose of mast").get("dropped_frame") == str(poses))
+    assert peer.spin_until(lambda: values("mast").get("dropped_pose_missing") == "4")
+
+
+def test_offline_faults_of_poses_are_counted_and_said(tmp_path):
+    messages = [
+        (topic, data, stamp_ns)
+        for topic, data, stamp_ns in sent()
+        if topic == CLOUDS or not 11.4 < (stamp_ns - moving.START_NS) * 1e-9 < 17.0
+    ]
+    stamp_ns = moving.stamp(20.2)
+    wild = platform_poses.to_cdr(Pose((9e3, 0.0), 0.0), stamp_ns, "map", "odometry")
+    foreign = platform_poses.to_cdr(moving.ship(20.25), stamp_ns, "odom", "odometry")
+    messages += [(moving.ODOMETRY, wild, stamp_ns), (moving.ODOMETRY, foreign, stamp_ns)]
+    bag = write_bag(tmp_path / "bag", sorted(messages, key=lambda message: message[2]))
+    tracker = track_bag.track_bag(BagReader(bag), moving.config(), tmp_path / "out")
+    assert tracker.dropped == {"pose_missing": 2, "pose_jump": 1, "pose_frame": 1}
+    said = [line for line in tracker.warnings() if "extrapolated" in line]
+    assert said == [
+        f"{CLOUDS}: 2 clouds, or parts of turns, were later than the poses on {moving.ODOMETRY}; "
+        "the platform is extrapolated with its last velocity"
+    ]
+
+
+def test_the_report_shows_detections_and_the_radar_where_they_were(tmp_path):
+    bag = write_bag(tmp_path / "bag", sent())
+    config = moving.config()
+    track_bag.track_bag(BagReader(bag), config, tmp_path / "out")
+    record = load.record(tmp_path / "out", config)
+    assert not record.radars
+    assert len(record.plots) == moving.SCANS
+    for index, plot in enumerate(record.plots):
+        place, _ = moving.antenna(index * moving.INTERVAL_S)
+        assert plot.sensor == pytest.approx(tuple(place), abs=1.0)
+        away = moving.boats(index * moving.INTERVAL_S) - plot.position[: len(moving.BOATS)]
+        assert np.hypot(*away.T).max() < 40.0
+    names_shown = [trace.name for trace in scan_map.scan_map(record).figure.data]
+    assert names_shown.count("mast, moving") == 2
+
+
+def test_poses_that_are_not_recorded_are_warned_of(processes, peer, tracker, tmp_path):
+    tracker()
+    options = ("-p", f"record:={tmp_path / 'r'}", "-p", f"radar_topics:=[{CLOUDS}]")
+    evaluator = processes.start("evaluator", "--ros-args", *options)
+    expected = f"{moving.ODOMETRY}, of which /tracker has the poses of a radar that moves"
+    assert peer.spin_until(lambda: expected in evaluator.log.read_text())
+
+
+def test_a_moving_radar_is_recorded_with_its_poses_and_played_again(processes, peer, tmp_path):
+    bag = write_bag(tmp_path / "bag", sent())
+    record = tmp_path / "recorded"
+    recorder = processes.start(
+        "evaluator",
+        *("--ros-args", "-p", f"record:={record}", "-p", f"radar_topics:=[{CLOUDS}]"),
+        *("-p", f"pose_topics:=[{moving.ODOMETRY}]"),
+    )
+    assert peer.spin_until(lambda: peer.node.count_subscribers(moving.ODOMETRY) == 1)
+    status, log = processes.run("sensor_replay", bag, "--rate", "10")
+    assert status == 0, log
+    recorder.terminate()
+    recorder.wait(20.0)
+    expected = [data for topic, data, _ in sent() if topic == moving.ODOMETRY]
+    played = [entry.data for entry in BagReader(record).messages([moving.ODOMETRY])]
+    assert played == expected
+    track_bag.track_bag(BagReader(record), moving.config(), tmp_path / "out")
+    assert moving.errors(tracked(tmp_path / "out")).max() < 25.0
+
+
+def test_a_tracker_on_a_ship_is_replayed_in_lock_step(processes, peer, tmp_path):
+    bag = write_bag(tmp_path / "bag", sent())
+    file = tmp_path / "moving.yaml"
+    qos = {
+        f"qos_overrides.{topic}.subscription.reliability": "reliable"
+        for topic in (CLOUDS, moving.ODOMETRY)
+    }
+    given = {**dict(flatten(moving.PARAMETERS)), **qos}
+    file.write_text(yaml.safe_dump({"/tracker": {"ros__parameters": given}}))
+    found = peer.collect(PointCloud2, "/tracker/smoothed/estimates", 1000)
+    processes.start("tracker", "--ros-args", "--params-file", file)
+    assert peer.spin_until(lambda: peer.node.count_publishers("/tracker/smoothed/estimates"))
+    flush = ("-p", "flush_service:=/tracker/flush")
+    status, log = processes.run("sensor_replay", bag, "--rate", "0", "--ros-args", *flush)
+    assert status == 0, log
+    assert peer.spin_until(lambda: len(found) == moving.SCANS)
+    heard = [estimates.from_msg(cloud) for cloud in found]
+    assert moving.errors(heard).max() < 20.0
