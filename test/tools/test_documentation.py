@@ -31,7 +31,7 @@ EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
 
 def test_the_radar_page_has_its_examples():
     names = [name for name, _ in EXAMPLES]
-    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 5
+    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 6
 
 
 @pytest.mark.parametrize(("name", "text"), EXAMPLES, ids=[name for name, _ in EXAMPLES])
