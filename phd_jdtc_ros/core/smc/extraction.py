@@ -16,6 +16,10 @@ from . import resampling
 from .particle_set import ParticleSet
 
 CLUSTER_SAMPLES = 2000
+# Particles that the spread before later scans counts as, beside those that they have left. Without
+# them 12 % of the smoothed positions of targets in their first five scans are outside 3 sigma on the
+# reference scenario (seeds 9000 to 9011), with one 3 %, with two 1 %; 1.1 % is right.
+PRIOR_PARTICLES = 2.0
 
 
 class Extraction(Protocol):
@@ -90,7 +94,15 @@ def _moments(
     weight: FloatArray,
     label: IntArray,
 ) -> Estimates:
-    """Return the moments of each group's majority class; entries are (row, group, weight)."""
+    """Return the moments of each group's majority class; entries are (row, group, weight).
+
+    Notes
+    -----
+    Later scans leave few of a young target's particles with weight, and their spread is too small:
+    with one left there would be none. A covariance is estimated from n of them, the effective
+    number, with a prior of `PRIOR_PARTICLES` that are spread as all were drawn, the mean of an
+    inverse Wishart distribution. With hundreds left it is the sample covariance.
+    """
     classes, count = len(modes.classes), len(label)
     target_class = modes.class_of[particles.mode[row]]
     class_mass = sum_by(group * classes + target_class, weight, count * classes).reshape(
@@ -108,9 +120,10 @@ def _moments(
     state = np.stack([sum_by(group, share * axis, count) for axis in offset], axis=1)
     for axis in range(dimension):
         offset[axis] -= state[:, axis].take(group)
+    counted = _counted(particles.multiplicity.take(row), group, share, count)
     covariance = np.empty((count, dimension, dimension))
     for i in range(dimension):
-        spread = share * offset[i]
+        spread = counted * offset[i]
         for j in range(i, dimension):
             covariance[:, i, j] = covariance[:, j, i] = sum_by(group, spread * offset[j], count)
     return Estimates(
@@ -124,6 +137,17 @@ def _moments(
         track_id=label + 1,
         space=modes.space,
     )
+
+
+def _counted(copies: IntArray, group: IntArray, share: FloatArray, count: int) -> FloatArray:
+    """Return what each particle counts in its group's covariance; sums to one in every group."""
+    effective = 1.0 / sum_by(group, share**2, count)
+    drawn = copies.astype(np.float64)
+    drawn /= sum_by(group, drawn, count).take(group)
+    counted: FloatArray = effective.take(group) * share
+    counted += PRIOR_PARTICLES * drawn
+    counted /= (effective + PRIOR_PARTICLES).take(group)
+    return counted
 
 
 def clusters(

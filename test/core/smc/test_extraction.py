@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import intensity, small
@@ -76,20 +78,56 @@ def test_components_take_class_and_state_from_the_majority():
     np.testing.assert_array_equal(found.class_id, [1])
     np.testing.assert_allclose(found.class_probability, [[0.25 / 0.85, 0.6 / 0.85]])
     np.testing.assert_allclose(found.weight, [0.85])
-    # Mean and variance over class 1 only: 500/3 and the spread of 100 and 200 about it.
+    # Mean and variance over class 1 only: 500/3 and the spread of 100 and 200 about it. With
+    # shares of 1/3 and 2/3 they are 1.8 particles, beside which two count as they were drawn.
     mean = 500.0 / 3.0
     assert found.state[0, 0] == pytest.approx(mean)
-    variance = ((100.0 - mean) ** 2 + 2.0 * (200.0 - mean) ** 2) / 3.0
+    first, second = (0.6 + 1.0) / 3.8, (1.2 + 1.0) / 3.8
+    variance = first * (100.0 - mean) ** 2 + second * (200.0 - mean) ** 2
     assert found.covariance[0, 0, 0] == pytest.approx(variance)
 
 
-def test_components_covariance_is_the_weighted_one():
+def spread(state, share, copies):
+    """Return the covariance of particles of one target, with the prior of two of them."""
+    effective = 1.0 / (share**2).sum()
+    counted = (effective * share + 2.0 * copies / copies.sum()) / (effective + 2.0)
+    offset = state - share @ state
+    return (counted[:, None] * offset).T @ offset
+
+
+def test_components_covariance_counts_the_effective_particles_and_two_as_drawn():
     rng = np.random.default_rng(0)
     state, weight = rng.normal(0.0, 10.0, (50, 5)), rng.random(50)
     weight = weight / weight.sum()
-    found = extract(intensity(state, np.zeros(50), components=weight[:, None]))
+    phd = intensity(state, np.zeros(50), components=weight[:, None])
+    copies = rng.integers(1, 5, 50)
+    found = extract(replace(phd, multiplicity=copies))
+    np.testing.assert_allclose(found.covariance[0], spread(state, weight, copies), rtol=1e-10)
+    many = np.cov(state.T, aweights=weight, ddof=0)
+    np.testing.assert_allclose(found.covariance[0], many, atol=15.0)
+
+
+def test_target_with_one_particle_left_is_as_uncertain_as_before():
+    rng = np.random.default_rng(1)
+    # What later scans exclude keeps its row, with next to no weight.
+    state, weight = rng.normal(0.0, 10.0, (400, 5)), np.full(400, 1e-200)
+    weight[7] = 1.0
+    found = extract(intensity(state, np.zeros(400), components=weight[:, None]))
+    np.testing.assert_allclose(found.state[0], state[7])
+    variance = np.diagonal(found.covariance[0])
+    # Two of three particles are spread by 10 about the mean of all, which the other is beside.
+    assert (variance > 0.6 * 100.0).all()
+    assert np.linalg.eigvalsh(found.covariance[0]).min() > 0.0
+
+
+def test_covariance_of_many_particles_is_that_of_their_weights():
+    rng = np.random.default_rng(2)
+    state = rng.normal(0.0, 10.0, (5000, 5))
+    weight = np.exp(-0.5 * (state[:, 0] / 10.0) ** 2)
+    weight /= weight.sum()
+    found = extract(intensity(state, np.zeros(5000), components=weight[:, None]))
     expected = np.cov(state.T, aweights=weight, ddof=0)
-    np.testing.assert_allclose(found.covariance[0], expected, rtol=1e-10)
+    np.testing.assert_allclose(found.covariance[0], expected, rtol=2e-3, atol=0.1)
 
 
 def test_components_report_a_mass_above_one_and_a_half_once_and_count_it():
