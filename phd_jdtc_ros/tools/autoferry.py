@@ -35,7 +35,7 @@ DEPTH = 50
 LIDAR: Mapping[str, Any] = {
     "radars": list(SENSORS),
     "lag": 0,
-    "lag_s": 10.0,
+    "lag_s": 5.0,
     "lidar.pose": f"/{OWN_SHIP}/odometry",
     "lidar.fields.amplitude": "",
     "lidar.range_std": 2.0,
@@ -44,7 +44,7 @@ LIDAR: Mapping[str, Any] = {
     "lidar.max_range": 150.0,
     # A vessel beyond about 80 m reflects too little, whatever the water does.
     "lidar.detection_probability_over_range": [0.0, 0.7, 50.0, 0.6, 100.0, 0.2, 150.0, 0.05],
-    "lidar.clutter_rate": 1.0,
+    "lidar.clutter_rate": 2.0,
     "lidar.clutter_max_range": 150.0,
 }
 
@@ -98,8 +98,8 @@ def table(scores: Sequence[autoferry_scores.Score]) -> Table:
     numbers = list(dict.fromkeys(score.scenario for score in scores))
     title = "Autoferry: mean GOSPA in metres (c = 50 m, p = 2) by scenario"
     # Narrow enough for a terminal of 80 columns.
-    found = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
-    found.add_column("tracker")
+    found = Table(title=title, box=SIMPLE_HEAD, padding=0)
+    found.add_column("tracker", no_wrap=True)
     for name in (*map(str, numbers), "mean", "missed", "false", "RMS"):
         found.add_column(name, justify="right")
     for (tracker, source), mean in autoferry_scores.means(scores).items():

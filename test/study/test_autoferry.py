@@ -107,7 +107,7 @@ def test_all_trackers_are_scored_on_the_same_scans(tmp_path):
     """Two boats that go straight on, seen from a ferry that moves."""
     pytest.importorskip("stonesoup")
     rng, rows, truth = np.random.default_rng(0), [], []
-    for scan in range(25):
+    for scan in range(40):
         time_s, own = 1000.0 + 1.68 * scan, np.array([0.5 * scan, -0.3 * scan])
         for target, (place, velocity) in enumerate(
             [((60.0, 80.0), (-2.0, 1.0)), ((-90.0, 50.0), (1.5, -2.0))], start=1
@@ -125,5 +125,5 @@ def test_all_trackers_are_scored_on_the_same_scans(tmp_path):
         for tracker in ("particles", "gaussian", "GNN", "JPDA")
         for source in ("filtered", "smoothed")
     }
-    assert all(each.false < 0.1 and each.missed < 0.9 for each in scores)
+    assert all(each.false < 0.1 and each.missed < 0.7 for each in scores)
     assert all(each.position_rms < 6.0 for each in scores)
