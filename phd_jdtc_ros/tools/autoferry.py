@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
@@ -19,16 +20,19 @@ from msg_adapters import interfaces, names, platform_poses, truth
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.types import Pose
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.study import autoferry, autoferry_scores
-from phd_jdtc_ros.study.autoferry import SENSORS, Recording
+from phd_jdtc_ros.study.autoferry import SENSORS, Look, Recording
 
 from . import command, params_file
 
 PROFILE = Path("config/autoferry.yaml")
+SHIPPED = resources.PROFILE_BAGS["autoferry"]
 OWN_SHIP = "own_ship"
 DEPTH = 50
 # What a tracker that uses the lidar too has in addition.
@@ -93,6 +97,35 @@ def _messages(recording: Recording, config: TrackerConfig) -> Iterator[tuple[int
             yield stamp_ns, radar.topic, data
 
 
+def of_bag(path: Path) -> Recording:
+    """Return the radar's part of a bag that `write_bag` has written, named as it names it."""
+    config, bag = resolve(parameters(lidar=False)), BagReader(path)
+    (radar,), (odometry,) = config.inputs, config.carried
+    types = {radar.topic: names.CLOUD, names.TRUTH: names.CLOUD}
+    bag.require({**types, odometry: platform_poses.TYPES[config.pose_message]})
+    own: dict[int, Pose] = {}
+    looks = []
+    targets: dict[int, list[tuple[float, float, float]]] = {}
+    for entry in bag.messages([odometry, radar.topic, names.TRUTH]):
+        if entry.topic == odometry:
+            stamp_ns, pose = platform_poses.from_cdr(
+                entry.data, config.pose_message, config.world_frame
+            )
+            own[stamp_ns] = pose
+        elif entry.topic == radar.topic:
+            report = reader_of(radar).from_cdr(entry.data, radar)
+            distance, azimuth = report.detections.measurement.T
+            east, north = distance * np.cos(azimuth), distance * np.sin(azimuth)
+            relative = np.stack([east, north], axis=1)
+            looks.append(Look(radar.name, report.stamp_ns, own[report.stamp_ns], relative))
+        else:
+            known = truth.from_msg(interfaces.decode(entry.data, names.CLOUD))
+            for number, place in zip(known.track_id, known.position, strict=True):
+                targets.setdefault(int(number), []).append((known.stamp_ns * 1e-9, *place))
+    scenario = int(path.resolve().name.split("_")[1])
+    return Recording(scenario, tuple(looks), {k: np.array(v) for k, v in targets.items()})
+
+
 def table(scores: Sequence[autoferry_scores.Score]) -> Table:
     """Return the figures of all trackers, a row for each and its source."""
     numbers = list(dict.fromkeys(score.scenario for score in scores))
@@ -114,9 +147,8 @@ def _figures(recordings: Sequence[Recording], out: Path) -> None:
     """Print the figures of all trackers, and write them."""
     scores = []
     for recording in recordings:
-        scores += autoferry_scores.scores_of(
-            recording, parameters(lidar=False), parameters(lidar=True)
-        )
+        with_lidar = parameters(lidar=True) if recording.of("lidar") else None
+        scores += autoferry_scores.scores_of(recording, parameters(lidar=False), with_lidar)
     judged = autoferry_scores.goals_of(scores)
     document = {"scores": [score.as_json() for score in scores], "goals": judged}
     out.mkdir(parents=True, exist_ok=True)
@@ -142,7 +174,12 @@ def _write_bags(recordings: Sequence[Recording], out: Path, lidar: bool) -> None
 def main(argv: Sequence[str]) -> int:
     """Run the tool."""
     parser = ArgumentParser("autoferry", description=__doc__)
-    parser.add_argument("directory", type=Path, help="the dataset's radar and lidar parts, CSV")
+    parser.add_argument(
+        "directory",
+        type=Path,
+        nargs="?",
+        help="the dataset's radar and lidar parts, CSV; without it --figures are of the shipped bag",
+    )
     parser.add_argument(
         "--out", type=Path, help="directory of the bags; with --figures of the results, out/study"
     )
@@ -172,7 +209,11 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _recordings(arguments: argparse.Namespace) -> list[Recording]:
-    directory: Path = arguments.directory
+    directory: Path | None = arguments.directory
+    if directory is None:
+        if not arguments.figures or arguments.scenario:
+            raise BagError("directory: must be that of the dataset's CSV")
+        return [of_bag(resources.bag(SHIPPED))]
     try:
         numbers = arguments.scenario or autoferry.scenarios_in(directory)
         return [autoferry.read(directory, number) for number in numbers]

@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,7 @@ def test_autoferry_writes_equal_bytes(dataset, tmp_path):
     ("arguments", "expected"),
     [
         (["nowhere", "--out", "bags"], "nowhere: no scenarioNUMBER_detections.csv in it"),
+        (["--out", "bags"], "directory: must be that of the dataset's CSV"),
         (["DATASET"], "--out: must be the directory of the new bags"),
         (["DATASET", "--scenario", "4", "--out", "bags"], "scenario4_detections.csv: cannot be"),
     ],
@@ -86,6 +88,18 @@ def test_the_shipped_recording_has_the_profiles_parameters():
     assert resources.bag(shown).resolve() == SHIPPED
     beside = resolve(bag_parameters.read(SHIPPED)).values
     assert beside == resolve(params_file.load(path)).values
+
+
+def test_figures_of_the_shipped_recording_need_no_dataset(tmp_path, capsys):
+    pytest.importorskip("stonesoup")
+    assert run("autoferry", ["--figures", "--out", str(tmp_path)]) == 0
+    found = json.loads((tmp_path / "autoferry.json").read_text())
+    by_key = {(each["tracker"], each["source"]): each for each in found["scores"]}
+    assert len(by_key) == 8
+    assert by_key["gaussian", "filtered"]["gospa"] < 22.0
+    assert by_key["gaussian", "smoothed"]["identity_switches"] == 0
+    assert {goal["goal"] for goal in found["goals"]} == {0.85, 0.7}
+    assert "GNN, smoothed" in capsys.readouterr().out
 
 
 def test_the_shipped_recording_is_tracked_through_its_crossing(tmp_path):
