@@ -178,7 +178,7 @@ def main(argv: Sequence[str]) -> int:
         "directory",
         type=Path,
         nargs="?",
-        help="the dataset's radar and lidar parts, CSV; without it --figures are of the shipped bag",
+        help="the dataset's radar and lidar parts, CSV; --figures alone are of the shipped bag",
     )
     parser.add_argument(
         "--out", type=Path, help="directory of the bags; with --figures of the results, out/study"
