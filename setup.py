@@ -15,6 +15,7 @@ EXECUTABLES = (
     "report",
     "monte_carlo",
     "madap",
+    "autoferry",
     "demo",
 )
 

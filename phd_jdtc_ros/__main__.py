@@ -30,6 +30,7 @@ EXECUTABLES = {
         "many seeded runs to tables, figures and a summary",
     ),
     "madap": ("phd_jdtc_ros.tools.madap", "the MADAP benchmark of multi-radar trackers"),
+    "autoferry": ("phd_jdtc_ros.tools.autoferry", "the Autoferry dataset: bags and figures"),
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
 
@@ -115,6 +116,7 @@ simulate = partial(run, "simulate")
 report = partial(run, "report")
 monte_carlo = partial(run, "monte_carlo")
 madap = partial(run, "madap")
+autoferry = partial(run, "autoferry")
 demo = partial(run, "demo")
 
 if __name__ == "__main__":

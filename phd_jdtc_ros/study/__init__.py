@@ -19,5 +19,6 @@
     pictures, tables
 
 `monte_carlo` reads a study's definition, plans its tasks and runs them. `madap` has the figures of
-a published benchmark.
+a published benchmark. `autoferry` reads recordings of a public dataset, and `autoferry_scores`
+compares the trackers on them.
 """

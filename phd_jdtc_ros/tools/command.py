@@ -67,7 +67,7 @@ def add_cutoff_argument(parser: argparse.ArgumentParser) -> None:
         type=_cutoff,
         default=CUTOFF,
         metavar="METRES",
-        help="c of OSPA and GOSPA (%(default)g): about the distance at which an estimate is no "
+        help=f"c of OSPA and GOSPA ({CUTOFF:g}): about the distance at which an estimate is no "
         "longer of a target",
     )
 

@@ -134,7 +134,9 @@ class Processes:
         return "\n".join((self._logs / f"{name}.log").read_text().splitlines()[-10:])
 
 
-def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
+def run_nodes(
+    bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: float = command.CUTOFF
+) -> bool:
     """Run the three nodes over a bag; return whether none of them failed.
 
     Parameters
@@ -146,6 +148,8 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
         Directory for the results.
     logs : Path
         Directory for what the nodes log, and for the tracker's parameters.
+    cutoff : float
+        c of OSPA and GOSPA, metres.
     """
     scans = BagReader(bag).counts[names.TRUTH]
     if not scans:
@@ -162,6 +166,7 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path) -> bool:
         "classes": len(config.model.modes.classes),
         "world_frame": config.world_frame,
         "exit_after_scans": scans,
+        "cutoff": cutoff,
         "class_names": f"[{', '.join(kind.name for kind in config.model.modes.classes)}]",
     }
     if poses:
@@ -263,10 +268,15 @@ def main(argv: Sequence[str]) -> int:
         help="directory; out/demo, or out/demo_NAME for an engine, a profile or a bag given by its "
         "name",
     )
+    command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
+    parser.set_defaults(cutoff=None)
     arguments = parser.parse_args(argv)
 
     def work() -> int:
+        cutoff = arguments.cutoff
+        if cutoff is None:
+            cutoff = resources.PROFILE_CUTOFFS.get(arguments.profile, command.CUTOFF)
         given = arguments.bag or resources.DEFAULT_BAG
         if arguments.profile:
             path, shown = resources.profile(arguments.profile)
@@ -281,13 +291,13 @@ def main(argv: Sequence[str]) -> int:
         config = command.tracker_config(arguments, bag)
         _check_recording(out)
         with _unfinished(out) as new:
-            if not run_nodes(bag, config, new, out / LOGS):
+            if not run_nodes(bag, config, new, out / LOGS, cutoff):
                 return FAILED
             if bag.resolve() == shipped_bag().resolve():
                 _compare(bag, config, new)
             _replace(out, new)
         summary = json.loads((out / METRICS).read_text())
-        report.write(out / RECORDING, out, config, bag.resolve().name, summary)
+        report.write(out / RECORDING, out, config, bag.resolve().name, summary, cutoff)
         return OK
 
     return command.guarded("demo", work)

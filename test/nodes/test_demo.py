@@ -141,6 +141,17 @@ def test_demo_of_the_phd_filter_tracks_live_as_offline(tmp_path):
     assert_same_estimates(live, still)
 
 
+def test_demo_of_a_ferry_tracks_live_as_offline(tmp_path):
+    live, still = tmp_path / "live", tmp_path / "still"
+    assert run("demo", ["--profile", "autoferry", "--out", str(live)]) == 0
+    assert run("track_bag", ["autoferry_2", "--out", str(still)]) == 0
+
+    metrics = json.loads((live / "metrics.json").read_text())
+    assert (metrics["c"], metrics["scans"]) == (50.0, 70)
+    assert_same_estimates(live, still)
+    assert "/own_ship/odometry" in BagReader(live / "estimates").types
+
+
 @pytest.mark.parametrize("source", ["filtered", "smoothed"])
 def test_live_estimates_equal_offline_ones(demo, offline, source):
     topic = names.estimates(source)
@@ -232,7 +243,7 @@ def earlier(directory):
 
 
 def test_demo_replaces_its_own_files_alone(tmp_path, monkeypatch):
-    def run_nodes(_, __, new, ___):
+    def run_nodes(_, __, new, *___):
         (new / "estimates").mkdir()
         (new / "estimates" / "metadata.yaml").touch()
         (new / "metrics.json").write_text("{}")
@@ -251,7 +262,7 @@ def test_demo_replaces_its_own_files_alone(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("how", ["failed", "interrupted"])
 def test_demo_that_does_not_end_well_leaves_the_earlier_results(tmp_path, monkeypatch, capsys, how):
-    def run_nodes(_, __, new, ___):
+    def run_nodes(_, __, new, *___):
         (new / "metrics.json").write_text("null")
         if how == "interrupted":
             raise KeyboardInterrupt

@@ -19,11 +19,9 @@ from .soup import Part, Soup
 def initiator(problem: Problem, settings: TrackSettings) -> Part:
     """Return Stone Soup's M-of-N initiator for tracks started according to the settings."""
     soup = problem.soup
-    # For tracks that start anywhere: the velocity is a birth term's, the position the detection's.
-    velocity = np.diag(problem.model.births[0].std[STATE] ** 2)
     gate = settings.birth_gate
     return soup.MultiMeasurementInitiator(
-        prior_state=soup.GaussianState(np.zeros((len(STATE), 1)), velocity),
+        prior_state=soup.GaussianState(np.zeros((len(STATE), 1)), problem.start_covariance),
         deleter=LooksMissed(soup, settings.tentative_looks),
         data_associator=soup.GNNWith2DAssignment(problem.hypothesiser(settings.gate)),
         updater=problem.updater,

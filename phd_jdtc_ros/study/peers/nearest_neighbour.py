@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+
 from ..runs import SimulatedRun, Tracks
 from .problem import Problem
 from .settings import ANYWHERE, AT_BIRTH_PLACES, LOUD, LOUD_THRESHOLD, TrackSettings
@@ -15,7 +17,10 @@ from .tracks import at_lag, follow
 
 
 def gnn(
-    run: SimulatedRun, lags: Iterable[int] = (0,), settings: TrackSettings = AT_BIRTH_PLACES
+    run: SimulatedRun,
+    lags: Iterable[int] = (0,),
+    settings: TrackSettings = AT_BIRTH_PLACES,
+    model: TrackerModel | None = None,
 ) -> Tracks:
     """Return the estimates of global nearest neighbour tracking, by lag.
 
@@ -27,6 +32,8 @@ def gnn(
         `ExtendedKalmanSmoother` (Rauch-Tung-Striebel) over the following L scans, fewer at the end
         of the run.
     settings : TrackSettings
+    model : TrackerModel or None
+        See `Problem.of`.
 
     Returns
     -------
@@ -38,7 +45,7 @@ def gnn(
     ImportError
         Without Stone Soup.
     """
-    problem = Problem.of(run)
+    problem = Problem.of(run, model)
     soup = problem.soup
     associator = soup.GNNWith2DAssignment(problem.hypothesiser(settings.gate))
     history = follow(problem, soup.MultiTargetTracker, lambda _: associator, settings)

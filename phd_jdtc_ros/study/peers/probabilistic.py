@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 
 from ..runs import SimulatedRun, Tracks
 from .conversion import clutter_density
@@ -18,13 +20,22 @@ from .threshold import raised_threshold
 from .tracks import at_lag, follow
 
 
-def jpda(run: SimulatedRun, settings: TrackSettings = AT_BIRTH_PLACES) -> Tracks:
-    """Return the estimates of joint probabilistic data association, at lag 0.
+def jpda(
+    run: SimulatedRun,
+    settings: TrackSettings = AT_BIRTH_PLACES,
+    lags: Iterable[int] = (0,),
+    model: TrackerModel | None = None,
+) -> Tracks:
+    """Return the estimates of joint probabilistic data association, by lag.
 
     Parameters
     ----------
     run : SimulatedRun
     settings : TrackSettings
+    lags : iterable of int
+        As of `gnn`, with the same smoother.
+    model : TrackerModel or None
+        See `Problem.of`.
 
     Returns
     -------
@@ -41,7 +52,7 @@ def jpda(run: SimulatedRun, settings: TrackSettings = AT_BIRTH_PLACES) -> Tracks
     The association probabilities are exact (`JPDAwithEHM`). Tentative tracks are associated by
     nearest neighbour, as in Stone Soup's examples.
     """
-    problem = Problem.of(run)
+    problem = Problem.of(run, model)
     soup = problem.soup
 
     def associator(radar: RadarModel) -> Part:
@@ -56,12 +67,12 @@ def jpda(run: SimulatedRun, settings: TrackSettings = AT_BIRTH_PLACES) -> Tracks
         )
 
     history = follow(problem, soup.MultiTargetMixtureTracker, associator, settings)
-    return {0: at_lag(problem, history, 0)}
+    return {lag: at_lag(problem, history, lag) for lag in lags}
 
 
 def jpda_loud(run: SimulatedRun) -> Tracks:
-    """Return the estimates of `jpda` from detections of high amplitude only.
+    """Return the estimates of `jpda` from detections of high amplitude only, at lag 0.
 
     With the settings of `gnn_loud`, which see for errors.
     """
-    return jpda(raised_threshold(run, LOUD_THRESHOLD), LOUD)
+    return jpda(raised_threshold(run, LOUD_THRESHOLD), settings=LOUD)

@@ -11,6 +11,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.models.motion import ConstantVelocity
 from phd_jdtc_ros.core.models.radar import RadarModel
@@ -30,7 +31,7 @@ class Problem:
     soup : Soup
     run : SimulatedRun
     model : TrackerModel
-        Of the reference configuration; the radars are the run's own.
+        The radars are the run's own.
     predictor, updater : Part
         Of Stone Soup: extended Kalman, constant velocity.
     """
@@ -42,10 +43,13 @@ class Problem:
     updater: Part
 
     @staticmethod
-    def of(run: SimulatedRun) -> Problem:
-        """Return the problem for a run."""
+    def of(run: SimulatedRun, model: TrackerModel | None = None) -> Problem:
+        """Return the problem for a run; with None the model is the reference configuration's.
+
+        Targets move as in its first motion model of constant velocity.
+        """
         soup = require()
-        model = resolve({}).model
+        model = resolve({}).model if model is None else model
         straight = next(m for m in model.modes.motions if isinstance(m, ConstantVelocity))
         axis = soup.ConstantVelocity(straight.noise_density)
         motion = soup.CombinedLinearGaussianTransitionModel([axis, axis])
@@ -64,7 +68,9 @@ class Problem:
         return float(nominal**self.intervals)
 
     def detection_probability(self, radar: RadarModel) -> float:
-        """Return p_D, mean over the classes."""
+        """Return p_D: the radar's own where it is given, or else the mean over the classes."""
+        if radar.visibility.given:
+            return float(radar.visibility.probability(np.zeros(1))[0])
         return float(radar.class_detection_probability(self.model.modes.classes).mean())
 
     def hypothesiser(self, gate: float) -> Part:
@@ -85,6 +91,13 @@ class Problem:
             for term in self.model.births
         ]
 
+    @property
+    def start_covariance(self) -> FloatArray:
+        """Of the state of a track that starts anywhere; its position becomes the detection's."""
+        if self.model.births:
+            return np.diag(self.model.births[0].std[STATE] ** 2)
+        return np.diag(np.full(len(STATE), self.model.detection_births.velocity_std) ** 2)
+
     def births(self, stamp: datetime) -> list[Part]:
         """Return the birth terms as mixture components, before survival is applied to them."""
         per_term = [
@@ -101,12 +114,12 @@ class Problem:
     def scans(self) -> Iterator[tuple[datetime, list[tuple[RadarModel, set[Part]]]]]:
         """Yield every scan's stamp and its detections by radar."""
         soup, radars = self.soup, self.run.scenario.radars
-        sensors = [measurement_model(soup, radar) for radar in radars]
         for scan in self.run.scans:
             stamp = EPOCH + timedelta(microseconds=scan.stamp_ns / 1000)
-            looks = [
-                (radar, {detection(soup, z, stamp, sensor) for z in report.measurement})
-                for radar, sensor, report in zip(radars, sensors, scan.detections, strict=True)
-                if report is not None
-            ]
+            looks = []
+            for radar, report in zip(radars, scan.detections, strict=True):
+                if report is not None:
+                    sensor = measurement_model(soup, radar.at(report.pose))
+                    found = {detection(soup, z, stamp, sensor) for z in report.measurement}
+                    looks.append((radar, found))
             yield stamp, looks
