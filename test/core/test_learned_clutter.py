@@ -198,8 +198,12 @@ def test_another_threshold_keeps_what_has_been_learned(engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_the_sectors_of_a_turn_teach_the_radars_law(engine):
-    given = {"radar.clutter_amplitude": "learned", "amplitude": "band"}
+def test_the_sectors_of_a_turn_teach_the_radars_law_and_map(engine):
+    given = {
+        "radar.clutter_amplitude": "learned",
+        "radar.clutter_map": True,
+        "amplitude": "band",
+    }
     config = configuration({**given, "engine": engine})
     tracker = new_engine(config)
     rng = np.random.default_rng(4)
@@ -216,6 +220,23 @@ def test_the_sectors_of_a_turn_teach_the_radars_law(engine):
     law = tracker.forward.clutter.laws["radar"]
     assert isinstance(law, Learned)
     assert 90.0 < law.count.sum() <= 128.0
+    places = tracker.forward.clutter.maps["radar"]
+    assert places.turns == pytest.approx(4.0, rel=0.03)
+    assert 90.0 < places.count.sum() <= 128.0
+
+
+def test_other_noise_keeps_the_map_and_its_cells():
+    tracker = mapped()
+    run = [scan for _, scan in harbour(4, 3)]
+    for scan in run[:3]:
+        tracker.step(scan)
+    before = tracker.forward.clutter.maps["mast"]
+    other = small({**HARBOUR, **MAPPED, "mast.range_std": 25.0})
+    tracker.retune(other.model, 0.6)
+    tracker.step(run[3])
+    after = tracker.forward.clutter.maps["mast"]
+    assert after.range_cell == before.range_cell
+    assert len(after.cell) > len(before.cell)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
