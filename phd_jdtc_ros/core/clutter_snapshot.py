@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from .models.clutter_amplitude import CELLS, MEMORY, Learned
-from .models.clutter_map import MEMORY_TURNS, MOST_AZIMUTHS, MOST_CELLS, ClutterMap
+from .models.clutter_grid import MOST_AZIMUTHS, Grid, GroundGrid, PolarGrid
+from .models.clutter_map import MEMORY_TURNS, MOST_CELLS, ClutterMap
 from .models.clutter_memory import ClutterMemory
 from .models.radar import RadarModel
 from .snapshot import MOST_INDEX, Snapshot, require_numbers, require_whole, whole
@@ -37,8 +38,7 @@ def put_clutter(snapshot: Snapshot, memory: ClutterMemory, radars: Sequence[Rada
         snapshot.facts[MAP] = {
             radar: {
                 "pose": pose[radar],
-                "range_cell": places.range_cell,
-                "azimuths": places.azimuths,
+                **_grid_facts(places.grid),
                 "turns": places.turns,
             }
             for radar, places in memory.maps.items()
@@ -104,10 +104,16 @@ def _take_map(snapshot: Snapshot, radar: RadarModel, facts: Mapping[str, Any]) -
             f"{name}: of a radar at {str(facts['pose'])[:80]} (x, y in m, yaw in rad), expected "
             f"{pose}"
         )
-    size = np.array([facts["range_cell"], facts["turns"]], dtype=np.float64)
-    require_numbers(f"{name}.range_cell", size[:1], 1e-9, 1e9)
+    size = np.array([facts["size"], facts["turns"]], dtype=np.float64)
+    require_numbers(f"{name}.size", size[:1], 1e-9, 1e12)
     require_numbers(f"{name}.turns", size[1:], 0.0, MOST_TURNS)
-    azimuths = whole(f"{name}.azimuths", facts["azimuths"], 3, MOST_AZIMUTHS)
+    polar = radar.clutter_map is not None and isinstance(radar.clutter_map.grid, PolarGrid)
+    if polar != ("azimuths" in facts):
+        raise ValueError(f"{name}: that of a radar that {'moves' if polar else 'stands'} given")
+    grid: Grid = GroundGrid(float(size[0]))
+    if polar:
+        azimuths = whole(f"{name}.azimuths", facts["azimuths"], 3, MOST_AZIMUTHS)
+        grid = PolarGrid(float(size[0]), azimuths)
     cell, count = snapshot.array(f"{name}.cell"), snapshot.array(f"{name}.count")
     require_whole(f"{name}.cell", cell, 0, MOST_INDEX)
     require_numbers(f"{name}.count", count, 0.0, MOST_IN_CELL)
@@ -118,4 +124,13 @@ def _take_map(snapshot: Snapshot, radar: RadarModel, facts: Mapping[str, Any]) -
         )
     if (np.diff(cell) <= 0).any():
         raise ValueError(f"{name}.cell: must increase")
-    return ClutterMap(float(size[0]), azimuths, cell, count, float(size[1]))
+    return ClutterMap(grid, cell, count, float(size[1]))
+
+
+def _grid_facts(grid: Grid) -> dict[str, float]:
+    """Return the size of a map's cells in metres and, if they are polar, the cells of a turn."""
+    if isinstance(grid, PolarGrid):
+        return {"size": grid.range_cell, "azimuths": grid.columns}
+    if isinstance(grid, GroundGrid):
+        return {"size": grid.cell}
+    raise TypeError(f"{type(grid).__name__}: a grid that cannot be stored")

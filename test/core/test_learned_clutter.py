@@ -235,7 +235,7 @@ def test_other_noise_keeps_the_map_and_its_cells():
     tracker.retune(other.model, 0.6)
     tracker.step(run[3])
     after = tracker.forward.clutter.maps["mast"]
-    assert after.range_cell == before.range_cell
+    assert after.grid == before.grid
     assert len(after.cell) > len(before.cell)
 
 
@@ -362,7 +362,7 @@ def cells(part, array):
 MAP_FORGERIES = {
     "place": (fact("pose", [1.0, 2.0, 0.0]), r"of a radar at \[1.0, 2.0, 0.0\]"),
     "turns": (fact("turns", 1e9), "clutter_map.mast.turns: a number is not finite, or outside"),
-    "nan": (fact("range_cell", float("nan")), "clutter_map.mast.range_cell: a number"),
+    "nan": (fact("size", float("nan")), "clutter_map.mast.size: a number"),
     "azimuths": (fact("azimuths", 0), "clutter_map.mast.azimuths: 0 given"),
     "no mapping": (lambda held: held.facts.update({"clutter_map": 3}), "must be a mapping"),
     "missing": (lambda held: held.arrays.pop("clutter_map.mast.cell"), "mast.cell: missing"),

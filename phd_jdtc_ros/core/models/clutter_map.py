@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where a radar's clutter comes from: a map of polar cells, learned from what no target claims.
+"""Where a radar's clutter comes from: a map of cells, learned from what no target claims.
 
 Quays, wind turbines and land answer at the same place turn after turn. Only cells that clutter came
 from are stored, so that the map of a precise radar with a long range is small.
@@ -14,10 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only
-from ..types import FULL_TURN
+from .clutter_grid import Grid, corners
 
-# Size of a cell in deviations of a detection. A detection counts in the four nearest cells.
-CELL_SIGMA = 3.0
 # The detections of one reflector lie some three times as densely as the cells can tell, and what
 # answers from the same place again and again is clutter rather than a target, by as much again.
 POINT = 10.0
@@ -31,23 +29,19 @@ MEMORY_TURNS = 100.0
 # Cells with less are forgotten, and beyond so many those with the least.
 LEAST_COUNT = 1e-3
 MOST_CELLS = 1 << 16
-# Of one that measures azimuths far more precisely than any antenna does.
-MOST_AZIMUTHS = 10**6
 NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class ClutterMap:
-    """False detections remembered by cell of range and azimuth, in the radar's frame.
+    """False detections remembered by cell.
 
     Parameters
     ----------
-    range_cell : float
-        Extent of a cell in range, metres.
-    azimuths : int
-        Number of cells in a turn.
+    grid : Grid
+        The cells. A detection counts in the four nearest ones.
     cell : int array of shape (K,)
-        Ascending; the range's index times `azimuths` plus the azimuth's.
+        Ascending; the row times the grid's columns plus the column.
     count : array of shape (K,)
         Detections remembered of each.
     turns : float
@@ -61,8 +55,7 @@ class ClutterMap:
     move from hiding behind their own first detections.
     """
 
-    range_cell: float
-    azimuths: int
+    grid: Grid
     cell: IntArray = field(default_factory=lambda: NO_CELLS)
     count: FloatArray = field(default_factory=lambda: np.zeros(0))
     turns: float = 0.0
@@ -71,50 +64,51 @@ class ClutterMap:
         object.__setattr__(self, "cell", read_only(self.cell, np.int64))
         object.__setattr__(self, "count", read_only(self.count))
 
-    @classmethod
-    def of_noise(cls, range_std: float, azimuth_std: float) -> ClutterMap:
-        """Return an empty map for detections of these deviations, metres and radians."""
-        azimuths = min(max(int(np.ceil(FULL_TURN / (CELL_SIGMA * azimuth_std))), 3), MOST_AZIMUTHS)
-        return cls(CELL_SIGMA * range_std, azimuths)
-
-    def log_factor(self, measurement: FloatArray, rate: float, max_range: float) -> FloatArray:
+    def log_factor(
+        self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
+    ) -> FloatArray:
         """Return the log density of clutter relative to a uniform one, shape (M,).
 
         Parameters
         ----------
         measurement : array of shape (M, 2)
             Range and azimuth, metres and radians.
+        world : array of shape (M, 2)
+            The same in the world frame, metres.
         rate : float
             Expected false detections per turn, uniform in azimuth and up to `max_range`; above 0.
         max_range : float
             Metres.
         """
-        cell, share = self._corners(measurement)
+        cell, share = corners(self.grid, self.grid.places(measurement, world))
         found = np.zeros(cell.shape)
         if len(self.cell):
             place = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
             found = np.where(self.cell[place] == cell, self.count[place], 0.0)
         seen = (found * share).sum(axis=0)
         again = POINT * seen**2 / (seen + AGAIN)
-        log_expected = np.log(rate) + np.log(self.range_cell / (self.azimuths * max_range))
+        log_expected = np.log(rate) + self.grid.log_share(measurement, max_range)
         with np.errstate(divide="ignore"):  # of a cell that nothing came from
             relative = np.logaddexp(np.log(PRIOR_TURNS), np.log(again) - log_expected)
         log_factor: FloatArray = relative - np.log(PRIOR_TURNS + self.turns)
         return log_factor
 
-    def after(self, measurement: FloatArray, weight: FloatArray, turns: float) -> ClutterMap:
+    def after(
+        self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float
+    ) -> ClutterMap:
         """Return the map after a further report.
 
         Parameters
         ----------
-        measurement : array of shape (M, 2)
+        measurement, world : arrays of shape (M, 2)
+            As in `log_factor`.
         weight : array of shape (M,)
             Probability that no target is the source of each detection.
         turns : float
             Part of a turn that the report is of.
         """
         kept = np.exp(-turns / MEMORY_TURNS)
-        corner, share = self._corners(measurement)
+        corner, share = corners(self.grid, self.grid.places(measurement, world))
         new, place = np.unique(corner.ravel(), return_inverse=True)
         more = np.bincount(place.ravel(), weights=(share * weight).ravel(), minlength=len(new))
         at = np.searchsorted(self.cell, new)
@@ -131,19 +125,3 @@ class ClutterMap:
         return replace(
             self, cell=cell[enough], count=count[enough], turns=kept * self.turns + turns
         )
-
-    def _corners(self, measurement: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the four cells about each detection and its shares of them, shapes (4, M)."""
-        along = np.maximum(measurement[:, 0], 0.0) / self.range_cell + 0.5
-        across = (measurement[:, 1] + np.pi) * (self.azimuths / FULL_TURN) - 0.5
-        ring, ray = np.floor(along), np.floor(across)
-        beyond, past = along - ring, across - ray
-        cells, shares = [], []
-        for outer in (0, 1):
-            for next_ray in (0, 1):
-                azimuth = np.mod(ray + next_ray, self.azimuths)
-                cells.append((ring + outer) * self.azimuths + azimuth)
-                shares.append(
-                    (beyond if outer else 1.0 - beyond) * (past if next_ray else 1.0 - past)
-                )
-        return np.array(cells).astype(np.int64), np.array(shares)

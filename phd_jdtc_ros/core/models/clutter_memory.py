@@ -77,4 +77,6 @@ class ClutterMemory:
         if places is not None:
             turns = 1.0 if coverage is None else coverage.width / FULL_TURN
             weight = 1.0 - claimed * (1.0 - still)
-            self.maps[radar.name] = places.after(detections.measurement, weight, turns)
+            seen = detections.measurement
+            world = radar.to_world(seen)
+            self.maps[radar.name] = places.after(seen, world, weight, turns)

@@ -200,7 +200,10 @@ class RadarModel:
         log_intensity = np.full(len(detections), np.log(rate / area))
         if self.clutter_map is not None:
             log_intensity += self.clutter_map.log_factor(
-                detections.measurement, rate, self.clutter_max_range
+                detections.measurement,
+                self.to_world(detections.measurement),
+                rate,
+                self.clutter_max_range,
             )
         if detections.amplitude is None:
             return log_intensity
