@@ -397,7 +397,8 @@ RADAR = (
         "clutter_map",
         False,
         "Learn where false detections come from: a map of the radar's range and azimuth, so that "
-        "what answers at the same place turn after turn does not become a target.",
+        "what answers at the same place turn after turn does not become a target. Of a radar that "
+        "moves it is a map of the world, with engine gaussian only.",
     ),
     Parameter(
         "clutter_map_speed",

@@ -17,8 +17,8 @@ from ..arrays import FloatArray, IntArray, read_only
 from .clutter_grid import Grid, corners
 
 # The detections of one reflector lie some three times as densely as the cells can tell, and what
-# answers from the same place again and again is clutter rather than a target, by as much again.
-POINT = 10.0
+# answers from the same place again and again is clutter rather than a target, by more than that.
+POINT = 20.0
 # A target that passes leaves about so many detections in a cell before it is known; more of them
 # are needed to tell a place.
 AGAIN = 2.0
