@@ -8,25 +8,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from .models.clutter_amplitude import CELLS, MEMORY, Learned
+from .models.clutter_grid import MOST_AZIMUTHS, Grid, GroundGrid, PolarGrid
+from .models.clutter_map import MEMORY_TURNS, MOST_CELLS, ClutterMap
 from .models.clutter_memory import ClutterMemory
 from .models.radar import RadarModel
-from .snapshot import Snapshot, require_numbers
+from .snapshot import MOST_INDEX, Snapshot, require_numbers, require_whole, whole
 
-NAME = "clutter"
+NAME, MAP = "clutter", "clutter_map"
 # Rounding may leave a little more than all of the memory.
-MOST_COUNT = 1.001 * MEMORY
+MOST_COUNT, MOST_TURNS = 1.001 * MEMORY, 1.001 * MEMORY_TURNS
+# Of a map: detections of one report in one cell add up.
+MOST_IN_CELL = 1e9
 
 
-def put_clutter(snapshot: Snapshot, memory: ClutterMemory) -> None:
-    """Store what has been learned; nothing if no radar learns."""
+def put_clutter(snapshot: Snapshot, memory: ClutterMemory, radars: Sequence[RadarModel]) -> None:
+    """Store what has been learned of these radars; nothing if none of them learns."""
     if memory.laws:
         snapshot.facts[NAME] = sorted(memory.laws)
     for radar, law in memory.laws.items():
         snapshot.arrays[f"{NAME}.{radar}"] = law.count
+    if memory.maps:
+        pose = {radar.name: [*radar.position, radar.yaw] for radar in radars}
+        snapshot.facts[MAP] = {
+            radar: {
+                "pose": pose[radar],
+                **_grid_facts(places.grid),
+                "turns": places.turns,
+            }
+            for radar, places in memory.maps.items()
+        }
+    for radar, places in memory.maps.items():
+        snapshot.arrays[f"{MAP}.{radar}.cell"] = places.cell
+        snapshot.arrays[f"{MAP}.{radar}.count"] = places.count
 
 
 def take_clutter(snapshot: Snapshot, radars: Sequence[RadarModel]) -> ClutterMemory:
@@ -35,29 +54,83 @@ def take_clutter(snapshot: Snapshot, radars: Sequence[RadarModel]) -> ClutterMem
     Raises
     ------
     ValueError
-        If it is that of another radar, or none that a tracker could have stored.
+        If it is that of another radar or place, or none that a tracker could have stored.
     """
-    names: Any = snapshot.facts.get(NAME, [])
-    if not isinstance(names, list):
-        raise ValueError(f"{NAME}: {str(names)[:40]} given, must be a list of radars")
     learning = {
         radar.name: radar.threshold
         for radar in radars
         if isinstance(radar.clutter_amplitude, Learned)
     }
+    names: Any = snapshot.facts.get(NAME, [])
+    if not isinstance(names, list):
+        raise ValueError(f"{NAME}: {str(names)[:40]} given, must be a list of radars")
+    _require_radars(NAME, names, learning, "clutter_amplitude is learned")
+    laws = {name: Learned(learning[name], _take_count(snapshot, name)) for name in names}
+    mapping = {radar.name: radar for radar in radars if radar.clutter_map is not None}
+    facts: Any = snapshot.facts.get(MAP, {})
+    if not isinstance(facts, dict):
+        raise ValueError(f"{MAP}: {str(facts)[:40]} given, must be a mapping by radar")
+    _require_radars(MAP, facts, mapping, "clutter_map is true")
+    maps = {name: _take_map(snapshot, mapping[name], facts[name]) for name in facts}
+    return ClutterMemory(laws, maps)
+
+
+def _require_radars(fact: str, names: Collection[Any], known: Collection[str], which: str) -> None:
     for name in names:
-        if name not in learning:
+        if name not in known:
             raise ValueError(
-                f"{NAME}: amplitudes of {str(name)[:40]} given, must be of a radar whose "
-                f"clutter_amplitude is learned: {', '.join(learning) or 'there is none'}"
+                f"{fact}: that of {str(name)[:40]} given, must be of a radar whose {which}: "
+                f"{', '.join(known) or 'there is none'}"
             )
-    count = {name: snapshot.array(f"{NAME}.{name}") for name in names}
-    for name, cells in count.items():
-        if cells.shape != (CELLS,):
-            raise ValueError(f"{NAME}.{name}: shape {cells.shape}, expected ({CELLS},)")
-        require_numbers(f"{NAME}.{name}", cells, 0.0, MOST_COUNT)
-        if cells.sum() > MOST_COUNT:
-            raise ValueError(
-                f"{NAME}.{name}: {cells.sum():.4g} detections given, at most {MEMORY:g}"
-            )
-    return ClutterMemory({name: Learned(learning[name], cells) for name, cells in count.items()})
+
+
+def _take_count(snapshot: Snapshot, radar: str) -> Any:
+    """Return the counts of a learned law."""
+    count = snapshot.array(f"{NAME}.{radar}")
+    if count.shape != (CELLS,):
+        raise ValueError(f"{NAME}.{radar}: shape {count.shape}, expected ({CELLS},)")
+    require_numbers(f"{NAME}.{radar}", count, 0.0, MOST_COUNT)
+    if count.sum() > MOST_COUNT:
+        raise ValueError(f"{NAME}.{radar}: {count.sum():.4g} detections given, at most {MEMORY:g}")
+    return count
+
+
+def _take_map(snapshot: Snapshot, radar: RadarModel, facts: Mapping[str, Any]) -> ClutterMap:
+    """Return the map of a radar at this place."""
+    name = f"{MAP}.{radar.name}"
+    pose = [*radar.position, radar.yaw]
+    if facts["pose"] != pose:
+        raise ValueError(
+            f"{name}: of a radar at {str(facts['pose'])[:80]} (x, y in m, yaw in rad), expected "
+            f"{pose}"
+        )
+    size = np.array([facts["size"], facts["turns"]], dtype=np.float64)
+    require_numbers(f"{name}.size", size[:1], 1e-9, 1e12)
+    require_numbers(f"{name}.turns", size[1:], 0.0, MOST_TURNS)
+    polar = radar.clutter_map is not None and isinstance(radar.clutter_map.grid, PolarGrid)
+    if polar != ("azimuths" in facts):
+        raise ValueError(f"{name}: that of a radar that {'moves' if polar else 'stands'} given")
+    grid: Grid = GroundGrid(float(size[0]))
+    if polar:
+        azimuths = whole(f"{name}.azimuths", facts["azimuths"], 3, MOST_AZIMUTHS)
+        grid = PolarGrid(float(size[0]), azimuths)
+    cell, count = snapshot.array(f"{name}.cell"), snapshot.array(f"{name}.count")
+    require_whole(f"{name}.cell", cell, 0, MOST_INDEX)
+    require_numbers(f"{name}.count", count, 0.0, MOST_IN_CELL)
+    if cell.ndim != 1 or cell.shape != count.shape or len(cell) > MOST_CELLS:
+        raise ValueError(
+            f"{name}: {cell.shape} cells and {count.shape} counts, expected as many, at most "
+            f"{MOST_CELLS}"
+        )
+    if (np.diff(cell) <= 0).any():
+        raise ValueError(f"{name}.cell: must increase")
+    return ClutterMap(grid, cell, count, float(size[1]))
+
+
+def _grid_facts(grid: Grid) -> dict[str, float]:
+    """Return the size of a map's cells in metres and, if they are polar, the cells of a turn."""
+    if isinstance(grid, PolarGrid):
+        return {"size": grid.range_cell, "azimuths": grid.columns}
+    if isinstance(grid, GroundGrid):
+        return {"size": grid.cell}
+    raise TypeError(f"{type(grid).__name__}: a grid that cannot be stored")

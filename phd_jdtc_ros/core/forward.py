@@ -100,7 +100,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         }
         for rows in self.current:
             window_snapshot.put_current(into, rows)
-        put_clutter(into, self.clutter)
+        put_clutter(into, self.clutter, self.model.radars)
 
     def take(self, stored: Snapshot, entries: Mapping[int, Entry[RowsT, LinkT]]) -> None:
         """Restore the filter's state from a snapshot.

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray, sum_by
 from .marginals import marginals
 
+BoolArray = npt.NDArray[np.bool_]
 # Lower bound of the probability that a target is missed; odds are divided by it.
 LEAST_MISSED = 1e-6
 # Up to this many cells a pair, a table of all cells is faster than a sort of the pairs.
@@ -44,6 +46,14 @@ class Claims:
     mass: FloatArray
     other: FloatArray
     detection_probability: FloatArray
+
+    def part(self, rows: BoolArray) -> FloatArray:
+        """Return which share of all claims of each detection is of some rows, (N,) to (M,)."""
+        size = len(self.other)
+        whole = sum_by(self.column, self.mass, size)
+        part = sum_by(self.column, self.mass * rows.take(self.row), size)
+        share: FloatArray = part / np.where(whole > 0.0, whole, 1.0)
+        return share
 
 
 class Shares(NamedTuple):

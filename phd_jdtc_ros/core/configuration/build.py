@@ -20,6 +20,8 @@ from ..models import amplitude_density
 from ..models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from ..models.birth import BirthTerm
 from ..models.clutter_amplitude import ClutterAmplitude, Learned, LogNormal, Rayleigh
+from ..models.clutter_grid import GroundGrid, PolarGrid
+from ..models.clutter_map import ClutterMap
 from ..models.detection_birth import DetectionBirthModel
 from ..models.modes import ClassModel, ModeSpace
 from ..models.motion import MOTIONS, MotionModel
@@ -299,12 +301,14 @@ def _spawn(values: Mapping[str, Any], modes: ModeSpace) -> SpawnModel:
 def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
     get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
     threshold = amplitude_density.threshold_for(get["false_alarm_probability"])
+    range_std = _rounded(get["range_std"], get["range_step"])
+    azimuth_std = math.radians(_rounded(get["azimuth_std_deg"], get["azimuth_step_deg"]))
     return RadarModel(
         name=name,
         position=(get["position"][0], get["position"][1]),
         yaw=math.radians(get["yaw_deg"]),
-        range_std=_rounded(get["range_std"], get["range_step"]),
-        azimuth_std=math.radians(_rounded(get["azimuth_std_deg"], get["azimuth_step_deg"])),
+        range_std=range_std,
+        azimuth_std=azimuth_std,
         visibility=_visibility(get),
         clutter_rate=get["clutter_rate"],
         clutter_max_range=get["clutter_max_range"],
@@ -312,7 +316,15 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         range_growth=get["range_std_growth"],
         rotation_s=get["rotation_s"],
         clutter_amplitude=_clutter_amplitude(get, threshold),
+        clutter_map=_clutter_map(get, range_std, azimuth_std) if get["clutter_map"] else None,
+        clutter_map_speed=get["clutter_map_speed"],
     )
+
+
+def _clutter_map(get: Mapping[str, Any], range_std: float, azimuth_std: float) -> ClutterMap:
+    if get["pose"] == FIXED:
+        return ClutterMap(PolarGrid.of_noise(range_std, azimuth_std))
+    return ClutterMap(GroundGrid.of_noise(range_std, azimuth_std, get["max_range"]))
 
 
 def _clutter_amplitude(get: Mapping[str, Any], threshold: float) -> ClutterAmplitude:

@@ -199,6 +199,12 @@ def _check_turns(values: Mapping[str, Any]) -> list[str]:
 def _check_radars(values: Mapping[str, Any]) -> list[str]:
     faults = []
     for radar in values["radars"]:
+        moves = values[f"{radar}.pose"] != FIXED
+        if values[f"{radar}.clutter_map"] and moves and values["engine"] != "gaussian":
+            faults.append(
+                f"{radar}.clutter_map: true given, must be false with engine {values['engine']} "
+                "where the radar moves"
+            )
         clutter, limit = values[f"{radar}.clutter_max_range"], values[f"{radar}.max_range"]
         if clutter > limit:
             faults.append(

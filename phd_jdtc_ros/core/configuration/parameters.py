@@ -394,6 +394,22 @@ RADAR = (
         mutable=True,
     ),
     Parameter(
+        "clutter_map",
+        False,
+        "Learn where false detections come from: a map of the radar's range and azimuth, so that "
+        "what answers at the same place turn after turn does not become a target. Of a radar that "
+        "moves it is a map of the world, with engine gaussian only.",
+    ),
+    Parameter(
+        "clutter_map_speed",
+        1.0,
+        "The detections of targets slower than this count as clutter in the map, m/s; 0: those at "
+        "rest stay targets, once they are.",
+        0.0,
+        1e3,
+        mutable=True,
+    ),
+    Parameter(
         "clutter_amplitude",
         "rayleigh",
         "Law of the amplitudes of false detections. rayleigh: that of noise, or clutter_level_db "

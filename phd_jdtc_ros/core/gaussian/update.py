@@ -102,14 +102,24 @@ def update(
         detection_probability=_summed(mixture.weight * detectable) / prior,
     )
     shares = bernoulli(mixture.target, len(mixture.label), mixture.mass, claims)
-    if clutter is not None:
-        clutter.learn(radar, detections, shares.claimed)
+    if clutter is not None and clutter.learns(radar):
+        still = _speed(mixture, radar) < radar.clutter_map_speed
+        clutter.learn(radar, detections, shares.claimed, claims.part(still))
     factor = shares.missed[mixture.target] * shares.prior / prior
     weight = np.concatenate([missed * factor[:, None, None], weight * shares.pair[:, None, None]])
     source = np.concatenate([np.arange(len(mixture)), row])
     branched = _branched(predicted, source, column, weight, found, detections, radar, bounds)
     newborn = others.newborn(shares.claimed, radar, detections, model)
     return branched, newborn, shares.approximate
+
+
+def _speed(mixture: Mixture, radar: RadarModel) -> FloatArray:
+    """Return the speed of each hypothesis's mean velocity, metres per second, shape (H,)."""
+    weight = np.einsum("hrs->hr", mixture.weight)
+    velocity = np.einsum("hr,hrv->hv", weight, mixture.mean[..., list(radar.space.velocity)])
+    velocity /= np.maximum(weight.sum(axis=1), np.finfo(float).tiny)[:, None]
+    speed: FloatArray = np.hypot(velocity[:, 0], velocity[:, 1])
+    return speed
 
 
 def _others(

@@ -13,6 +13,7 @@
     spawn                  targets that appear beside their parents
     radar                  geometry, measurement noise, range, clutter
     clutter_amplitude      laws of the amplitudes of clutter, one of them learned
+    clutter_map            where clutter comes from, learned; its cells in clutter_grid
     clutter_memory         what a filter has learned of each radar's clutter
     overload               the detections of one update that can be afforded
     amplitude_density      Rayleigh targets and clutter, SNR bands

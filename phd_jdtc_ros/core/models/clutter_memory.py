@@ -12,45 +12,71 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from ..arrays import FloatArray
-from ..types import Detections
+from ..types import FULL_TURN, Detections
 from .clutter_amplitude import Learned
+from .clutter_map import ClutterMap
 from .radar import RadarModel
 
 
 @dataclass
 class ClutterMemory:
-    """What has been learned of the amplitudes of each radar's clutter.
+    """What has been learned of the amplitudes and places of each radar's clutter.
 
     Parameters
     ----------
     laws : dict of name to Learned
         By radar; of those that have learned something.
+    maps : dict of name to ClutterMap
+        By radar; of those that have learned something.
     """
 
     laws: dict[str, Learned] = field(default_factory=dict)
+    maps: dict[str, ClutterMap] = field(default_factory=dict)
+    _informed: dict[str, RadarModel] = field(default_factory=dict, init=False, repr=False)
 
     def informed(self, radar: RadarModel) -> RadarModel:
         """Return a radar with what has been learned of its clutter."""
-        law = self.laws.get(radar.name)
-        if law is None or not isinstance(radar.clutter_amplitude, Learned):
-            return radar
-        if law.threshold != radar.threshold:
-            law = Learned(radar.threshold, law.count)
-        return replace(radar, clutter_amplitude=law)
+        law, places = self.laws.get(radar.name), self.maps.get(radar.name)
+        if law is not None and isinstance(radar.clutter_amplitude, Learned):
+            if law.threshold != radar.threshold:
+                law = Learned(radar.threshold, law.count)
+            radar = replace(radar, clutter_amplitude=law)
+        if places is not None and radar.clutter_map is not None:
+            radar = replace(radar, clutter_map=places)
+        self._informed[radar.name] = radar
+        return radar
 
-    def learn(self, radar: RadarModel, detections: Detections, claimed: FloatArray) -> None:
+    def learns(self, radar: RadarModel) -> bool:
+        """Return whether there is something to learn of the report of a radar as `informed`.
+
+        There is not if the radar stands for a part of a report that was too large.
+        """
+        law, places = radar.clutter_amplitude, radar.clutter_map
+        whole = radar is self._informed.get(radar.name)
+        return whole and (isinstance(law, Learned) or places is not None)
+
+    def learn(
+        self, radar: RadarModel, detections: Detections, claimed: FloatArray, still: FloatArray
+    ) -> None:
         """Take in what one radar reported.
 
         Parameters
         ----------
         radar : RadarModel
-            As `informed` returned it, or with the threshold raised because it reported too much;
-            then nothing is learned, because the detections are the highest ones only.
+            That learns.
         detections : Detections
             M of them.
         claimed : array of shape (M,)
             Probability that a known target is the source of each detection.
+        still : array of shape (M,)
+            Share of that probability that is of targets slower than `clutter_map_speed`.
         """
-        law, amplitude = radar.clutter_amplitude, detections.amplitude
-        if isinstance(law, Learned) and amplitude is not None and radar.threshold == law.threshold:
-            self.laws[radar.name] = law.after(amplitude, 1.0 - claimed)
+        law, places, coverage = radar.clutter_amplitude, radar.clutter_map, detections.coverage
+        if isinstance(law, Learned) and detections.amplitude is not None:
+            self.laws[radar.name] = law.after(detections.amplitude, 1.0 - claimed)
+        if places is not None:
+            turns = 1.0 if coverage is None else coverage.width / FULL_TURN
+            weight = 1.0 - claimed * (1.0 - still)
+            seen = detections.measurement
+            world = radar.to_world(seen)
+            self.maps[radar.name] = places.after(seen, world, weight, turns)

@@ -17,6 +17,7 @@ from ..state_space import PLANAR, StateSpace
 from ..types import Coverage, Detections, Pose
 from . import amplitude_density
 from .clutter_amplitude import NOISE, ClutterAmplitude
+from .clutter_map import ClutterMap
 from .modes import ClassModel
 from .visibility import Visibility, within
 
@@ -63,6 +64,10 @@ class RadarModel:
         Time of one turn of the antenna, seconds; 0 if it does not turn.
     clutter_amplitude : ClutterAmplitude
         Law of the amplitudes of false detections.
+    clutter_map : ClutterMap or None
+        Where they come from; None if that is not to be learned.
+    clutter_map_speed : float
+        What targets slower than this claim counts for the map all the same, metres per second.
 
     Notes
     -----
@@ -83,6 +88,8 @@ class RadarModel:
     range_growth: float = 0.0
     rotation_s: float = 0.0
     clutter_amplitude: ClutterAmplitude = NOISE
+    clutter_map: ClutterMap | None = None
+    clutter_map_speed: float = 0.0
 
     @property
     def max_range(self) -> float:
@@ -189,9 +196,15 @@ class RadarModel:
         """
         area = 2.0 * np.pi * self.clutter_max_range
         # A rate of zero is allowed; the floor keeps the update's quotient defined.
-        log_intensity = np.full(
-            len(detections), np.log(max(self.clutter_rate, np.finfo(float).tiny) / area)
-        )
+        rate = max(self.clutter_rate, np.finfo(float).tiny)
+        log_intensity = np.full(len(detections), np.log(rate / area))
+        if self.clutter_map is not None:
+            log_intensity += self.clutter_map.log_factor(
+                detections.measurement,
+                self.to_world(detections.measurement),
+                rate,
+                self.clutter_max_range,
+            )
         if detections.amplitude is None:
             return log_intensity
         density: FloatArray = (

@@ -88,8 +88,10 @@ def update(
         ),
     )
     corrected, claimed = corrector.correct(particles, claims)
-    if clutter is not None:
-        clutter.learn(radar, detections, claimed)
+    if clutter is not None and clutter.learns(radar):
+        velocity = particles.state[:, list(radar.space.velocity)]
+        still = np.hypot(velocity[:, 0], velocity[:, 1]) < radar.clutter_map_speed
+        clutter.learn(radar, detections, claimed, claims.part(still))
     return corrected, others.newborn(claimed, radar, detections, model)
 
 

@@ -1,0 +1,127 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The cells of a map of clutter: polar about a radar that stands, and square for one that moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..types import FULL_TURN
+
+# Size of a cell in deviations of a detection.
+CELL_SIGMA = 3.0
+# Of an antenna that measures azimuths far more precisely than any does.
+MOST_AZIMUTHS = 10**6
+# Squares in each direction from the world's zero.
+HALF = 1 << 26
+
+
+class Grid(Protocol):
+    """Cells, numbered by row and column; the last column is beside the first."""
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+        ...
+
+    def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
+        """Return row and column of each detection, (2, M); whole numbers are the cells' centres.
+
+        Parameters
+        ----------
+        measurement : array of shape (M, 2)
+            Range and azimuth, metres and radians.
+        world : array of shape (M, 2)
+            The same in the world frame, metres.
+        """
+        ...
+
+    def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
+        """Return the log share of a cell, where a detection is, in uniform clutter, shape (M,).
+
+        That is uniform in azimuth and in range up to `max_range`, metres.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class PolarGrid:
+    """Cells of range and azimuth.
+
+    Parameters
+    ----------
+    range_cell : float
+        Extent in range, metres.
+    columns : int
+        Cells in a turn.
+    """
+
+    range_cell: float
+    columns: int
+
+    @classmethod
+    def of_noise(cls, range_std: float, azimuth_std: float) -> PolarGrid:
+        """Return cells for detections of these deviations, metres and radians."""
+        azimuths = int(np.ceil(min(FULL_TURN / (CELL_SIGMA * azimuth_std), MOST_AZIMUTHS)))
+        return cls(CELL_SIGMA * range_std, max(azimuths, 3))
+
+    def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
+        """Return row and column of each detection, shape (2, M)."""
+        along = np.maximum(measurement[:, 0], 0.0) / self.range_cell + 0.5
+        across = (measurement[:, 1] + np.pi) * (self.columns / FULL_TURN) - 0.5
+        return np.stack([along, across])
+
+    def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
+        """Return the log share of a cell in uniform clutter, shape (M,)."""
+        return np.full(len(measurement), np.log(self.range_cell / (self.columns * max_range)))
+
+
+@dataclass(frozen=True)
+class GroundGrid:
+    """Squares of the world, for a radar that moves.
+
+    Parameters
+    ----------
+    cell : float
+        Metres.
+    """
+
+    cell: float
+
+    @classmethod
+    def of_noise(cls, range_std: float, azimuth_std: float, max_range: float) -> GroundGrid:
+        """Return squares for detections of these deviations at a quarter of the range."""
+        return cls(CELL_SIGMA * max(range_std, azimuth_std * 0.25 * max_range))
+
+    @property
+    def columns(self) -> int:
+        """Number of columns, of which the last is not reached."""
+        return 2 * HALF
+
+    def places(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
+        """Return row and column of each detection, shape (2, M)."""
+        inside: FloatArray = np.clip(world.T / self.cell + HALF, 0.0, 2.0 * HALF - 2.0)
+        return inside
+
+    def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
+        """Return the log share of a cell in uniform clutter, shape (M,)."""
+        ring = FULL_TURN * np.maximum(measurement[:, 0], self.cell)
+        share: FloatArray = np.log(self.cell / ring) + np.log(self.cell / max_range)
+        return share
+
+
+def corners(grid: Grid, places: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the four cells about each place and its shares of them, shapes (4, M)."""
+    row, column = np.floor(places)
+    below, beside = places - np.stack([row, column])
+    cells, shares = [], []
+    for down in (0, 1):
+        for right in (0, 1):
+            cells.append((row + down) * grid.columns + np.mod(column + right, grid.columns))
+            shares.append((below if down else 1.0 - below) * (beside if right else 1.0 - beside))
+    return np.array(cells).astype(np.int64), np.array(shares)

@@ -1,0 +1,127 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Where a radar's clutter comes from: a map of cells, learned from what no target claims.
+
+Quays, wind turbines and land answer at the same place turn after turn. Only cells that clutter came
+from are stored, so that the map of a precise radar with a long range is small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, read_only
+from .clutter_grid import Grid, corners
+
+# The detections of one reflector lie some three times as densely as the cells can tell, and what
+# answers from the same place again and again is clutter rather than a target, by more than that.
+POINT = 20.0
+# A target that passes leaves about so many detections in a cell before it is known; more of them
+# are needed to tell a place.
+AGAIN = 2.0
+# Before the first turn the density is known to be uniform as from so many turns.
+PRIOR_TURNS = 5.0
+# Turns that the map remembers.
+MEMORY_TURNS = 100.0
+# Cells with less are forgotten, and beyond so many those with the least.
+LEAST_COUNT = 1e-3
+MOST_CELLS = 1 << 16
+NO_CELLS = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class ClutterMap:
+    """False detections remembered by cell.
+
+    Parameters
+    ----------
+    grid : Grid
+        The cells. A detection counts in the four nearest ones.
+    cell : int array of shape (K,)
+        Ascending; the row times the grid's columns plus the column.
+    count : array of shape (K,)
+        Detections remembered of each.
+    turns : float
+        Turns remembered; a scan of the whole field is one.
+
+    Notes
+    -----
+    With the rate mu of a cell if clutter is uniform and n detections in T turns, the rate is
+    (mu PRIOR_TURNS + POINT n^2 / (n + AGAIN)) / (PRIOR_TURNS + T): the mean after a Gamma prior,
+    but for the two factors of n. They are what keeps quays from becoming targets, and ships that
+    move from hiding behind their own first detections.
+    """
+
+    grid: Grid
+    cell: IntArray = field(default_factory=lambda: NO_CELLS)
+    count: FloatArray = field(default_factory=lambda: np.zeros(0))
+    turns: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cell", read_only(self.cell, np.int64))
+        object.__setattr__(self, "count", read_only(self.count))
+
+    def log_factor(
+        self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
+    ) -> FloatArray:
+        """Return the log density of clutter relative to a uniform one, shape (M,).
+
+        Parameters
+        ----------
+        measurement : array of shape (M, 2)
+            Range and azimuth, metres and radians.
+        world : array of shape (M, 2)
+            The same in the world frame, metres.
+        rate : float
+            Expected false detections per turn, uniform in azimuth and up to `max_range`; above 0.
+        max_range : float
+            Metres.
+        """
+        cell, share = corners(self.grid, self.grid.places(measurement, world))
+        found = np.zeros(cell.shape)
+        if len(self.cell):
+            place = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
+            found = np.where(self.cell[place] == cell, self.count[place], 0.0)
+        seen = (found * share).sum(axis=0)
+        again = POINT * seen**2 / (seen + AGAIN)
+        log_expected = np.log(rate) + self.grid.log_share(measurement, max_range)
+        with np.errstate(divide="ignore"):  # of a cell that nothing came from
+            relative = np.logaddexp(np.log(PRIOR_TURNS), np.log(again) - log_expected)
+        log_factor: FloatArray = relative - np.log(PRIOR_TURNS + self.turns)
+        return log_factor
+
+    def after(
+        self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float
+    ) -> ClutterMap:
+        """Return the map after a further report.
+
+        Parameters
+        ----------
+        measurement, world : arrays of shape (M, 2)
+            As in `log_factor`.
+        weight : array of shape (M,)
+            Probability that no target is the source of each detection.
+        turns : float
+            Part of a turn that the report is of.
+        """
+        kept = np.exp(-turns / MEMORY_TURNS)
+        corner, share = corners(self.grid, self.grid.places(measurement, world))
+        new, place = np.unique(corner.ravel(), return_inverse=True)
+        more = np.bincount(place.ravel(), weights=(share * weight).ravel(), minlength=len(new))
+        at = np.searchsorted(self.cell, new)
+        known = np.zeros(len(new), dtype=bool)
+        known[at < len(self.cell)] = self.cell[at[at < len(self.cell)]] == new[at < len(self.cell)]
+        count = kept * self.count
+        count[at[known]] += more[known]
+        cell = np.insert(self.cell, at[~known], new[~known])
+        count = np.insert(count, at[~known], more[~known])
+        enough = np.flatnonzero(count >= LEAST_COUNT)
+        if len(enough) > MOST_CELLS:
+            order = np.argsort(-count[enough], kind="stable")[:MOST_CELLS]
+            enough = np.sort(enough[order])
+        return replace(
+            self, cell=cell[enough], count=count[enough], turns=kept * self.turns + turns
+        )
