@@ -17,8 +17,8 @@ from .particle_set import ParticleSet
 
 CLUSTER_SAMPLES = 2000
 # Particles that the spread before later scans counts as, beside those that they have left. Without
-# them 12 % of the smoothed positions of targets in their first five scans are outside 3 sigma on the
-# reference scenario (seeds 9000 to 9011), with one 3 %, with two 1 %; 1.1 % is right.
+# them 12 % of the smoothed positions of targets in their first five scans are outside 3 sigma, with
+# one 3 %, with two 1 %, which is right (reference scenario, seeds 9000 to 9011).
 PRIOR_PARTICLES = 2.0
 
 
