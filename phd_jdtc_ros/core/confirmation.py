@@ -52,6 +52,8 @@ SAME = 1e-9
 UNSEEN = 0.98
 # A target that no antenna has passed for so many intervals, or turns, is coasting.
 PATIENCE = 1.5
+# Scans that are less than this share of a turn apart may be of the same pass of the antenna.
+SAME_TURN = 0.5
 
 
 @dataclass(frozen=True)
@@ -296,9 +298,12 @@ class TrackStates:
         seen = known & (missable < UNSEEN)
         # The odds of a target that a scan detects rise, and of one that it misses they fall.
         survived = before.existence * _survival(found, before.stamp_ns, model)
-        missed = seen & (_odds(weight) < _odds(survived))
-        detected = ~known | (seen & ~missed)
-        counted = seen & (before.state != TENTATIVE)
+        lower = _odds(weight) < _odds(survived)
+        # At the edge of a slice a target is in one of two, and not missed by the other.
+        same_turn = scan.stamp_ns - before.detected_ns < SAME_TURN * 1e9 * _shortest_turn_s(model)
+        missed = seen & lower & ~same_turn
+        detected = ~known | (seen & ~lower)
+        counted = (missed | detected) & (before.state != TENTATIVE)
         delete = self.rule.delete[found.class_id]
         prior = self.rule.record_weight[found.class_id]
         ratio = (1.0 + before.missed / prior) / (1.0 + before.expected / prior)
@@ -432,6 +437,11 @@ def _survival(found: Estimates, since_ns: IntArray, model: TrackerModel) -> Floa
     intervals = (found.stamp_ns - since_ns) * 1e-9 / model.modes.interval_s
     survival: FloatArray = nominal[found.class_id] ** intervals
     return survival
+
+
+def _shortest_turn_s(model: TrackerModel) -> float:
+    """Return the shortest turn of an antenna, seconds; 0 if none turns."""
+    return min((r.rotation_s for r in model.radars if r.rotation_s), default=0.0)
 
 
 def _slowest_s(model: TrackerModel) -> float:

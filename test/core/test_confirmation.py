@@ -261,6 +261,19 @@ def test_track_of_another_turn_keeps_its_state_until_it_is_touched():
     assert tracks.add(t1=0.5) == {1: COASTING}
 
 
+def test_target_at_the_edge_of_a_slice_is_not_missed_by_the_other_slice():
+    turning = tuple(replace(radar, rotation_s=48.0) for radar in MODEL.radars)
+    tracks = Tracks(replace(MODEL, radars=turning), confirm=0.6, delete=0.1)
+    missed = after_a_miss(0.999, MISSED)
+    tracks.add(t1=0.9)
+    tracks.add(t1=0.999)
+    # Six seconds later, and then half a turn of 48 s later.
+    assert tracks.add(t1=missed) == {1: CONFIRMED}
+    tracks.add(t1=missed - 0.01)
+    tracks.add(t1=missed - 0.02)
+    assert tracks.add(t1=missed - 0.03) == {1: COASTING}
+
+
 def test_states_forget_tracks_and_stamps_that_are_gone():
     tracks = Tracks()
     for number in range(1, 200):
