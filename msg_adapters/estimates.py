@@ -10,7 +10,7 @@ from geometry_msgs.msg import Quaternion
 from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
-from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Estimates
 
 from . import point_cloud, stamps
 from .errors import RejectedMessageError
@@ -25,7 +25,8 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
 
     Fields are ``x y z vx vy vz omega weight`` (FLOAT32), ``track_id class_id lag`` (UINT32),
     ``p_class_0 ...`` and the 15 terms ``cov_00 cov_01 ... cov_44`` of the covariance's upper
-    triangle in the order x, vx, y, vy, omega (FLOAT32).
+    triangle in the order x, vx, y, vy, omega (FLOAT32), and ``state`` (UINT32): 0 tentative,
+    1 confirmed, 2 coasting.
     """
     state, zero = estimates.state, np.zeros(len(estimates))
     columns = {
@@ -45,6 +46,8 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
         columns[f"p_class_{index}"] = estimates.class_probability[:, index]
     for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
         columns[name] = estimates.covariance[:, row, column]
+    # At the end, so that what reads the other fields by their offsets goes on to do so.
+    columns["state"] = estimates.track_state
     return point_cloud.encode(estimates.stamp_ns, frame, columns)
 
 
@@ -56,6 +59,8 @@ def class_count(cloud: PointCloud2) -> int:
 def from_msg(cloud: PointCloud2) -> Estimates:
     """Return the estimates of a cloud; the lag of an empty one is 0.
 
+    All are confirmed if the cloud has no field ``state``.
+
     Raises
     ------
     RejectedMessageError
@@ -65,13 +70,21 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     if not classes:
         raise RejectedMessageError("schema", "field 'p_class_0' is missing")
     floats = [name for name, _ in _STATE] + ["weight", *classes, *_COVARIANCE]
+    whole = ["track_id", "class_id", "lag"]
+    # Clouds that were recorded before there was such a field are of confirmed tracks alone.
+    if "state" in point_cloud.field_names(cloud):
+        whole.append("state")
     columns = point_cloud.decode(
         cloud,
-        dict.fromkeys(floats, point_cloud.FLOATS)
-        | dict.fromkeys(("track_id", "class_id", "lag"), point_cloud.UNSIGNED),
+        dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED),
     )
     point_cloud.require_finite(columns)
     size = len(columns["x"])
+    track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
+    if (track_state > COASTING).any():
+        raise RejectedMessageError(
+            "schema", f"state is {track_state.max()}, must be at most {COASTING}"
+        )
     state = np.zeros((size, len(PLANAR)))
     for name, index in _STATE:
         state[:, index] = columns[name]
@@ -87,6 +100,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         class_probability=np.stack([columns[name] for name in classes], axis=1),
         class_id=columns["class_id"].astype(np.int64),
         track_id=columns["track_id"].astype(np.int64),
+        track_state=track_state,
     )
 
 

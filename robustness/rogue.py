@@ -23,7 +23,7 @@ from std_msgs.msg import Header
 from msg_adapters import names
 
 FRAME = "rogue"
-PARAMETER = "existence_threshold"
+PARAMETER = "confirm_probability"
 PERIOD_S = 0.05
 
 

@@ -14,14 +14,15 @@ The data's path, with the room or module of each step::
       |    motion, radars, amplitudes, births    models
       |    gating                              pair_search
       |    association probabilities           association
-      |------------- extract ---------------> Estimates (filtered), numbered by track_numbers
-      |                                        and brought to one stamp by reporting
+      |------------- extract ---------------> Estimates (filtered), of the tracks that confirmation
+      |                                        reports, numbered by track_numbers and brought to
+      |                                        one stamp by reporting
       |  backward over the lag window          the engine
       |------------- extract ---------------> Estimates (smoothed)
 
 What engines are built from knows no particles, only rows, each of one origin::
 
-    fixed_lag              the window, stamps held back, track numbers, snapshots
+    fixed_lag              the window, stamps held back, track numbers and states, snapshots
       forward              a filter's rows that later scans continue, and its births
         touch              the origins that an antenna may have passed
       backward             the way from each set of the window to its sources
@@ -36,6 +37,7 @@ Packages import in one direction only::
 
     pipeline -> engines -> configuration -> smc, gaussian -> association, models, pair_search
     smc, gaussian -> fixed_lag -> forward -> touch, window_snapshot -> window
+    fixed_lag, configuration -> confirmation -> models
     smc, gaussian -> backward -> window
     evaluation, simulation -> models          everything -> types, state_space, arrays, quoting
 

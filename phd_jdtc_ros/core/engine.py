@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from .arrays import FloatArray
+from .confirmation import ReportingRule
 from .models.tracker_model import TrackerModel
 from .snapshot import Snapshot
 from .types import Estimates, Scan
@@ -68,8 +69,8 @@ class Engine(Protocol):
         """
         ...
 
-    def retune(self, model: TrackerModel, existence_threshold: float) -> None:
-        """Use another model of equal structure and another threshold from the next scan on."""
+    def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
+        """Use another model of equal structure and another rule from the next scan on."""
         ...
 
     def reset(self) -> None:

@@ -46,7 +46,7 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
         schedule=config.schedule,
         death_term=DEATH_TERMS[str(values["death_term"])],
         extraction=EXTRACTIONS[str(values["extraction"])],
-        existence_threshold=config.existence_threshold,
+        rule=config.rule,
     )
 
 
@@ -76,7 +76,7 @@ def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
         forward=GaussianFilter(config.model, bounds),
         lag=config.lag,
         schedule=config.schedule,
-        existence_threshold=config.existence_threshold,
+        rule=config.rule,
     )
 
 

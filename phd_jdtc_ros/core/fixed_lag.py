@@ -15,6 +15,7 @@ import numpy as np
 
 from . import window_snapshot
 from .arrays import IntArray
+from .confirmation import ReportingRule, TrackStates
 from .engine import Lag, Step
 from .forward import MOST_SCANS, Filtered, ForwardFilter
 from .models.tracker_model import TrackerModel
@@ -59,14 +60,15 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     forward : ForwardFilter
     lag : Lag
     schedule : Schedule
-    existence_threshold : float
-        Existence probability above which a target is reported.
+    rule : ReportingRule
+        When tracks are reported.
     """
 
     forward: ForwardFilter[RowsT, LinkT]
     lag: Lag
     schedule: Schedule
-    existence_threshold: float
+    rule: ReportingRule
+    _states: TrackStates = field(init=False, repr=False)
     _tracks: TrackNumbers = field(init=False, repr=False)
     _window: list[Entry[RowsT, LinkT]] = field(init=False, repr=False)
     # The filtered targets of each scan with rows that no later one has touched, by stamp.
@@ -123,7 +125,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     def reset(self) -> None:
         """Return to the initial state."""
         self.forward.reset()
-        self._tracks = TrackNumbers()
+        self._tracks, self._states = TrackNumbers(), TrackStates(self.rule)
         self._window, self._filtered, self._stamps = [], {}, []
 
     def step(self, scan: Scan) -> Step:
@@ -137,7 +139,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         replaced = {entry.stamp_ns: entry for entry in step.earlier}
         self._window = [replaced.get(entry.stamp_ns, entry) for entry in self._window]
         self._window.append(step.entry)
-        self._note_filtered(step.updated, scan.stamp_ns)
+        self._note_filtered(step.updated, scan)
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
         self._stamps += [estimates.stamp_ns for estimates in filtered]
@@ -151,13 +153,13 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         total = np.sum(mass, axis=0)
         return Step(tuple(filtered), tuple(smoothed), total, self._figures(step))
 
-    def retune(self, model: TrackerModel, existence_threshold: float) -> None:
-        """Use another model and threshold from the next scan on; see `Engine.retune`.
+    def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
+        """Use another model and rule from the next scan on; see `Engine.retune`.
 
         The stored sets and the links between them stay as the previous model made them.
         """
         self.forward.model = model
-        self.existence_threshold = existence_threshold
+        self.rule = self._states.rule = rule
 
     def flush(self) -> tuple[Estimates, ...]:
         """Return the estimates of the window, smoothed with the scans that it holds, and reset."""
@@ -176,6 +178,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """Return all that the engine holds; see `Engine.snapshot`."""
         held = Snapshot(self.forward.stamp_ns)
         self.forward.put(held)
+        self._states.put(held)
         held.facts["smoother"] = {
             "stamps_ns": list(self._stamps),
             "entries": len(self._window),
@@ -212,6 +215,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             raise ValueError(f"stamps_ns: end at {stamps[-1]}, after {held.stamp_ns}")
         tracks = _track_numbers(facts["tracks"])
         self.forward.take(held, window)
+        self._states.take(held)
         self._tracks, self._stamps, self._window = tracks, stamps, list(window.values())
         self._filtered = {
             rows.entry.stamp_ns: window_snapshot.take_estimates(
@@ -220,10 +224,13 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             for rows in self.forward.current
         }
 
-    def _note_filtered(self, updated: RowsT, stamp_ns: int) -> None:
+    def _note_filtered(self, updated: RowsT, scan: Scan) -> None:
         """Keep the targets of a scan, and forget those of scans that later ones have replaced."""
-        self._filtered[stamp_ns] = self._extracted(updated, stamp_ns, 0, self.existence_threshold)
         current = {rows.entry.stamp_ns for rows in self.forward.current}
+        found = self._extracted(updated, scan.stamp_ns, 0, self.rule.least)
+        self._filtered[scan.stamp_ns] = self._states.filtered(
+            found, updated.label, current, scan, self.forward.model
+        )
         self._filtered = {stamp: kept for stamp, kept in self._filtered.items() if stamp in current}
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
@@ -236,7 +243,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
                 targets = chosen(targets, np.flatnonzero(alive))
             parts.append(targets)
         found, time_ns = joined(parts, 0)
-        return self._tracks.numbered(predicted(found, time_ns, stamp_ns, self.forward.model.modes))
+        whole = predicted(found, time_ns, stamp_ns, self.forward.model.modes)
+        self._states.note(whole)
+        return self._tracks.numbered(whole)
 
     def _smooth_rest(self) -> tuple[Estimates, ...]:
         """Smooth all stamps that are held back with the scans that the window holds."""
@@ -251,7 +260,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         Entries that no later stamp needs are then removed from the window.
         """
         stamp_ns, lag = self._stamps[0], len(self._stamps) - 1
-        modes, threshold = self.forward.model.modes, self.existence_threshold
+        modes, threshold = self.forward.model.modes, self.rule.least_smoothed
         alive = self._alive_at(stamp_ns)
         backward = list(self._backward(self._window))[::-1]
         self.forward.done("backward")
@@ -265,6 +274,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             self.forward.done("extraction")
         else:
             found = none(modes, stamp_ns, lag)
+        found = self._states.smoothed(found)
         del self._stamps[0]
         self._trim()
         return self._tracks.numbered(found)
@@ -302,6 +312,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     def _trim(self) -> None:
         """Remove what neither the filter nor a stamp that is held back needs."""
         following = self._stamps[0] if self._stamps else MOST_STAMP_NS
+        self._states.forget_before(following)
         needed = {*self._alive_at(following)}
         needed |= {entry.stamp_ns for entry in self._window if entry.stamp_ns >= following}
         self._window = [

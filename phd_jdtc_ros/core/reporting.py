@@ -67,6 +67,7 @@ def joined(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
         class_probability=column("class_probability"),
         class_id=column("class_id").astype(np.int64),
         track_id=column("track_id").astype(np.int64),
+        track_state=column("track_state").astype(np.int64),
         space=parts[0].space,
     )
     stamps = np.array([part.stamp_ns for part in parts], dtype=np.int64)
@@ -83,6 +84,7 @@ def chosen(estimates: Estimates, rows: IntArray) -> Estimates:
         class_probability=estimates.class_probability[rows],
         class_id=estimates.class_id[rows],
         track_id=estimates.track_id[rows],
+        track_state=estimates.track_state[rows],
     )
 
 

@@ -13,7 +13,7 @@ T targets, O modes, C classes, D state, Z measurement.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from .arrays import FloatArray, IntArray, read_only
 from .state_space import PLANAR, StateSpace
 
 FULL_TURN = 2.0 * np.pi
+# States of a track, see `confirmation`.
+TENTATIVE, CONFIRMED, COASTING = range(3)
+_NOT_GIVEN: IntArray = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -172,6 +175,8 @@ class Estimates:
         0 means unlabelled.
     space : StateSpace
         What the axes of the states are.
+    track_state : int array of shape (T,)
+        `TENTATIVE`, `CONFIRMED` or `COASTING`; all are confirmed if it is not given.
     """
 
     stamp_ns: int
@@ -183,6 +188,7 @@ class Estimates:
     class_id: IntArray
     track_id: IntArray
     space: StateSpace = PLANAR
+    track_state: IntArray = field(default_factory=lambda: _NOT_GIVEN)
 
     @property
     def position(self) -> FloatArray:
@@ -203,7 +209,9 @@ class Estimates:
     def __post_init__(self) -> None:
         for name in ("state", "covariance", "weight", "class_probability"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        for name in ("class_id", "track_id"):
+        if self.track_state is _NOT_GIVEN:
+            object.__setattr__(self, "track_state", np.full(len(self), CONFIRMED))
+        for name in ("class_id", "track_id", "track_state"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
 
     def __len__(self) -> int:

@@ -23,14 +23,22 @@ from .snapshot import (
     require_whole,
     whole,
 )
-from .types import Estimates
+from .types import COASTING, TENTATIVE, Estimates
 from .window import Current, Entry, LinkT, Rows, RowsT, Source
 
 # Of any component of a state: metres, metres per second, radians per second.
 MOST_STATE = 1e9
 # Of one target and of what is traced back to it: a draw is right on the average only.
 MASS_SLACK = 100.0
-ESTIMATES = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
+ESTIMATES = (
+    "state",
+    "covariance",
+    "weight",
+    "class_probability",
+    "class_id",
+    "track_id",
+    "track_state",
+)
 
 
 def put_sources(snapshot: Snapshot, name: str, entry: Entry[RowsT, LinkT]) -> None:
@@ -134,6 +142,7 @@ def take_estimates(snapshot: Snapshot, name: str, stamp_ns: int, modes: ModeSpac
     require_numbers(f"{name}.class_probability", parts["class_probability"], 0.0, MASS_SLACK)
     require_whole(f"{name}.class_id", parts["class_id"], 0, classes - 1)
     require_whole(f"{name}.track_id", parts["track_id"], 0, MOST_INDEX)
+    require_whole(f"{name}.track_state", parts["track_state"], TENTATIVE, COASTING)
     return Estimates(stamp_ns=stamp_ns, lag=0, space=modes.space, **parts)
 
 

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.confirmation import ReportingRule, TrackStates
 from phd_jdtc_ros.core.engines import gaussian_engine, particle_filter
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.forward import ForwardFilter
@@ -58,27 +59,34 @@ class _Parts(NamedTuple):
     forward : ForwardFilter
     backward : callable of (window, death term)
         Returns the smoothed sets, newest first.
-    extract : callable of (set, reading, stamp in ns, lag, generator)
+    extract : callable of (set, reading, stamp in ns, lag, threshold, generator)
+    rule : ReportingRule
     """
 
     forward: ForwardFilter[Any, Any]
     backward: Callable[[Window, str], Iterable[Any]]
-    extract: Callable[[Any, Reading, int, int, np.random.Generator], Estimates]
+    extract: Callable[[Any, Reading, int, int, float, np.random.Generator], Estimates]
+    rule: ReportingRule
 
 
 def _of_particles(config: TrackerConfig) -> _Parts:
-    modes, threshold = config.model.modes, config.existence_threshold
+    modes = config.model.modes
 
     def backward(window: Window, death_term: str) -> Iterable[Any]:
         return backward_pass(window, DEATH_TERMS[death_term])
 
     def extract(
-        stored: Any, reading: Reading, stamp_ns: int, lag: int, rng: np.random.Generator
+        stored: Any,
+        reading: Reading,
+        stamp_ns: int,
+        lag: int,
+        threshold: float,
+        rng: np.random.Generator,
     ) -> Estimates:
         extraction = EXTRACTIONS[reading.extraction]
         return extraction(stored, modes, stamp_ns, lag, threshold, rng)
 
-    return _Parts(particle_filter(config), backward, extract)
+    return _Parts(particle_filter(config), backward, extract, config.rule)
 
 
 def _of_gaussians(config: TrackerConfig) -> _Parts:
@@ -88,12 +96,16 @@ def _of_gaussians(config: TrackerConfig) -> _Parts:
         return gaussian_smoother.backward_pass(window)
 
     def extract(
-        stored: Any, _: Reading, stamp_ns: int, lag: int, __: np.random.Generator
+        stored: Any,
+        _: Reading,
+        stamp_ns: int,
+        lag: int,
+        threshold: float,
+        __: np.random.Generator,
     ) -> Estimates:
-        dynamics, threshold = forward.dynamics, config.existence_threshold
-        return gaussian_extraction.extracted(stored, dynamics, stamp_ns, lag, threshold)
+        return gaussian_extraction.extracted(stored, forward.dynamics, stamp_ns, lag, threshold)
 
-    return _Parts(forward, backward, extract)
+    return _Parts(forward, backward, extract, config.rule)
 
 
 # By the name of the engine, see `core.engines`.
@@ -150,24 +162,36 @@ class _Reader:
         self, reading: Reading, run: SimulatedRun, lags: Sequence[int], parts: _Parts
     ) -> None:
         self.reading = reading
-        self._run, self._extract = run, parts.extract
+        self._run, self._parts, self._states = run, parts, TrackStates(parts.rule)
         self._estimates: dict[int, dict[int, PointSet]] = {lag: {} for lag in lags}
         # One generator per lag, so that the draws of a lag do not depend on the other lags.
-        self._rng = {lag: np.random.default_rng([run.seed, 1, lag]) for lag in lags}
+        self._rng = {lag: np.random.default_rng([run.seed, 1, lag]) for lag in {0, *lags}}
 
     def read_filtered(self, index: int, updated: Any) -> None:
+        """Extract the filtered estimates, on which the smoothed ones depend too."""
+        scan, longest = self._run.scans[index], max(self._estimates)
+        found = self._extract(updated, index, 0, self._parts.rule.least, self._rng[0])
+        found = self._states.filtered(
+            found, updated.label, (scan.stamp_ns,), scan, self._parts.forward.model
+        )
+        self._states.note(found)
+        self._states.forget_before(self._run.scans[max(index - longest, 0)].stamp_ns)
         if 0 in self._estimates:
-            self._estimates[0][index] = self._points(index, 0, updated, 0)
+            self._estimates[0][index] = PointSet.of(found)
 
     def read_smoothed(self, index: int, lag: int, smoothed: Any) -> None:
         run_over = index + lag == len(self._run.scans) - 1
         for wanted in self._estimates:
             if wanted > 0 and (wanted == lag or (run_over and wanted > lag)):
-                self._estimates[wanted][index] = self._points(index, lag, smoothed, wanted)
+                least, rng = self._parts.rule.least_smoothed, self._rng[wanted]
+                found = self._extract(smoothed, index, lag, least, rng)
+                self._estimates[wanted][index] = PointSet.of(self._states.smoothed(found))
 
-    def _points(self, index: int, lag: int, stored: Any, wanted: int) -> PointSet:
+    def _extract(
+        self, stored: Any, index: int, lag: int, threshold: float, rng: np.random.Generator
+    ) -> Estimates:
         stamp_ns = self._run.scans[index].stamp_ns
-        return PointSet.of(self._extract(stored, self.reading, stamp_ns, lag, self._rng[wanted]))
+        return self._parts.extract(stored, self.reading, stamp_ns, lag, threshold, rng)
 
     def tracks(self) -> Tracks:
         """Return the estimates by lag, in the order of the scans."""

@@ -35,8 +35,8 @@ def test_every_engine_does_what_the_seam_asks_for(name):
     held = engine.snapshot()
     assert held.stamp_ns == scans[3].stamp_ns
     other.restore(held)
-    engine.retune(config.model, 0.5)
-    other.retune(config.model, 0.5)
+    engine.retune(config.model, config.rule)
+    other.retune(config.model, config.rule)
     for scan in scans[4:]:
         (one,), (two,) = engine.step(scan).filtered, other.step(scan).filtered
         assert (one.state == two.state).all()

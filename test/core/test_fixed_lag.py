@@ -12,6 +12,7 @@ from sweep import configuration
 
 from phd_jdtc_ros.core import window_snapshot
 from phd_jdtc_ros.core.backward import smoothed_sets
+from phd_jdtc_ros.core.confirmation import ReportingRule
 from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.fixed_lag import FixedLagEngine
 from phd_jdtc_ros.core.forward import Filtered, ForwardFilter
@@ -116,8 +117,15 @@ class MarkEngine(FixedLagEngine):
         return Entry(stamp_ns, stored, sources, held.arrays.get(f"{name}.link"))
 
 
-def engine(lag=4, existence_threshold=0.5):
-    return MarkEngine(MarkFilter(MODEL), Lag(lag), Schedule(0), existence_threshold)
+def engine(lag=4, threshold=0.5):
+    return MarkEngine(MarkFilter(MODEL), Lag(lag), Schedule(0), rule(threshold))
+
+
+def rule(confirm, delete=None):
+    """Return the rule of thresholds on marks, which are no probabilities; one for both if alone."""
+    classes = len(MODEL.modes.classes)
+    confirm, delete = (np.full(classes, value) for value in (confirm, delete or confirm))
+    return ReportingRule(confirm, delete, delete, np.full(classes, np.inf))
 
 
 def sector(index):
@@ -161,7 +169,7 @@ def test_smoothed_estimates_have_heard_of_the_scans_within_the_lag():
 
 
 def test_filtered_estimates_are_of_targets_above_the_threshold():
-    filtered, _ = run(engine(existence_threshold=7.5), 0, 9)
+    filtered, _ = run(engine(threshold=7.5), 0, 9)
     # Of 6, 7, 8 and 9, when their scans touched them.
     assert [len(estimates) for estimates in filtered] == [0, 0, 0, 0, 0, 0, 0, 1, 2]
 
@@ -171,14 +179,14 @@ def test_filtered_estimates_are_of_targets_above_the_threshold():
 )
 def test_smoothed_estimates_are_of_targets_above_the_threshold(scan, threshold, found):
     # The first ones are of 2, 3, 4 and 5 by sectors, and all of 5 by turns; then of one more.
-    _, smoothed = run(engine(existence_threshold=threshold), 0, 8, scan)
+    _, smoothed = run(engine(threshold=threshold), 0, 8, scan)
     assert [len(estimates) for estimates in smoothed] == found
 
 
 def test_changed_threshold_is_that_of_the_next_estimates():
     of = engine()
     assert {len(estimates) for estimates in run(of, 0, 9)[0]} == {4}
-    of.retune(MODEL, 10.5)
+    of.retune(MODEL, rule(10.5))
     filtered, smoothed = run(of, 9, 11)
     assert len(filtered[-1]) == 4 - 1  # the scan before the last one touched a target of 10
     assert [len(estimates) for estimates in smoothed] == [0, 1]

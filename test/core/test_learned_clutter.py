@@ -87,7 +87,8 @@ def test_one_high_detection_among_noise_is_no_target(engine):
     existence = {}
     threshold = RADARS[0].threshold
     for law in ("rayleigh", "learned"):
-        tracker = engine_of(engine, existence_threshold=0.0, **dict.fromkeys(LEARNED, law))
+        reported = {"confirm_probability": 1e-9, "delete_probability": 1e-9}
+        tracker = engine_of(engine, **reported, **dict.fromkeys(LEARNED, law))
         for index in range(30):
             rng = np.random.default_rng(index)
             place = np.stack([rng.uniform(2e3, 14e3, 3), rng.uniform(-3.0, 3.0, 3)], axis=1)

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -10,6 +12,7 @@ from sensor_msgs.msg import PointField
 from msg_adapters import estimates as adapter
 from msg_adapters import stamps
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE
 
 F4, U4 = PointField.FLOAT32, PointField.UINT32
 COVARIANCE = [
@@ -29,7 +32,15 @@ COVARIANCE = [
     "cov_34",
     "cov_44",
 ]
-ARRAYS = ("state", "covariance", "weight", "class_probability", "class_id", "track_id")
+ARRAYS = (
+    "state",
+    "covariance",
+    "weight",
+    "class_probability",
+    "class_id",
+    "track_id",
+    "track_state",
+)
 
 
 def column(message, name):
@@ -47,6 +58,7 @@ def test_to_msg_keeps_the_contract_of_the_topic(classes):
         *((name, U4) for name in ["track_id", "class_id", "lag"]),
         *((f"p_class_{index}", F4) for index in range(classes)),
         *((name, F4) for name in COVARIANCE),
+        ("state", U4),
     ]
     assert [(f.name, f.datatype) for f in message.fields] == expected
     assert [(f.offset, f.count) for f in message.fields] == [
@@ -124,6 +136,26 @@ def test_from_msg_rejects_a_cloud_without_a_field(name):
     with pytest.raises(RejectedMessageError, match=f"field '{name}' is missing") as caught:
         adapter.from_msg(message)
     assert caught.value.reason == "schema"
+
+
+def test_state_of_a_track_survives_the_message_and_is_its_last_field():
+    given = replace(estimates(), track_state=np.array([TENTATIVE, CONFIRMED, COASTING]))
+    message = adapter.to_msg(given, "map")
+    assert message.fields[-1].name == "state"
+    assert_array_equal(column(message, "state"), [0, 1, 2])
+    assert_array_equal(adapter.from_msg(message).track_state, given.track_state)
+
+
+def test_cloud_of_an_earlier_version_is_of_confirmed_tracks():
+    message = adapter.to_msg(estimates(), "map")
+    message.fields = message.fields[:-1]
+    assert_array_equal(adapter.from_msg(message).track_state, [CONFIRMED] * 3)
+
+
+def test_from_msg_rejects_a_state_that_there_is_not():
+    message = adapter.to_msg(replace(estimates(), track_state=np.array([0, 1, 3])), "map")
+    with pytest.raises(RejectedMessageError, match="state is 3, must be at most 2"):
+        adapter.from_msg(message)
 
 
 def test_from_msg_rejects_a_cloud_without_class_probabilities():

@@ -50,7 +50,7 @@ def offline(changes, later=None, since=COUNT):
     for index, scan in enumerate(SCANS[:COUNT]):
         if index == since:
             other = resolve({**GAUSSIAN, **changes, **later})
-            pipeline.engine.retune(other.model, other.existence_threshold)
+            pipeline.engine.retune(other.model, other.rule)
         for radar, input_ in enumerate(config.inputs):
             cloud = detections.to_msg(scan.detections[radar], scan.stamp_ns, input_.frame)
             report = detections.from_msg(cloud, input_)

@@ -259,17 +259,18 @@ def test_tracker_lives_and_tracks_as_its_operator_says(processes, peer, tmp_path
     operator.send(0, half)
 
     # A change is refused whole, with every reason.
-    result = operator.set(existence_threshold=0.9, north__clutter_rate=-1.0, lag=9)
+    result = operator.set(confirm_probability=0.9, north__clutter_rate=-1.0, lag=9)
     assert not result.successful
     assert "north.clutter_rate: -1.0 given, must be a finite number, at least 0" in result.reason
     assert "lag: cannot change while the tracker is configured" in result.reason
-    assert operator.get("existence_threshold", "north.clutter_rate") == [0.6, 5.0]
+    assert operator.get("confirm_probability", "north.clutter_rate") == [0.0, 5.0]
 
     # An accepted one holds from the next scan on: nothing is that likely.
-    assert operator.set(existence_threshold=1.0, east__clutter_rate=6).successful
-    assert operator.get("existence_threshold", "east.clutter_rate") == [1.0, 6.0]
+    never = {"confirm_probability": 1.0, "delete_probability": 1.0}
+    assert operator.set(**never, east__clutter_rate=6).successful
+    assert operator.get(*never, "east.clutter_rate") == [1.0, 1.0, 6.0]
     operator.send(half, half + 2)
-    assert operator.set(existence_threshold=0.6, east__clutter_rate=5.0).successful
+    assert operator.set(**dict.fromkeys(never, 0.0), east__clutter_rate=5.0).successful
     assert peer.spin_until(lambda: stamp_of(operator.filtered[-1]) >= STAMPS[half])
     widths = {stamp_of(cloud): cloud.width for cloud in operator.filtered}
     assert widths[STAMPS[half - 2]] == 3

@@ -433,7 +433,7 @@ def test_single_parameters_are_set_and_refused_one_by_one(processes, peer):
 def test_parameters_are_described_ranged_and_read_only_where_they_are_structure(processes, peer):
     start(processes)
     assert peer.spin_until(lambda: state(peer) == "active")
-    asked = ["existence_threshold", "lag", "publish_path"]
+    asked = ["confirm_probability", "lag", "publish_path"]
     request = DescribeParameters.Request(names=asked)
     reply = peer.call(DescribeParameters, "/tracker/describe_parameters", request)
     threshold, lag, path = reply.descriptors

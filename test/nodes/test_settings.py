@@ -44,12 +44,12 @@ def test_resolve_lists_the_faults_of_both():
 
 def test_mutable_names_are_there():
     assert USUAL.mutable <= USUAL.table.keys()
-    assert {"existence_threshold", "radar_2.clutter_rate", "start_3.rates"} <= USUAL.mutable
+    assert {"confirm_probability", "radar_2.clutter_rate", "start_3.rates"} <= USUAL.mutable
     assert not {"lag", "radars", "autostart", "radar_1.topic", "publish_path"} & USUAL.mutable
 
 
 def test_changed_gives_what_a_start_with_it_gives():
-    change = {"radar_2.clutter_rate": 40, "existence_threshold": 0.7, "publish_markers": False}
+    change = {"radar_2.clutter_rate": 40, "confirm_probability": 0.7, "publish_markers": False}
     found, fresh = changed(USUAL, change), resolve(change)
     assert found.values == fresh.values
     assert found.config.model.radars == fresh.config.model.radars
@@ -77,11 +77,11 @@ def test_edited_lists_every_fault():
 
 
 def test_changed_lists_every_fault_in_the_words_of_the_start():
-    change = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "existence_threshold": 2.0}
+    change = {"radar_1.clutter_rate": -1.0, "lag": 3, "survival": 0.9, "confirm_probability": 2.0}
     assert faults(changed, USUAL, change) == [
         "lag: cannot change while the tracker is configured, clean it up before",
         "survival: unknown parameter",
-        *faults(resolve, {"radar_1.clutter_rate": -1.0, "existence_threshold": 2.0}),
+        *faults(resolve, {"radar_1.clutter_rate": -1.0, "confirm_probability": 2.0}),
     ]
 
 
@@ -102,7 +102,7 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
         engine.step(scan)
     found = changed(small, {name: other})
     assert found.values[name] == other
-    engine.retune(found.config.model, found.config.existence_threshold)
+    engine.retune(found.config.model, found.config.rule)
     for scan in scans[3:]:
         step = engine.step(scan)
         assert np.isfinite(step.filtered[0].state).all()
@@ -112,9 +112,9 @@ def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
 def test_retuned_engine_steps_like_one_that_was_always_so():
     small = resolve(SMALL)
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:3]]
-    other = changed(small, {"radar_1.clutter_rate": 60.0, "existence_threshold": 0.3})
+    other = changed(small, {"radar_1.clutter_rate": 60.0, "confirm_probability": 0.3})
     engine, fresh = new_engine(small.config), new_engine(other.config)
-    engine.retune(other.config.model, other.config.existence_threshold)
+    engine.retune(other.config.model, other.config.rule)
     for scan in scans:
         (ours,), (theirs,) = engine.step(scan).filtered, fresh.step(scan).filtered
         np.testing.assert_array_equal(ours.state, theirs.state)

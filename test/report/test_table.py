@@ -199,7 +199,7 @@ def test_score_tables_shows_the_consistency_of_stated_covariances(stated):
 
     assert title == "NEES / 2 of positions, by age in scans"
     assert rows == [
-        ["class 0", "filter", "0.50", "0.50", "0.50", "-"],
+        ["class 0", "filter", "0.500", "0.500", "0.500", "-"],
         ["", "smoother", "8.00", "8.00", "8.00", "-"],
     ]
     assert caption == [

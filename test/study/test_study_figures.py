@@ -160,7 +160,7 @@ def test_tables_show_the_consistency_of_those_that_state_covariances():
     _, _, after = text.partition("Covariances of positions")
     rows = [line.split(" | ") for line in after.partition("## ")[0].splitlines() if "|" in line]
 
-    assert rows[0][:5] == ["| variant", "runs", "lag", "NEES", "NEES age 0-4"]
+    assert rows[0][:5] == ["| variant", "runs", "lag", "NEES", "outside 3 sigma"]
     assert [row[0] for row in rows[2:]] == ["| corrected"] * 3
     titles = [table.title for table in tables(summary_of([stated, silent]))]
     assert titles[1] == "quiet: covariances of positions, by lag in scans"

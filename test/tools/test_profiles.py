@@ -56,7 +56,7 @@ def test_phd_differs_from_the_default_by_its_corrector_alone():
     default = resolve({}).values
 
     changed = {name for name in values if values[name] != default[name]}
-    assert changed == {"corrector", "existence_threshold"}
+    assert changed == {"corrector"}
 
 
 def test_paper_literal_says_what_the_other_engine_lacks():

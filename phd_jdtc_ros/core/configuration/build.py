@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..confirmation import ReportingRule, rule_of
 from ..engine import Lag
 from ..models import amplitude_density
 from ..models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
@@ -32,11 +33,12 @@ from ..models.visibility import TURN_TOLERANCE, Visibility
 from ..poses import Mount, Platform, PoseTrack
 from ..reporting import Schedule
 from ..scans import ScanGrouper
+from ..smc.correction import CORRECTORS
 from ..turns import Turns
 from ..types import FULL_TURN, Coverage
 from ..watch import FAR, SLOW_TURN, ReportWatch
 from .checks import CHECKS, FIXED, name_or, square
-from .parameters import BIRTH, MOTION, RADAR, schema
+from .parameters import BIRTH, MOTION, RADAR, REPLACED, schema
 from .radar_input import RadarInput
 from .schema import ConfigError
 
@@ -61,8 +63,8 @@ class TrackerConfig:
     lag : Lag
     schedule : Schedule
         When estimates go out.
-    existence_threshold : float
-        Existence probability above which a target is reported.
+    rule : ReportingRule
+        When tracks are reported.
     seed : int
     max_gap_s : float
         Longest time between consecutive scans of one run, seconds.
@@ -79,7 +81,7 @@ class TrackerConfig:
     engine: str
     lag: Lag
     schedule: Schedule
-    existence_threshold: float
+    rule: ReportingRule
     seed: int
     max_gap_s: float
     reorder_scans: int
@@ -169,12 +171,19 @@ def resolve(given: Mapping[str, Any]) -> TrackerConfig:
         if coerced is None:
             faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
         values[name] = coerced
-    faults += [f"{name}: unknown parameter" for name in given if name not in table]
+    faults += [_unknown(name) for name in given if name not in table]
     if not faults:
         faults = [fault for check in CHECKS for fault in check(values)]
     if faults:
         raise ConfigError(faults)
     return _build(values)
+
+
+def _unknown(name: str) -> str:
+    """Return what is wrong with a parameter that there is not, or no longer."""
+    if name in REPLACED:
+        return f"{name}: no longer a parameter, use {REPLACED[name]}"
+    return f"{name}: unknown parameter"
 
 
 def _build(values: dict[str, Any]) -> TrackerConfig:
@@ -204,7 +213,12 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         engine=values["engine"],
         lag=Lag(values["lag"], values["lag_s"] or None),
         schedule=Schedule(round(values["estimates_period_s"] * 1e9)),
-        existence_threshold=values["existence_threshold"],
+        rule=rule_of(
+            model,
+            CORRECTORS[values["corrector"]].labelled,
+            values["confirm_probability"],
+            values["delete_probability"],
+        ),
         seed=values["seed"],
         max_gap_s=values["max_gap_scans"] * _slowest_s(values),
         reorder_scans=values["reorder_scans"],

@@ -131,6 +131,16 @@ def _check_rest(values: Mapping[str, Any]) -> list[str]:
     return faults
 
 
+def _check_reporting(values: Mapping[str, Any]) -> list[str]:
+    confirm, delete = values["confirm_probability"], values["delete_probability"]
+    if 0.0 < confirm < delete and values["corrector"] != "poisson":
+        return [
+            f"delete_probability: {delete} given, must be at most confirm_probability, {confirm}, "
+            "or 0"
+        ]
+    return []
+
+
 def _check_visibility(values: Mapping[str, Any]) -> list[str]:
     faults = []
     for name in values["radars"]:
@@ -263,6 +273,7 @@ CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_classes,
     _check_spawn,
     _check_rest,
+    _check_reporting,
     _check_visibility,
     _check_engine,
     _check_turns,

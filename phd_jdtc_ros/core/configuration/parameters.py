@@ -143,9 +143,21 @@ TOP = (
         choices=tuple(EXTRACTIONS),
     ),
     Parameter(
-        "existence_threshold",
-        0.6,
-        "Existence probability above which a target is reported.",
+        "confirm_probability",
+        0.0,
+        "Existence probability above which a track is confirmed, and reported from then on; 0: it "
+        "follows from the classes' detection probabilities. With corrector poisson, which has no "
+        "tracks, the one above which a target is reported; 0: 0.5.",
+        0.0,
+        1.0,
+        mutable=True,
+    ),
+    Parameter(
+        "delete_probability",
+        0.0,
+        "Existence probability below which a confirmed track is no longer reported; 0: it "
+        "follows from the classes' detection probabilities, and from how often the track was "
+        "missed before. Not used with corrector poisson.",
         0.0,
         1.0,
         mutable=True,
@@ -578,6 +590,8 @@ BIRTH = (
         mutable=True,
     ),
 )
+# Parameters of earlier versions, and those that have taken their place.
+REPLACED = {"existence_threshold": "confirm_probability and delete_probability"}
 GROUPS: dict[str, tuple[Parameter, ...]] = {
     "radars": RADAR,
     "classes": CLASS,

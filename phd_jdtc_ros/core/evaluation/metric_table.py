@@ -309,7 +309,7 @@ NEES = _by_age(
     "definite covariance are left out.",
     "nees",
     consistency.NEES,
-    ".2f",
+    "#.3g",
 )
 OUTSIDE = _by_age(
     "outside 3 sigma",

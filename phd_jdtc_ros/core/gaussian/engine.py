@@ -31,8 +31,8 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
     forward : GaussianFilter
     lag : Lag
     schedule : Schedule
-    existence_threshold : float
-        Existence probability above which a target is reported.
+    rule : ReportingRule
+        When tracks are reported.
     """
 
     forward: GaussianFilter

@@ -36,8 +36,8 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
     forward : ParticleFilter
     lag : Lag
     schedule : Schedule
-    existence_threshold : float
-        Existence probability above which a target is reported.
+    rule : ReportingRule
+        When tracks are reported.
     death_term : DeathTerm
     extraction : Extraction
 

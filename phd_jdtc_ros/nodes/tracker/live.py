@@ -178,7 +178,7 @@ class LiveTracker:
     def retune(self, settings: Settings) -> None:
         """Use changed settings from the next scan on; their structure must be the same."""
         self._settings = settings
-        self._pipeline.engine.retune(settings.config.model, settings.config.existence_threshold)
+        self._pipeline.engine.retune(settings.config.model, settings.config.rule)
         self._outputs.show_markers(settings.node["publish_markers"])
 
     def flush(self) -> int:

@@ -28,7 +28,7 @@ def classes(given=None, names=("weak", "strong")):
         table[f"{name}.motions"] = ["cv"]
         table[f"{name}.mode_transition"] = [1.0]
         table[f"{name}.survival_probability"] = 1.0
-    return lone({**table, "existence_threshold": 0.0, **(given or {})})
+    return lone({**table, "confirm_probability": 1e-9, "delete_probability": 1e-9, **(given or {})})
 
 
 @pytest.fixture
@@ -195,7 +195,13 @@ def run(engine, scans):
 @pytest.mark.parametrize("amplitude", ["band", "memory", "none"])
 def test_splitting_a_class_into_two_identical_ones_changes_nothing(amplitude):
     scans = [scan for _, scan in simulate(short_scenario(8), 1)]
-    given = {"engine": "gaussian", "lag": 3, "amplitude": amplitude, "existence_threshold": 0.1}
+    given = {
+        "engine": "gaussian",
+        "lag": 3,
+        "amplitude": amplitude,
+        "confirm_probability": 0.1,
+        "delete_probability": 0.1,
+    }
     one = small(given)
     bands = {f"{name}.snr_band_db": one.values["class_1.snr_band_db"] for name in ("first", "twin")}
     halves = {f"start_{k}.rates": [0.005, 0.0025, 0.0025] for k in (1, 2, 3, 4)}
@@ -227,7 +233,13 @@ def test_splitting_a_class_into_two_identical_ones_changes_nothing(amplitude):
 
 def test_classes_that_move_alike_share_their_gaussians_and_it_makes_no_difference():
     scans = [scan for _, scan in simulate(short_scenario(8), 2)]
-    given = {"engine": "gaussian", "lag": 3, "existence_threshold": 0.1, **UNREDUCED}
+    given = {
+        "engine": "gaussian",
+        "lag": 3,
+        "confirm_probability": 0.1,
+        "delete_probability": 0.1,
+        **UNREDUCED,
+    }
     given["hypotheses_per_target"] = 60
     shared = small({**given, "class_1.survival_probability": 0.99})
     # A difference that nobody can see keeps the engine from sharing.

@@ -204,7 +204,12 @@ def measured_scans(radar, seconds, rng, empty=()):
 def test_one_target_is_the_sum_over_all_its_histories(empty, existence, survival):
     rng = np.random.default_rng(len(empty))
     config = configuration(
-        {"target.survival_probability": survival, "lag": 4, "existence_threshold": 0.0}
+        {
+            "target.survival_probability": survival,
+            "lag": 4,
+            "confirm_probability": 1e-9,
+            "delete_probability": 1e-9,
+        }
     )
     (radar,) = config.model.radars
     seconds = [6.0, 12.0, 21.0, 24.0]
@@ -237,7 +242,13 @@ def check(found, existence, expected):
 
 
 def test_target_that_no_radar_sees_any_more_fades_as_bayes_says():
-    config = configuration({"target.survival_probability": SURVIVAL, "existence_threshold": 0.0})
+    config = configuration(
+        {
+            "target.survival_probability": SURVIVAL,
+            "confirm_probability": 1e-9,
+            "delete_probability": 1e-9,
+        }
+    )
     engine = started(config, (0.8, MEAN, STD))
     existence = 0.8
     for index in range(1, 9):

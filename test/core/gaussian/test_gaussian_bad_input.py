@@ -14,7 +14,8 @@ from phd_jdtc_ros.core.types import Detections, Scan
 pytestmark = pytest.mark.usefixtures("backend")
 
 CLUTTER = {
-    "existence_threshold": 0.0,
+    "confirm_probability": 1e-9,
+    "delete_probability": 1e-9,
     "lag": 3,
     "radar.detection_probability": 0.9,
     "radar.clutter_rate": 3.0,
