@@ -4,7 +4,7 @@
 """Scans of very many detections, with births from detections: their cost, and what comes after.
 
 Every run is a process of its own (``python -m robustness.crowd ENGINE DETECTIONS AMPLITUDES
-CORRECTOR``), so that its memory is that of the tracker alone.
+CORRECTOR SEEDS``), so that its memory is that of the tracker alone.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ BORN_ANYWHERE = {"births": [], "detection_births.rates": [0.05, 0.05]}
 CROWDED, CROWDS, LAST = 30, 2, 45
 CUTOFF, ORDER = 1000.0, 2.0
 # The scans after a crowd are few, and the distances in them scatter by a tenth from seed to seed.
-SEEDS = range(3)
+SEEDS = 3
 # Noise is what a jammed radar reports; equal high amplitudes are those of targets. The Gaussian
 # engine has one corrector.
 CASES = {
@@ -58,16 +58,18 @@ CASES = {
 HIGH = 30.0
 
 
-def measure(detections: int = DETECTIONS) -> Figure:
+def measure(detections: int = DETECTIONS, seeds: int = SEEDS) -> Figure:
     """Track the reference scenario with two crowded scans of both radars in its middle."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(detections))
+    return measured_or_why(NAME, GOAL, lambda: _measure(detections, seeds))
 
 
-def _measure(detections: int) -> tuple[str, bool, Mapping[str, Any]]:
+def _measure(detections: int, seeds: int) -> tuple[str, bool, Mapping[str, Any]]:
     engine = engines.chosen()
     cases = CASES[engine]
     found = {
-        " ".join(case): in_own_process("robustness.crowd", engine, str(detections), *case)
+        " ".join(case): in_own_process(
+            "robustness.crowd", engine, str(detections), *case, str(seeds)
+        )
         for case in cases
     }
     step_s, peak_mb, ratio = (
@@ -141,10 +143,11 @@ def _run(
 
 def main(argv: Sequence[str]) -> int:
     """Print the figures of runs with the crowded scans and of ones without them, as JSON."""
-    engine, count, amplitudes, corrector = argv
-    crowded = [_run(engine, int(count), amplitudes, corrector, seed) for seed in SEEDS]
+    engine, count, amplitudes, corrector, seeds = argv
+    every = range(int(seeds))
+    crowded = [_run(engine, int(count), amplitudes, corrector, seed) for seed in every]
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    without = [_run(engine, 0, amplitudes, corrector, seed)[1] for seed in SEEDS]
+    without = [_run(engine, 0, amplitudes, corrector, seed)[1] for seed in every]
     step_s, after = (np.array(column) for column in zip(*crowded, strict=True))
     ratio = float(after.mean() / np.mean(without))
     print(json.dumps({"step_s": float(step_s.max()), "peak_mb": peak_mb, "ratio": ratio}))

@@ -192,7 +192,7 @@ def test_another_threshold_keeps_what_has_been_learned(engine):
         tracker.step(scan)
     before = {name: law.count.sum() for name, law in tracker.forward.clutter.laws.items()}
     other = small({**ANYWHERE, **LEARNED, "radar_1.false_alarm_probability": 1e-4})
-    tracker.retune(other.model, 0.6)
+    tracker.retune(other.model, tracker.rule)
     tracker.step(run[5])
     law = tracker.forward.clutter.laws["radar_1"]
     assert law.threshold == other.model.radars[0].threshold
@@ -234,7 +234,7 @@ def test_other_noise_keeps_the_map_and_its_cells():
         tracker.step(scan)
     before = tracker.forward.clutter.maps["mast"]
     other = small({**HARBOUR, **MAPPED, "mast.range_std": 25.0})
-    tracker.retune(other.model, 0.6)
+    tracker.retune(other.model, tracker.rule)
     tracker.step(run[3])
     after = tracker.forward.clutter.maps["mast"]
     assert after.grid == before.grid

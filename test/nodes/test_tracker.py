@@ -143,7 +143,7 @@ def test_tracker_takes_an_empty_scan_as_a_scan(radars):
 
     assert radars.peer.spin_until(lambda: len(radars.filtered) == 1)
     assert radars.filtered[0].width == 0
-    assert radars.filtered[0].point_step == 4 * 28
+    assert radars.filtered[0].point_step == 4 * 29
 
 
 def test_tracker_counts_duplicate_and_late_scans(radars):
