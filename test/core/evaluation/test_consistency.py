@@ -78,7 +78,9 @@ def test_wrong_correlation_is_seen_where_the_variances_are_right():
 
 
 def test_covariances_of_young_tracks_alone_are_seen_by_age():
-    stated = lambda scan: same(RIGHT / (9.0 if scan < 5 else 1.0))(scan)  # noqa: E731
+    def stated(scan):
+        return same(RIGHT / (9.0 if scan < 5 else 1.0))(scan)
+
     summary = evaluated(stated)
     ages = summary["consistency"][SMOOTHED]["by_age"]
     assert [*ages] == ["0-4", "5-9", "10+"]
