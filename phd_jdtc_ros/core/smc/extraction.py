@@ -16,9 +16,8 @@ from . import resampling
 from .particle_set import ParticleSet
 
 CLUSTER_SAMPLES = 2000
-# Particles that the spread before later scans counts as, beside those that they have left. Without
-# them 12 % of the smoothed positions of targets in their first five scans are outside 3 sigma, with
-# one 3 %, with two 1 %, which is right (reference scenario, seeds 9000 to 9011).
+# Particles that the spread before later scans counts as, beside those that they have left. Found by
+# the share of smoothed positions outside 3 sigma, on seeds from 9000: one is too few.
 PRIOR_PARTICLES = 2.0
 
 
