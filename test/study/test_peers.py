@@ -157,9 +157,7 @@ def test_loud_peers_take_strong_detections_alone(contender):
         contender(given).values() for given in (run, raised_threshold(run, LOUD_THRESHOLD))
     )
     for found, expected in zip(whole, strong, strict=True):
-        # Stone Soup's sets have no order, and what is merged in another one is not quite the same.
-        ours, theirs = (np.array(sorted(map(tuple, p.position))) for p in (found, expected))
-        np.testing.assert_allclose(ours, theirs, atol=1.0)
+        np.testing.assert_array_equal(found.position, expected.position)
 
 
 def test_raised_threshold_drops_weak_detections_and_their_clutter():

@@ -20,14 +20,42 @@ def initiator(problem: Problem, settings: TrackSettings) -> Part:
     """Return Stone Soup's M-of-N initiator for tracks started according to the settings."""
     soup = problem.soup
     gate = settings.birth_gate
+    prior = soup.GaussianState(np.zeros((len(STATE), 1)), problem.start_covariance)
     return soup.MultiMeasurementInitiator(
-        prior_state=soup.GaussianState(np.zeros((len(STATE), 1)), problem.start_covariance),
+        prior_state=prior,
         deleter=LooksMissed(soup, settings.tentative_looks),
         data_associator=soup.GNNWith2DAssignment(problem.hypothesiser(settings.gate)),
         updater=problem.updater,
         min_points=settings.points,
-        initiator=None if gate is None else BirthPlaces(problem, gate),
+        initiator=NumberedTracks(
+            soup,
+            soup.SimpleMeasurementInitiator(prior) if gate is None else BirthPlaces(problem, gate),
+        ),
     )
+
+
+@dataclass(frozen=True)
+class NumberedTracks:
+    """An initiator for Stone Soup: another one's tracks, as the numbered type.
+
+    Parameters
+    ----------
+    soup : Soup
+    initiator : Part
+    """
+
+    soup: Soup
+    initiator: Part
+
+    def initiate(self, detections: set[Part], timestamp: datetime) -> set[Part]:
+        """Return new tracks."""
+        # One detection at a time: a set of tracks that have no number has no order.
+        started = (
+            track
+            for detection in detections
+            for track in self.initiator.initiate({detection}, timestamp)
+        )
+        return {self.soup.Track(track.states) for track in started}
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,9 @@ def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
             hypotheses = hypothesiser.hypothesise(mixture, detections, stamp)
             for hypothesis in (h for multiple in hypotheses[:-1] for h in multiple):
                 hypothesis.measurement = nearest_turn(soup, hypothesis)
-            mixture = reducer.reduce(list(updater.update(hypotheses).components))
+            # The reducer sorts by its random tags.
+            reduced = reducer.reduce(list(updater.update(hypotheses).components))
+            mixture = sorted(reduced, key=lambda c: (c.weight, *c.state_vector.flat))
             survival = 1.0
         reports.append(point_set(c for c in mixture if c.weight > settings.extract))
     return {0: reports}

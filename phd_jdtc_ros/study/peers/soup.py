@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from importlib import import_module
+from itertools import count
 from types import SimpleNamespace
 from typing import Any, TypeAlias
 
@@ -17,7 +18,11 @@ PARTS = {
     "hypothesiser.distance": ("DistanceHypothesiser",),
     "hypothesiser.gaussianmixture": ("GaussianMixtureHypothesiser",),
     "hypothesiser.probability": ("PDAHypothesiser",),
-    "initiator.simple": ("MultiMeasurementInitiator", "SinglePointInitiator"),
+    "initiator.simple": (
+        "MultiMeasurementInitiator",
+        "SimpleMeasurementInitiator",
+        "SinglePointInitiator",
+    ),
     "measures": ("SquaredMahalanobis",),
     "mixturereducer.gaussianmixture": ("GaussianMixtureReducer",),
     "models.measurement.nonlinear": ("CartesianToBearingRange",),
@@ -43,6 +48,8 @@ Part: TypeAlias = Any
 def require() -> Soup:
     """Return the parts of Stone Soup that are used, by their own names.
 
+    Its detections and tracks are `numbered`, from 0 anew in each call.
+
     Raises
     ------
     ImportError
@@ -60,4 +67,24 @@ def require() -> Soup:
         raise ImportError(
             f"the peers need Stone Soup ({error}): pip install '{REQUIREMENT}'"
         ) from error
-    return Soup(**parts)
+    return Soup(**parts | {name: numbered(parts[name]) for name in ("Detection", "Track")})
+
+
+def numbered(base: Part) -> Part:
+    """Return a type like Stone Soup's whose objects hash by number, in the order of their making.
+
+    Stone Soup keeps tracks and detections in sets. By default their hashes are addresses, so that
+    a set's order and with it the rounding differ from run to run, which pairs of tracks that come
+    together amplify to metres.
+    """
+    numbers = count()
+
+    class Numbered(base):  # type: ignore[misc]
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            self.number = next(numbers)
+            super().__init__(*args, **kwargs)
+
+        def __hash__(self) -> int:
+            return self.number
+
+    return Numbered
