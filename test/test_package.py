@@ -83,8 +83,8 @@ def test_every_executable_is_installed(name):
     assert f'"{name}"' in (ROOT / "setup.py").read_text()
 
 
-def test_reference_parameters_are_the_defaults():
-    written = params_file.load(ROOT / "config" / "paper_scenario.yaml")
+def test_file_of_defaults_has_all_of_them():
+    written = params_file.load(ROOT / "config" / "defaults.yaml")
     defaults = resolve({}).values
 
     assert written == defaults

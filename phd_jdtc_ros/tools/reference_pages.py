@@ -40,7 +40,7 @@ the node then ends with status 2.
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     (
         "tracker",
-        "The defaults are the reference scenario; `config/paper_scenario.yaml` lists them all. "
+        "The defaults are the reference scenario; `config/defaults.yaml` lists them all. "
         "QoS can be overridden: `qos_overrides.TOPIC.publisher.{reliability,history,depth}`, "
         "and `qos_overrides.TOPIC.subscription.{reliability,history,depth,deadline}` (ns).",
         TOP,

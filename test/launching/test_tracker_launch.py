@@ -106,7 +106,7 @@ def test_the_tracker_gets_its_parameters_and_its_name(said):
     arguments = started["arguments"]
     assert "__node:=tracker" in arguments
     assert "__ns:=/alpha" in arguments
-    assert not any(entry.endswith("paper_scenario.yaml") for entry in arguments)
+    assert not any(entry.endswith("defaults.yaml") for entry in arguments)
     assert found["rviz2"] == []
 
 

@@ -148,7 +148,7 @@ def test_tracker_without_a_file_says_that_it_goes_by_the_defaults(processes, pee
     (line,) = [row for row in tracker.log.read_text().splitlines() if "tracking " in row]
     assert line.endswith(
         "tracking 2 classes (class_0, class_1) with 2 radars (radar_1 on /radar_1/detections, "
-        "radar_2 on /radar_2/detections), by the defaults (profile paper_scenario)"
+        "radar_2 on /radar_2/detections), by the defaults (profile defaults)"
         + (" except lag" if given else "")
         + ": no parameter file is given"
     )

@@ -21,11 +21,12 @@ CONFIG = Path(__file__).parents[2] / "config"
 @pytest.mark.parametrize(
     ("profile", "given"),
     [
+        ("defaults", {}),
         ("paper_scenario", {}),
         ("paper_literal", {}),
         ("phd", {}),
         ("surveillance", {}),
-        ("paper_scenario", {"engine": "gaussian"}),
+        ("defaults", {"engine": "gaussian"}),
         ("surveillance", {"engine": "particles"}),
     ],
 )
@@ -51,12 +52,29 @@ def test_paper_literal_has_what_the_paper_prints():
     assert sum(values[f"{name}.rates"][1] for name in values["births"]) == 0.03
 
 
-def test_phd_differs_from_the_default_by_its_corrector_alone():
-    values = resolve(params_file.load(CONFIG / "phd.yaml")).values
+def test_phd_differs_from_the_paper_s_scenario_by_its_corrector_alone():
+    phd, paper = (
+        resolve(params_file.load(CONFIG / f"{name}.yaml")).values
+        for name in ("phd", "paper_scenario")
+    )
+
+    assert {name for name in phd if phd[name] != paper[name]} == {"corrector"}
+
+
+def test_paper_scenario_has_the_motion_of_the_paper():
+    values = resolve(params_file.load(CONFIG / "paper_scenario.yaml")).values
     default = resolve({}).values
 
     changed = {name for name in values if values[name] != default[name]}
-    assert changed == {"corrector"}
+    assert changed == {
+        "particles_per_target",
+        "class_0.mode_transition",
+        "class_1.mode_transition",
+        "cv.noise_density",
+        "ct.turn_noise_density",
+    }
+    assert values["cv.noise_density"] == values["ct.noise_density"] == 1.0
+    assert values["class_0.mode_transition"] == [0.8, 0.2, 0.2, 0.8]
 
 
 def test_paper_literal_says_what_the_other_engine_lacks():

@@ -99,8 +99,9 @@ def _moments(
     -----
     Later scans leave few of a young target's particles with weight, and their spread is too small:
     with one left there would be none. A covariance is estimated from n of them, the effective
-    number, with a prior of `PRIOR_PARTICLES` that are spread as all were drawn, the mean of an
-    inverse Wishart distribution. With hundreds left it is the sample covariance.
+    number, with a prior of `PRIOR_PARTICLES` that are spread as all were drawn and by the process
+    noise of one interval, the mean of an inverse Wishart distribution. With hundreds left it is the
+    sample covariance, and even if all were drawn from one particle it is not singular.
     """
     classes, count = len(modes.classes), len(label)
     target_class = modes.class_of[particles.mode[row]]
@@ -119,12 +120,17 @@ def _moments(
     state = np.stack([sum_by(group, share * axis, count) for axis in offset], axis=1)
     for axis in range(dimension):
         offset[axis] -= state[:, axis].take(group)
-    counted = _counted(particles.multiplicity.take(row), group, share, count)
+    left = 1.0 / sum_by(group, share**2, count)
+    prior = PRIOR_PARTICLES / (left + PRIOR_PARTICLES)
+    counted = _counted(particles.multiplicity.take(row), group, share, prior)
     covariance = np.empty((count, dimension, dimension))
     for i in range(dimension):
         spread = counted * offset[i]
         for j in range(i, dimension):
             covariance[:, i, j] = covariance[:, j, i] = sum_by(group, spread * offset[j], count)
+    covariance += prior[:, None, None] * _noise(
+        modes, particles.mode.take(row), group, share, count
+    )
     return Estimates(
         stamp_ns=stamp_ns,
         lag=lag,
@@ -138,14 +144,28 @@ def _moments(
     )
 
 
-def _counted(copies: IntArray, group: IntArray, share: FloatArray, count: int) -> FloatArray:
-    """Return what each particle counts in its group's covariance; sums to one in every group."""
-    effective = 1.0 / sum_by(group, share**2, count)
+def _noise(
+    modes: ModeSpace, mode: IntArray, group: IntArray, share: FloatArray, count: int
+) -> FloatArray:
+    """Return the process noise of one interval, mean over each group's modes; (G, D, D)."""
+    size = len(modes.space)
+    covariance = np.zeros((count, size, size))
+    for index, motion in enumerate(modes.motions):
+        support = np.array(motion.support)
+        of_mode = sum_by(group, share * (mode == index), count)[:, None, None]
+        axes = np.ix_(np.arange(count), support, support)
+        covariance[axes] += of_mode * motion.noise_covariance(modes.interval_s)
+    return covariance
+
+
+def _counted(copies: IntArray, group: IntArray, share: FloatArray, prior: FloatArray) -> FloatArray:
+    """Return what each particle counts in its group's covariance; sums to one in every group.
+
+    `prior` is the share of the group's particles as they were drawn, of shape (G,).
+    """
     drawn = copies.astype(np.float64)
-    drawn /= sum_by(group, drawn, count).take(group)
-    counted: FloatArray = effective.take(group) * share
-    counted += PRIOR_PARTICLES * drawn
-    counted /= (effective + PRIOR_PARTICLES).take(group)
+    drawn /= sum_by(group, drawn, len(prior)).take(group)
+    counted: FloatArray = share + prior.take(group) * (drawn - share)
     return counted
 
 

@@ -33,7 +33,7 @@ from .name_claim import NameClaim
 
 HEALTH_PERIOD_S = 1.0
 # The file in `config` that has the defaults.
-DEFAULT_PROFILE = "paper_scenario"
+DEFAULT_PROFILE = "defaults"
 # How often radars are checked for silence.
 WATCH_PERIOD_S = 0.1
 

@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 
 from ..tracker import Reading
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
-from .kinds import KINDS, TRACKERS, TUNED, suits
+from .kinds import KINDS, OURS, TRACKERS, TUNED, suits
 
 BUILT_IN_SCENARIO = "paper_scenario"
 # How the tracker's sets are read.
@@ -148,9 +148,9 @@ def _variant(
     engine = _choice(given, "engine", prefix, TRACKERS, None, faults) if "engine" in given else None
     kind = _choice(given, "kind", prefix, KINDS, engine, faults)
     faults += [
-        f"{prefix}{key}: only for kind {' or '.join(TUNED)}"
-        for key in ("engine", "parameters")
-        if kind not in TUNED and key in given
+        f"{prefix}{key}: only for kind {' or '.join(kinds)}"
+        for key, kinds in (("engine", OURS), ("parameters", TUNED))
+        if kind not in kinds and key in given
     ]
     parameters = _parameters(given, prefix, faults)
     if engine in TRACKERS:

@@ -3,8 +3,8 @@
 
 """The kinds of tracker that a study compares: module, availability and source files of each.
 
-A kind is a tracker with its settings. A peer with other settings is another kind, with the name of
-the function of `peers` that runs it.
+A kind is a tracker with its settings. A peer with other gates and counts is another kind, with the
+name of the function of `peers` that runs it.
 """
 
 from __future__ import annotations
@@ -25,13 +25,15 @@ REFERENCE, GNN = "reference", "gnn"
 KNOWN_ASSOCIATION = {REFERENCE: "known_association", "reference_best": "best_noise"}
 # Kinds for radars whose antennas turn: this package's tracker through its pipeline, and a peer.
 TURNING, PLOT_KALMAN = TURNING_KINDS = ("turning", "plot_kalman")
-# Kinds with the parameters of this package's tracker.
-TUNED = (*TRACKERS, TURNING)
+# Kinds that are this package's tracker, with its parameters.
+OURS = (*TRACKERS, TURNING)
 # Peers that also smooth.
 NEAREST_NEIGHBOUR = (GNN, "gnn_loud", "gnn_anywhere")
 STONE_SOUP = ("gm_phd", "gm_phd_loud", *NEAREST_NEIGHBOUR, "jpda", "jpda_loud")
 PEERS = (*STONE_SOUP, PLOT_KALMAN)
 KINDS = (*TRACKERS, TURNING, *KNOWN_ASSOCIATION, *PEERS)
+# Kinds with parameters; peers take births, classes and the noise of constant velocity from them.
+TUNED = (*OURS, *STONE_SOUP)
 PEERS_PACKAGE = "stonesoup"
 
 

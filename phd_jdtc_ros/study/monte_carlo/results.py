@@ -22,7 +22,7 @@ from phd_jdtc_ros.core.evaluation.scan_scores import ALL
 from phd_jdtc_ros.core.evaluation.totals import ratio
 
 from .definition import ORDER, Goal, Study, Variant, merged
-from .kinds import TUNED
+from .kinds import OURS
 from .result import Result
 from .store import HEADER, Store
 from .tasks import Outcome, Task
@@ -157,7 +157,7 @@ def summarise(
 
 def _engine(study: Study, result: Result) -> str | None:
     """Return the engine of a result of this package's tracker."""
-    if result.variant.kind not in TUNED:
+    if result.variant.kind not in OURS:
         return None
     of_case = {case.name: case.parameters for case in study.cases}.get(result.case, {})
     given = merged(of_case, result.variant.parameters, study.assigned)

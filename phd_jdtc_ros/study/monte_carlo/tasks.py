@@ -26,7 +26,6 @@ from .kinds import (
     KNOWN_ASSOCIATION,
     NEAREST_NEIGHBOUR,
     PLOT_KALMAN,
-    STONE_SOUP,
     TRACKERS,
     TURNING,
     code_of,
@@ -37,8 +36,6 @@ from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # Must be increased when the meaning of a stored row changes.
 FORMAT = 4
-# Trackers with settings of their own.
-WITHOUT_PARAMETERS = (*KNOWN_ASSOCIATION, *STONE_SOUP)
 
 
 @dataclass(frozen=True)
@@ -147,7 +144,7 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "scenario": asdict(case.scenario),
         "classes": case.classes,
         "kind": variants[0].kind,
-        "parameters": {} if variants[0].kind in WITHOUT_PARAMETERS else _in_force(parameters),
+        "parameters": {} if variants[0].kind in KNOWN_ASSOCIATION else _in_force(parameters),
         "ospa": [study.cutoff, ORDER, OTHER_CUTOFF, OTHER_ORDER],
     }
     digests = {
@@ -208,6 +205,7 @@ def _of_one(task: Task, run: SimulatedRun, lags: Sequence[int]) -> Tracked:
         return Tracked(*module.plot_kalman(run, inputs, lags))
     if task.kind in KNOWN_ASSOCIATION:
         return Tracked(getattr(module, KNOWN_ASSOCIATION[task.kind])(run, lags))
+    model = tracker_config.resolve(task.parameters).model
     if task.kind in NEAREST_NEIGHBOUR:
-        return Tracked(getattr(module, task.kind)(run, lags))
-    return Tracked(getattr(module, task.kind)(run))
+        return Tracked(getattr(module, task.kind)(run, lags, model=model))
+    return Tracked(getattr(module, task.kind)(run, model=model))

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+
 from ..runs import SimulatedRun, Tracks
 from .conversion import clutter_density, point_set
 from .problem import Problem
@@ -15,13 +17,17 @@ from .soup import Part, Soup
 from .threshold import raised_threshold
 
 
-def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
+def gm_phd(
+    run: SimulatedRun, settings: PhdSettings = GM_PHD, model: TrackerModel | None = None
+) -> Tracks:
     """Return the estimates of Stone Soup's Gaussian-mixture PHD filter, at lag 0.
 
     Parameters
     ----------
     run : SimulatedRun
     settings : PhdSettings
+    model : TrackerModel or None
+        See `Problem.of`.
 
     Returns
     -------
@@ -40,7 +46,7 @@ def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
     radar misses them. Ours have no such tag, and their weight is divided by the survival
     probability in advance.
     """
-    problem = Problem.of(run)
+    problem = Problem.of(run, model)
     soup = problem.soup
     hypothesiser = soup.GaussianMixtureHypothesiser(
         problem.hypothesiser(settings.gate), order_by_detection=True
@@ -73,9 +79,9 @@ def gm_phd(run: SimulatedRun, settings: PhdSettings = GM_PHD) -> Tracks:
     return {0: reports}
 
 
-def gm_phd_loud(run: SimulatedRun) -> Tracks:
+def gm_phd_loud(run: SimulatedRun, model: TrackerModel | None = None) -> Tracks:
     """Return the estimates of `gm_phd` from detections of high amplitude only; see `gnn_loud`."""
-    return gm_phd(raised_threshold(run, LOUD_THRESHOLD))
+    return gm_phd(raised_threshold(run, LOUD_THRESHOLD), model=model)
 
 
 def nearest_turn(soup: Soup, hypothesis: Part) -> Part:

@@ -52,7 +52,9 @@ def gnn(
     return {lag: at_lag(problem, history, lag) for lag in lags}
 
 
-def gnn_loud(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
+def gnn_loud(
+    run: SimulatedRun, lags: Iterable[int] = (0,), model: TrackerModel | None = None
+) -> Tracks:
     """Return the estimates of `gnn` from detections of high amplitude only.
 
     The threshold leaves so little clutter that two detections suffice to confirm a track.
@@ -61,6 +63,7 @@ def gnn_loud(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
     ----------
     run : SimulatedRun
     lags : iterable of int
+    model : TrackerModel or None
 
     Returns
     -------
@@ -74,16 +77,19 @@ def gnn_loud(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
     ValueError
         If a radar's own threshold is above `LOUD_THRESHOLD`.
     """
-    return gnn(raised_threshold(run, LOUD_THRESHOLD), lags, LOUD)
+    return gnn(raised_threshold(run, LOUD_THRESHOLD), lags, LOUD, model)
 
 
-def gnn_anywhere(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
+def gnn_anywhere(
+    run: SimulatedRun, lags: Iterable[int] = (0,), model: TrackerModel | None = None
+) -> Tracks:
     """Return the estimates of `gnn` with tracks started anywhere, not only at birth places.
 
     Parameters
     ----------
     run : SimulatedRun
     lags : iterable of int
+    model : TrackerModel or None
 
     Returns
     -------
@@ -95,4 +101,4 @@ def gnn_anywhere(run: SimulatedRun, lags: Iterable[int] = (0,)) -> Tracks:
     ImportError
         Without Stone Soup.
     """
-    return gnn(run, lags, ANYWHERE)
+    return gnn(run, lags, ANYWHERE, model)

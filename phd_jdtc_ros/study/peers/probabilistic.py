@@ -70,9 +70,9 @@ def jpda(
     return {lag: at_lag(problem, history, lag) for lag in lags}
 
 
-def jpda_loud(run: SimulatedRun) -> Tracks:
+def jpda_loud(run: SimulatedRun, model: TrackerModel | None = None) -> Tracks:
     """Return the estimates of `jpda` from detections of high amplitude only, at lag 0.
 
     With the settings of `gnn_loud`, which see for errors.
     """
-    return jpda(raised_threshold(run, LOUD_THRESHOLD), settings=LOUD)
+    return jpda(raised_threshold(run, LOUD_THRESHOLD), settings=LOUD, model=model)

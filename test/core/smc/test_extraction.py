@@ -84,6 +84,9 @@ def test_components_take_class_and_state_from_the_majority():
     assert found.state[0, 0] == pytest.approx(mean)
     first, second = (0.6 + 1.0) / 3.8, (1.2 + 1.0) / 3.8
     variance = first * (100.0 - mean) ** 2 + second * (200.0 - mean) ** 2
+    # And by the noise of an interval of both motions.
+    noise = [MODES.motions[m].noise_covariance(MODES.interval_s)[0, 0] for m in (2, 3)]
+    variance += 2.0 / 3.8 * (noise[0] + 2.0 * noise[1]) / 3.0
     assert found.covariance[0, 0, 0] == pytest.approx(variance)
 
 
@@ -92,7 +95,11 @@ def spread(state, share, copies):
     effective = 1.0 / (share**2).sum()
     counted = (effective * share + 2.0 * copies / copies.sum()) / (effective + 2.0)
     offset = state - share @ state
-    return (counted[:, None] * offset).T @ offset
+    covariance = (counted[:, None] * offset).T @ offset
+    motion = MODES.motions[0]
+    axes = np.ix_(motion.support, motion.support)
+    covariance[axes] += 2.0 / (effective + 2.0) * motion.noise_covariance(MODES.interval_s)
+    return covariance
 
 
 def test_components_covariance_counts_the_effective_particles_and_two_as_drawn():
@@ -118,6 +125,14 @@ def test_target_with_one_particle_left_is_as_uncertain_as_before():
     # Two of three particles are spread by 10 about the mean of all, which the other is beside.
     assert (variance > 0.6 * 100.0).all()
     assert np.linalg.eigvalsh(found.covariance[0]).min() > 0.0
+
+
+def test_covariance_of_copies_of_one_particle_is_not_singular():
+    motion = MODES.motions[0]
+    phd = intensity(np.ones((20, 5)), np.zeros(20), components=np.full((20, 1), 0.05))
+    found = extract(phd)
+    own = found.covariance[0][np.ix_(motion.support, motion.support)]
+    assert np.linalg.eigvalsh(own).min() > 0.0
 
 
 def test_covariance_of_many_particles_is_that_of_their_weights():
@@ -166,6 +181,11 @@ def test_extraction_finds_two_separated_targets(method, mode):
     np.testing.assert_array_equal(found.class_id[order], MODES.class_of[list(mode)])
     np.testing.assert_allclose(found.weight, 1.0)
     one = np.cov(phd.state[:200].T, ddof=0)
+    # The process noise of one interval, as of two in all of them.
+    of_class = 2000 // mode.count(mode[0])
+    motion, of_each = MODES.motions[mode[0]], 200 if method is components else of_class
+    axes = np.ix_(motion.support, motion.support)
+    one[axes] += 2.0 / (of_each + 2.0) * motion.noise_covariance(MODES.interval_s)
     np.testing.assert_allclose(found.covariance[order[0]], one, rtol=1e-6, atol=1e-6)
 
 
