@@ -22,6 +22,9 @@ SMALL_BUDGET = {
     "particles_per_birth": 64,
     "spawn.particles_per_target": 20,
 }
+# The motion that the distances and numbers of rows in these scenes are made for.
+NOISE = {"cv.noise_density": 1.0, "ct.turn_noise_density": 1e-5}
+MODES = {f"class_{index}.mode_transition": [0.8, 0.2, 0.2, 0.8] for index in (0, 1)}
 # One class, one motion: the general mode is then a plain PHD.
 PLAIN = {
     "radars": ["radar"],
@@ -35,6 +38,7 @@ PLAIN = {
     "spawn.mode_transition": [],
     "start.position": [8e3, 6e3],
     "start.rates": [0.01],
+    "cv.noise_density": 1.0,
 }
 
 
@@ -43,7 +47,10 @@ TARGETS = np.array([[6e3, 8e3], [6.6e3, 8.2e3], [-9e3, 0.0]])
 
 def small(given=None):
     """Return the reference configuration with few particles, changed by `given`."""
-    return build.resolve({**SMALL_BUDGET, **(given or {})})
+    given = given or {}
+    noise = {} if "motions" in given else NOISE
+    modes = {} if {"motions", "classes"} & given.keys() else MODES
+    return build.resolve({**SMALL_BUDGET, **noise, **modes, **given})
 
 
 def plain(given=None):

@@ -29,10 +29,10 @@ def test_resolve_of_nothing_is_the_reference_scene():
         (pytest.approx(10.0), pytest.approx(1e3)),
     ]
     assert model.modes.motions == (
-        ConstantVelocity(1.0),
-        CoordinatedTurn(1.0, 1e-5),
-        ConstantVelocity(1.0),
-        CoordinatedTurn(1.0, 1e-5),
+        ConstantVelocity(0.2),
+        CoordinatedTurn(1.0, 1e-4),
+        ConstantVelocity(0.2),
+        CoordinatedTurn(1.0, 1e-4),
     )
     assert len(model.births) == 4
     for birth in model.births:
@@ -41,7 +41,7 @@ def test_resolve_of_nothing_is_the_reference_scene():
         np.testing.assert_allclose(birth.std, [200.0, 40.0, 200.0, 40.0, 1e-3])
     assert resolved.lag.scans == 5
     assert resolved.lag.seconds is None
-    assert particle_filter(resolved).budget.per_target == 1000
+    assert particle_filter(resolved).budget.per_target == 1500
     assert resolved.world_frame == "map"
 
 
