@@ -23,6 +23,11 @@ def first_detected(scan_index: int) -> int:
     return scan_index * ORIGINS_PER_SCAN + ORIGINS_PER_SCAN // 2
 
 
+def first_scan(origin: IntArray) -> IntArray:
+    """Return the index of the scan in which each origin began."""
+    return origin // ORIGINS_PER_SCAN
+
+
 def is_detected(origin: IntArray) -> npt.NDArray[np.bool_]:
     """Return which origins are those of targets born at detections."""
     detected: npt.NDArray[np.bool_] = origin % ORIGINS_PER_SCAN >= ORIGINS_PER_SCAN // 2

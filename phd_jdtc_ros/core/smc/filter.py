@@ -81,7 +81,8 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
             predicted, scan, model, corrector, dt, index, rng, self.clutter
         )
         self.done("update")
-        stored = resample(updated, model.modes, budget, rng)
+        young_from = index if corrector.labelled else None
+        stored = resample(updated, model.modes, budget, rng, young_from)
         self.done("resample")
         link = None
         if linked and earlier:

@@ -5,8 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenes import intensity, small
 
+from phd_jdtc_ros.core.origins import ORIGINS_PER_SCAN
 from phd_jdtc_ros.core.smc import resampling
+from phd_jdtc_ros.core.smc.budget import ParticleBudget
 
 
 @st.composite
@@ -164,3 +167,17 @@ def test_systematic_and_allocate_are_reproducible(seed):
         return count.tolist(), resampling.systematic(weight, group, count, rng).tolist()
 
     assert draw() == draw()
+
+
+def test_young_origins_have_more_particles():
+    count, index = 400, 30
+    ages = np.repeat([resampling.YOUNG_SCANS, resampling.YOUNG_SCANS - 1, 0], count)
+    origin = (index - ages) * ORIGINS_PER_SCAN
+    weight = np.full(3 * count, 1.0 / count)
+    phd = intensity(np.zeros((3 * count, 5)), weight, origin=origin)
+    budget = ParticleBudget(per_target=1000, least=20, per_birth_term=64, most=10**6)
+    for scan, factor in ((index, resampling.YOUNG_FACTOR), (None, 1.0)):
+        kept = resampling.resample(phd, small().model.modes, budget, np.random.default_rng(0), scan)
+        copies = [kept.multiplicity[kept.origin == one].sum() for one in np.unique(origin)]
+        assert copies == [1000, factor * 1000, factor * 1000]
+        np.testing.assert_allclose(kept.weight.sum(), 3.0)
