@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +40,7 @@ def update(
     bounds: Bounds,
     dt: float,
     clutter: ClutterMemory | None = None,
+    earlier: Sequence[Newborn] = (),
 ) -> tuple[Branched, Newborn | None, int]:
     """Update the hypotheses with one radar's detections.
 
@@ -55,6 +57,8 @@ def update(
     clutter : ClutterMemory or None
         What is known of the radar's clutter, to learn from these detections; None to go by the
         radar model alone.
+    earlier : sequence of Newborn
+        Targets born at the detections of the scan's earlier radars.
 
     Returns
     -------
@@ -83,7 +87,7 @@ def update(
     log_amplitude = _log_amplitude(detections, radar, dynamics).T
     row, column, rough = gated(mixture, expected, detections, radar)
     log_mass = rough[..., None] + log_amplitude[column][:, None, :]
-    others = _others(log_mass, column, detections, radar, model, dt)
+    others = _others(log_mass, column, detections, radar, model, dt, earlier)
     weight = _weight(mixture, row, column, log_mass, others)
     likely = _likely(mixture, row, column, weight, missed, others)
     row, column = row[likely], column[likely]
@@ -91,7 +95,7 @@ def update(
     found = _located(mixture, row, column, detections, radar)
     modes = mixture.mean.shape[1]
     log_mass = found.log_likelihood.reshape(-1, modes, 1) + log_amplitude[column][:, None, :]
-    others = _others(log_mass, column, detections, radar, model, dt)
+    others = _others(log_mass, column, detections, radar, model, dt, earlier)
     weight = _weight(mixture, row, column, log_mass, others)
     prior = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
     claims = Claims(
@@ -109,7 +113,7 @@ def update(
     weight = np.concatenate([missed * factor[:, None, None], weight * shares.pair[:, None, None]])
     source = np.concatenate([np.arange(len(mixture)), row])
     branched = _branched(predicted, source, column, weight, found, detections, radar, bounds)
-    newborn = others.newborn(shares.claimed, radar, detections, model)
+    newborn = others.newborn(shares.claimed, radar, detections, model, share)
     return branched, newborn, shares.approximate
 
 
@@ -129,10 +133,11 @@ def _others(
     radar: RadarModel,
     model: TrackerModel,
     dt: float,
+    earlier: Sequence[Newborn],
 ) -> OtherSources:
     """Return the other sources of the detections, given log p_D L_z of the pairs, (P, R, S)."""
     largest = log_mass.max(axis=(1, 2), initial=-np.inf)
-    return other_sources(detections, radar, model, dt, column, largest)
+    return other_sources(detections, radar, model, dt, column, largest, earlier)
 
 
 def _weight(
@@ -309,12 +314,14 @@ def update_scan(
     origin, approximate = origins.first_detected(scan_index), 0
     row = np.arange(len(predicted))
     branched = Branched(predicted, np.where(row < survivors, row, -1))
+    newborns: list[Newborn] = []
     for radar, detections in dynamics.model.reports(scan):
         branched, newborn, clusters = update(
-            branched, detections, radar, dynamics, bounds, dt, clutter
+            branched, detections, radar, dynamics, bounds, dt, clutter, newborns
         )
         approximate += clusters
         if newborn is not None:
+            newborns.append(newborn)
             branched = _with_newborn(branched, newborn, dynamics, origin)
             origin += len(newborn)
     return branched, approximate

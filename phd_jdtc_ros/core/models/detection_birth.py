@@ -6,12 +6,14 @@
 Unknown targets are a uniform intensity in every radar's own coordinates. In the update this
 intensity competes for each detection with clutter and with the known targets. Its share is the
 newborn mass of the detection. It is added to the intensity at the detection's position, with the
-radar's noise and a broad distribution of velocity.
+radar's noise and a broad distribution of velocity. Where earlier radars of the scan have looked,
+only the unknown targets that they have missed are left for the next one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri
@@ -68,20 +70,29 @@ class DetectionBirthModel:
         return bool(np.any(self.rate > 0.0))
 
     def log_intensity(
-        self, detections: Detections, radar: RadarModel, modes: ModeSpace, dt: float
+        self,
+        detections: Detections,
+        radar: RadarModel,
+        modes: ModeSpace,
+        dt: float,
+        earlier: Sequence[Newborn] = (),
     ) -> FloatArray:
         """Return log of the unknown targets' intensity at each detection, shape (C, M).
 
         It covers targets that appeared in the preceding `dt` seconds, or since the antenna passed
         last if the detections are those of a sector. It is the counterpart of the clutter
-        intensity: uniform over azimuth and range, times p_D g^tau of each class.
+        intensity: uniform over azimuth and range, times p_D g^tau of each class, times 1 - p_D of
+        the `earlier` radars of the scan, given by the targets born at their detections.
         """
         since = dt if detections.coverage is None else radar.rotation_s or dt
-        with np.errstate(divide="ignore"):  # a class that is never born has intensity zero
-            appeared = self.rate * since / modes.interval_s
+        appeared = self.rate * since / modes.interval_s
+        left = missed_by(earlier, radar.to_world(detections.measurement), modes)
+        # A class that is never born has intensity zero, as where an earlier radar misses nothing.
+        with np.errstate(divide="ignore"):
             log_rate = np.log(appeared / (2.0 * np.pi * radar.max_range))
+            log_left = np.log(left)
         likelihood = radar.log_class_likelihood(detections, modes.classes)
-        intensity: FloatArray = log_rate[:, None] + likelihood
+        intensity: FloatArray = log_rate[:, None] + likelihood + log_left
         return intensity
 
 
@@ -96,26 +107,47 @@ class Newborn:
         J of them.
     mass : array of shape (J, C)
         Probability that each detection is a new target of each class.
+    share : float
+        Of the radar's detections that were looked at; see `overload.thinned`.
     """
 
     radar: RadarModel
     detections: Detections
     mass: FloatArray
+    share: float = 1.0
 
     def __len__(self) -> int:
         return len(self.detections)
 
     def take(self, rows: IntArray) -> Newborn:
         """Return the newborn targets of these rows."""
-        return Newborn(self.radar, self.detections.take(rows), self.mass[rows])
+        return replace(self, detections=self.detections.take(rows), mass=self.mass[rows])
 
 
 def newborn(
-    radar: RadarModel, detections: Detections, mass: FloatArray, model: DetectionBirthModel
+    radar: RadarModel,
+    detections: Detections,
+    mass: FloatArray,
+    model: DetectionBirthModel,
+    share: float = 1.0,
 ) -> Newborn:
     """Return the detections whose newborn mass, shape (M, C), is not below the model's least."""
     kept = np.flatnonzero(mass.sum(axis=1) >= model.least_mass)
-    return Newborn(radar, detections, mass).take(kept)
+    return Newborn(radar, detections, mass, share).take(kept)
+
+
+def missed_by(earlier: Sequence[Newborn], position: FloatArray, modes: ModeSpace) -> FloatArray:
+    """Return the probability that radars miss a target at each position, (M, 2) to (C, M).
+
+    Each radar's is the mean over the SNR band of the class.
+    """
+    missed = np.ones((len(modes.classes), len(position)))
+    for found in earlier:
+        measured, _ = found.radar.linearised(position)
+        seen = found.radar.missable(measured, found.detections.coverage) * found.share
+        log_p_d = found.radar.log_class_likelihood(Detections(measured, None), modes.classes)
+        missed *= 1.0 - seen * np.exp(log_p_d)
+    return missed
 
 
 def affordable(found: Newborn, model: DetectionBirthModel) -> tuple[Newborn, int]:
