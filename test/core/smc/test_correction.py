@@ -128,8 +128,10 @@ def test_bernoulli_particles_share_what_their_target_claims_by_likelihood():
 
 
 def test_poisson_keeps_a_component_for_every_detection():
-    phd, _ = corrected(np.ones((3, 2)), [0.1, 0.2, 0.3], [1.0, 3.0], corrector=POISSON)
+    phd, claimed = corrected(np.ones((3, 2)), [0.1, 0.2, 0.3], [1.0, 3.0], corrector=POISSON)
+    np.testing.assert_allclose(claimed, [0.54 / 1.54, 0.54 / 3.54])
     np.testing.assert_array_equal(phd.label, [-1, -1])
+    assert phd.components.format == "csr"
     masses = phd.components.toarray().sum(axis=0)
     np.testing.assert_allclose(masses, [0.54 / 1.54, 0.54 / 3.54])
 
