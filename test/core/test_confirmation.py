@@ -145,6 +145,68 @@ def test_a_derived_deletion_is_at_even_odds_where_no_radar_looks():
     assert sum(1 in tracks.add(t1=weight) for weight in weights) == np.sum(weights >= 0.5)
 
 
+def test_a_track_that_no_radar_can_see_is_reported_for_as_long_as_the_limit():
+    tracks = Tracks(coasting_scans=4.0)
+    tracks.add(t1=0.999)
+    tracks.model = beyond(MODEL)
+    weights = 0.999 * SURVIVAL ** np.arange(1, 8)
+    assert [1 in tracks.add(t1=weight) for weight in weights] == [True] * 4 + [False] * 3
+    tracks.model = MODEL
+    assert tracks.add(t1=0.999) == {1: CONFIRMED}
+    tracks.model = beyond(MODEL)
+    assert tracks.add(t1=0.999 * SURVIVAL) == {1: CONFIRMED}
+
+
+def test_a_limit_of_coasting_is_no_limit_where_radars_can_see_the_track():
+    tracks = Tracks(model=seen_with(0.3), coasting_scans=1.0)
+    tracks.add(t1=0.9999)
+    missed = float(missed_by_all(estimates(0, {1: 1.0}), scan_of(0), tracks.model)[0])
+    weights = [0.9999]
+    for _ in range(4):
+        weights.append(after_a_miss(weights[-1], missed))
+    assert weights[-1] > 0.7
+    assert [tracks.add(t1=weight)[1] for weight in weights[1:]] == [COASTING] * 4
+
+
+@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+@pytest.mark.parametrize(("hidden", "reported"), [(4, 4), (14, 10)])
+def test_a_target_that_comes_out_of_a_blind_sector_has_its_number(engine, hidden, reported):
+    # It flies past the radar, and after some scans behind something.
+    before, after = 8, 4
+    north = -2e3 + 240.0 * np.arange(before + hidden + after)
+    edges = north[[before - 1, before + hidden - 1]] + 120.0
+    radar = {
+        "detection_probability": 0.95,
+        "clutter_rate": 1.0,
+        "position": [0.0, 0.0],
+        "blind_sectors_deg": np.rad2deg(np.arctan2(edges, 8e3)).tolist(),
+    }
+    config = resolve(
+        {
+            "engine": engine,
+            "particles_per_target": 500,
+            "radars": ["radar_1"],
+            "births": [],
+            "detection_births.rates": [0.05, 0.05],
+            "lag": 1,
+            **{f"radar_1.{name}": value for name, value in radar.items()},
+        }
+    )
+    of, space = new_engine(config), config.model.modes.space
+    (radar,) = config.model.radars
+    tracks = []
+    for index, place in enumerate(north):
+        measured = radar.measure(space.state((8e3, place), (0.0, 40.0), 0.0)[None])
+        measured = measured[radar.missable(measured, None) > 0.0]
+        seen = Detections(measured, np.full(len(measured), 60.0))
+        (found,) = of.step(Scan((index + 1) * INTERVAL, (seen,))).filtered
+        tracks.append(found.track_id.tolist())
+    (number,) = tracks[before - 1]
+    assert tracks[before : before + reported] == [[number]] * reported
+    assert tracks[before + reported : before + hidden] == [[]] * (hidden - reported)
+    assert tracks[before + hidden :] == [[number]] * after
+
+
 def test_derived_thresholds_follow_from_the_detection_probability():
     rule = rule_of(MODEL, True)
     # The second class is missed by both radars with probability 0.03.

@@ -218,6 +218,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
             CORRECTORS[values["corrector"]].labelled,
             values["confirm_probability"],
             values["delete_probability"],
+            values["coasting_scans"],
         ),
         seed=values["seed"],
         max_gap_s=values["max_gap_scans"] * _slowest_s(values),

@@ -163,6 +163,16 @@ TOP = (
         mutable=True,
     ),
     Parameter(
+        "coasting_scans",
+        10.0,
+        "Intervals, or turns where they are longer, for which a track is reported after its last "
+        "detection where no radar can see it: beyond their ranges or in blind sectors. It has its "
+        "number again when it is detected later. Not used with corrector poisson.",
+        1.0,
+        1e6,
+        mutable=True,
+    ),
+    Parameter(
         "amplitude",
         "band",
         "Use of amplitudes. band: they tell the class by its SNR band; memory: every target's own "
