@@ -23,7 +23,7 @@ help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
 	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes;"
 	@echo "             ENGINE=gaussian for the other engine, into out/demo_gaussian"
-	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=6 for a quick one), into out/study"
+	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=12 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
 	@echo "make faults  the fault matrix on live nodes, into out/faults: all with particles, and with"
 	@echo "             the other engine what depends on it; ENGINE=gaussian for all with that one only"

@@ -99,6 +99,16 @@ def test_resolve_lists_faults_of_the_variants_parameters(study_file):
     ]
 
 
+@pytest.mark.parametrize("share", [0, -0.5, 1.5, "half", True])
+@pytest.mark.parametrize(("part", "name"), [("cases", "quiet"), ("variants", "reference")])
+def test_resolve_refuses_a_share_of_the_runs_that_is_none(part, name, share, study_file):
+    def change(document):
+        document[part][name]["run_share"] = share
+
+    fault = f"{part}.{name}.run_share: {share!r} given, must be above 0 and at most 1"
+    assert faults(study_file, change) == [fault]
+
+
 def test_resolve_refuses_targets_of_a_class_that_the_tracker_does_not_have(study_file):
     def spoil(document):
         document["cases"]["quiet"]["parameters"] |= {

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,6 +14,7 @@ from phd_jdtc_ros.core.configuration.parameters import GROUPS, TOP
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
+    FALSE_PER_SCAN,
     IDENTITY_SWITCHES,
     OF_SETS,
     POSITION_NEAR,
@@ -56,6 +58,7 @@ METRICS = {
         *OF_SETS,
         POSITION_NEAR,
         IDENTITY_SWITCHES,
+        FALSE_PER_SCAN,
         CLASS_ACCURACY,
         OSPA_AFTER_5,
         MEDIAN_ERROR,
@@ -82,12 +85,15 @@ class Case:
     parameters : dict
         Parameters of the tracker by dotted name; they also define the scenario's radars.
     classes : int
+    run_share : float
+        Share of the runs that are asked for, above 0 and at most 1; for cases that cost much.
     """
 
     name: str
     scenario: Scenario
     parameters: dict[str, Any]
     classes: int
+    run_share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -107,6 +113,8 @@ class Variant:
     cases : tuple of str
     lags : tuple of int
         Ascending.
+    run_share : float
+        As of a case; the lower of both is used.
     """
 
     name: str
@@ -115,6 +123,7 @@ class Variant:
     parameters: dict[str, Any]
     cases: tuple[str, ...]
     lags: tuple[int, ...]
+    run_share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -174,6 +183,19 @@ class Study:
     def parameters(self, case: Case, variant: Variant) -> dict[str, Any]:
         """Return the tracker's parameters for a variant and a case."""
         return merged(case.parameters, variant.parameters, self.assigned)
+
+    def runs(self, case: Case, variant: Variant, asked: int) -> int:
+        """Return how many runs a variant has at a case, of those that are asked for."""
+        return math.ceil(min(case.run_share, variant.run_share) * asked)
+
+    @property
+    def in_full(self) -> Study:
+        """The study with as many runs of everything as are asked for."""
+        return replace(
+            self,
+            cases=tuple(replace(case, run_share=1.0) for case in self.cases),
+            variants=tuple(replace(variant, run_share=1.0) for variant in self.variants),
+        )
 
     def select(self, cases: Sequence[str], variants: Sequence[str]) -> Study:
         """Return the study of the named cases and variants; an empty sequence selects all.

@@ -26,6 +26,7 @@ BUILT_IN_SCENARIO = "paper_scenario"
 OF_READING = ("death_term", "extraction")
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
+SHARE = Parameter("run_share", 1.0, "", 0.0, 1.0)
 
 # Parameters in a scenario file by dotted name, and a function from radars to its scenario.
 Scene: TypeAlias = "tuple[Mapping[str, Any], Callable[[tuple[RadarModel, ...]], Scenario]]"
@@ -98,7 +99,8 @@ def _case(
 ) -> Case | None:
     """Return a case, or None after adding its faults to `faults`."""
     prefix = f"cases.{name}."
-    faults += _unknown_keys(given, prefix, ("scenario", "parameters"))
+    faults += _unknown_keys(given, prefix, ("scenario", "parameters", "run_share"))
+    run_share = _run_share(given, prefix, faults)
     of_case = _parameters(given, prefix, faults)
     source = given.get("scenario")
     if not isinstance(source, str):
@@ -115,7 +117,7 @@ def _case(
         highest = max((target.class_id for target in scenario.targets), default=0)
         if highest >= classes:
             raise ConfigError([f"class {highest} of a target, must be below {classes}"])
-        return Case(name, scenario, parameters, classes)
+        return Case(name, scenario, parameters, classes, run_share)
     except ConfigError as error:
         for fault in error.faults:
             name = fault.split(":")[0]
@@ -143,7 +145,7 @@ def _variant(
     Its cases are by default all that its kind suits: those of `turning`, or the others.
     """
     prefix = f"variants.{name}."
-    keys = ("kind", "engine", "cases", "lags", "parameters", *OF_READING)
+    keys = ("kind", "engine", "cases", "lags", "parameters", "run_share", *OF_READING)
     faults += _unknown_keys(given, prefix, keys)
     engine = _choice(given, "engine", prefix, TRACKERS, None, faults) if "engine" in given else None
     kind = _choice(given, "kind", prefix, KINDS, engine, faults)
@@ -178,6 +180,7 @@ def _variant(
         parameters=parameters,
         cases=tuple(chosen),
         lags=_lags(given["lags"], f"{prefix}lags", faults) if "lags" in given else lags,
+        run_share=_run_share(given, prefix, faults),
     )
 
 
@@ -285,6 +288,16 @@ def _lags(value: Any, name: str, faults: list[str]) -> tuple[int, ...]:
         faults.append(f"{name}: {value!r} given, must be a list, none twice: {LAG.allowed}")
         return ()
     return tuple(sorted(lag for lag in lags if isinstance(lag, int)))
+
+
+def _run_share(given: Mapping[str, Any], prefix: str, faults: list[str]) -> float:
+    """Return the share of the runs."""
+    share = SHARE.coerce(given.get("run_share", 1.0))
+    if not isinstance(share, float) or share == 0.0:
+        value = given["run_share"]
+        faults.append(f"{prefix}run_share: {value!r} given, must be above 0 and at most 1")
+        return 1.0
+    return share
 
 
 def _choice(

@@ -36,7 +36,7 @@ from .kinds import (
 from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # Must be increased when the meaning of a stored row changes.
-FORMAT = 4
+FORMAT = 5
 # Trackers with settings of their own.
 WITHOUT_PARAMETERS = (*KNOWN_ASSOCIATION, *STONE_SOUP)
 
@@ -108,7 +108,8 @@ class Plan(NamedTuple):
     Parameters
     ----------
     tasks : list of Task
-        Ordered by seed, so that a study that is stopped early has results of all variants.
+        Ordered by seed, so that a study that is stopped early has results of all variants. Where
+        the number of runs is bounded, they are those of the first seeds.
     notes : list of str
         Variants that are left out, and why.
     """
@@ -122,17 +123,26 @@ def plan(study: Study, seeds: Sequence[int]) -> Plan:
     left_out = dict(study.left_out)
     left_out |= {v.name: reason for v in study.variants if (reason := missing(v.kind)) is not None}
     notes = [f"{name}: left out, {reason}" for name, reason in left_out.items()]
-    first_seed = []
+    first_seed: list[tuple[Task, int]] = []
     for case in study.cases:
-        groups: dict[str, list[Variant]] = {}
+        groups: dict[tuple[str, int], list[Variant]] = {}
         for variant in study.variants:
             if case.name in variant.cases and variant.name not in left_out:
                 # Only variants of this package's tracker can share a filter.
                 name = "" if variant.kind in TRACKERS else variant.name
                 key = json.dumps([variant.kind, name, variant.parameters], sort_keys=True)
-                groups.setdefault(key, []).append(variant)
-        first_seed += [_task(study, case, tuple(group)) for group in groups.values()]
-    return Plan([replace(task, seed=seed) for seed in seeds for task in first_seed], notes)
+                runs = study.runs(case, variant, len(seeds))
+                groups.setdefault((key, runs), []).append(variant)
+        first_seed += [
+            (_task(study, case, tuple(group)), runs) for (_, runs), group in groups.items()
+        ]
+    tasks = [
+        replace(task, seed=seed)
+        for index, seed in enumerate(seeds)
+        for task, runs in first_seed
+        if index < runs
+    ]
+    return Plan(tasks, notes)
 
 
 def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
