@@ -69,6 +69,7 @@ setup(
         "peers": ["stonesoup>=1.9,<2"],
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5", "latex2mathml>=3.77"],
         "dev": ["ruff", "mypy", "types-PyYAML", "pre-commit"],
+        "mutants": ["mutmut>=3.8,<4"],
     },
     zip_safe=True,
     maintainer="Seed a9b9ba5d maintainers",

@@ -212,9 +212,10 @@ def known_equivalents():
         return set()
     document = yaml.safe_load(EQUIVALENT.read_text()) or {}
     return {
-        (module, f"- {entry['line']}\n+ {entry['mutant']}")
-        for module, entries in document.items()
-        for entry in entries
+        (module, f"- {line}\n+ {mutant}")
+        for module, reasons in document.items()
+        for pairs in reasons.values()
+        for line, mutant in pairs
     }
 
 

@@ -23,7 +23,18 @@ from phd_jdtc_ros.tools.params_file import scenario_parameters
 
 ROOT = Path(__file__).parents[2]
 # Of the studies alone: they simulate these, and no bag of them is shipped.
-OF_STUDIES = {"loud_clutter", "madap", "parallel_250_m", "weak_12_db", "weak_15_db"}
+OF_STUDIES = {
+    "loud_clutter",
+    "madap",
+    "no_amplitudes",
+    "parallel_250_m",
+    "parallel_300_m",
+    "snr_20_db",
+    "snr_28_db",
+    "two_qualities",
+    "weak_12_db",
+    "weak_15_db",
+}
 DEFINED = sorted((ROOT / "config" / "scenarios").glob("*.yaml"))
 ALL_FILES = [path for path in DEFINED if path.stem not in OF_STUDIES]
 # Radars that turn have no common scan.
