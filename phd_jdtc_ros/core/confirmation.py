@@ -175,17 +175,16 @@ def _record_weight(missed: FloatArray) -> float:
 def missed_by_all(found: Estimates, scan: Scan, model: TrackerModel) -> FloatArray:
     """Return the probability that no radar of a scan detects each target, shape (T,).
 
-    It is that of the target's class, at the target's place.
+    It is that of the target's class, at the target's place, and for radars where they are then.
     """
     modes, missed = model.modes, np.ones(len(found))
     mode = np.searchsorted(modes.class_of, found.class_id)
-    for radar, detections in zip(model.radars, scan.detections, strict=True):
-        if detections is not None:
-            measured = radar.measure(found.state)
-            detected = Band().detection_probability(
-                mode, np.zeros(len(found)), measured[:, 0], radar, modes
-            )
-            missed *= 1.0 - radar.missable(measured, detections.coverage) * detected
+    for radar, detections in model.reports(scan):
+        measured = radar.measure(found.state)
+        detected = Band().detection_probability(
+            mode, np.zeros(len(found)), measured[:, 0], radar, modes
+        )
+        missed *= 1.0 - radar.missable(measured, detections.coverage) * detected
     return missed
 
 

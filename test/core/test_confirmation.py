@@ -23,6 +23,7 @@ from phd_jdtc_ros.core.types import (
     Coverage,
     Detections,
     Estimates,
+    Pose,
     Scan,
 )
 
@@ -399,6 +400,15 @@ def test_missed_by_all_counts_the_radars_that_reported_and_the_azimuths_they_pas
     assert one == pytest.approx(np.sqrt(MISSED))
     behind = Detections(np.zeros((0, 2)), None, coverage=Coverage(0.5 * np.pi, np.pi))
     assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, behind), MODEL)[0] == one
+
+
+def test_missed_by_all_is_of_where_a_radar_that_moves_is_then():
+    far = Pose((5e3 + 2.0 * MODEL.radars[1].max_range, 0.0), 0.0)
+    away = Detections(np.zeros((0, 2)), None, pose=far)
+    one = float(missed_by_all(estimates(0, {1: 1.0}), replace_report(1, None), MODEL)[0])
+    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, away), MODEL)[0] == one
+    near = replace(away, pose=Pose((5e3, 100.0), 0.0))
+    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, near), MODEL)[0] < one
 
 
 def replace_report(index, report):
