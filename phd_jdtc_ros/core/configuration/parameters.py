@@ -168,7 +168,7 @@ TOP = (
         "Intervals, or turns where they are longer, for which a track is reported after its last "
         "detection where no radar can see it: beyond their ranges or in blind sectors. It has its "
         "number again when it is detected later. Not used with corrector poisson.",
-        1.0,
+        0.0,
         1e6,
         mutable=True,
     ),
