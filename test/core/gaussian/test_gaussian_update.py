@@ -4,6 +4,7 @@
 """The update beside the association: what Gaussians are seen, located, born, kept and learned."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from scipy.stats import norm
 from phd_jdtc_ros.core import origins
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
 from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.gaussian import kalman
 from phd_jdtc_ros.core.gaussian import update as update_module
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
@@ -290,3 +292,35 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, mon
             expected.append(pair)
     np.testing.assert_array_equal(found, expected)
     assert 0 < len(expected) < len(row)
+
+
+def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch):
+    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    config = lone(
+        {
+            **TWO_MOTIONS,
+            **UNREDUCED,
+            "radar.clutter_rate": 3.0,
+            "radar.detection_probability": 0.8,
+        }
+    )
+    dynamics, (radar,) = Dynamics(config.model), config.model.radars
+    alike = mixture_of(dynamics, [(0.9, MEAN, STD)])
+    mean, covariance = alike.mean.copy(), alike.covariance.copy()
+    mean[0, 1, [0, 2]] += [150.0, -90.0]
+    covariance[0, 1] *= 0.5
+    mixture = alike.told(alike.weight, mean, covariance)
+    place = radar.measure(MEAN[None]) + np.array([[100.0, 0.01], [-150.0, 0.0]])
+    both, _ = updated(config, mixture, Detections(place, None))
+    assert len(both.mixture) == 3
+    for one in place:
+        alone, _ = updated(config, mixture, Detections(one[None], None))
+        for row in range(2):
+            (same,) = [
+                k
+                for k in range(3)
+                if np.allclose(both.mixture.mean[k], alone.mixture.mean[row], rtol=1e-9)
+            ]
+            np.testing.assert_allclose(
+                both.mixture.covariance[same], alone.mixture.covariance[row], rtol=1e-9
+            )
