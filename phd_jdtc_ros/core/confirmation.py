@@ -73,6 +73,8 @@ class ReportingRule:
         track's own record. Infinite if the record is not used.
     labelled : bool
         Whether estimates have labels. If not, those above `confirm` are reported, scan by scan.
+    coast_s : float
+        Longest time that a confirmed track is reported without a detection, seconds.
     """
 
     confirm: FloatArray
@@ -80,6 +82,7 @@ class ReportingRule:
     hidden: FloatArray
     record_weight: FloatArray
     labelled: bool = True
+    coast_s: float = np.inf
 
     @property
     def least(self) -> float:
@@ -94,7 +97,11 @@ class ReportingRule:
 
 
 def rule_of(
-    model: TrackerModel, labelled: bool, confirm: float = 0.0, delete: float = 0.0
+    model: TrackerModel,
+    labelled: bool,
+    confirm: float = 0.0,
+    delete: float = 0.0,
+    coast_s: float = np.inf,
 ) -> ReportingRule:
     """Return the rule of given thresholds; those that are 0 are derived from the model.
 
@@ -105,6 +112,8 @@ def rule_of(
         Whether estimates have labels.
     confirm, delete : float
         `confirm_probability` and `delete_probability`.
+    coast_s : float
+        See `ReportingRule`.
 
     Notes
     -----
@@ -124,12 +133,12 @@ def rule_of(
     above = np.full(len(classes), confirm) if confirm else (1.0 + p) / (2.0 + p)
     if delete:
         below = np.full(len(classes), delete)
-        return ReportingRule(np.maximum(above, delete), below, below, never)
+        return ReportingRule(np.maximum(above, delete), below, below, never, coast_s=coast_s)
     weight = never
     if not isinstance(model.amplitudes, Memory):  # which knows each target's own SNR
         weight = np.array([_record_weight(missed) for missed in misses])
     below, hidden = (np.minimum(1.0 / (2.0 + again), above) for again in (p, 0.0))
-    return ReportingRule(above, below, hidden, weight)
+    return ReportingRule(above, below, hidden, weight, coast_s=coast_s)
 
 
 def _misses(kind: ClassModel, radars: tuple[RadarModel, ...]) -> FloatArray:
@@ -314,11 +323,13 @@ class TrackStates:
         detected_ns = np.where(detected, scan.stamp_ns, before.detected_ns)
         long_ago = scan.stamp_ns - detected_ns > PATIENCE * 1e9 * _slowest_s(model)
         lowest = np.where(long_ago & ~seen, self.rule.hidden[found.class_id], delete)
+        coasted_s = (scan.stamp_ns - detected_ns) * 1e-9
         kept = np.where(
             before.state == TENTATIVE,
             weight > self.rule.confirm[found.class_id],
             (corrected >= lowest) & (weight >= np.minimum(LEAST, delete)),
         )
+        kept &= coasted_s <= self.rule.coast_s
         coasting = missed | long_ago | (~detected & (before.state == COASTING))
         return Records(
             label=label,

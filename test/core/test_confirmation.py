@@ -377,3 +377,14 @@ def test_engines_report_a_missed_target_as_coasting(engine):
 
 def test_configuration_of_turning_radars_has_a_rule():
     assert configuration().rule.labelled
+
+
+def test_a_track_without_detections_is_reported_no_longer_than_it_may_coast():
+    tracks = Tracks(confirm=0.6, delete=0.3, coast_s=15.0)
+    assert tracks.add(t1=0.999)
+    tracks.model = beyond(MODEL)
+    weights = 0.999 * SURVIVAL ** np.arange(1, 5)
+    # 6, 12, 18 and 24 s after its last detection.
+    assert [1 in tracks.add(t1=weight) for weight in weights] == [True, True, False, False]
+    tracks.model = MODEL
+    assert tracks.add(t1=0.9999) == {1: CONFIRMED}

@@ -49,7 +49,7 @@ ROOMS = {
     "engine": (*BASE, "confirmation", "models", "snapshot"),
     "window": ("arrays", "state_space"),
     "backward": ("arrays", "window"),
-    "poses": ("models", "types"),
+    "poses": ("arrays", "models", "types"),
     "posed_reports": ("poses", "types"),
     "touch": ("arrays", "models", "types", "window"),
     "window_snapshot": ("arrays", "models", "snapshot", "types", "window"),

@@ -27,6 +27,7 @@ from ..models.detection_birth import DetectionBirthModel
 from ..models.modes import ClassModel, ModeSpace
 from ..models.motion import MOTIONS, MotionModel
 from ..models.radar import RadarModel
+from ..models.range_rate import RangeRateModel
 from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
 from ..models.visibility import TURN_TOLERANCE, Visibility
@@ -218,6 +219,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
             CORRECTORS[values["corrector"]].labelled,
             values["confirm_probability"],
             values["delete_probability"],
+            values["coast_s"] or math.inf,
         ),
         seed=values["seed"],
         max_gap_s=values["max_gap_scans"] * _slowest_s(values),
@@ -332,6 +334,16 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         clutter_amplitude=_clutter_amplitude(get, threshold),
         clutter_map=_clutter_map(get, range_std, azimuth_std) if get["clutter_map"] else None,
         clutter_map_speed=get["clutter_map_speed"],
+        range_rate=_range_rate(get),
+        cluster_distance=get["cluster_distance"],
+    )
+
+
+def _range_rate(get: Mapping[str, Any]) -> RangeRateModel | None:
+    if not get["fields.range_rate"]:
+        return None
+    return RangeRateModel(
+        get["range_rate_std"], get["range_rate_ambiguity"], get["range_rate_span"]
     )
 
 
@@ -405,6 +417,9 @@ def _input(values: Mapping[str, Any], name: str) -> RadarInput:
         height=get["height"],
         range_std_field=get["fields.range_std"],
         azimuth_std_field=get["fields.azimuth_std"],
+        range_rate_field=get["fields.range_rate"],
+        range_rate_std_field=get["fields.range_rate_std"],
+        range_rate_ambiguity=get["range_rate_ambiguity"],
         rotation_s=get["rotation_s"],
         sectors=get["sectors"],
         pose_topic="" if get["pose"] == FIXED else get["pose"],

@@ -163,6 +163,15 @@ TOP = (
         mutable=True,
     ),
     Parameter(
+        "coast_s",
+        0.0,
+        "Longest time that a track is reported without a detection, also where no radar looks, s; "
+        "0: as long as it exists. Not used with corrector poisson.",
+        0.0,
+        1e5,
+        mutable=True,
+    ),
+    Parameter(
         "amplitude",
         "band",
         "Use of amplitudes. band: they tell the class by its SNR band; memory: every target's own "
@@ -397,6 +406,15 @@ RADAR = (
         0,
         256,
     ),
+    Parameter(
+        "cluster_distance",
+        0.0,
+        "Distance within which detections of one scan, with range rates that agree, count as one, "
+        "m; for radars that see a vehicle as several points. 0 for none.",
+        0.0,
+        1e4,
+        mutable=True,
+    ),
     Parameter("clutter_rate", 20.0, "Expected false detections per scan.", 0.0, 1e6, mutable=True),
     Parameter(
         "clutter_max_range",
@@ -503,6 +521,44 @@ RADAR = (
         "",
         "Name of the cloud's field with the standard deviation of each azimuth, in the azimuth's "
         "unit; empty if it has none.",
+    ),
+    Parameter(
+        "fields.range_rate",
+        "",
+        "Name of the cloud's field with the range rate of each detection relative to the radar, "
+        "m/s, positive where a target recedes; empty if it has none, or not to use it. With "
+        "radar_scan any name: use its doppler_velocity.",
+    ),
+    Parameter(
+        "range_rate_std",
+        0.1,
+        "Standard deviation of the range rate, m/s.",
+        1e-3,
+        1e3,
+        mutable=True,
+    ),
+    Parameter(
+        "range_rate_ambiguity",
+        0.0,
+        "Interval modulo which the radar measures range rates, m/s; 0 if they are not ambiguous.",
+        0.0,
+        1e4,
+        mutable=True,
+    ),
+    Parameter(
+        "range_rate_span",
+        200.0,
+        "Width of the interval about zero in which false detections have range rates, m/s; with an "
+        "ambiguity it is that.",
+        1e-3,
+        1e4,
+        mutable=True,
+    ),
+    Parameter(
+        "fields.range_rate_std",
+        "",
+        "Name of the cloud's field with the standard deviation of each range rate, m/s; empty if "
+        "it has none.",
     ),
     Parameter(
         "amplitude_unit",

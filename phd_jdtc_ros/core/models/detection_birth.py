@@ -6,7 +6,8 @@
 Unknown targets are a uniform intensity in every radar's own coordinates. In the update this
 intensity competes for each detection with clutter and with the known targets. Its share is the
 newborn mass of the detection. It is added to the intensity at the detection's position, with the
-radar's noise and a broad distribution of velocity.
+radar's noise and a broad distribution of velocity. Where the detection has a range rate, that part
+of the velocity is known, up to its ambiguity.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from ..arrays import FloatArray, IntArray, read_only, sum_by
 from ..types import Detections
 from .birth import shifted
 from .modes import ModeSpace
-from .radar import LEAST_RANGE, RadarModel
+from .radar import LEAST_RANGE, RadarModel, Rates
 from .sobol import sobol_points
 
 # The newborn intensity is taken as zero beyond this many standard deviations of velocity and turn
@@ -74,15 +75,33 @@ class DetectionBirthModel:
 
         It covers targets that appeared in the preceding `dt` seconds, or since the antenna passed
         last if the detections are those of a sector. It is the counterpart of the clutter
-        intensity: uniform over azimuth and range, times p_D g^tau of each class.
+        intensity: uniform over azimuth and range in the field of view, times p_D g^tau of each
+        class, and times the density of the range rate.
         """
         since = dt if detections.coverage is None else radar.rotation_s or dt
         with np.errstate(divide="ignore"):  # a class that is never born has intensity zero
             appeared = self.rate * since / modes.interval_s
-            log_rate = np.log(appeared / (2.0 * np.pi * radar.max_range))
+            log_rate = np.log(appeared / (radar.visibility.fov.width * radar.max_range))
         likelihood = radar.log_class_likelihood(detections, modes.classes)
         intensity: FloatArray = log_rate[:, None] + likelihood
+        if (measured := radar.rates_of(detections)) is not None:
+            toward = _directions(radar.to_world(detections.measurement), radar)
+            intensity = intensity + self.log_range_rate(toward, measured, radar)
         return intensity
+
+    def log_range_rate(self, toward: FloatArray, measured: Rates, radar: RadarModel) -> FloatArray:
+        """Return the log density of range rates of targets of unknown velocity, shape (M,).
+
+        Parameters
+        ----------
+        toward : array of shape (M, 2)
+            Directions from the radar to the targets, world frame.
+        measured : Rates
+            M of them; where a rate is NaN the result is 0.
+        radar : RadarModel
+        """
+        radial = measured.rate + toward @ np.asarray(radar.velocity)
+        return measured.model.log_density(radial, self.velocity_std**2 + measured.std**2)
 
 
 @dataclass(frozen=True)
@@ -166,9 +185,11 @@ def sample(
     """
     space = modes.space
     size = len(space)
-    shift = rng.random((len(found), 1, size + 1))
-    uniform = shifted(sobol_points(size + 1, count), shift)
-    normal = ndtri(uniform[..., 1:])
+    measured_rates = found.radar.rates_of(found.detections)
+    dimensions = size + 1 + (measured_rates is not None)
+    shift = rng.random((len(found), 1, dimensions))
+    uniform = shifted(sobol_points(dimensions, count), shift)
+    normal = ndtri(uniform[..., 1 : size + 1])
     per_mode = _mode_mass(found, modes)
     share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
     mode = (uniform[..., :1] >= share[:, None, :-1]).sum(axis=2).ravel()
@@ -180,6 +201,13 @@ def sample(
     state = np.zeros((len(found) * count, size))
     state[:, list(space.velocity)] = model.velocity_std * normal[..., 2:4].reshape(-1, 2)
     state[:, list(space.position)] = found.radar.to_world(measured.reshape(-1, 2))
+    if measured_rates is not None:
+        repeated = measured_rates.take(np.arange(len(found)).repeat(count))
+        known = _known_velocity(
+            *(state[:, list(space.position)], state[:, list(space.velocity)], repeated),
+            *(uniform[..., -1].ravel(), found.radar, model),
+        )
+        state[:, list(space.velocity)] = known
     if found.detections.time_s is not None:  # back to where it was at the scan's stamp
         since = found.detections.time_s.repeat(count)[:, None]
         state[:, list(space.position)] -= since * state[:, list(space.velocity)]
@@ -235,6 +263,7 @@ def _intensity(
     scaled = slow_state[row][:, velocity] / model.velocity_std
     log_density -= 0.5 * (scaled**2).sum(axis=1)
     log_density -= np.log(2.0 * np.pi * model.velocity_std**2)
+    log_density += _log_told_by_rate(found, model, slow_state, (row, column))
     log_density -= np.log(np.maximum(predicted[row, 0], LEAST_RANGE))
     turning = np.array([turn_rate in motion.support for motion in modes.motions])[mode[rows[row]]]
     turn = slow_state[row, turn_rate] / model.turn_rate_std
@@ -242,6 +271,77 @@ def _intensity(
     log_density += np.where(turning, log_turn, 0.0)
     mass = _mode_mass(found, modes)[column, mode[rows[row]]]
     return sum_by(rows[row], mass * np.exp(log_density), len(state))
+
+
+def _directions(position: FloatArray, radar: RadarModel) -> FloatArray:
+    """Return the directions from a radar to positions, world frame, shape (N, 2)."""
+    line = position - np.asarray(radar.position)
+    distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
+    toward: FloatArray = line / distance[:, None]
+    return toward
+
+
+def _known_velocity(
+    position: FloatArray,
+    drawn: FloatArray,
+    measured: Rates,
+    uniform: FloatArray,
+    radar: RadarModel,
+    model: DetectionBirthModel,
+) -> FloatArray:
+    """Return velocities drawn given the range rates of their detections, shape (N, 2).
+
+    Parameters
+    ----------
+    position, drawn : arrays of shape (N, 2)
+        At the time of the detection, and velocities drawn from the prior.
+    measured : Rates
+        Of each row.
+    uniform : array of shape (N,)
+        In [0, 1); chooses the fold.
+    radar : RadarModel
+    model : DetectionBirthModel
+    """
+    toward = _directions(position, radar)
+    radial = (drawn * toward).sum(axis=1)
+    prior, noise = model.velocity_std**2, measured.std**2
+    rates = measured.model
+    value = rates.wrapped(measured.rate + toward @ np.asarray(radar.velocity))
+    value = np.where(np.isfinite(value), value, 0.0)
+    shifts = rates.folds(GATE_SIGMA * float(np.sqrt(prior + np.max(noise, initial=0.0))))
+    each = value[:, None] + shifts
+    log_share = -0.5 * each**2 / (prior + noise)[:, None]
+    share = np.cumsum(np.exp(log_share - log_share.max(axis=1, keepdims=True)), axis=1)
+    fold = (uniform[:, None] * share[:, -1:] >= share[:, :-1]).sum(axis=1)
+    gain = prior / (prior + noise)
+    # A draw of the prior, brought to the spread of the posterior and to its mean.
+    told = gain * each[np.arange(len(each)), fold] + radial * np.sqrt(1.0 - gain)
+    change = np.where(np.isfinite(measured.rate), told - radial, 0.0)
+    velocity: FloatArray = drawn + change[:, None] * toward
+    return velocity
+
+
+def _log_told_by_rate(
+    found: Newborn,
+    model: DetectionBirthModel,
+    state: FloatArray,
+    pairs: tuple[IntArray, IntArray],
+) -> FloatArray | float:
+    """Return the log of what range rates make of the density of velocities, shape (P,).
+
+    The posterior is the prior times the likelihood of the range rate, divided by its density.
+    """
+    measured = found.radar.rates_of(found.detections)
+    if measured is None:
+        return 0.0
+    row, column = pairs
+    position = state[row][:, list(found.radar.space.position)]
+    if found.detections.time_s is not None:
+        velocity = state[row][:, list(found.radar.space.velocity)]
+        position = position + found.detections.time_s[column][:, None] * velocity
+    toward = _directions(position, found.radar)
+    evidence = model.log_range_rate(toward, measured.take(column), found.radar)
+    return found.radar.log_range_rate(state, found.detections, pairs) - evidence
 
 
 def _mode_mass(found: Newborn, modes: ModeSpace) -> FloatArray:

@@ -19,6 +19,7 @@ from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
 from ..types import FULL_TURN, Truth
 from .clutter_law import NOISE, ClutterLaw
+from .echoes import Echoes
 from .flight import ROUNDING_S, Flight, Leg
 
 # True targets follow this model's mean; turn rate 0 is a straight line.
@@ -180,6 +181,8 @@ class Scenario:
         Largest number of turning radars that see a target at a time, the nearest ones; 0 for all.
     clutter : tuple of ClutterLaw
         One per radar; noise if empty.
+    echoes : tuple of (Echoes or None)
+        One per radar; empty if targets answer once.
     """
 
     start_ns: int
@@ -190,6 +193,7 @@ class Scenario:
     antennas: tuple[Antenna, ...] = ()
     most_radars: int = 0
     clutter: tuple[ClutterLaw, ...] = ()
+    echoes: tuple[Echoes | None, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.antennas:
@@ -199,6 +203,10 @@ class Scenario:
     def law(self, radar: int) -> ClutterLaw:
         """Return the law of a radar's clutter, by the radar's index."""
         return self.clutter[radar] if self.clutter else NOISE
+
+    def laws(self, radar: int) -> tuple[ClutterLaw, Echoes | None]:
+        """Return the law of a radar's clutter and the echoes that it sees, by its index."""
+        return self.law(radar), self.echoes[radar] if self.echoes else None
 
     @property
     def turning(self) -> bool:

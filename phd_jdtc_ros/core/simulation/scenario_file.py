@@ -12,7 +12,7 @@ from typing import Any
 from ..configuration.schema import SMALL, ConfigError, Parameter
 from ..models.amplitude_density import snr_from_db
 from ..models.radar import RadarModel
-from . import clutter_law, generators
+from . import clutter_law, echoes, generators
 from .checked import mapping, mappings, names_of, place, take
 from .flight import Flight, Leg
 from .geodesy import east_north
@@ -79,6 +79,7 @@ OTHER_KEYS = (
     "manoeuvres",
     "antennas",
     "clutter",
+    "echoes",
     "world_origin",
     "sites",
 )
@@ -94,8 +95,9 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         `TARGET`. A target may have ``turns``: a list of mappings with all keys of `TURN`. A target
         with ``legs``, a list of mappings of `LEG`, has the keys of `FLIGHT` instead. ``traffic``
         and ``manoeuvres`` stand for many targets, see `generators`. ``antennas`` has the keys of
-        `ANTENNA` by name of the radar, and ``clutter`` the law of its amplitudes, see
-        `clutter_law`. ``world_origin`` is the latitude and longitude of the
+        `ANTENNA` by name of the radar, ``clutter`` the law of its amplitudes, see
+        `clutter_law`, and ``echoes`` how targets answer to it more than once, see `echoes`.
+        ``world_origin`` is the latitude and longitude of the
         world's zero, and ``sites`` has those of radars by name. ``parameters`` are those of the
         tracker and the radars, and are ignored here, as are ``sites``.
     radars : tuple of RadarModel
@@ -112,6 +114,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     targets = _targets(document, faults)
     antennas = _antennas(mapping(document, "antennas", faults), radars, faults)
     clutter = clutter_law.laws(document, radars, faults)
+    answers = echoes.of_radars(document, radars, faults)
     duration_s = 0.0 if faults else (timing["scans"] - 1) * timing["interval_s"]
     targets += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
     given = mapping(document, "manoeuvres", faults)
@@ -128,6 +131,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         antennas=antennas,
         most_radars=timing["most_radars"],
         clutter=clutter,
+        echoes=answers,
     )
 
 

@@ -10,8 +10,9 @@ import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
 from ..models.radar import RadarModel, wrap_angle
-from ..types import Detections, Scan, Truth
+from ..types import FULL_TURN, Detections, Scan, Truth
 from .clutter_law import NOISE, ClutterLaw
+from .echoes import Echoes
 from .scenario import Scenario, truth_at
 
 BoolArray = npt.NDArray[np.bool_]
@@ -23,6 +24,7 @@ def detect(
     radar: RadarModel,
     rng: np.random.Generator,
     law: ClutterLaw = NOISE,
+    echoes: Echoes | None = None,
 ) -> tuple[Detections, IntArray]:
     """Return one radar's detections of `truth` among its clutter, in random order.
 
@@ -36,6 +38,8 @@ def detect(
     rng : numpy.random.Generator
     law : ClutterLaw
         Of the envelopes of clutter.
+    echoes : Echoes or None
+        How targets answer more than once; None if they do not.
 
     Returns
     -------
@@ -53,14 +57,50 @@ def detect(
     measurement, envelope, seen = observe(exact, snr, radar, rng)
     clutter, tail = false_detections(radar, rng.poisson(radar.clutter_rate), rng, law)
     count = len(clutter)
-    measurement = np.concatenate([measurement[seen], clutter])
+    state, target = truth.state[seen], truth.track_id[seen]
+    measurement, envelope = measurement[seen], envelope[seen]
+    if echoes is not None:
+        echo, row = echoes.sources(state, truth.space, rng)
+        further, level, shown = observe(radar.measure(echo), snr[seen][row], radar, rng)
+        state, target = np.concatenate([state, echo[shown]]), np.append(target, target[row[shown]])
+        measurement = np.concatenate([measurement, further[shown]])
+        envelope = np.append(envelope, level[shown])
+    rate = range_rates(state, count, radar, rng)
+    measurement = np.concatenate([measurement, clutter])
     order = rng.permutation(len(measurement))
     detections = Detections(
         measurement=measurement[order],
-        amplitude=np.concatenate([envelope[seen], tail])[order],
+        amplitude=np.concatenate([envelope, tail])[order],
+        range_rate=None if rate is None else rate[order],
     )
-    source = np.concatenate([truth.track_id[seen], np.zeros(count, dtype=np.int64)])
+    source = np.concatenate([target, np.zeros(count, dtype=np.int64)])
     return detections, source[order]
+
+
+def range_rates(
+    state: FloatArray, clutter: int, radar: RadarModel, rng: np.random.Generator
+) -> FloatArray | None:
+    """Return measured range rates of targets and then of clutter; None if the radar has none.
+
+    Parameters
+    ----------
+    state : array of shape (N, D)
+        Of the targets that are detected, or of where they answer.
+    clutter : int
+        Number of false detections.
+    radar : RadarModel
+    rng : numpy.random.Generator
+
+    Notes
+    -----
+    Ambiguous ones are between minus and plus half an interval.
+    """
+    model = radar.range_rate
+    if model is None:
+        return None
+    noisy = radar.range_rate_of(state) + model.std * rng.standard_normal(len(state))
+    uniform = model.clutter_width * (rng.random(clutter) - 0.5)
+    return np.append(model.wrapped(noisy), uniform)
 
 
 def observe(
@@ -106,11 +146,17 @@ def observe(
 def false_detections(
     radar: RadarModel, count: int, rng: np.random.Generator, law: ClutterLaw
 ) -> tuple[FloatArray, FloatArray]:
-    """Return measurements of clutter, shape (count, 2), and their envelopes, shape (count,)."""
+    """Return measurements of clutter, shape (count, 2), and their envelopes, shape (count,).
+
+    It is uniform in the azimuths of the field of view.
+    """
+    fov = radar.visibility.fov
+    # Whatever a whole turn begins at.
+    first = -np.pi if fov.width == FULL_TURN else fov.start
     clutter = np.stack(
         [
             rng.uniform(0.0, radar.clutter_max_range, count),
-            rng.uniform(-np.pi, np.pi, count),
+            rng.uniform(first, first + fov.width, count),
         ],
         axis=1,
     )
@@ -137,7 +183,7 @@ def simulate_with_sources(
     for index in range(scenario.scans):
         truth = truth_at(scenario, index)
         reports = [
-            detect(truth, snr_of[truth.track_id - 1], radar, rng, scenario.law(number))
+            detect(truth, snr_of[truth.track_id - 1], radar, rng, *scenario.laws(number))
             for number, radar in enumerate(scenario.radars)
         ]
         scan = Scan(truth.stamp_ns, tuple(detections for detections, _ in reports))

@@ -18,6 +18,7 @@ The plots of a seed do not depend on how they are reported.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from ..models.radar import RadarModel, wrap_angle
 from ..types import FULL_TURN, Coverage, Detections
 from .flight import Flight
 from .scenario import Antenna, Scenario, truth_at
-from .simulate import BoolArray, detect, false_detections, observe
+from .simulate import BoolArray, detect, false_detections, observe, range_rates
 
 # The beam is far faster than any target, so that each step leaves a small part of the error.
 STEPS = 12
@@ -69,12 +70,14 @@ class Plots(NamedTuple):
     amplitude : array of shape (M,)
     source : int array of shape (M,)
         The track_id of each plot's target; 0 for clutter.
+    range_rate : array of shape (M,) or None
     """
 
     turns: FloatArray
     measurement: FloatArray
     amplitude: FloatArray
     source: IntArray
+    range_rate: FloatArray | None = None
 
 
 def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int) -> list[Report]:
@@ -141,10 +144,12 @@ def plots_of(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     offset = antenna.bearing / FULL_TURN
     exact, turns, snr, source = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)], []
+    state = [np.zeros((0, len(radar.space)))]
     for number, flight in enumerate(scenario.flights, start=1):
         time = passes(flight, radar, antenna, scenario.duration_s)
         time = time[_among_nearest(scenario, index, flight, time)]
-        exact.append(radar.measure(flight.states(time)))
+        state.append(flight.states(time))
+        exact.append(radar.measure(state[-1]))
         turns.append(time / radar.rotation_s + offset)
         snr.append(np.full(len(time), flight.snr))
         source += [number] * len(time)
@@ -154,6 +159,7 @@ def plots_of(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
     moved = wrap_angle(found[:, 1] - azimuth) / FULL_TURN
     turned = np.concatenate(turns) + (-moved if antenna.clockwise else moved)
     clutter = _clutter(scenario, index, rng)
+    range_rate = range_rates(np.concatenate(state)[seen], len(clutter.source), radar, rng)
     everything = Plots(
         np.concatenate([turned[seen], clutter.turns]),
         np.concatenate([found[seen], clutter.measurement]),
@@ -166,6 +172,7 @@ def plots_of(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
         everything.measurement[order],
         everything.amplitude[order],
         everything.source[order],
+        None if range_rate is None else range_rate[order],
     )
 
 
@@ -230,6 +237,7 @@ def _reported(
         plots.amplitude[rows] if layout.amplitude_field else None,
         time_s=time_s if layout.time_field else None,
         coverage=coverage,
+        range_rate=None if plots.range_rate is None else plots.range_rate[rows],
     )
 
 
@@ -249,8 +257,8 @@ def _still_reports(
     for scan in range(scenario.scans):
         truth = truth_at(scenario, scan)
         snr = snr_of[truth.track_id - 1]
-        found, source = detect(truth, snr, scenario.radars[index], rng, scenario.law(index))
+        found, source = detect(truth, snr, scenario.radars[index], rng, *scenario.laws(index))
         if not layout.amplitude_field:
-            found = Detections(found.measurement, None)
+            found = replace(found, amplitude=None)
         reports.append(Report(index, truth.stamp_ns, found, source))
     return reports

@@ -55,7 +55,9 @@ def informed(
     model : TrackerModel
     rng : numpy.random.Generator
     """
-    if not model.detection_births.enabled:
+    # With a range rate the prior is not the same in all directions, and half of it is known.
+    measured = any(radar.range_rate is not None for radar in model.radars)
+    if measured or not model.detection_births.enabled:
         return list(touched)
     return [
         _informed(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)

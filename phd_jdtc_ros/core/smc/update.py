@@ -71,6 +71,7 @@ def update(
     detections, radar, share = thinned(predicted, targets, detections, radar)
     rate = None if detections.time_s is None else radar.measurement_rate(particles.state)
     row, column, log_likelihood = radar.gated_pairs(predicted, detections, rate)
+    log_likelihood += radar.log_range_rate(particles.state, detections, (row, column))
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
     )
