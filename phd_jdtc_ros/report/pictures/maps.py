@@ -15,6 +15,7 @@ from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
+from matplotlib.text import Annotation
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
 from msg_adapters.ellipse import RADIUS_95
@@ -50,6 +51,7 @@ def scenario(record: Record) -> Figure:
     scale = MapScale.of(record)
     tracks = [track._replace(position=scale.of_metres(track.position)) for track in tracks]
     figure, axes = _map(np.concatenate([track.position for track in tracks]), scale, margin=0.1)
+    labels = []
     for track in tracks:
         colour = class_colour(track.class_id)
         x, y = track.position.T
@@ -59,7 +61,9 @@ def scenario(record: Record) -> Figure:
         axes.plot(np.interp(dots, time, x), np.interp(dots, time, y), ".", color=colour, ms=6)
         axes.plot(x[0], y[0], "o", color=colour, markerfacecolor="white", ms=7, mew=1.6, zorder=3)
         _arrow_head(axes, track.position, colour)
-        _start_label(axes, track, f"{track.number}", clock.interval(time[0], time[-1]))
+        life = clock.interval(time[0], time[-1])
+        labels.append(_start_label(axes, track, f"{track.number}", life))
+    _make_room(axes, labels)
     handles = [
         Line2D(
             [],
@@ -231,11 +235,11 @@ def _arrow_head(axes: Axes, position: FloatArray, colour: str) -> None:
         )
 
 
-def _start_label(axes: Axes, track: Track, number: str, life: str) -> None:
+def _start_label(axes: Axes, track: Track, number: str, life: str) -> Annotation:
     """Write a track's number and lifetime beside its start, on the side away from its line."""
     heading = track.position[-1] - track.position[0]
     side = -1.0 if heading[0] >= 0.0 else 1.0
-    axes.annotate(
+    return axes.annotate(
         f"{number}  ({life})",
         xy=track.position[0],
         xytext=(9.0 * side, 0.0),
@@ -244,6 +248,21 @@ def _start_label(axes: Axes, track: Track, number: str, life: str) -> None:
         va="center",
         color=INK,
     )
+
+
+def _make_room(axes: Axes, labels: Sequence[Annotation]) -> None:
+    """Widen a map until its labels are inside, which have the same size in any scale."""
+    figure = axes.figure
+    for label in labels:
+        label.set_in_layout(False)
+    figure.draw_without_rendering()
+    to_data = axes.transData.inverted()
+    boxes = [label.get_window_extent().transformed(to_data) for label in labels]
+    first, last = axes.get_xlim()
+    if all(first <= box.x0 and box.x1 <= last for box in boxes):
+        return
+    axes.update_datalim([[edge, box.y0] for box in boxes for edge in (box.x0, box.x1)])
+    axes.autoscale_view()
 
 
 def _ellipses(axes: Axes, estimates: Estimates, scale: MapScale) -> None:
