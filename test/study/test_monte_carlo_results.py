@@ -314,3 +314,11 @@ def test_summarise_does_not_judge_what_it_does_not_have(study):
     (goal,) = monte_carlo.summarise(study, [], [], [])["goals"]
 
     assert (goal["value"], goal["goal"], goal["reached"]) == (None, None, None)
+
+
+def test_score_counts_the_targets_that_are_reported_within_four_scans(pair):
+    # The first target in its fourth scan, and the other one in its fifth.
+    found = scored(pair, *[[]] * 3, *[[(0.0, 0)]] * 3, *[[(0.0, 0), (5e3, 1)]] * 6)
+
+    assert np.flatnonzero(value(found, "begun")).tolist() == [3, 5]
+    assert np.flatnonzero(value(found, "prompt")).tolist() == [3]

@@ -74,7 +74,8 @@ def markdown(summary: Mapping[str, Any]) -> str:
             lines += _consistency_markdown(variants)
             continue
         lags = _all_lags(variants)
-        distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
+        cutoff = summary.get("c_of_case", {}).get(case, summary["c"])
+        distance = f"p = {summary['p']:g}, c = {cutoff:g} m"
         what = f"Mean OSPA ({distance}) in metres by lag in scans, 95 % interval."
         lines += [f"## {case}", "", what, ""]
         lines += _markdown_row(["variant", "runs", *lags])

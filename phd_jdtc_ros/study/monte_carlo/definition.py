@@ -18,6 +18,7 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     POSITION_NEAR,
     Metric,
     mean,
+    share,
 )
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 
@@ -50,6 +51,15 @@ CPU = Metric(
     mean("cpu_ms"),
     "CPU time per turn of the antenna, filter and smoother together.",
 )
+PROMPT = Metric(
+    "reported_within_4",
+    "reported within 4 scans",
+    "",
+    ".1%",
+    share("prompt", "begun"),
+    "Share of the targets that are paired with an estimate in one of their first four scans, by "
+    "position alone, closer than c; of targets that exist so long.",
+)
 METRICS = {
     metric.key: metric
     for metric in (
@@ -59,6 +69,7 @@ METRICS = {
         CLASS_ACCURACY,
         OSPA_AFTER_5,
         MEDIAN_ERROR,
+        PROMPT,
         CPU,
     )
 }
@@ -82,12 +93,15 @@ class Case:
     parameters : dict
         Parameters of the tracker by dotted name; they also define the scenario's radars.
     classes : int
+    cutoff : float or None
+        c of OSPA and GOSPA, metres, where the study's is too large for the scene; None for that.
     """
 
     name: str
     scenario: Scenario
     parameters: dict[str, Any]
     classes: int
+    cutoff: float | None = None
 
 
 @dataclass(frozen=True)
@@ -159,7 +173,7 @@ class Study:
     assigned : dict
         Parameters that replace those of cases and variants.
     cutoff : float
-        c of OSPA and GOSPA, metres.
+        c of OSPA and GOSPA, metres, in cases without their own.
     left_out : mapping of str to str
         Variants that the assigned engine does not have, and why.
     """
@@ -170,6 +184,10 @@ class Study:
     assigned: dict[str, Any]
     cutoff: float = CUTOFF
     left_out: Mapping[str, str] = field(default_factory=dict)
+
+    def cutoff_of(self, case: Case) -> float:
+        """Return the c of OSPA and GOSPA in a case, metres."""
+        return self.cutoff if case.cutoff is None else case.cutoff
 
     def parameters(self, case: Case, variant: Variant) -> dict[str, Any]:
         """Return the tracker's parameters for a variant and a case."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 from phd_jdtc_ros.core.configuration import build as tracker_config
-from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter, flatten
+from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter, flatten
 from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
@@ -26,6 +26,7 @@ BUILT_IN_SCENARIO = "paper_scenario"
 OF_READING = ("death_term", "extraction")
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
+CUTOFF = Parameter("cutoff", 1000.0, "", SMALL)
 
 # Parameters in a scenario file by dotted name, and a function from radars to its scenario.
 Scene: TypeAlias = "tuple[Mapping[str, Any], Callable[[tuple[RadarModel, ...]], Scenario]]"
@@ -60,9 +61,14 @@ def resolve(
         for name, given in _entries(document, "cases", faults)
     ]
     names = [name for name, _ in _entries(document, "cases", [])]
+    shared = [
+        name
+        for name, given in _entries(document, "cases", [])
+        if given.get("only_named") is not True
+    ]
     turning = {case.name for case in checked if case is not None and case.scenario.turning}
     variants = [
-        _variant(name, given, names, turning, lags, assigned, faults)
+        _variant(name, given, names, shared, turning, lags, assigned, faults)
         for name, given in _entries(document, "variants", faults)
     ]
     goals = [
@@ -98,7 +104,12 @@ def _case(
 ) -> Case | None:
     """Return a case, or None after adding its faults to `faults`."""
     prefix = f"cases.{name}."
-    faults += _unknown_keys(given, prefix, ("scenario", "parameters"))
+    faults += _unknown_keys(given, prefix, ("scenario", "parameters", "cutoff", "only_named"))
+    cutoff = CUTOFF.coerce(given["cutoff"]) if "cutoff" in given else math.nan
+    if cutoff is None:
+        faults.append(f"{prefix}cutoff: {given['cutoff']!r} given, must be {CUTOFF.allowed}")
+    if not isinstance(given.get("only_named", False), bool):
+        faults.append(f"{prefix}only_named: {given['only_named']!r} given, must be true or false")
     of_case = _parameters(given, prefix, faults)
     source = given.get("scenario")
     if not isinstance(source, str):
@@ -115,7 +126,8 @@ def _case(
         highest = max((target.class_id for target in scenario.targets), default=0)
         if highest >= classes:
             raise ConfigError([f"class {highest} of a target, must be below {classes}"])
-        return Case(name, scenario, parameters, classes)
+        own = cutoff if isinstance(cutoff, float) and math.isfinite(cutoff) else None
+        return Case(name, scenario, parameters, classes, own)
     except ConfigError as error:
         for fault in error.faults:
             name = fault.split(":")[0]
@@ -133,6 +145,7 @@ def _variant(
     name: str,
     given: Mapping[str, Any],
     cases: Sequence[str],
+    shared: Collection[str],
     turning: Collection[str],
     lags: tuple[int, ...],
     assigned: Mapping[str, Any],
@@ -140,7 +153,7 @@ def _variant(
 ) -> Variant:
     """Return a variant; add its faults to `faults`.
 
-    Its cases are by default all that its kind suits: those of `turning`, or the others.
+    Its cases are by default all of `shared` that its kind suits: those of `turning`, or the others.
     """
     prefix = f"variants.{name}."
     keys = ("kind", "engine", "cases", "lags", "parameters", *OF_READING)
@@ -167,7 +180,7 @@ def _variant(
     else:
         only = " or ".join(TRACKERS)
         faults += [f"{prefix}{key}: only for kind {only}" for key in OF_READING if key in given]
-    chosen = given.get("cases", suited)
+    chosen = given.get("cases", [case for case in suited if case in shared])
     if not isinstance(chosen, list) or not chosen or not set(map(str, chosen)) <= set(suited):
         faults.append(f"{prefix}cases: {chosen!r} given, must be a list of {', '.join(suited)}")
         chosen = []

@@ -114,7 +114,7 @@ def summarise(
         ``reduction`` is that of the mean OSPA against lag 0 of the same variant and seed.
         ``confusion`` of a class is the share of its targets that were estimated as each class or
         missed; that of all targets is the mean over runs of the confusion matrix, summed over the
-        scans.
+        scans. ``c_of_case`` has the cut-off of each case with one of its own, metres.
     """
     cases: dict[str, Any] = {}
     for result in results:
@@ -140,6 +140,7 @@ def summarise(
     return {
         "p": ORDER,
         "c": study.cutoff,
+        "c_of_case": {c.name: c.cutoff for c in study.cases if c.cutoff is not None},
         "cases": cases,
         "goals": [_judged(goal, results) for goal in study.goals],
         "notes": list(notes),

@@ -34,9 +34,12 @@ OTHER_ORDER, OTHER_CUTOFF = 1.0, 300.0
 # A target is young in its first scans, which a tracker without known birth places needs to start a
 # track.
 YOUNG_SCANS = 5
+# Scans in which a target is to be reported, its first one included.
+PROMPT_SCANS = 4
 # Values of the metric table, and further ones of the study.
-OF_STUDY = ("ospa_p1", "ospa_c300", "ospa_after_5", "median_error", "cpu_ms")
+OF_STUDY = ("ospa_p1", "ospa_c300", "ospa_after_5", "median_error", "begun", "prompt", "cpu_ms")
 VALUES = (*PUBLISHED, *COUNTED, "identity_switches", *OF_STUDY)
+BEGUN = [VALUES.index(name) for name in ("begun", "prompt")]
 
 
 class Scores(NamedTuple):
@@ -90,6 +93,8 @@ def score(
     - The values of gaps are of the gaps that ended in the scan; all gaps end in the last scan.
     - ``ospa_p1`` and ``ospa_c300`` are OSPA of all targets with `OTHER_ORDER` and `OTHER_CUTOFF`.
     - ``median_error`` is the median distance of the pairs, metres, of all targets.
+    - ``begun`` is the number of targets in their scan number `PROMPT_SCANS`, and ``prompt`` that of
+      those of them that have been paired.
     - ``cpu_ms`` is the tracker's CPU time per turn, the same for all turns of a run.
     - ``ospa_after_5`` is OSPA without the targets in their first `YOUNG_SCANS` scans and without
       the estimates paired with them; NaN if all existing targets are young.
@@ -102,15 +107,21 @@ def score(
     sets = set_names(estimated)
     values = np.full((len(lags), scans, len(sets), len(VALUES)), np.nan)
     taken_for = np.zeros((len(lags), scans, estimated, estimated), dtype=np.int64)
-    young = _young(run)
+    age = _ages(run)
+    young = [ages < YOUNG_SCANS for ages in age]
     for row, lag in enumerate(lags):
         comparer = ScanComparer(estimated, cutoff, ORDER)
+        paired: set[int] = set()
         for index, (truth, points) in enumerate(zip(run.truth, tracks[lag], strict=True)):
             scan = PairedScan.of(truth.stamp_ns, PointSet.of(truth), points, cutoff)
             compared = comparer.compare(scan)
             if index == scans - 1:
                 compared = comparer.ended(compared)
             values[row, index] = _scan_values(scan, compared, young[index], cutoff)
+            paired.update(truth.track_id[scan.pairs[0]].tolist())
+            begun = truth.track_id[age[index] == PROMPT_SCANS - 1].tolist()
+            prompt = [label for label in begun if label in paired]
+            values[row, index, 0, BEGUN] = len(begun), len(prompt)
             matrix = confusion_matrix(scan.pairs, truth.class_id, points.class_id, estimated)
             taken_for[row, index] = matrix[:estimated, :estimated]
     values[:, :, 0, VALUES.index("cpu_ms")] = cpu_ms
@@ -118,14 +129,14 @@ def score(
     return Scores(lags, sets, stamps * 1e-9, np.round(values, 3), taken_for if estimated else None)
 
 
-def _young(run: SimulatedRun) -> list[npt.NDArray[np.bool_]]:
-    """Return for every scan which of its targets are in their first `YOUNG_SCANS` scans."""
+def _ages(run: SimulatedRun) -> list[IntArray]:
+    """Return for every scan since how many scans each of its targets exists."""
     first: dict[int, int] = {}
-    young = []
+    ages = []
     for scan, truth in enumerate(run.truth):
-        ages = [scan - first.setdefault(label, scan) for label in truth.track_id.tolist()]
-        young.append(np.array(ages, dtype=np.int64) < YOUNG_SCANS)
-    return young
+        of_scan = [scan - first.setdefault(label, scan) for label in truth.track_id.tolist()]
+        ages.append(np.array(of_scan, dtype=np.int64))
+    return ages
 
 
 def _scan_values(

@@ -36,7 +36,7 @@ from .kinds import (
 from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # Must be increased when the meaning of a stored row changes.
-FORMAT = 4
+FORMAT = 5
 # Trackers with settings of their own.
 WITHOUT_PARAMETERS = (*KNOWN_ASSOCIATION, *STONE_SOUP)
 
@@ -148,14 +148,14 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "classes": case.classes,
         "kind": variants[0].kind,
         "parameters": {} if variants[0].kind in WITHOUT_PARAMETERS else _in_force(parameters),
-        "ospa": [study.cutoff, ORDER, OTHER_CUTOFF, OTHER_ORDER],
+        "ospa": [study.cutoff_of(case), ORDER, OTHER_CUTOFF, OTHER_ORDER],
     }
     digests = {
         v.name: _digest({**shared, "name": v.name, "reading": v.reading, "lags": v.lags})
         for v in variants
     }
     settings = case.name, case.scenario, case.classes, variants, parameters
-    return Task(*settings, 0, code, digests, study.cutoff)
+    return Task(*settings, 0, code, digests, study.cutoff_of(case))
 
 
 def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
