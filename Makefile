@@ -123,7 +123,7 @@ format: $(VENV)/.ready-test
 	$(RUN) -m ruff format
 
 SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes \
-    terminal_radar terminal_radar_by_sector two_terminal_radars
+    terminal_radar terminal_radar_by_sector two_terminal_radars coastal coastal_ship
 
 bags: $(VENV)/.ready
 	@for name in $(SCENARIOS); do \

@@ -18,7 +18,11 @@ SHARE = Path("share", PACKAGE)
 # The name of the reference scenario's bag.
 DEFAULT_BAG = "paper_scenario"
 # The bags of profiles that are not for the reference scenario.
-PROFILE_BAGS = {"air_traffic": "terminal_radar", "autoferry": "autoferry_2"}
+PROFILE_BAGS = {
+    "air_traffic": "terminal_radar",
+    "autoferry": "autoferry_2",
+    "marine": "coastal",
+}
 # The c of OSPA and GOSPA, metres, where targets are much nearer to each other than usual.
 PROFILE_CUTOFFS = {"autoferry": 50.0}
 # The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.

@@ -19,6 +19,7 @@ from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.evaluation.metrics import assign
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
+from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
@@ -110,7 +111,7 @@ def estimates_of(
     reports = simulate_reports(scenario, config.inputs, seed)
     found: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
     begin = time.process_time()
-    for event in _events(config, reports):
+    for event in _events(config, scenario, reports):
         if isinstance(event, RunEnded):
             found[SMOOTHED] += event.smoothed
         else:
@@ -119,9 +120,19 @@ def estimates_of(
     return found, time.process_time() - begin
 
 
-def _events(config: TrackerConfig, reports: Iterable[Report]) -> Iterator[Event]:
+def _events(
+    config: TrackerConfig, scenario: Scenario, reports: Iterable[Report]
+) -> Iterator[Event]:
     pipeline = new_pipeline(config)
+    poses = iter(scenario.poses())
+    posed_ns = -1
     for report in reports:
+        while posed_ns < report.stamp_ns and (known := next(poses, None)) is not None:
+            posed_ns, pose = known
+            for radar in scenario.platform.radars if scenario.platform else ():
+                posed = pipeline.add_pose(radar, posed_ns, pose)
+                if not isinstance(posed, PoseFault):
+                    yield from posed
         events = pipeline.add(report.radar, report.stamp_ns, report.detections)
         if not isinstance(events, Rejection):
             yield from events

@@ -28,9 +28,11 @@ DEFINED = sorted((ROOT / "config" / "scenarios").glob("*.yaml"))
 ALL_FILES = [path for path in DEFINED if path.stem not in OF_STUDIES]
 # Radars that turn have no common scan.
 TURNING = [path for path in ALL_FILES if "terminal" in path.stem]
-FILES = [path for path in ALL_FILES if path not in TURNING]
+# The coast and its ships; tests of their own are in test_coastal.
+COASTAL = [path for path in ALL_FILES if "coastal" in path.stem]
+FILES = [path for path in ALL_FILES if path not in (*TURNING, *COASTAL)]
 # MADAP has flights of an hour, and tests of its own.
-WITH_SCANS = [path for path in DEFINED if path not in TURNING and path.stem != "madap"]
+WITH_SCANS = [path for path in DEFINED if path not in (*TURNING, *COASTAL) and path.stem != "madap"]
 # Targets are scored in so many scans, after so many.
 SCORED, SETTLED = 13, 12
 # Missed targets that are allowed in these scans, other than two. Weak ones are often not detected.
@@ -55,6 +57,8 @@ def test_the_shipped_scenarios_are_these():
     assert {path.stem for path in DEFINED} - {path.stem for path in ALL_FILES} == OF_STUDIES
     assert [path.stem for path in ALL_FILES] == [
         "clutter_50",
+        "coastal",
+        "coastal_ship",
         "manoeuvring",
         "one_radar",
         "paper_scenario",

@@ -414,9 +414,9 @@ RADAR = (
     ),
     Parameter(
         "clutter_map_speed",
-        1.0,
-        "The detections of targets slower than this count as clutter in the map, m/s; 0: those at "
-        "rest stay targets, once they are.",
+        2.5,
+        "The detections of targets that are probably slower than this count as clutter in the map, "
+        "m/s; 0: those at rest stay targets, once they are.",
         0.0,
         1e3,
         mutable=True,

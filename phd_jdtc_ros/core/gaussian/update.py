@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chndtr
 
 from .. import origins
 from ..arrays import FloatArray, IntArray, sum_by
@@ -29,6 +30,8 @@ from .reduction import Bounds, Branched, probable
 # Of the sources of a detection, and of the hypotheses of a target; pairs below it are left out
 # before they are located.
 LEAST_SHARE = 1e-4
+# Deviations of a velocity that is known well, metres per second and as a share of the bound.
+LEAST_SPEED_STD, LEAST_SPEED_SHARE = 0.1, 0.05
 
 
 def update(
@@ -103,7 +106,7 @@ def update(
     )
     shares = bernoulli(mixture.target, len(mixture.label), mixture.mass, claims)
     if clutter is not None and clutter.learns(radar):
-        still = _speed(mixture, radar) < radar.clutter_map_speed
+        still = _still(mixture, radar)
         clutter.learn(radar, detections, shares.claimed, claims.part(still))
     factor = shares.missed[mixture.target] * shares.prior / prior
     weight = np.concatenate([missed * factor[:, None, None], weight * shares.pair[:, None, None]])
@@ -113,13 +116,24 @@ def update(
     return branched, newborn, shares.approximate
 
 
-def _speed(mixture: Mixture, radar: RadarModel) -> FloatArray:
-    """Return the speed of each hypothesis's mean velocity, metres per second, shape (H,)."""
+def _still(mixture: Mixture, radar: RadarModel) -> FloatArray:
+    """Return how probable it is that each hypothesis is slower than `clutter_map_speed`, (H,).
+
+    The speed of a target that has just appeared is not known, so that this is improbable. The
+    ellipse of a velocity is taken as a circle of the same area.
+    """
+    axes, slow = list(radar.space.velocity), radar.clutter_map_speed
+    covariance = mixture.covariance[..., axes, :][..., axes]
+    area = np.sqrt(np.maximum(np.linalg.det(covariance), 0.0))
+    variance = np.maximum(area, max(LEAST_SPEED_STD, LEAST_SPEED_SHARE * slow) ** 2)
+    square = (mixture.mean[..., axes] ** 2).sum(axis=-1) / variance
+    bound = slow**2 / variance
+    # Beyond ten deviations it is zero, and its series would be long.
+    slower = chndtr(bound, 2.0, np.minimum(square, (np.sqrt(bound) + 10.0) ** 2))
     weight = np.einsum("hrs->hr", mixture.weight)
-    velocity = np.einsum("hr,hrv->hv", weight, mixture.mean[..., list(radar.space.velocity)])
-    velocity /= np.maximum(weight.sum(axis=1), np.finfo(float).tiny)[:, None]
-    speed: FloatArray = np.hypot(velocity[:, 0], velocity[:, 1])
-    return speed
+    total = np.maximum(weight.sum(axis=1), np.finfo(float).tiny)
+    still: FloatArray = (weight * slower).sum(axis=1) / total
+    return still
 
 
 def _others(

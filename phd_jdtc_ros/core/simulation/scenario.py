@@ -17,9 +17,11 @@ from ..arrays import FloatArray
 from ..models.amplitude_density import snr_from_db
 from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
-from ..types import FULL_TURN, Truth
+from ..types import FULL_TURN, Pose, Truth
 from .clutter_law import NOISE, ClutterLaw
 from .flight import ROUNDING_S, Flight, Leg
+from .platform import MovingPlatform
+from .reflectors import Reflectors
 
 # True targets follow this model's mean; turn rate 0 is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
@@ -180,6 +182,10 @@ class Scenario:
         Largest number of turning radars that see a target at a time, the nearest ones; 0 for all.
     clutter : tuple of ClutterLaw
         One per radar; noise if empty.
+    reflectors : tuple of Reflectors
+        What answers all radars and is no target.
+    platform : MovingPlatform or None
+        What carries radars; the positions and directions of these are in its frame.
     """
 
     start_ns: int
@@ -190,6 +196,8 @@ class Scenario:
     antennas: tuple[Antenna, ...] = ()
     most_radars: int = 0
     clutter: tuple[ClutterLaw, ...] = ()
+    reflectors: tuple[Reflectors, ...] = ()
+    platform: MovingPlatform | None = None
 
     def __post_init__(self) -> None:
         if not self.antennas:
@@ -199,6 +207,44 @@ class Scenario:
     def law(self, radar: int) -> ClutterLaw:
         """Return the law of a radar's clutter, by the radar's index."""
         return self.clutter[radar] if self.clutter else NOISE
+
+    def carrier(self, radar: int) -> MovingPlatform | None:
+        """Return what carries a radar, by the radar's index; None if it stands."""
+        carries = self.platform is not None and radar in self.platform.radars
+        return self.platform if carries else None
+
+    def measured(self, radar: int, state: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Return noise-free (range, azimuth) of states from where a radar is at their times.
+
+        Parameters
+        ----------
+        radar : int
+        state : array of shape (N, D)
+        time_s : array of shape (N,)
+            After scan 0, seconds.
+
+        Returns
+        -------
+        array of shape (N, 2)
+        """
+        carrier = self.carrier(radar)
+        seen = state if carrier is None else carrier.seen(state, time_s)
+        return self.radars[radar].measure(seen)
+
+    def poses(self) -> list[tuple[int, Pose]]:
+        """Return the stamps and poses of what carries radars, ascending; the last one is the end's.
+
+        Empty if all stand.
+        """
+        if self.platform is None:
+            return []
+        known = self.platform.poses_until(self.duration_s)
+        return [(self.ns_after(elapsed_s), pose) for elapsed_s, pose in known]
+
+    def radar_at(self, radar: int, elapsed_s: float) -> RadarModel:
+        """Return a radar where it is in the world at a time after scan 0."""
+        model, carrier = self.radars[radar], self.carrier(radar)
+        return model if carrier is None else model.at(carrier.mounted(model, elapsed_s))
 
     @property
     def turning(self) -> bool:
