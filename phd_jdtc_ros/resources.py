@@ -24,7 +24,7 @@ PROFILE_BAGS = {
     "marine": "coastal",
 }
 # The c of OSPA and GOSPA, metres, where targets are much nearer to each other than usual.
-PROFILE_CUTOFFS = {"autoferry": 50.0}
+PROFILE_CUTOFFS = {"autoferry": 50.0, "marine": 200.0}
 # The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 

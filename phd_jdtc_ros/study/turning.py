@@ -4,7 +4,7 @@
 """Runs of radars whose antennas turn, and this package's tracker on them, through its pipeline.
 
 All trackers are scored at the end of each turn of the first radar that turns, with their estimates
-predicted to it. Only targets in the air are scored: what is slower taxis.
+predicted to it. Slow targets are not scored: aircraft that taxi, ships at anchor.
 """
 
 from __future__ import annotations
@@ -25,12 +25,8 @@ from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
 from phd_jdtc_ros.core.types import FILTERED, FULL_TURN, SMOOTHED, SOURCES, Estimates, Truth
 
-from .runs import SimulatedRun, Tracked
+from .runs import TAXIING, Ignored, SimulatedRun, Tracked
 
-# Targets slower than this, metres per second, are not scored.
-LEAST_SPEED = 40.0
-# An estimate nearer than this to a target that is not scored is its, metres.
-NEAR_SLOW = 1000.0
 # Estimates older than this, in turns, are not predicted to a stamp.
 OLDEST_TURNS = 1.5
 
@@ -44,20 +40,21 @@ def turn_ends(scenario: Scenario) -> list[float]:
     return [(turn - offset) * rotation_s for turn in range(first, int(last + 1e-9) + 1)]
 
 
-def turning_run(scenario: Scenario, seed: int) -> SimulatedRun:
-    """Return a run with the truth in the air at the end of each turn; it has no scans."""
-    truth = tuple(_in_the_air(truth_after(scenario, end)) for end in turn_ends(scenario))
-    return SimulatedRun(scenario, seed, truth, (), ())
+def turning_run(scenario: Scenario, seed: int, ignored: Ignored = TAXIING) -> SimulatedRun:
+    """Return a run with the truth that is scored at the end of each turn; it has no scans."""
+    every = (truth_after(scenario, end) for end in turn_ends(scenario))
+    truth = tuple(_scored(known, ignored) for known in every)
+    return SimulatedRun(scenario, seed, truth, (), (), ignored)
 
 
-def _in_the_air(truth: Truth) -> Truth:
-    rows = np.flatnonzero(np.hypot(*truth.velocity.T) >= LEAST_SPEED)
+def _scored(truth: Truth, ignored: Ignored) -> Truth:
+    rows = np.flatnonzero(np.hypot(*truth.velocity.T) >= ignored.below)
     return Truth(
         truth.stamp_ns, truth.state[rows], truth.track_id[rows], truth.class_id[rows], truth.space
     )
 
 
-def in_the_air(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
+def of_scored(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
     """Return a tracker's estimates at the stamps of the truth without those of slow targets.
 
     Targets and estimates are paired by position; false estimates stay.
@@ -65,7 +62,7 @@ def in_the_air(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
     rest = []
     for scored, points in zip(run.truth, found, strict=True):
         everything = truth_after(run.scenario, (scored.stamp_ns - run.scenario.start_ns) * 1e-9)
-        target, estimate = assign(everything.position, points.position, NEAR_SLOW)
+        target, estimate = assign(everything.position, points.position, run.ignored.near)
         slow = ~np.isin(everything.track_id[target], scored.track_id)
         rest.append(points.only(np.delete(np.arange(len(points)), estimate[slow])))
     return rest
@@ -96,7 +93,7 @@ def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int])
             if of_lag in lags:
                 stamps = [truth.stamp_ns for truth in run.truth]
                 points = at_stamps(found[source], stamps, OLDEST_TURNS * rotation_s)
-                tracks[of_lag] = in_the_air(run, points)
+                tracks[of_lag] = of_scored(run, points)
     return Tracked(tracks, 1e3 * spent_s / max(len(run.truth), 1))
 
 

@@ -39,6 +39,8 @@ from ..tracks import Track, true_tracks
 
 # Approximate number of ellipses and time dots per track.
 MARKS_PER_TRACK = 10
+# False detections per turn and km^2 that have the palest colour.
+CLUTTER_LEAST = 0.01
 TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
 
 
@@ -106,6 +108,42 @@ def measurements(record: Record) -> Figure:
             norm=LogNorm(lowest, max(highest, 1.1 * lowest)),
         )
         _amplitude_bar(figure, axes, dots)
+    return figure
+
+
+def clutter(record: Record) -> Figure:
+    """Draw where false detections come from, as learned in the end, and the true trajectories.
+
+    Raises
+    ------
+    ValueError
+        If the record has no such picture.
+    """
+    if record.clutter is None:
+        raise ValueError("clutter: None given, must be a picture")
+    shown, scale = record.clutter, MapScale.of(record)
+    edges = scale.of_metres(np.array(shown.extent))
+    corners = edges.reshape(2, 2).T
+    figure, axes = _map(corners, scale, margin=0.0)
+    density = np.where(shown.density > 0.0, shown.density, np.nan)
+    highest = max(float(np.nanmax(density)), 10.0 * CLUTTER_LEAST)
+    image = axes.imshow(
+        density,
+        origin="lower",
+        extent=tuple(edges.tolist()),
+        norm=LogNorm(CLUTTER_LEAST, highest),
+        cmap="YlOrBr",
+        interpolation="nearest",
+        zorder=1,
+    )
+    for track in true_tracks(record):
+        axes.plot(*scale.of_metres(track.position).T, color=INK, linewidth=0.8, zorder=2)
+    axes.set(xlim=edges[:2], ylim=edges[2:])
+    axes.set_aspect("equal", adjustable="box")
+    bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, aspect=32)
+    bar.set_label("false detections per turn and km² (log scale)")
+    handles = [Line2D([], [], color=INK, linewidth=0.8, label="truth")]
+    _legend(axes, handles)
     return figure
 
 

@@ -18,9 +18,11 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     POSITION_NEAR,
     Metric,
     mean,
+    share,
 )
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 
+from ..runs import TAXIING, Ignored
 from ..tracker import Reading
 
 # Cut-off c of OSPA and GOSPA (metres) if no other is asked for, and their order p.
@@ -50,6 +52,23 @@ CPU = Metric(
     mean("cpu_ms"),
     "CPU time per turn of the antenna, filter and smoother together.",
 )
+ON_REFLECTORS = Metric(
+    "on_reflectors",
+    "on reflectors",
+    "",
+    ".3f",
+    mean("on_reflectors"),
+    "Mean number per turn, after the first twenty, of estimates within 100 m of what answers and "
+    "is no target, such as a quay, and farther than that from every target.",
+)
+LATE = Metric(
+    "late",
+    "found late",
+    "",
+    ".1%",
+    share("late", "five_scans_old"),
+    "Share of the targets that no estimate within 200 m was of in their first five scans or turns.",
+)
 METRICS = {
     metric.key: metric
     for metric in (
@@ -60,6 +79,8 @@ METRICS = {
         OSPA_AFTER_5,
         MEDIAN_ERROR,
         CPU,
+        ON_REFLECTORS,
+        LATE,
     )
 }
 # Reduction of the mean OSPA against lag 0.
@@ -82,12 +103,15 @@ class Case:
     parameters : dict
         Parameters of the tracker by dotted name; they also define the scenario's radars.
     classes : int
+    ignored : Ignored
+        Targets that are not scored, where antennas turn.
     """
 
     name: str
     scenario: Scenario
     parameters: dict[str, Any]
     classes: int
+    ignored: Ignored = TAXIING
 
 
 @dataclass(frozen=True)

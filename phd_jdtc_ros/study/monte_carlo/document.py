@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 
+from ..runs import TAXIING, Ignored
 from ..tracker import Reading
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
 from .kinds import KINDS, TRACKERS, TUNED, suits
@@ -26,6 +27,10 @@ BUILT_IN_SCENARIO = "paper_scenario"
 OF_READING = ("death_term", "extraction")
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
+IGNORED = (
+    Parameter("below", TAXIING.below, "", 0.0),
+    Parameter("near", TAXIING.near, "", 0.0),
+)
 
 # Parameters in a scenario file by dotted name, and a function from radars to its scenario.
 Scene: TypeAlias = "tuple[Mapping[str, Any], Callable[[tuple[RadarModel, ...]], Scenario]]"
@@ -98,7 +103,8 @@ def _case(
 ) -> Case | None:
     """Return a case, or None after adding its faults to `faults`."""
     prefix = f"cases.{name}."
-    faults += _unknown_keys(given, prefix, ("scenario", "parameters"))
+    faults += _unknown_keys(given, prefix, ("scenario", "parameters", "ignored"))
+    ignored = _ignored(given, prefix, faults)
     of_case = _parameters(given, prefix, faults)
     source = given.get("scenario")
     if not isinstance(source, str):
@@ -115,7 +121,7 @@ def _case(
         highest = max((target.class_id for target in scenario.targets), default=0)
         if highest >= classes:
             raise ConfigError([f"class {highest} of a target, must be below {classes}"])
-        return Case(name, scenario, parameters, classes)
+        return Case(name, scenario, parameters, classes, ignored)
     except ConfigError as error:
         for fault in error.faults:
             name = fault.split(":")[0]
@@ -127,6 +133,26 @@ def _case(
                 else f"{prefix}scenario: {fault}"
             )
         return None
+
+
+def _ignored(given: Mapping[str, Any], prefix: str, faults: list[str]) -> Ignored:
+    """Return which targets of a case are not scored; add faults to `faults`."""
+    if "ignored" not in given:
+        return TAXIING
+    block = given["ignored"]
+    if not isinstance(block, Mapping):
+        faults.append(f"{prefix}ignored: must be a mapping")
+        return TAXIING
+    faults += _unknown_keys(block, f"{prefix}ignored.", Ignored._fields)
+    values = {}
+    for parameter in IGNORED:
+        values[parameter.name] = parameter.coerce(block.get(parameter.name, parameter.default))
+        if values[parameter.name] is None:
+            faults.append(
+                f"{prefix}ignored.{parameter.name}: {block[parameter.name]!r} given, must be "
+                f"{parameter.allowed}"
+            )
+    return Ignored(**values)
 
 
 def _variant(

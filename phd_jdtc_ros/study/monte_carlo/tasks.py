@@ -18,7 +18,7 @@ import phd_jdtc_ros
 from phd_jdtc_ros.core.configuration import build as tracker_config
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 
-from ..runs import SimulatedRun, Tracked, simulated_run
+from ..runs import TAXIING, Ignored, SimulatedRun, Tracked, simulated_run
 from ..tracker import track
 from ..turning import turning_run
 from .definition import ORDER, OWN, Case, Study, Variant
@@ -36,7 +36,7 @@ from .kinds import (
 from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # Must be increased when the meaning of a stored row changes.
-FORMAT = 4
+FORMAT = 5
 # Trackers with settings of their own.
 WITHOUT_PARAMETERS = (*KNOWN_ASSOCIATION, *STONE_SOUP)
 
@@ -61,6 +61,8 @@ class Task:
         By name of the variant, a digest of all that its scores depend on except the seed.
     cutoff : float
         c of OSPA and GOSPA, metres.
+    ignored : Ignored
+        Targets that are not scored, where antennas turn.
     """
 
     case: str
@@ -72,6 +74,7 @@ class Task:
     code: str
     digests: dict[str, str]
     cutoff: float
+    ignored: Ignored = TAXIING
 
     @property
     def kind(self) -> str:
@@ -149,13 +152,14 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "kind": variants[0].kind,
         "parameters": {} if variants[0].kind in WITHOUT_PARAMETERS else _in_force(parameters),
         "ospa": [study.cutoff, ORDER, OTHER_CUTOFF, OTHER_ORDER],
+        "ignored": case.ignored,
     }
     digests = {
         v.name: _digest({**shared, "name": v.name, "reading": v.reading, "lags": v.lags})
         for v in variants
     }
     settings = case.name, case.scenario, case.classes, variants, parameters
-    return Task(*settings, 0, code, digests, study.cutoff)
+    return Task(*settings, 0, code, digests, study.cutoff, case.ignored)
 
 
 def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -174,8 +178,10 @@ def perform(task: Task) -> Outcome:
     try:
         if code_of(task.kind) != task.code:
             raise RuntimeError("the worker has other code than the study; start the study again")
-        simulated = turning_run if task.scenario.turning else simulated_run
-        run = simulated(task.scenario, task.seed)
+        if task.scenario.turning:
+            run = turning_run(task.scenario, task.seed, task.ignored)
+        else:
+            run = simulated_run(task.scenario, task.seed)
         tracked = _tracked(task, run)
         scores = {
             variant.name: score(run, found.tracks, variant, task.classes, task.cutoff, found.cpu_ms)
