@@ -14,8 +14,13 @@ from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.core.simulation.scenario import truth_at
+from phd_jdtc_ros.study.monte_carlo.definition import Variant
+from phd_jdtc_ros.study.monte_carlo.scores import VALUES, score
+from phd_jdtc_ros.study.runs import Ignored
+from phd_jdtc_ros.study.turning import turning_run
 from phd_jdtc_ros.tools import params_file
 
 ROOT = Path(__file__).parents[2]
@@ -128,3 +133,31 @@ def test_simulate_refuses_a_moving_radar_without_a_platform(tmp_path, capsys):
     given = ["-p", f"mast.pose:={ODOMETRY}"]
     assert run("simulate", ["--scenario", str(path), "--out", str(tmp_path / "x"), *given]) == 2
     assert capsys.readouterr().err.startswith("simulate: platform: must carry mast, whose pose is")
+
+
+def test_ships_that_are_found_late_and_estimates_on_a_quay_are_counted():
+    found, _ = resolved("coastal")
+    run = turning_run(found, 1, Ignored(1.0, 150.0))
+    assert len(run.truth) == 100
+    everything = [len(truth.track_id) for truth in run.truth]
+    assert (min(everything), max(everything)) == (5, 6)
+    quay = np.array([[0.0, 4170.0]])
+
+    def points(index, truth):
+        # All but the first ship from the start, that from the seventh turn; the quay at two turns.
+        rows = np.arange(len(truth.track_id))[0 if index > 6 else 1 :]
+        place = truth.position[rows] + [30.0, 0.0]
+        if index in (10, 40):
+            place = np.concatenate([place, quay])
+        return PointSet(place, np.zeros(len(place), dtype=np.int64))
+
+    tracks = {0: [points(index, truth) for index, truth in enumerate(run.truth)]}
+    variant = Variant("any", "turning", None, {}, ("coastal",), (0,))
+    scored = score(run, tracks, variant, 1)
+    values = dict(zip(VALUES, scored.values[0, :, 0].T, strict=True))
+    assert values["late"].sum() == 1.0
+    assert values["five_scans_old"].sum() == 6.0
+    # In the first twenty turns nothing is counted.
+    assert np.isnan(values["on_reflectors"][:20]).all()
+    assert np.flatnonzero(values["on_reflectors"] == 1.0).tolist() == [40]
+    assert np.nansum(values["on_reflectors"]) == 1.0

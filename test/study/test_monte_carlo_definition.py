@@ -38,6 +38,8 @@ def test_resolve_takes_the_published_study():
         "precise radar",
         "clutter 3",
         "loud clutter",
+        "coastal",
+        "coastal, from a ship",
     ]
     assert {variant.kind for variant in study.variants} == set(KINDS)
 

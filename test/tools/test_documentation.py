@@ -46,7 +46,7 @@ def test_every_example_is_a_parameter_file_that_resolves(tmp_path, name, text):
 def test_every_example_of_the_page_on_scenarios_is_one(name, text):
     found = scenario_file.resolve(yaml.safe_load(text), resolve({}).model.radars)
 
-    assert found.targets or found.clutter
+    assert found.targets or found.clutter or found.reflectors or found.platform
 
 
 def test_every_page_is_in_the_sites_navigation():

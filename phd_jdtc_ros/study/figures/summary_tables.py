@@ -101,7 +101,7 @@ def _of_all(found: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
 
 
 def _surveillance(case: str, variants: Mapping[str, Any]) -> Table:
-    table = Table(title=f"{escape(case)}: targets in the air, by lag in turns")
+    table = Table(title=f"{escape(case)}: targets that are scored, by lag in turns")
     table.add_column("variant")
     for heading in ("runs", "lag", *(metric.heading for metric in SURVEYED)):
         table.add_column(heading, justify="right")
