@@ -12,6 +12,7 @@ EXECUTABLES = (
     "evaluator",
     "track_bag",
     "simulate",
+    "tune",
     "report",
     "monte_carlo",
     "madap",

@@ -72,6 +72,7 @@ ROOMS = {
         *("turns", "watch"),
     ),
     "simulation": (*BASE, "configuration", "models"),
+    "tuning": (*BASE, "configuration", "models", "sectors"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (
         *("configuration", "engine", "engines", "posed_reports", "poses", "scans", "turns"),
