@@ -26,8 +26,10 @@ ROUNDS, SETTLED = 8, 0.02
 LEAST_CLOUDS, LEAST_TRACKS, LEAST_PLOTS = 10, 1, 30
 # Bounds of what is linked with: certain detection would let no plot be missed.
 PROBABILITIES = (0.3, 0.98)
-# With a mean speed of the tracks above this share of the assumed deviation, it is enlarged.
-SPEED_SHARE = 1.0
+# Of the white acceleration, m^2/s^3.
+LEAST_DENSITY = 1e-9
+# How much stronger than the tracks tell manoeuvres may be, as densities.
+WILDER = 20.0
 
 
 class TuningError(ValueError):
@@ -156,10 +158,7 @@ def _require_tracks(plots: Plots, when: Timing, tracks: Tracks) -> None:
 
 def _as_noise(guess: Guess) -> Noise:
     """Return where the first search for the noise begins."""
-    density = guess.noise_density
-    return Noise(
-        guess.range_std, guess.azimuth_std, (0.1 * density, density), density, np.ones(2), 0
-    )
+    return Noise(guess.range_std, guess.azimuth_std, guess.densities, np.ones(2), 0)
 
 
 def _candidates(
@@ -167,8 +166,7 @@ def _candidates(
 ) -> list[Guess]:
     """Return guesses as some tracks tell them.
 
-    One has the noise that the tracks were linked with: plots linked wrongly enlarge it. The process
-    noise is one of all plots or of those where targets keep their velocity.
+    One has the noise that the tracks were linked with: plots linked wrongly enlarge it.
     """
     told = replace(
         guess,
@@ -178,14 +176,13 @@ def _candidates(
         ),
         clutter_rate=max(clutter_rate(plots, when, tracks).value, 0.1),
     )
-    fitting = replace(told, range_std=noise.range_std, azimuth_std=noise.azimuth_std)
-    mean = max(noise.mean_density, 1e-9)
-    calm = max(np.sqrt(mean * noise.densities[0]), 1e-9)
-    return [
-        replace(fitting, noise_density=mean),
-        replace(fitting, noise_density=float(calm)),
-        told,
-    ]
+    calm, hard = (max(density, LEAST_DENSITY) for density in noise.densities)
+    fitting = replace(
+        told, range_std=noise.range_std, azimuth_std=noise.azimuth_std, densities=(calm, hard)
+    )
+    # Where targets manoeuvre, tracks break and say little of it.
+    wild = replace(fitting, densities=(calm, WILDER * max(hard, calm)))
+    return [fitting, wild, told]
 
 
 def _logarithms(guess: Guess) -> FloatArray:

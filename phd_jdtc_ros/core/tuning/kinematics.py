@@ -29,7 +29,7 @@ def predicted(
     dt : array of shape (...)
         Seconds.
     noise_density : array of shape (...)
-        Spectral density of the white acceleration, m^2/s^3.
+        Spectral density of the white acceleration, m^2/s^3; the covariances have its leading axes.
     """
     step = dt[..., None]
     moved = np.concatenate([mean[..., :2] + step * mean[..., 2:], mean[..., 2:]], axis=-1)
@@ -37,12 +37,12 @@ def predicted(
     step = step[..., None]
     new_cross = cross + step * speed
     new_place = place + step * (cross.swapaxes(-1, -2) + new_cross)
-    q, eye = (noise_density[..., None, None] * np.eye(2)), step
-    grown = np.empty(np.broadcast_shapes(covariance.shape, (*moved.shape[:-1], 4, 4)))
-    grown[..., :2, :2] = new_place + q * eye**3 / 3.0
-    grown[..., :2, 2:] = new_cross + q * eye**2 / 2.0
-    grown[..., 2:, :2] = (new_cross + q * eye**2 / 2.0).swapaxes(-1, -2)
-    grown[..., 2:, 2:] = speed + q * eye
+    grown = np.empty((*np.broadcast_shapes(dt.shape, noise_density.shape), 4, 4))
+    noise = noise_density[..., None, None] * np.eye(2)
+    grown[..., :2, :2] = new_place + noise * step**3 / 3.0
+    grown[..., :2, 2:] = new_cross + noise * step**2 / 2.0
+    grown[..., 2:, :2] = grown[..., :2, 2:].swapaxes(-1, -2)
+    grown[..., 2:, 2:] = speed + noise * step
     return moved, grown
 
 

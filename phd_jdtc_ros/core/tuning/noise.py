@@ -32,8 +32,8 @@ SWITCH = np.array([[0.95, 0.05], [0.2, 0.8]])
 FIRST = np.array([0.8, 0.2])
 # Share of a track's plots that may be clutter, anywhere in the gate, where amplitudes do not tell.
 WRONG = 0.01
-# Plots that are looked at: of the longest tracks, as many as have so many.
-MOST_PLOTS = 900
+# Plots that are looked at, about: those of a regular choice of tracks if there are more.
+MOST_PLOTS = 1000
 # Deviations of the search's bounds from its start, as logarithms: of measurement noise, and of the
 # spectral densities.
 FAR, FAR_DENSITY = np.log(30.0), np.log(1e4)
@@ -52,8 +52,6 @@ class Noise:
     densities : tuple of two floats
         Of the white acceleration: while targets keep their velocity, and while they manoeuvre,
         m^2/s^3.
-    mean_density : float
-        Over all plots, m^2/s^3.
     log_std : array of shape (2,)
         Standard deviations of the logarithms of the two measurement deviations.
     plots : int
@@ -63,7 +61,6 @@ class Noise:
     range_std: float
     azimuth_std: float
     densities: tuple[float, float]
-    mean_density: float
     log_std: FloatArray
     plots: int
 
@@ -105,18 +102,16 @@ def fitted(
 
     def cost(point: FloatArray) -> tuple[float, FloatArray]:
         around = np.concatenate([point[None], point + STEP * _AXES, point - STEP * _AXES])
-        value, _ = _log_likelihood(sequences, around, speed_std)
+        value = _log_likelihood(sequences, around, speed_std)
         return -float(value[0]), -(value[1:5] - value[5:]) / (2.0 * STEP)
 
     best = minimize(cost, begin, jac=True, method="L-BFGS-B", bounds=bounds, options=_OPTIONS)
     point = best.x
-    _, share = _log_likelihood(sequences, point[None], speed_std)
     densities = float(np.exp(point[2])), float(np.exp(point[2] + point[3]))
     return Noise(
         range_std=float(np.exp(point[0])),
         azimuth_std=float(np.exp(point[1])),
         densities=densities,
-        mean_density=float(densities[0] * (1.0 - share) + densities[1] * share),
         log_std=_deviations(sequences, point, speed_std),
         plots=int(sequences.there.sum()),
     )
@@ -134,7 +129,7 @@ def _deviations(sequences: _Sequences, point: FloatArray, speed_std: float) -> F
     tried = np.array(
         [point + step * (a * _AXES[i] + b * _AXES[j]) for i, j in pairs for a, b in signs]
     )
-    value = _log_likelihood(sequences, tried, speed_std)[0].reshape(len(pairs), 4)
+    value = _log_likelihood(sequences, tried, speed_std).reshape(len(pairs), 4)
     curvature = np.zeros((4, 4))
     for (i, j), (pp, pm, mp, mm) in zip(pairs, value, strict=True):
         curvature[i, j] = curvature[j, i] = -(pp - pm - mp + mm) / (4.0 * step**2)
@@ -152,12 +147,9 @@ def _positive(matrix: FloatArray) -> FloatArray:
 
 
 def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray) -> _Sequences:
-    """Return the longest tracks as rows."""
-    chosen: list[IntArray] = []
-    for own in sorted(tracks.plots, key=len, reverse=True):
-        chosen.append(own)
-        if sum(map(len, chosen)) >= MOST_PLOTS:
-            break
+    """Return some tracks as rows, long and short ones: those of manoeuvring targets are short."""
+    ordered = sorted(tracks.plots, key=len, reverse=True)
+    chosen: list[IntArray] = ordered[:: max(1, round(len(tracks.claimed) / MOST_PLOTS))]
     longest = max(map(len, chosen))
     rows = np.array([np.append(own, np.full(longest - len(own), own[-1])) for own in chosen])
     there = np.arange(longest) < np.array([[len(own)] for own in chosen])
@@ -170,10 +162,8 @@ def _sequences(plots: Plots, tracks: Tracks, log_ratio: FloatArray) -> _Sequence
     )
 
 
-def _log_likelihood(
-    sequences: _Sequences, points: FloatArray, speed_std: float
-) -> tuple[FloatArray, float]:
-    """Return the log likelihood at points, shape (B,), and the share of manoeuvres at the first.
+def _log_likelihood(sequences: _Sequences, points: FloatArray, speed_std: float) -> FloatArray:
+    """Return the log likelihood at points, shape (B,).
 
     Parameters
     ----------
@@ -197,7 +187,7 @@ def _log_likelihood(
     mean = np.repeat(mean, 2, axis=1)
     covariance = np.repeat(covariance, 2, axis=1)
     weight = np.tile(FIRST[None, :, None], (len(points), 1, tracks))
-    total, manoeuvring = np.zeros(len(points)), 0.0
+    total = np.zeros(len(points))
     for k in range(1, length):
         there = sequences.there[:, k]
         dt = sequences.time_s[:, k] - sequences.time_s[:, k - 1]
@@ -213,8 +203,7 @@ def _log_likelihood(
         likelihood = np.einsum("brt->bt", weight * np.exp(log_density))
         total += (np.log(np.maximum(likelihood, np.finfo(float).tiny)) * there).sum(axis=1)
         weight = weight * np.exp(log_density) / np.maximum(likelihood, 1e-300)[:, None]
-        manoeuvring += float((weight[0, 1] * there).sum())
-    return total, manoeuvring / max(float(sequences.there[:, 1:].sum()), 1.0)
+    return total
 
 
 def _mixed(

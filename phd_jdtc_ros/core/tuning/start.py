@@ -29,7 +29,8 @@ BEST = 3
 LOOKS, PLOTS, LEAST_LOOKS = 24, 1000, 10.0
 # Before any is known.
 DETECTION_PROBABILITY = 0.85
-# How far targets leave their course between two looks, in deviations of a plot's position.
+# How far targets leave their course between two looks, in deviations of a plot's position,
+# when they manoeuvre.
 OFF_COURSE = 0.5
 
 
@@ -41,10 +42,11 @@ def guess_of(
     across = middle * azimuth_std
     position = min(range_std, across) if across > 0.0 else range_std
     looks = plots.duration_s / timing.look_s + 1.0
+    density = float(3.0 * (OFF_COURSE * position) ** 2 / timing.look_s**3)
     return Guess(
         range_std=range_std,
         azimuth_std=azimuth_std,
-        noise_density=float(3.0 * (OFF_COURSE * position) ** 2 / timing.look_s**3),
+        densities=(0.1 * density, density),
         speed_std=speed_std,
         detection_probability=DETECTION_PROBABILITY,
         clutter_rate=len(plots) / looks,

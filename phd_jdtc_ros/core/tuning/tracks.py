@@ -29,12 +29,17 @@ GATE = 4.5
 LOG_NEW = -np.log(50.0)
 # A track with so many plots and such a score is one.
 LEAST_HITS, LEAST_SCORE = 5, 8.0
+# Share of the plots at which targets manoeuvre.
+MANOEUVRES = 0.1
 # From so many plots on, a track keeps its plots from starting others.
 SETTLED = 3
 # A track ends after as many misses as are less probable than this, within these bounds.
 IMPROBABLE, LEAST_MISSES, MOST_MISSES = 0.005, 3, 6
 # Tentative tracks end at the second miss in a row.
 TENTATIVE_MISSES = 1
+
+
+_LOG_MOTION = np.log([1.0 - MANOEUVRES, MANOEUVRES])
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,9 @@ class Guess:
     ----------
     range_std, azimuth_std : float
         Metres and radians.
-    noise_density : float
-        Of the white acceleration, m^2/s^3.
+    densities : tuple of two floats
+        Of the white acceleration: while targets keep their velocity, and while they manoeuvre,
+        m^2/s^3.
     speed_std : float
         Of a new target's velocity along each axis, metres per second.
     detection_probability : float
@@ -56,7 +62,7 @@ class Guess:
 
     range_std: float
     azimuth_std: float
-    noise_density: float
+    densities: tuple[float, float]
     speed_std: float
     detection_probability: float
     clutter_rate: float
@@ -201,33 +207,36 @@ class _Linker:
             return np.zeros(0, dtype=np.int64)
         guess, plots = self._guess, self._plots
         dt = plots.time_s[plot] - self._time[row]
-        mean, covariance = kinematics.predicted(
-            self._mean[row], self._covariance[row], dt, np.full(len(row), guess.noise_density)
-        )
+        # With both densities, shapes (2, P, ...).
+        density = np.array(guess.densities)[:, None] * np.ones(len(row))
+        mean, covariance = kinematics.predicted(self._mean[row], self._covariance[row], dt, density)
         expected, jacobian = kinematics.linearised(mean[:, :2], plots.pose[plot])
         error = kinematics.innovation(plots.measurement[plot], expected)
-        cross = covariance[:, :, :2] @ jacobian.swapaxes(1, 2)
-        spread = jacobian @ cross[:, :2]
-        spread[:, 0, 0] += guess.range_std**2
-        spread[:, 1, 1] += guess.azimuth_std**2
+        cross = covariance[..., :2] @ jacobian.swapaxes(1, 2)
+        spread = jacobian @ cross[..., :2, :]
+        spread[..., 0, 0] += guess.range_std**2
+        spread[..., 1, 1] += guess.azimuth_std**2
         inverted, determinant = kinematics.inverse(spread)
-        square = np.einsum("pi,pij,pj->p", error, inverted, error)
-        near = np.flatnonzero(square < GATE**2)
+        square = np.einsum("pi,rpij,pj->rp", error, inverted, error)
+        near = np.flatnonzero(square.min(axis=0) < GATE**2)
         missed = np.round(self._looks(row, plot) - 1.0)
+        of_motion = _LOG_MOTION[:, None] - 0.5 * square - 0.5 * np.log(determinant)
         gain = (
-            np.log(guess.detection_probability)
-            + missed * np.log(1.0 - guess.detection_probability)
-            - 0.5 * square
+            np.logaddexp(*of_motion)
             - np.log(2.0 * np.pi)
-            - 0.5 * np.log(determinant)
+            + np.log(guess.detection_probability)
+            + missed * np.log(1.0 - guess.detection_probability)
             - self._log_density
             + self._log_ratio[plot]
         )
-        chosen = near[_assigned(row[near], plot[near], gain[near])]
-        place = row[chosen]
-        weight = cross[chosen] @ inverted[chosen]
+        # Against a miss in this look.
+        better = gain[near] - np.log(1.0 - guess.detection_probability)
+        chosen = near[_assigned(row[near], plot[near], better)]
+        place, motion = row[chosen], np.argmax(of_motion[:, chosen], axis=0)
+        cross = cross[motion, chosen]
+        weight = cross @ inverted[motion, chosen]
         self._mean[place] = mean[chosen] + np.einsum("pij,pj->pi", weight, error[chosen])
-        later = covariance[chosen] - weight @ cross[chosen].swapaxes(1, 2)
+        later = covariance[motion, chosen] - weight @ cross.swapaxes(1, 2)
         self._covariance[place] = 0.5 * (later + later.swapaxes(1, 2))
         self._score[place] += gain[chosen]
         self._time[place] = plots.time_s[plot[chosen]]
@@ -253,7 +262,7 @@ class _Linker:
         trace = self._covariance[row, 0, 0] + self._covariance[row, 1, 1]
         trace += dt**2 * (self._covariance[row, 2, 2] + self._covariance[row, 3, 3])
         trace *= 2.0
-        trace += guess.noise_density * dt**3 + guess.range_std**2
+        trace += guess.densities[1] * dt**3 + guess.range_std**2
         # The azimuth's deviation at the nearer of the two.
         trace += (plots.measurement[plot, 0] * guess.azimuth_std) ** 2
         return np.flatnonzero(off < (1.5 * GATE) ** 2 * trace)
@@ -285,13 +294,12 @@ class _Linker:
 
 
 def _assigned(row: IntArray, plot: IntArray, gain: FloatArray) -> IntArray:
-    """Return the pairs with the largest sum of gains, each row and plot once, by index."""
+    """Return the pairs with the largest sum of gains, each row and plot at most once, by index."""
     rows, i = np.unique(row, return_inverse=True)
     columns, j = np.unique(plot, return_inverse=True)
-    # A pair that is not, far below any that is.
-    table = np.full((len(rows), len(columns)), -1e6)
+    table = np.zeros((len(rows), len(columns)))
     pair = np.full(table.shape, -1)
-    table[i, j], pair[i, j] = gain, np.arange(len(gain))
+    table[i, j], pair[i, j] = np.maximum(gain, 0.0), np.where(gain > 0.0, np.arange(len(gain)), -1)
     chosen = pair[linear_sum_assignment(table, maximize=True)]
     pairs: IntArray = chosen[chosen >= 0]
     return pairs
