@@ -21,6 +21,7 @@ from ..models import amplitude_density
 from ..models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from ..models.birth import BirthTerm
 from ..models.clutter_amplitude import ClutterAmplitude, Learned, LogNormal, Rayleigh
+from ..models.clutter_count import START_RATE, ClutterCount
 from ..models.clutter_grid import GroundGrid, PolarGrid
 from ..models.clutter_map import ClutterMap
 from ..models.detection_birth import DetectionBirthModel
@@ -38,7 +39,7 @@ from ..turns import Turns
 from ..types import FULL_TURN, Coverage
 from ..watch import FAR, SLOW_TURN, ReportWatch
 from .checks import CHECKS, FIXED, name_or, square
-from .parameters import BIRTH, MOTION, RADAR, REPLACED, schema
+from .parameters import AUTO, BIRTH, MOTION, RADAR, REPLACED, schema
 from .radar_input import RadarInput
 from .schema import ConfigError
 
@@ -324,7 +325,8 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         range_std=range_std,
         azimuth_std=azimuth_std,
         visibility=_visibility(get),
-        clutter_rate=get["clutter_rate"],
+        clutter_rate=START_RATE if get["clutter_rate"] == AUTO else get["clutter_rate"],
+        clutter_count=ClutterCount() if get["clutter_rate"] == AUTO else None,
         clutter_max_range=get["clutter_max_range"],
         threshold=threshold,
         range_growth=get["range_std_growth"],

@@ -15,12 +15,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ..models.clutter_count import START_RATE
 from ..models.motion import MOTIONS
 from ..smc.correction import CORRECTORS
 from ..smc.extraction import EXTRACTIONS
 from ..smc.smoother import DEATH_TERMS
 from .schema import SMALL, Parameter, Value
 
+# The clutter rate of a radar that learns it.
+AUTO = "auto"
 TOP = (
     Parameter("world_frame", "map", "Frame of the estimates (ENU, metres)."),
     Parameter(
@@ -397,7 +400,16 @@ RADAR = (
         0,
         256,
     ),
-    Parameter("clutter_rate", 20.0, "Expected false detections per scan.", 0.0, 1e6, mutable=True),
+    Parameter(
+        "clutter_rate",
+        START_RATE,
+        "Expected false detections per scan, or per turn. auto: the tracker learns it from what no "
+        f"target claims, some 30 scans back; it begins with {START_RATE:g}.",
+        0.0,
+        1e6,
+        words=(AUTO,),
+        mutable=True,
+    ),
     Parameter(
         "clutter_max_range",
         15e3,

@@ -17,6 +17,7 @@ from ..state_space import PLANAR, StateSpace
 from ..types import Coverage, Detections, Pose
 from . import amplitude_density
 from .clutter_amplitude import NOISE, ClutterAmplitude
+from .clutter_count import ClutterCount
 from .clutter_map import ClutterMap
 from .modes import ClassModel
 from .visibility import Visibility, within
@@ -66,6 +67,8 @@ class RadarModel:
         Law of the amplitudes of false detections.
     clutter_map : ClutterMap or None
         Where they come from; None if that is not to be learned.
+    clutter_count : ClutterCount or None
+        What its clutter rate is learned from; None if that is given.
     clutter_map_speed : float
         What targets slower than this claim counts for the map all the same, metres per second.
 
@@ -90,6 +93,7 @@ class RadarModel:
     clutter_amplitude: ClutterAmplitude = NOISE
     clutter_map: ClutterMap | None = None
     clutter_map_speed: float = 0.0
+    clutter_count: ClutterCount | None = None
 
     @property
     def max_range(self) -> float:

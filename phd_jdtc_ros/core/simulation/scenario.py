@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray
+from ..configuration.schema import ConfigError
 from ..models.amplitude_density import snr_from_db
 from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
@@ -192,6 +193,14 @@ class Scenario:
     clutter: tuple[ClutterLaw, ...] = ()
 
     def __post_init__(self) -> None:
+        learning = [radar.name for radar in self.radars if radar.clutter_count is not None]
+        if learning:
+            raise ConfigError(
+                [
+                    f"{name}.clutter_rate: auto given, must be a number to simulate"
+                    for name in learning
+                ]
+            )
         if not self.antennas:
             usual = tuple(usual_antenna(index) for index in range(len(self.radars)))
             object.__setattr__(self, "antennas", usual)
