@@ -35,8 +35,11 @@ IN_DB = ("snr", "snr_db", "power", "rcs")
 TYPES: Mapping[str, Sequence[str]] = {"fields.amplitude": NUMBERS, "fields.sector": NUMBERS}
 # A time above this is one since an epoch and not from the stamp, by its unit.
 PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
-# Farther than this from the stamp, seconds, no unit makes a detection's time.
-FARTHEST_S = 60.0
+# A unit is wrong that puts detections farther from the stamp than this, seconds, or than so many
+# times the interval between clouds.
+FARTHEST_S, INTERVALS = 60.0, 20.0
+# Times that are all nearer to it say nothing, seconds.
+LEAST_S = 1e-4
 
 
 def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
@@ -127,7 +130,9 @@ def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
 
 def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:
     """Return unit and reference of detections' times, None if no unit puts them near the stamps."""
-    for reference, types in (("stamp", point_cloud.FLOATS), ("epoch", DOUBLES)):
+    steps_s = np.diff([stamps.to_ns(cloud.header.stamp) * 1e-9 for cloud in clouds])
+    limit_s = min(FARTHEST_S, INTERVALS * float(np.median(steps_s))) if len(steps_s) else FARTHEST_S
+    for reference, types in (("epoch", DOUBLES), ("stamp", point_cloud.FLOATS)):
         farthest = dict.fromkeys(PER_SECOND, 0.0)
         for cloud in clouds:
             try:
@@ -139,7 +144,7 @@ def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:
                 off = np.nanmax(np.abs(column / per_second - zero_s), initial=0.0)
                 farthest[unit] = max(farthest[unit], float(off))
         else:
-            near = [unit for unit, off in farthest.items() if 1e-3 < off < FARTHEST_S]
+            near = [unit for unit, off in farthest.items() if LEAST_S < off < limit_s]
             if near:
                 return {"time_unit": near[0], "time_reference": reference}
     return None

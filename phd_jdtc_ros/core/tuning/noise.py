@@ -18,6 +18,7 @@ Kalman filtering", IEEE Trans. AC 15(2), 1970.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.optimize import minimize
@@ -105,6 +106,9 @@ def fitted(
         value = _log_likelihood(sequences, around, speed_std)
         return -float(value[0]), -(value[1:5] - value[5:]) / (2.0 * STEP)
 
+    # Far from the best the likelihood is flat, so that the search begins near it.
+    grid = begin + _GRID
+    begin = grid[int(np.argmax(_log_likelihood(sequences, grid, speed_std)))]
     best = minimize(cost, begin, jac=True, method="L-BFGS-B", bounds=bounds, options=_OPTIONS)
     point = best.x
     densities = float(np.exp(point[2])), float(np.exp(point[2] + point[3]))
@@ -118,6 +122,10 @@ def fitted(
 
 
 _AXES = np.eye(4)
+_SCALES = np.log([0.2, 0.45, 1.0, 2.2, 5.0])
+_GRID = np.array(
+    [(a, b, c, 0.0) for a, b, c in product(_SCALES, _SCALES, np.log([1e-3, 1.0, 30.0]))]
+)
 _OPTIONS = {"maxiter": 30, "ftol": 1e-7}
 
 

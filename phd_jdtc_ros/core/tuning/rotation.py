@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,8 @@ MOST, LEAST = 3000, 12
 # Turns may differ in length, so the phase is followed over some of them at a time only: over so
 # many clouds, and so many seconds at least.
 BLOCK_CLOUDS, BLOCK_S = 12, 12.0
+# Where that is too short for several turns, a block is so many times longer.
+LONGER, LEAST_TURNS = 4.0, 1.5
 # How well azimuths must go with the times, from 0 to 1. Half a turn in one cloud of one time is
 # 0.64; chance is 0.3 with ten plots.
 LEAST_COHERENCE = 0.75
@@ -75,19 +78,16 @@ def timing(plots: Plots) -> Timing:
         return still
     # Without times of their own, plots say something of turns that take two clouds or more.
     shortest_s = max(SHORTEST_S, interval_s * (0.8 if plots.timed else 1.9))
-    longest_s = min(LONGEST_S, 0.5 * plots.duration_s)
-    if longest_s <= shortest_s:
-        return still
     chosen = slice(None, None, max(1, len(plots) // MOST))
     time_s, azimuth = plots.time_s[chosen], plots.measurement[chosen, 1] + plots.pose[chosen, 2]
-    block = np.floor(time_s / max(BLOCK_CLOUDS * interval_s, BLOCK_S))
-    step = 0.1 / min(max(BLOCK_CLOUDS * interval_s, BLOCK_S), max(plots.duration_s, 1e-9))
-    rates = np.arange(1.0 / longest_s, 1.0 / shortest_s + step, step)
-    fits = {way: _coherence(rates, time_s, way * azimuth, block) for way in (1, -1)}
-    way = max(fits, key=lambda direction: float(fits[direction].max()))
-    if fits[way].max() < LEAST_COHERENCE:
+    block_s = max(BLOCK_CLOUDS * interval_s, BLOCK_S)
+    found = None
+    while found is None and block_s < LONGER * max(plots.duration_s, LONGEST_S):
+        found = _turning(time_s, azimuth, shortest_s, block_s)
+        block_s *= LONGER
+    if found is None:
         return still
-    rate, std = _refined(float(rates[np.argmax(fits[way])]), step, time_s, way * azimuth, block)
+    rate, std, way = found
     rotation_s = 1.0 / rate
     sectors = round(rotation_s / interval_s)
     return Timing(
@@ -98,6 +98,40 @@ def timing(plots: Plots) -> Timing:
         sectors if sectors > 1 and _narrow(plots, sectors) else 0,
         way < 0,
     )
+
+
+def _turning(
+    time_s: FloatArray, azimuth: FloatArray, shortest_s: float, block_s: float
+) -> tuple[float, float, int] | None:
+    """Return rate and its deviation, turns per second, and direction; None if it does not turn.
+
+    Turns take at least `shortest_s`, and several are in a block of `block_s`, seconds.
+    """
+    longest_s = min(LONGEST_S, block_s / LEAST_TURNS)
+    if longest_s <= shortest_s:
+        return None
+    block, step = np.floor(time_s / block_s), 0.1 / block_s
+    rates = np.arange(1.0 / longest_s, 1.0 / shortest_s + step, step)
+    fits = {way: _coherence(rates, time_s, way * azimuth, block) for way in (1, -1)}
+    way = max(fits, key=lambda direction: float(fits[direction].max()))
+    if fits[way].max() < LEAST_COHERENCE:
+        return None
+    rate = float(rates[np.argmax(fits[way])])
+    even = rate + step * np.linspace(-1.0, 1.0, 2 * math.ceil(float(np.ptp(time_s)) / block_s) * 10)
+    fit = _coherence(even, time_s, way * azimuth, np.zeros(len(time_s)))
+    if fit.max() >= LEAST_COHERENCE:  # all turns are equally long
+        rate, std = _peak(even, fit), 0.05 / max(float(np.ptp(time_s)), block_s)
+        return rate, std / math.sqrt(len(time_s)), way
+    return (*_refined(rate, step, time_s, way * azimuth, block), way)
+
+
+def _peak(rates: FloatArray, fit: FloatArray) -> float:
+    """Return where the parabola through the best of some rates and its neighbours is highest."""
+    best = min(max(int(np.argmax(fit)), 1), len(fit) - 2)
+    below, top, above = fit[best - 1 : best + 2]
+    bend = below - 2.0 * top + above
+    off = 0.5 * (below - above) / bend if bend < 0.0 else 0.0
+    return float(rates[best] + off * (rates[1] - rates[0]))
 
 
 def _coherence(
@@ -127,7 +161,7 @@ def _refined(
         if np.count_nonzero(inside) < LEAST:
             continue
         fit = _coherence(near, time_s[inside], azimuth[inside], np.zeros(np.count_nonzero(inside)))
-        found.append(near[int(np.argmax(fit))])
+        found.append(_peak(near, fit))
     deviation = np.std(found) / np.sqrt(len(found)) if len(found) > 1 else step
     return float(np.mean(found)), float(max(deviation, 0.05 * step / np.sqrt(len(found))))
 
