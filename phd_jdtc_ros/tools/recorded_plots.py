@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,11 @@ from msg_adapters import interfaces, names, platform_poses, radar_scan, recognis
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.posed_reports import PosedReports
 from phd_jdtc_ros.core.tuning.findings import Findings, TuningError, findings
-from phd_jdtc_ros.core.tuning.plots import Plots, plots_of
+from phd_jdtc_ros.core.tuning.plots import Plots, bounded, plots_of
 from phd_jdtc_ros.core.types import Detections
 
 # Clouds that fields are recognised by.
@@ -37,10 +38,13 @@ class Recorded:
         None of a radar without usable messages.
     dropped : dict of name to Counter
         Messages and points that were not used, by reason.
+    damage : BagError or None
+        What of the bag is damaged; all intact messages were used.
     """
 
     plots: dict[str, Plots | None]
     dropped: dict[str, Counter[str]]
+    damage: BagError | None = None
 
 
 def read(bag: BagReader, config: TrackerConfig, seconds: float) -> Recorded:
@@ -59,7 +63,7 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float) -> Recorded:
     Raises
     ------
     BagError
-        If the bag lacks a topic or is damaged.
+        If the bag lacks a topic.
     """
     inputs = [replace(radar, max_range=math.inf) for radar in config.inputs]
     types = {radar.topic: reader_of(radar).type_name for radar in inputs}
@@ -79,7 +83,8 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float) -> Recorded:
                 reports[report.radar].append((report.stamp_ns, report.detections))
 
     until_ns = bag.start_ns + round(seconds * 1e9)
-    for entry in bag.messages(list(types), until_ns):
+    intact = _Intact(bag.messages(list(types), until_ns))
+    for entry in intact:
         try:
             if entry.topic in config.carried:
                 carried = config.carried[entry.topic]
@@ -99,11 +104,28 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float) -> Recorded:
     release(everything=True)
     return Recorded(
         {
-            radar.name: plots_of(own) if own else None
+            radar.name: bounded(plots_of(own)) if own else None
             for radar, own in zip(inputs, reports, strict=True)
         },
         {radar.name: count for radar, count in zip(inputs, dropped, strict=True)},
+        intact.damage,
     )
+
+
+class _Intact:
+    """The intact messages of a bag, and after them what is damaged."""
+
+    def __init__(self, messages: Iterator[BagMessage]) -> None:
+        self._messages = messages
+        self.damage: BagError | None = None
+
+    def __iter__(self) -> Iterator[BagMessage]:
+        try:
+            yield from self._messages
+        except BagError as error:
+            if not error.corrupt:
+                raise
+            self.damage = error
 
 
 def findings_of(source: Path, recorded: Recorded) -> dict[str, Findings]:
@@ -167,7 +189,7 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
 def _clouds(bag: BagReader, topic: str) -> list[Any]:
     """Return some clouds of a topic."""
     found = []
-    for entry in bag.messages([topic]):
+    for entry in _Intact(bag.messages([topic])):
         try:
             found.append(interfaces.decode(entry.data, names.CLOUD))
         except RejectedMessageError:
@@ -179,7 +201,7 @@ def _clouds(bag: BagReader, topic: str) -> list[Any]:
 
 def _frame_of(bag: BagReader, topic: str) -> dict[str, str]:
     """Return the frame of a topic's first message."""
-    for entry in bag.messages([topic]):
+    for entry in _Intact(bag.messages([topic])):
         # The header's stamp takes 8 bytes behind the encapsulation's 4, then comes the string.
         size = int.from_bytes(entry.data[12:16], "little")
         return {"frame": entry.data[16 : 16 + max(size - 1, 0)].decode(errors="replace")}

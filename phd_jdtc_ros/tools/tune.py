@@ -25,7 +25,7 @@ from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.tuning import proposal, unspecified
 from phd_jdtc_ros.core.tuning.findings import Findings
 from phd_jdtc_ros.core.tuning.proposal import Row
-from phd_jdtc_ros.exit_status import OK, ArgumentParser
+from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.nodes.common import bag_parameters
 
 from . import command, params_file, proposed_file, recorded_plots, tracker_params, tuned_truth
@@ -96,14 +96,15 @@ def _work(arguments: argparse.Namespace) -> int:
         console.print(_table(radar, topic, each, rows[radar], recorded))
     proposed = _proposed(given, found, rows, recorded, where is not None)
     tracker_params.config(proposed)
+    status = OK if recorded.damage is None else fail("tune", recorded.damage)
     if path is None:
         print("nothing is written without --out FILE")
-        return OK
+        return status
     proposed_file.write(path, _head(source, where), proposed, _comments(rows, where is None))
     # What is written is what a tracker reads.
     tracker_params.config(params_file.load(path))
     print(f"{path}: written; the tracker takes it as its --params-file")
-    return OK
+    return status
 
 
 def _given(bag: BagReader, source: Path, path: Path | None) -> tuple[dict[str, Any], Path | None]:
@@ -129,8 +130,8 @@ def _table(
     when = found.timing
     turns = "turns" if when.rotation_s else "looks"
     table = Table(
-        title=f"{radar}, {topic}: {found.plots} detections, {found.looks:.0f} {turns}, "
-        f"a cloud every {when.cloud_interval_s:.4g} s",
+        title=f"{radar}, {topic}: {found.plots} detections, {found.looks:.0f} {turns} in "
+        f"{found.duration_s:.0f} s, a cloud every {when.cloud_interval_s:.4g} s",
         title_justify="left",
         caption="in brackets: seen, and nothing is set to it",
         caption_justify="left",

@@ -19,7 +19,7 @@ from phd_jdtc_ros.core.tuning import kinematics, noise, proposal, unspecified
 from phd_jdtc_ros.core.tuning.findings import TuningError, findings
 from phd_jdtc_ros.core.tuning.levels import log_ratio
 from phd_jdtc_ros.core.tuning.noise import Noise, fitted
-from phd_jdtc_ros.core.tuning.plots import Plots, plots_of
+from phd_jdtc_ros.core.tuning.plots import Plots, bounded, plots_of
 from phd_jdtc_ros.core.tuning.rates import clutter_rate, detection_probability
 from phd_jdtc_ros.core.tuning.rotation import Timing, timing
 from phd_jdtc_ros.core.tuning.tracks import Guess, Tracks, linked
@@ -308,6 +308,11 @@ def test_rows_say_what_is_proposed_and_what_is_set_now(told):
     assert rows_of(told, max_range=900e3)["max_range"].proposed
 
 
+def test_a_rate_that_is_learned_stays_so(told):
+    row = rows_of(told, clutter_rate="auto")["clutter_rate"]
+    assert (row.now, row.proposed) == ("auto", False)
+
+
 def test_a_table_that_agrees_stays_and_another_is_replaced(told):
     table = "detection_probability_over_range"
     near = {"detection_probability": 0.0, table: [0.0, 0.9, 8e4, 0.8]}
@@ -325,6 +330,13 @@ def test_unspecified_tracker_is_one_that_the_configuration_takes(told):
     assert config.engine == "gaussian"
     assert (config.values["interval_s"], config.values["reorder_s"]) == (5.0, 5.0)
     assert config.values["amplitude"] == "none"
+
+
+def test_plots_are_as_many_as_can_be_looked_at():
+    plots = one_target(count=50, clutter=4)
+    assert bounded(plots) is plots
+    part = bounded(plots, 100)
+    assert (len(part.cloud_s), len(part)) == (21, 105)
 
 
 def test_plots_until_a_time_are_those_of_the_clouds_before():

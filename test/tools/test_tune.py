@@ -86,6 +86,20 @@ def test_tune_says_what_a_recording_lacks(short_bag, tmp_path, capsys):
     assert "no such bag" in capsys.readouterr().err
 
 
+def test_tune_uses_what_is_intact_of_a_damaged_bag_and_says_so(tmp_path, capsys):
+    (file,) = SHIPPED.glob("*.mcap")
+    whole = file.read_bytes()
+    shutil.copytree(SHIPPED, tmp_path / "cut")
+    (tmp_path / "cut" / file.name).write_bytes(whole[: len(whole) * 3 // 4])
+    out = tmp_path / "proposed.yaml"
+    assert tune(tmp_path / "cut", "--out", out) == 3
+    said = capsys.readouterr()
+    assert "damaged" in said.err
+    assert len(said.err.splitlines()) == 1
+    radar = tracker_params.config(params_file.load(out)).model.radars[0]
+    assert radar.range_std == pytest.approx(300.0, rel=0.3)
+
+
 def test_tune_overwrites_nothing(tmp_path, capsys):
     out = tmp_path / "mine.yaml"
     out.write_text("mine")

@@ -15,7 +15,7 @@ from .field import Field, field_of
 from .levels import Levels, levels, log_ratio
 from .noise import Noise, fitted
 from .plots import Plots
-from .rates import Rate, clutter_rate, detection_probability
+from .rates import Rate, clutter_rate, detection_probability, looks_of
 from .rotation import Timing, timing
 from .start import first_guess
 from .tracks import Guess, Tracks, linked
@@ -59,6 +59,8 @@ class Findings:
         Number of plots, of tracks and of none.
     looks : float
         Turns or clouds.
+    duration_s : float
+        Of what was looked at, seconds.
     """
 
     timing: Timing
@@ -71,6 +73,7 @@ class Findings:
     tracks: int
     plots: int
     looks: float
+    duration_s: float
 
 
 def findings(plots: Plots, given: Sequence[tuple[float, float]] = ()) -> Findings:
@@ -105,7 +108,8 @@ def findings(plots: Plots, given: Sequence[tuple[float, float]] = ()) -> Finding
         _speed_std(plots, tracks),
         len(tracks.plots),
         len(plots),
-        clutter.count / clutter.value if clutter.count else float(len(plots.cloud_s)),
+        looks_of(plots, when),
+        plots.duration_s,
     )
 
 

@@ -13,6 +13,9 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..types import Detections
 
+# More of them say no more, and take their time.
+MOST_PLOTS = 15_000
+
 
 @dataclass(frozen=True)
 class Plots:
@@ -77,6 +80,13 @@ class Plots:
             self.pose[kept],
             self.timed,
         )
+
+
+def bounded(plots: Plots, most: int = MOST_PLOTS) -> Plots:
+    """Return the plots of the first clouds, about as many as can be looked at."""
+    if len(plots) <= most:
+        return plots
+    return plots.until(float(plots.cloud_s[plots.cloud[most]]))
 
 
 def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..configuration.parameters import AUTO
 from ..configuration.schema import Value
 from .findings import Findings
 
@@ -98,8 +99,17 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     entries.append(Row("max_range", farthest, math.nan, seen, limit, far))
     rate = found.clutter
     free = f"{rate.count} other plots"
+    # One that is learned stays so.
+    given = now("clutter_rate")
     entries.append(
-        Row("clutter_rate", rounded(rate.value, rate.std), rate.std, free, now("clutter_rate"))
+        Row(
+            "clutter_rate",
+            rounded(rate.value, rate.std),
+            rate.std,
+            free,
+            given,
+            given != AUTO,
+        )
     )
     reach = farthest if limit is None or far else limit
     clutter_range = min(rounded(found.field.clutter_range, 0.01 * farthest), reach)
