@@ -132,11 +132,12 @@ def test_sectors_and_direction_are_those_of_the_antenna(timed, clockwise):
     assert (found.sectors, found.clockwise) == (12, clockwise)
 
 
-def test_targets_in_one_direction_are_no_turning_antenna():
+@pytest.mark.parametrize("interval_s", [0.1, 1.0, 6.0])
+def test_targets_in_one_direction_are_no_turning_antenna(interval_s):
     rng, reports = np.random.default_rng(1), []
-    for cloud in range(100):
-        place = np.stack([rng.uniform(1e3, 9e3, 3), rng.normal(1.0, 0.05, 3)], axis=1)
-        reports.append((cloud * 10**9, Detections(place, None)))
+    for cloud in range(150):
+        place = np.stack([rng.uniform(1e3, 9e3, 3), rng.normal(1.0, 0.3, 3)], axis=1)
+        reports.append((round(cloud * interval_s * 1e9), Detections(place, None)))
     assert timing(plots_of(reports)).rotation_s == 0.0
 
 

@@ -82,7 +82,9 @@ def timing(plots: Plots) -> Timing:
     time_s, azimuth = plots.time_s[chosen], plots.measurement[chosen, 1] + plots.pose[chosen, 2]
     block_s = max(BLOCK_CLOUDS * interval_s, BLOCK_S)
     found = None
-    while found is None and block_s < LONGER * max(plots.duration_s, LONGEST_S):
+    # A recording, or a part of it, without a whole turn tells nothing of one.
+    while found is None and block_s < LONGER * plots.duration_s:
+        block_s = min(block_s, plots.duration_s)
         found = _turning(time_s, azimuth, shortest_s, block_s)
         block_s *= LONGER
     if found is None:
@@ -130,7 +132,7 @@ def _peak(rates: FloatArray, fit: FloatArray) -> float:
     best = min(max(int(np.argmax(fit)), 1), len(fit) - 2)
     below, top, above = fit[best - 1 : best + 2]
     bend = below - 2.0 * top + above
-    off = 0.5 * (below - above) / bend if bend < 0.0 else 0.0
+    off = float(np.clip(0.5 * (below - above) / bend, -1.0, 1.0)) if bend < 0.0 else 0.0
     return float(rates[best] + off * (rates[1] - rates[0]))
 
 
