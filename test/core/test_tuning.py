@@ -16,6 +16,7 @@ from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.simulation.sweep import simulate_reports
 from phd_jdtc_ros.core.tuning import kinematics, noise, proposal, unspecified
+from phd_jdtc_ros.core.tuning.field import elsewhere
 from phd_jdtc_ros.core.tuning.findings import TuningError, findings
 from phd_jdtc_ros.core.tuning.levels import log_ratio
 from phd_jdtc_ros.core.tuning.noise import Noise, fitted
@@ -106,6 +107,30 @@ def test_a_radar_that_reports_sectors_is_told_from_its_plots():
     assert found.timing.rotation_s == pytest.approx(5.0, rel=2e-3)
     assert (found.timing.sectors, found.timing.clockwise) == (8, True)
     assert found.levels is None
+
+
+def test_places_that_answer_again_and_again_are_told_from_a_target_that_passes():
+    rng, ship = np.random.default_rng(6), one_target(count=70)
+    east = np.linspace(-2500.0, 2500.0, 20)
+    coast = np.stack([np.hypot(east, 1500.0), np.arctan2(-1500.0, east)], axis=1)
+    reports = []
+    for cloud in range(70):
+        land = coast + rng.standard_normal(coast.shape) * [20.0, 0.01]
+        seen = np.concatenate([ship.measurement[ship.cloud == cloud], land])
+        reports.append((cloud * 2 * 10**9, Detections(seen, None)))
+    plots = plots_of(reports)
+    rows = elsewhere(plots, 70.0, 20.0, 0.01)
+    of_ship = np.flatnonzero(np.diff(plots.cloud, prepend=-1))
+    assert np.isin(of_ship, rows).mean() > 0.95
+    assert len(np.setdiff1d(rows, of_ship)) < 0.2 * 20 * 70
+    moving = replace(plots, pose=rng.standard_normal(plots.pose.shape))
+    assert len(elsewhere(moving, 70.0, 20.0, 0.01)) == len(plots)
+
+
+def test_land_is_proposed_to_be_mapped(told):
+    config, found = told
+    assert "clutter_map" not in rows_of(told)
+    assert rows_of((config, replace(found, land=0.5)))["clutter_map"].value is True
 
 
 def test_findings_are_the_same_twice():

@@ -18,6 +18,9 @@ from .plots import Plots
 LEAST_GAP = np.radians(20.0)
 # Nor if a gap is not wider than this many times the mean distance of plots.
 LEAST_SPACES = 12.0
+# Land answers at a place in more than this share of all looks, and so many times at least; places
+# are so many deviations wide.
+AGAIN, LEAST_AGAIN, CELL_SIGMA = 0.15, 5.0, 3.0
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,26 @@ class Field:
     max_range: float
     clutter_range: float
     arc: tuple[float, float] | None
+
+
+def elsewhere(plots: Plots, looks: float, range_std: float, azimuth_std: float) -> IntArray:
+    """Return the plots that are not where a radar that stands has plots again and again.
+
+    Parameters
+    ----------
+    plots : Plots
+    looks : float
+    range_std, azimuth_std : float
+        Metres and radians.
+    """
+    if np.ptp(plots.pose, axis=0).any():
+        return np.arange(len(plots))
+    row = np.floor(plots.measurement[:, 0] / (CELL_SIGMA * range_std))
+    column = np.floor((plots.measurement[:, 1] + np.pi) / (CELL_SIGMA * azimuth_std))
+    cell = row * np.ceil(FULL_TURN / (CELL_SIGMA * azimuth_std) + 1.0) + column
+    _, place, count = np.unique(cell, return_inverse=True, return_counts=True)
+    kept: IntArray = np.flatnonzero(count[place.ravel()] < max(AGAIN * looks, LEAST_AGAIN))
+    return kept
 
 
 def field_of(plots: Plots, claimed: IntArray) -> Field:

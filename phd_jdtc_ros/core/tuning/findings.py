@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..arrays import FloatArray
-from .field import Field, field_of
+from ..arrays import FloatArray, IntArray
+from .field import Field, elsewhere, field_of
 from .levels import Levels, levels, log_ratio
 from .noise import Noise, fitted
 from .plots import Plots
@@ -24,6 +23,9 @@ from .tracks import Guess, Tracks, linked
 ROUNDS, SETTLED = 8, 0.02
 # What is needed: clouds, tracks, and plots of theirs.
 LEAST_CLOUDS, LEAST_TRACKS, LEAST_PLOTS = 10, 1, 30
+# With a larger share of plots from places that answer again and again, those are left out: tracks
+# would jump about on land.
+MOST_LAND = 0.2
 # Bounds of what is linked with: certain detection would let no plot be missed.
 PROBABILITIES = (0.3, 0.98)
 # Of the white acceleration, m^2/s^3.
@@ -61,6 +63,8 @@ class Findings:
         Turns or clouds.
     duration_s : float
         Of what was looked at, seconds.
+    land : float
+        Share of the plots that are at places which answer again and again.
     """
 
     timing: Timing
@@ -74,16 +78,15 @@ class Findings:
     plots: int
     looks: float
     duration_s: float
+    land: float
 
 
-def findings(plots: Plots, given: Sequence[tuple[float, float]] = ()) -> Findings:
+def findings(plots: Plots) -> Findings:
     """Return what a recording says of one radar.
 
     Parameters
     ----------
     plots : Plots
-    given : sequence of (range_std, azimuth_std)
-        Where the search for the noise begins besides, metres and radians.
 
     Raises
     ------
@@ -94,9 +97,13 @@ def findings(plots: Plots, given: Sequence[tuple[float, float]] = ()) -> Finding
     when = timing(plots)
     if when.cloud_interval_s <= 0.0:
         raise TuningError("all clouds have one stamp, must have stamps that rise")
-    guess, tracks = first_guess(plots, when, given)
+    guess, tracks = first_guess(plots, when)
     _require_tracks(plots, when, tracks)
     guess, tracks, noise = _settled(plots, when, guess, tracks)
+    rows = elsewhere(plots, looks_of(plots, when), noise.range_std, noise.azimuth_std)
+    land = 1.0 - len(rows) / len(plots)
+    if land > MOST_LAND and len(rows) > LEAST_PLOTS:
+        tracks, noise = _beside_land(plots, rows, when, tracks, noise)
     clutter = clutter_rate(plots, when, tracks)
     return Findings(
         when,
@@ -110,7 +117,22 @@ def findings(plots: Plots, given: Sequence[tuple[float, float]] = ()) -> Finding
         len(plots),
         looks_of(plots, when),
         plots.duration_s,
+        land,
     )
+
+
+def _beside_land(
+    plots: Plots, rows: IntArray, when: Timing, tracks: Tracks, noise: Noise
+) -> tuple[Tracks, Noise]:
+    """Return tracks and noise of some plots only, or those given if there are no tracks then."""
+    part = plots.only(rows)
+    guess, found = first_guess(part, when)
+    try:
+        _require_tracks(part, when, found)
+        _, found, noise = _settled(part, when, guess, found)
+    except TuningError:
+        return tracks, noise
+    return Tracks(tuple(rows[own] for own in found.plots), found.score), noise
 
 
 def _settled(

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,16 +69,18 @@ class Plots:
     def until(self, time_s: float) -> Plots:
         """Return the plots of the clouds up to a time, seconds after the first stamp."""
         clouds = int(np.searchsorted(self.cloud_s, time_s, side="right"))
-        kept = np.flatnonzero(self.cloud < clouds)
-        return Plots(
-            self.zero_ns,
-            self.cloud_s[:clouds],
-            self.cloud[kept],
-            self.time_s[kept],
-            self.measurement[kept],
-            None if self.amplitude is None else self.amplitude[kept],
-            self.pose[kept],
-            self.timed,
+        part = self.only(np.flatnonzero(self.cloud < clouds))
+        return replace(part, cloud_s=self.cloud_s[:clouds])
+
+    def only(self, rows: IntArray) -> Plots:
+        """Return the plots of these rows, ascending, and all clouds."""
+        return replace(
+            self,
+            cloud=self.cloud[rows],
+            time_s=self.time_s[rows],
+            measurement=self.measurement[rows],
+            amplitude=None if self.amplitude is None else self.amplitude[rows],
+            pose=self.pose[rows],
         )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..configuration.parameters import AUTO
 from ..configuration.schema import Value
-from .findings import Findings
+from .findings import MOST_LAND, Findings
 
 # A given table of the detection probability stays if its mean is as near as this.
 SAME_PROBABILITY = 0.05
@@ -116,6 +116,9 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     entries.append(
         Row("clutter_max_range", clutter_range, math.nan, free, now("clutter_max_range"))
     )
+    if found.land > MOST_LAND:
+        again = f"{100.0 * found.land:.0f} % of plots again and again"
+        entries.append(Row("clutter_map", True, math.nan, again, now("clutter_map")))
     if found.field.arc is not None:
         entries.append(Row("fov_deg", _fov(found.field.arc, now), math.nan, seen, now("fov_deg")))
     return entries + _amplitudes(found, now) + _motion(found)

@@ -8,7 +8,6 @@ They are compared on a part of the recording, and the best of them on all of it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -53,9 +52,7 @@ def guess_of(
     )
 
 
-def first_guess(
-    plots: Plots, timing: Timing, given: Sequence[tuple[float, float]] = ()
-) -> tuple[Guess, Tracks]:
+def first_guess(plots: Plots, timing: Timing) -> tuple[Guess, Tracks]:
     """Return the guess of which the tracks have the best score, and these.
 
     Parameters
@@ -63,8 +60,6 @@ def first_guess(
     plots : Plots
         At least one.
     timing : Timing
-    given : sequence of (range_std, azimuth_std)
-        Tried besides, metres and radians.
     """
     several = len(plots) / (plots.duration_s / timing.look_s + 1.0)
     looks = min(LOOKS, max(PLOTS / max(several, 1.0), LEAST_LOOKS))
@@ -73,11 +68,7 @@ def first_guess(
         part = plots
     farthest = float(np.quantile(plots.measurement[:, 0], 0.99))
     noises = [
-        *given,
-        *(
-            (share * farthest, float(np.radians(deg)))
-            for share, deg in product(RANGES, AZIMUTHS_DEG)
-        ),
+        (share * farthest, float(np.radians(deg))) for share, deg in product(RANGES, AZIMUTHS_DEG)
     ]
     nothing = np.zeros(len(part))
 
