@@ -17,13 +17,13 @@ EXTRAS     := [ros]
 TEST_EXTRAS := [ros,fast,test,study,peers,docs,dev]
 endif
 
-.PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage check format bags parameters clean
+.PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage mutants check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
 	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes;"
 	@echo "             ENGINE=gaussian for the other engine, into out/demo_gaussian"
-	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=6 for a quick one), into out/study"
+	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=12 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
 	@echo "make faults  the fault matrix on live nodes, into out/faults: all with particles, and with"
 	@echo "             the other engine what depends on it; ENGINE=gaussian for all with that one only"
@@ -35,6 +35,8 @@ help:
 	@echo "make pictures  the documentation's pictures anew, of the demo and of what else is in out/"
 	@echo "make test    run the tests"
 	@echo "make coverage  the same, with the lines that they run: 90 % of all, 95 % of core and adapters"
+	@echo "make mutants  mutation tests of the association, the correctors and the smoother, into"
+	@echo "             out/mutants; PARTS=association for one of them"
 	@echo "make check   linters and types"
 	@echo "make format  format the code"
 	@echo "make bags    write the shipped bags anew (they come out byte for byte the same)"
@@ -113,6 +115,14 @@ coverage: $(VENV)/.ready-test
 	$(RUN) -m coverage report --fail-under=90
 	$(RUN) -m coverage report --include='phd_jdtc_ros/core/*,msg_adapters/*' --fail-under=95
 
+$(VENV)/.ready-mutants: $(VENV)/.ready-test
+	@echo "installing what mutation tests need into $(VENV) ..."
+	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[mutants]'
+	@touch $@
+
+mutants: $(VENV)/.ready-mutants
+	$(RUN) test/mutants.py $(PARTS)
+
 check: $(VENV)/.ready-test
 	$(RUN) -m ruff check
 	$(RUN) -m ruff format --check
@@ -123,7 +133,7 @@ format: $(VENV)/.ready-test
 	$(RUN) -m ruff format
 
 SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes \
-    terminal_radar terminal_radar_by_sector two_terminal_radars
+    terminal_radar terminal_radar_by_sector two_terminal_radars automotive coastal coastal_ship
 
 bags: $(VENV)/.ready
 	@for name in $(SCENARIOS); do \

@@ -21,7 +21,7 @@ COUNTS = {
     GAUSSIAN: {"rows": "hypotheses", "approximate clusters": "approximate clusters"},
 }
 STEPS_CAPTIONS = {
-    PARTICLES: "4 targets: the reference scenario, 1000 particles per target; others: about 500",
+    PARTICLES: "4 targets: the reference scenario, 1500 particles per target; others: about 500",
     GAUSSIAN: "4 targets: the reference scenario",
 }
 

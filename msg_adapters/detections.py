@@ -29,7 +29,10 @@ NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 # Single precision leaves two minutes of the time since the epoch.
 DOUBLES = ("f8",)
 # What a cloud may lack although the radar's configuration names its field.
-OPTIONAL = ("level", "time", "sector", "height", "range_std", "azimuth_std")
+OPTIONAL = (
+    *("level", "time", "sector", "height", "range_std", "azimuth_std"),
+    *("range_rate", "range_rate_std"),
+)
 # The layout of the clouds that are written where no radar's own is asked for.
 OWN_LAYOUT = RadarInput(name="", topic="", frame="")
 
@@ -51,9 +54,9 @@ def to_msg(
     -------
     PointCloud2
         Fields are ``x y z`` in the sensor's frame, then the radar's names for ``range azimuth
-        elevation amplitude``, and those for the time, the sector, the height and the deviations of
-        each detection that it has. All are FLOAT32, but for the sector, UINT32, and times since
-        the epoch, FLOAT64. The elevation is 0, and the height that of the antenna.
+        elevation amplitude``, and those for the time, the sector, the height, the range rate and
+        the deviations of each detection that it has. All are FLOAT32, but for the sector, UINT32,
+        and times since the epoch, FLOAT64. The elevation is 0, and the height that of the antenna.
 
     Raises
     ------
@@ -100,6 +103,12 @@ def _sent_particulars(
     if radar.azimuth_std_field:
         degrees = radar.azimuth_in_degrees
         yield radar.azimuth_std_field, np.degrees(std[:, 1]) if degrees else std[:, 1]
+    for name, known in (
+        (radar.range_rate_field, detections.range_rate),
+        (radar.range_rate_std_field, detections.range_rate_std),
+    ):
+        if name:
+            yield name, np.full(count, np.nan) if known is None else known
 
 
 def sent_azimuth(azimuth: FloatArray, radar: RadarInput) -> FloatArray:
@@ -134,9 +143,9 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     Parameters
     ----------
     cloud : PointCloud2
-        Range and azimuth (and elevation) are floats, as are times, heights and deviations; the
-        amplitude and the sector may be whole numbers. Without a field that is none of a
-        detection's coordinates, what it says is unknown; that is a doubt.
+        Range and azimuth (and elevation) are floats, as are times, heights, range rates and
+        deviations; the amplitude and the sector may be whole numbers. Without a field that is none
+        of a detection's coordinates, what it says is unknown; that is a doubt.
     radar : RadarInput
         Field names, units and conventions. Where it names an elevation or a height field, ranges
         are slant ranges.
@@ -177,6 +186,8 @@ def _named(radar: RadarInput) -> dict[str, tuple[str, Sequence[str]]]:
         "height": (radar.height_field, floats),
         "range_std": (radar.range_std_field, floats),
         "azimuth_std": (radar.azimuth_std_field, floats),
+        "range_rate": (radar.range_rate_field, floats),
+        "range_rate_std": (radar.range_rate_std_field, floats),
     }
     return {what: entry for what, entry in fields.items() if entry[0]}
 

@@ -58,8 +58,15 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
         f"{count} detections of unknown height; their slant ranges are used as ground ranges"
     ),
     "deviations_unusable": lambda radar, count: (
-        f"{count} deviations that are zero, negative or absurd; {radar.name}.range_std and "
-        "azimuth_std_deg are used for them"
+        f"{count} deviations that are zero, negative or absurd; {radar.name}.range_std, "
+        "azimuth_std_deg and range_rate_std are used for them"
+    ),
+    "range_rates_unusable": lambda radar, count: (
+        f"{count} range rates that are infinite or absurd; their detections are used without them"
+    ),
+    "range_rates_beyond_ambiguity": lambda radar, count: (
+        f"{count} range rates beyond {radar.name}.range_rate_ambiguity, "
+        f"{radar.range_rate_ambiguity:g} m/s; they are used modulo it, is it right?"
     ),
     "sectors_unusable": lambda radar, count: (
         f"{count} clouds whose sector is not one whole number from 0 to "
@@ -70,6 +77,8 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     "height_missing": _missing("fields.height", "slant ranges are used as ground ranges"),
     "range_std_missing": _missing("fields.range_std", "range_std is used"),
     "azimuth_std_missing": _missing("fields.azimuth_std", "azimuth_std_deg is used"),
+    "range_rate_missing": _missing("fields.range_rate", "its range rates are unknown"),
+    "range_rate_std_missing": _missing("fields.range_rate_std", "range_rate_std is used"),
     "clouds_missing": lambda radar, count: (
         f"{count} clouds missing by the stamps; lost, or the driver sends none where it sees "
         "nothing; no target there counts as missed"

@@ -23,6 +23,7 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 NUMBER = "std_msgs/msg/Float64"
 PATH = "nav_msgs/msg/Path"
 ODOMETRY = "nav_msgs/msg/Odometry"
+GRID = "nav_msgs/msg/OccupancyGrid"
 POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
 DETECTIONS_3D = "vision_msgs/msg/Detection3DArray"
@@ -56,6 +57,11 @@ def detections_in_map(tracker: str = TRACKER) -> str:
 def cardinality(tracker: str = TRACKER) -> str:
     """Return the topic of the tracker's figures, one message per scan."""
     return f"{tracker}/cardinality"
+
+
+def clutter_map(tracker: str = TRACKER) -> str:
+    """Return the topic of a tracker's picture of where clutter comes from."""
+    return f"{tracker}/clutter_map"
 
 
 def plot(quantity: str, node: str = TRACKER) -> str:
@@ -114,6 +120,7 @@ def optional(tracker: str = TRACKER) -> dict[str, str]:
     figures = (name for names in quantities.FIGURES.values() for name in names)
     return {
         **{plot(name, tracker): NUMBER for name in figures},
+        clutter_map(tracker): GRID,
         f"{tracker}/tracks/path": PATH,
         f"{tracker}/odometry": ODOMETRY,
         f"{tracker}/radar_tracks": RADAR_TRACKS,

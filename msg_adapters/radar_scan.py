@@ -66,7 +66,8 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
     scan : radar_msgs.msg.RadarScan
     radar : RadarInput
         Its `frame` and `max_range` are used, and `amplitude_offset_db`, which converts the
-        amplitudes to SNRs. Without an `amplitude_field` the amplitudes are ignored.
+        amplitudes to SNRs. Without an `amplitude_field` the amplitudes are ignored, and so are the
+        Doppler velocities, m/s and positive where a target recedes, without a `range_rate_field`.
 
     Raises
     ------
@@ -76,8 +77,11 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
         `detections.stamp_of`.
     """
     _require_size(len(scan.returns))
-    rows = [(r.range, r.azimuth, r.elevation, r.amplitude) for r in scan.returns]
-    return _report(scan.header, np.array(rows, dtype=np.float64).reshape(-1, 4), radar)
+    rows = [
+        (r.range, r.azimuth, r.elevation, r.doppler_velocity, r.amplitude) for r in scan.returns
+    ]
+    every = np.array(rows, dtype=np.float64).reshape(-1, RETURN_FIELDS)
+    return _report(scan.header, every, radar)
 
 
 def from_cdr(data: bytes, radar: RadarInput) -> Report:
@@ -101,17 +105,20 @@ def from_cdr(data: bytes, radar: RadarInput) -> Report:
         raise
     except (struct.error, IndexError, ValueError) as error:
         raise RejectedMessageError("schema", f"no {TYPE_NAME}: {error}") from error
-    rows = values.reshape(count, RETURN_FIELDS)[:, [0, 1, 2, 4]].astype(np.float64)
+    rows = values.reshape(count, RETURN_FIELDS).astype(np.float64)
     return _report(Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame), rows, radar)
 
 
 def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
     """Return the serialised scan of a planar radar's detections.
 
-    Elevations and Doppler velocities are 0, and so are amplitudes without an `amplitude_field`.
+    Elevations are 0, and so are Doppler velocities without range rates, and amplitudes without an
+    `amplitude_field`.
     """
     returns = np.zeros((len(detections), RETURN_FIELDS), dtype="<f4")
     returns[:, :2] = detections.measurement
+    if detections.range_rate is not None:
+        returns[:, 3] = detections.range_rate
     if radar.amplitude_field:
         returns[:, 4] = sent_level(detections, _as_defined(radar))
     scan = cdr.Writer()
@@ -131,7 +138,7 @@ def _require_size(count: int) -> None:
 
 
 def _report(header: Header, rows: FloatArray, radar: RadarInput) -> Report:
-    """Return the detections among rows of range, azimuth, elevation and amplitude, (M, 4)."""
+    """Return the detections among rows of the fields of a return, (M, 5)."""
     require_frame(header.frame_id, radar)
     return select(
         stamp_of(header),
@@ -140,6 +147,7 @@ def _report(header: Header, rows: FloatArray, radar: RadarInput) -> Report:
             distance=rows[:, 0],
             azimuth=rows[:, 1],
             elevation=rows[:, 2],
-            level=rows[:, 3] if radar.amplitude_field else None,
+            level=rows[:, 4] if radar.amplitude_field else None,
+            range_rate=rows[:, 3] if radar.range_rate_field else None,
         ),
     )

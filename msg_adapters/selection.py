@@ -33,6 +33,12 @@ MAX_SECONDS_OFF = 60.0
 # Least and largest standard deviations that are believed: of ranges, m, and of azimuths, rad.
 RANGE_STDS = (1e-3, 1e5)
 AZIMUTH_STDS = (1e-6, np.pi)
+# Metres per second; nothing that a radar of this kind tracks is faster.
+MAX_RANGE_RATE = 5e3
+# A range rate may be given from 0 to the ambiguity, or about zero; single precision rounds it.
+AN_INTERVAL = 1.0 + 1e-6
+# Least and largest standard deviations of range rates that are believed, m/s.
+RANGE_RATE_STDS = (1e-3, 1e3)
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -80,6 +86,8 @@ class Columns:
     range_std, azimuth_std : array or None
         In metres and in the unit of the azimuth.
     sector : array or None
+    range_rate, range_rate_std : array or None
+        Metres per second, positive where a target recedes.
     """
 
     distance: FloatArray
@@ -91,6 +99,8 @@ class Columns:
     range_std: FloatArray | None = None
     azimuth_std: FloatArray | None = None
     sector: FloatArray | None = None
+    range_rate: FloatArray | None = None
+    range_rate_std: FloatArray | None = None
 
 
 def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
@@ -105,7 +115,8 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
 
     Notes
     -----
-    An amplitude, a height or a deviation that is NaN is unknown, and its point is kept.
+    An amplitude, a height, a range rate or a deviation that is NaN is unknown, and its point is
+    kept. So is a point whose range rate is impossible; that then counts as unknown.
     """
     azimuth = np.radians(columns.azimuth) if radar.azimuth_in_degrees else columns.azimuth
     turns = np.abs(azimuth)
@@ -132,19 +143,24 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
     )
     noise_std, unusable = _noise_std(columns, kept, radar)
     sector, confused = _sector(columns.sector, radar)
+    range_rate, rate_doubts = _range_rate(columns.range_rate, kept, radar)
+    range_rate_std, unusable_rates = _range_rate_std(columns.range_rate_std, kept)
     detections = Detections(
         np.stack([ground_range[kept], wrap_angle(azimuth[kept])], axis=1),
         None if amplitude is None else amplitude[kept],
         None if time is None else time[kept],
         noise_std,
+        range_rate=range_rate,
+        range_rate_std=None if range_rate is None else range_rate_std,
     )
     beyond = 0 if radar.azimuth_in_degrees else np.count_nonzero(turns[kept] > A_TURN)
     unknown = 0 if columns.height is None else np.count_nonzero(~np.isfinite(columns.height[kept]))
     doubts = Counter(
         azimuths_beyond_a_turn=int(beyond),
         heights_unknown=int(unknown),
-        deviations_unusable=unusable,
+        deviations_unusable=unusable + unusable_rates,
         sectors_unusable=confused,
+        **rate_doubts,
     )
     return Report(stamp_ns, detections, dropped, +doubts, sector)
 
@@ -218,6 +234,31 @@ def _noise_std(
     usable = (found >= least) & (found <= most)
     unusable = int(np.count_nonzero(~usable & ~np.isnan(found)))
     return (np.where(usable, found, np.nan) if usable.any() else None), unusable
+
+
+def _range_rate(
+    column: FloatArray | None, kept: BoolArray, radar: RadarInput
+) -> tuple[FloatArray | None, dict[str, int]]:
+    """Return the detections' range rates, NaN where unknown, and the counts of doubtful ones."""
+    if column is None:
+        return None, {}
+    rate, interval = column[kept], radar.range_rate_ambiguity
+    possible = np.abs(rate) <= MAX_RANGE_RATE  # never true of NaN
+    beyond = possible & (np.abs(rate) > AN_INTERVAL * interval) if interval else ~possible & False
+    counts = {
+        "range_rates_unusable": int(np.count_nonzero(~possible & ~np.isnan(rate))),
+        "range_rates_beyond_ambiguity": int(np.count_nonzero(beyond)),
+    }
+    return np.where(possible, rate, np.nan), counts
+
+
+def _range_rate_std(column: FloatArray | None, kept: BoolArray) -> tuple[FloatArray | None, int]:
+    """Return the range rates' own deviations, NaN where there is none; and the unusable."""
+    if column is None:
+        return None, 0
+    own = column[kept]
+    usable = (own >= RANGE_RATE_STDS[0]) & (own <= RANGE_RATE_STDS[1])
+    return np.where(usable, own, np.nan), int(np.count_nonzero(~usable & ~np.isnan(own)))
 
 
 def _sector(column: FloatArray | None, radar: RadarInput) -> tuple[int | None, int]:

@@ -24,6 +24,7 @@ EXECUTABLES = {
     "evaluator": ("phd_jdtc_ros.nodes.evaluator.node", "compares estimates with truth, live"),
     "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
     "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
+    "tune": ("phd_jdtc_ros.tools.tune", "proposes a configuration from a recording"),
     "report": ("phd_jdtc_ros.tools.report", "a bag with estimates to a page and pictures"),
     "monte_carlo": (
         "phd_jdtc_ros.tools.monte_carlo",
@@ -113,6 +114,7 @@ tracker = partial(run, "tracker")
 evaluator = partial(run, "evaluator")
 track_bag = partial(run, "track_bag")
 simulate = partial(run, "simulate")
+tune = partial(run, "tune")
 report = partial(run, "report")
 monte_carlo = partial(run, "monte_carlo")
 madap = partial(run, "madap")

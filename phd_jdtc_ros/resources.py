@@ -18,9 +18,14 @@ SHARE = Path("share", PACKAGE)
 # The name of the reference scenario's bag.
 DEFAULT_BAG = "paper_scenario"
 # The bags of profiles that are not for the reference scenario.
-PROFILE_BAGS = {"air_traffic": "terminal_radar", "autoferry": "autoferry_2"}
+PROFILE_BAGS = {
+    "air_traffic": "terminal_radar",
+    "autoferry": "autoferry_2",
+    "automotive": "automotive",
+    "marine": "coastal",
+}
 # The c of OSPA and GOSPA, metres, where targets are much nearer to each other than usual.
-PROFILE_CUTOFFS = {"autoferry": 50.0}
+PROFILE_CUTOFFS = {"autoferry": 50.0, "automotive": 20.0, "marine": 200.0}
 # The environment variables that name the profiles' file for Fast DDS 2 and Fast DDS 3.
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 

@@ -23,6 +23,7 @@ from . import (
     decoders,
     engines,
     forgeries,
+    moving,
     network,
     numerics,
     overload,
@@ -58,6 +59,7 @@ ELSEWHERE = (
 OF_ENGINES: tuple[Measure, ...] = (
     bad_scans.measure,
     turning.measure,
+    moving.measure,
     numerics.measure,
     forgeries.measure,
     crowd.measure,
@@ -86,6 +88,7 @@ def every_fault() -> Iterator[Measure]:
     yield bad_scans.measure
     yield turning.measure
     yield turning.measure_refused
+    yield moving.measure
     yield bags.measure_recovery
     yield bags.measure_bomb
     yield overload.measure

@@ -37,6 +37,12 @@ NAME = "forged checkpoints"
 GOAL = "cold start with a reason each, 0 errors, 0 estimates that are not finite, at most 256 MB"
 SCANS = 6
 VALUES: Mapping[str, Any] = {"seed": 0}
+# All that a radar may learn of its clutter.
+LEARNING = {
+    "radar_1.clutter_amplitude": "learned",
+    "radar_1.clutter_map": True,
+    "radar_1.clutter_rate": "auto",
+}
 Change = Callable[[Snapshot], object]
 OLDEST, NEXT = "stored.0", "stored.1"
 # What an archive of either engine begins with.
@@ -123,8 +129,39 @@ def _facts() -> dict[str, Change]:
         "a huge scan index": lambda s: s.facts["filter"].update(scan_index=10**40),
         "a huge track number": lambda s: s.facts["smoother"]["tracks"].update(count=2**40),
         "track numbers that are none": lambda s: s.facts["smoother"]["tracks"].update(number=[3]),
+        "clutter of another radar": _of_another("clutter"),
+        "a clutter map of another radar": _of_another("clutter_map"),
+        "a clutter rate of another radar": _of_another("clutter_rate"),
+        "a clutter map of another place": _mapped(pose=[5e3, 0.0, 0.0]),
+        "a clutter map of no turns": _mapped(turns=NAN),
+        "a clutter map with cells of no size": _mapped(size=0.0),
+        "a clutter map without cells": lambda s: s.arrays.pop("clutter_map.radar_1.cell"),
+        "a clutter rate that is not finite": lambda s: s.facts["clutter_rate"].update(
+            radar_1=[NAN, 1.0]
+        ),
+        "a clutter rate of no turns": lambda s: s.facts["clutter_rate"].update(radar_1=[5.0, 0.0]),
         "no smoother": lambda s: s.facts.update(smoother=7),
     }
+
+
+def _of_another(fact: str) -> Change:
+    """Return a change after which what was learned of clutter is that of another radar."""
+
+    def change(snapshot: Snapshot) -> None:
+        learned = snapshot.facts[fact]
+        if isinstance(learned, list):
+            learned[learned.index("radar_1")] = "mast"
+        else:
+            learned["mast"] = learned.pop("radar_1")
+        for name in [name for name in snapshot.arrays if name.startswith(f"{fact}.radar_1")]:
+            snapshot.arrays[name.replace("radar_1", "mast")] = snapshot.arrays.pop(name)
+
+    return change
+
+
+def _mapped(**facts: Any) -> Change:
+    """Return a change of what is said of a clutter map."""
+    return lambda snapshot: snapshot.facts["clutter_map"]["radar_1"].update(facts)
 
 
 def _of_particles() -> dict[str, Change]:
@@ -232,7 +269,7 @@ def archives(body: bytes) -> dict[str, bytes]:
 
 
 def _new(engine: str) -> Engine:
-    return new_engine(resolve({"engine": engine}))
+    return new_engine(resolve({"engine": engine, **LEARNING}))
 
 
 def _forged(kind: str) -> Iterator[tuple[str, bytes]]:

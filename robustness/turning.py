@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Faults of a radar that turns: its detections' times, heights and deviations, and its sectors."""
+"""Faults of a radar that turns: what its detections say beside where they are, and its sectors."""
 
 from __future__ import annotations
 
@@ -59,6 +59,9 @@ PARAMETERS = {
     "radar_1.fields.sector": "sector",
     "radar_1.fields.height": "height",
     "radar_1.fields.range_std": "deviation",
+    "radar_1.fields.range_rate": "speed",
+    "radar_1.range_rate_std": 2.0,
+    "radar_1.range_rate_ambiguity": 400.0,
     "radar_1.rotation_s": ROTATION_S,
     "radar_1.sectors": SECTORS,
     "radar_1.detection_probability": 0.95,
@@ -137,6 +140,11 @@ def faults() -> list[Fault]:
         Fault("deviation negative", "deviations_unusable", _values("deviation", -1.0)),
         Fault("deviation absurd", "deviations_unusable", _values("deviation", 1e30)),
         Fault("deviation unknown", "", _values("deviation", math.nan)),
+        Fault("range rate infinite", "range_rates_unusable", _values("speed", math.inf)),
+        Fault("range rate absurd", "range_rates_unusable", _values("speed", -1e30)),
+        Fault("range rate ambiguous", "range_rates_beyond_ambiguity", _values("speed", 900.0)),
+        Fault("range rate unknown", "", _values("speed", math.nan)),
+        Fault("no range rate", "range_rate_missing", _without("speed"), 1),
         Fault("sector NaN", "sectors_unusable", _all("sector", lambda own: own * math.nan), 1),
         Fault("sector 99", "sectors_unusable", _all("sector", lambda own: 0.0 * own + 99.0), 1),
         Fault("two sectors", "sectors_unusable", _values("sector", 77.0), 1),
@@ -167,10 +175,12 @@ class _Antenna:
         azimuth, time_s = width * (part + share), self.time_s + length_s * share
         slant = self.rng.uniform(5e3, 28e3, CLUTTER_PER_SECTOR)
         place = PLACE + VELOCITY * self.time_s
+        speed = np.linspace(-150.0, 150.0, CLUTTER_PER_SECTOR)
         target = float(np.mod(np.arctan2(place[1], place[0]), 2.0 * np.pi)) / width - part
         if 0.0 <= target < 1.0:
             azimuth = np.append(azimuth, width * (part + target))
             time_s = np.append(time_s, self.time_s + length_s * target)
+            speed = np.append(speed, float(place @ VELOCITY) / math.hypot(*place))
             slant = np.append(slant, math.hypot(*place, HEIGHT) + 30.0 * self.rng.standard_normal())
         self.time_s += length_s
         self.passed += 1
@@ -181,6 +191,7 @@ class _Antenna:
             "sector": np.full(len(slant), float(part)),
             "height": np.full(len(slant), HEIGHT),
             "deviation": np.full(len(slant), 30.0),
+            "speed": speed,
         }
         if change is not None:
             change(columns)

@@ -14,15 +14,19 @@ from typing import Any
 import numpy as np
 
 from .models.clutter_amplitude import CELLS, MEMORY, Learned
+from .models.clutter_count import MEMORY_TURNS as COUNTED_TURNS
+from .models.clutter_count import ClutterCount
 from .models.clutter_grid import MOST_AZIMUTHS, Grid, GroundGrid, PolarGrid
 from .models.clutter_map import MEMORY_TURNS, MOST_CELLS, ClutterMap
 from .models.clutter_memory import ClutterMemory
 from .models.radar import RadarModel
 from .snapshot import MOST_INDEX, Snapshot, require_numbers, require_whole, whole
 
-NAME, MAP = "clutter", "clutter_map"
+NAME, MAP, RATE = "clutter", "clutter_map", "clutter_rate"
 # Rounding may leave a little more than all of the memory.
 MOST_COUNT, MOST_TURNS = 1.001 * MEMORY, 1.001 * MEMORY_TURNS
+# Of a rate: detections of all remembered turns, and these.
+MOST_IN_ALL, LEAST_TURNS, MOST_COUNTED_TURNS = 1e9, 0.5, 2.0 * COUNTED_TURNS
 # Of a map: detections of one report in one cell add up.
 MOST_IN_CELL = 1e9
 
@@ -33,6 +37,10 @@ def put_clutter(snapshot: Snapshot, memory: ClutterMemory, radars: Sequence[Rada
         snapshot.facts[NAME] = sorted(memory.laws)
     for radar, law in memory.laws.items():
         snapshot.arrays[f"{NAME}.{radar}"] = law.count
+    learning = [radar.name for radar in radars if radar.clutter_count is not None]
+    counts = {name: memory.counts[name] for name in learning if name in memory.counts}
+    if counts:
+        snapshot.facts[RATE] = {name: [own.count, own.turns] for name, own in counts.items()}
     if memory.maps:
         pose = {radar.name: [*radar.position, radar.yaw] for radar in radars}
         snapshot.facts[MAP] = {
@@ -72,7 +80,33 @@ def take_clutter(snapshot: Snapshot, radars: Sequence[RadarModel]) -> ClutterMem
         raise ValueError(f"{MAP}: {str(facts)[:40]} given, must be a mapping by radar")
     _require_radars(MAP, facts, mapping, "clutter_map is true")
     maps = {name: _take_map(snapshot, mapping[name], facts[name]) for name in facts}
-    return ClutterMemory(laws, maps)
+    return ClutterMemory(laws, maps, _take_counts(snapshot, radars))
+
+
+def _take_counts(snapshot: Snapshot, radars: Sequence[RadarModel]) -> dict[str, ClutterCount]:
+    """Return the numbers that clutter rates are learned from.
+
+    Those of a radar whose rate is given now are left out: it may change at any time.
+    """
+    facts: Any = snapshot.facts.get(RATE, {})
+    if not isinstance(facts, dict):
+        raise ValueError(f"{RATE}: {str(facts)[:40]} given, must be a mapping by radar")
+    known = {radar.name: radar.clutter_count is not None for radar in radars}
+    counts = {}
+    for name, fact in facts.items():
+        if name not in known:
+            raise ValueError(
+                f"{RATE}: that of {str(name)[:40]} given, must be of one of {', '.join(known)}"
+            )
+        if not (isinstance(fact, list) and len(fact) == 2):
+            raise ValueError(f"{RATE}.{name}: {str(fact)[:40]} given, must be a count and turns")
+        numbers = np.array([each if isinstance(each, float) else np.nan for each in fact])
+        require_numbers(f"{RATE}.{name}.count", numbers[:1], 0.0, MOST_IN_ALL)
+        # No turns are remembered of a radar whose rate was never learned.
+        require_numbers(f"{RATE}.{name}.turns", numbers[1:], LEAST_TURNS, MOST_COUNTED_TURNS)
+        if known[name]:
+            counts[name] = ClutterCount(*numbers.tolist())
+    return counts
 
 
 def _require_radars(fact: str, names: Collection[Any], known: Collection[str], which: str) -> None:

@@ -7,6 +7,10 @@ A track is confirmed when its existence probability passes one threshold, and st
 it falls below a lower one. A confirmed track that the last scan missed is coasting. A tentative one
 is not reported by the filter.
 
+Where no radar can see a target, nothing speaks against its existence, and its probability falls by
+survival alone. A track that was not detected for longer than a limit is not reported there. The
+filter goes on with it, so that it has its number again when it comes out of a blind sector.
+
 How much a missed detection says depends on how often the target is missed. A class's detection
 probability is a mean over its SNR band: targets at its lower end are missed again and again, and
 of one at its upper end a miss by all radars says that it is gone. The thresholds that are derived
@@ -73,6 +77,8 @@ class ReportingRule:
         track's own record. Infinite if the record is not used.
     labelled : bool
         Whether estimates have labels. If not, those above `confirm` are reported, scan by scan.
+    coasting_s : float
+        Tracks that no radar can see are reported for so long after their last detection.
     """
 
     confirm: FloatArray
@@ -80,6 +86,7 @@ class ReportingRule:
     hidden: FloatArray
     record_weight: FloatArray
     labelled: bool = True
+    coasting_s: float = np.inf
 
     @property
     def least(self) -> float:
@@ -94,7 +101,11 @@ class ReportingRule:
 
 
 def rule_of(
-    model: TrackerModel, labelled: bool, confirm: float = 0.0, delete: float = 0.0
+    model: TrackerModel,
+    labelled: bool,
+    confirm: float = 0.0,
+    delete: float = 0.0,
+    coasting_scans: float = np.inf,
 ) -> ReportingRule:
     """Return the rule of given thresholds; those that are 0 are derived from the model.
 
@@ -105,6 +116,8 @@ def rule_of(
         Whether estimates have labels.
     confirm, delete : float
         `confirm_probability` and `delete_probability`.
+    coasting_scans : float
+        Intervals, or turns where they are longer; see `ReportingRule.coasting_s`.
 
     Notes
     -----
@@ -119,17 +132,18 @@ def rule_of(
     if not labelled:
         above = np.full(len(classes), confirm or EVEN)
         return ReportingRule(above, above, above, never, labelled=False)
+    coasting_s = coasting_scans * _slowest_s(model)
     misses = [_misses(kind, model.radars) for kind in classes]
     p = 1.0 - np.array([missed.mean() for missed in misses])
     above = np.full(len(classes), confirm) if confirm else (1.0 + p) / (2.0 + p)
     if delete:
         below = np.full(len(classes), delete)
-        return ReportingRule(np.maximum(above, delete), below, below, never)
+        return ReportingRule(np.maximum(above, delete), below, below, never, coasting_s=coasting_s)
     weight = never
     if not isinstance(model.amplitudes, Memory):  # which knows each target's own SNR
         weight = np.array([_record_weight(missed) for missed in misses])
     below, hidden = (np.minimum(1.0 / (2.0 + again), above) for again in (p, 0.0))
-    return ReportingRule(above, below, hidden, weight)
+    return ReportingRule(above, below, hidden, weight, coasting_s=coasting_s)
 
 
 def _misses(kind: ClassModel, radars: tuple[RadarModel, ...]) -> FloatArray:
@@ -161,17 +175,16 @@ def _record_weight(missed: FloatArray) -> float:
 def missed_by_all(found: Estimates, scan: Scan, model: TrackerModel) -> FloatArray:
     """Return the probability that no radar of a scan detects each target, shape (T,).
 
-    It is that of the target's class, at the target's place.
+    It is that of the target's class, at the target's place, and for radars where they are then.
     """
     modes, missed = model.modes, np.ones(len(found))
     mode = np.searchsorted(modes.class_of, found.class_id)
-    for radar, detections in zip(model.radars, scan.detections, strict=True):
-        if detections is not None:
-            measured = radar.measure(found.state)
-            detected = Band().detection_probability(
-                mode, np.zeros(len(found)), measured[:, 0], radar, modes
-            )
-            missed *= 1.0 - radar.missable(measured, detections.coverage) * detected
+    for radar, detections in model.reports(scan):
+        measured = radar.measure(found.state)
+        detected = Band().detection_probability(
+            mode, np.zeros(len(found)), measured[:, 0], radar, modes
+        )
+        missed *= 1.0 - radar.missable(measured, detections.coverage) * detected
     return missed
 
 
@@ -312,13 +325,15 @@ class TrackStates:
         corrected = _odds(weight) * factor
         corrected = np.where(factor == 1.0, weight, corrected / (1.0 + corrected))
         detected_ns = np.where(detected, scan.stamp_ns, before.detected_ns)
-        long_ago = scan.stamp_ns - detected_ns > PATIENCE * 1e9 * _slowest_s(model)
+        since_ns = scan.stamp_ns - detected_ns
+        long_ago = since_ns > PATIENCE * 1e9 * _slowest_s(model)
         lowest = np.where(long_ago & ~seen, self.rule.hidden[found.class_id], delete)
         kept = np.where(
             before.state == TENTATIVE,
             weight > self.rule.confirm[found.class_id],
             (corrected >= lowest) & (weight >= np.minimum(LEAST, delete)),
         )
+        kept &= detected | seen | (since_ns <= 1e9 * self.rule.coasting_s)
         coasting = missed | long_ago | (~detected & (before.state == COASTING))
         return Records(
             label=label,

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from .arrays import FloatArray
 from .confirmation import ReportingRule
+from .models.clutter_raster import ClutterRaster
 from .models.tracker_model import TrackerModel
 from .snapshot import Snapshot
 from .types import Estimates, Scan
@@ -67,6 +68,10 @@ class Engine(Protocol):
         This is for a gap after which the stamps continue to increase. A subscriber that follows
         tracks by their numbers must not take a new target for an old one.
         """
+        ...
+
+    def clutter_raster(self) -> ClutterRaster | None:
+        """Return where clutter comes from, as far as it was learned; None if nothing was."""
         ...
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:

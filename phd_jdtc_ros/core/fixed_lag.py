@@ -18,6 +18,7 @@ from .arrays import IntArray
 from .confirmation import ReportingRule, TrackStates
 from .engine import Lag, Step
 from .forward import MOST_SCANS, Filtered, ForwardFilter
+from .models.clutter_raster import ClutterRaster, raster
 from .models.tracker_model import TrackerModel
 from .reporting import Schedule, at_stamp, chosen, joined, none, predicted
 from .snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, whole
@@ -152,6 +153,10 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         mass.append(step.updated.class_mass(*classes))
         total = np.sum(mass, axis=0)
         return Step(tuple(filtered), tuple(smoothed), total, self._figures(step))
+
+    def clutter_raster(self) -> ClutterRaster | None:
+        """Return where clutter comes from; see `Engine.clutter_raster`."""
+        return raster(self.forward.clutter.maps, self.forward.model.radars)
 
     def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
         """Use another model and rule from the next scan on; see `Engine.retune`.

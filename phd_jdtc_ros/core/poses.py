@@ -18,6 +18,7 @@ from enum import Enum
 
 import numpy as np
 
+from .arrays import FloatArray
 from .models.radar import wrap_angle
 from .types import Detections, Pose
 
@@ -25,6 +26,9 @@ from .types import Detections, Pose
 POSITION_SLACK, YAW_SLACK = 5.0, math.radians(10.0)
 # No platform turns faster, rad/s.
 MOST_YAW_RATE = 1.0
+# A platform's velocity is that over at least so long, seconds: over less, the noise of two poses
+# would be more of it than the motion.
+VELOCITY_S = 0.1
 # Poses that are kept at most, whatever their stamps.
 MOST_POSES = 100_000
 
@@ -103,6 +107,24 @@ class PoseTrack:
                 return self._jumped(stamp_ns, pose)
         self._append(stamp_ns, pose, self._segments[-1] if self._segments else 0)
         return None
+
+    def segment(self, stamp_ns: int) -> tuple[tuple[int, Pose], tuple[int, Pose]] | None:
+        """Return two poses with stamps that tell the velocity at a stamp, None if there are none.
+
+        They are the first at the stamp or after it, or the last, and one at least `VELOCITY_S`
+        before it, without a jump between them. Later poses do not count, so that it does not matter
+        how many of them have come.
+        """
+        last = min(bisect_left(self._stamps, stamp_ns), len(self._stamps) - 1)
+        if last > 0 and self._segments[last - 1] != self._segments[last]:
+            last -= 1
+        first = bisect_right(self._stamps, self._stamps[last] - round(VELOCITY_S * 1e9)) - 1
+        first = max(first, 0)
+        while self._segments[first] != self._segments[last]:
+            first += 1
+        if first >= last:
+            return None
+        return (self._stamps[first], self._poses[first]), (self._stamps[last], self._poses[last])
 
     def reaches(self, stamp_ns: int) -> bool:
         """Return whether there is a pose at a stamp or after it."""
@@ -201,11 +223,19 @@ class Platform:
 
         Detections with times of their own were measured from where the radar was then; they become
         what it would have measured from where it was at the stamp. None if a pose is not known.
+        Range rates need its velocity too, and are left out where that is not known: after the first
+        pose, and after a jump.
         """
         at_stamp, extrapolated = self.track.at(stamp_ns)
         if at_stamp is None:
             return None, False
         pose = self.mount.on(at_stamp)
+        if found.range_rate is not None:
+            velocity = self.velocity(stamp_ns)
+            if velocity is None:
+                found = replace(found, range_rate=None, range_rate_std=None)
+            else:
+                pose = replace(pose, velocity=velocity)
         if found.time_s is None or not len(found):
             return replace(found, pose=pose), extrapolated
         own = []
@@ -222,7 +252,34 @@ class Platform:
         north = y + distance * np.sin(azimuth + yaw) - pose.position[1]
         seen = np.stack([np.hypot(east, north), np.arctan2(north, east) - pose.yaw], axis=1)
         seen[:, 1] = wrap_angle(seen[:, 1])
-        return replace(found, measurement=seen, pose=pose), extrapolated
+        found = replace(found, measurement=seen, pose=pose)
+        return self._at_the_stamp(stamp_ns, found, azimuth + yaw), extrapolated
+
+    def velocity(self, stamp_ns: int) -> tuple[float, float] | None:
+        """Return the radar's velocity at a stamp in the world frame, m/s; None if it is unknown.
+
+        It is that over the last poses, with what the platform's turning makes of it.
+        """
+        known = self.track.segment(stamp_ns)
+        if known is None:
+            return None
+        (begin_ns, begin), (end_ns, end) = known
+        since = (end_ns - begin_ns) * 1e-9
+        (x, y), (later_x, later_y) = self.mount.on(begin).position, self.mount.on(end).position
+        return (later_x - x) / since, (later_y - y) / since
+
+    def _at_the_stamp(self, stamp_ns: int, found: Detections, bearing: FloatArray) -> Detections:
+        """Return detections with range rates as from the radar's velocity at the stamp.
+
+        `bearing` are the directions in which they were measured, world frame, radians.
+        """
+        if found.range_rate is None or found.time_s is None or found.pose is None:
+            return found
+        then = [self.velocity(stamp_ns + round(time_s * 1e9)) for time_s in found.time_s.tolist()]
+        own = np.array([found.pose.velocity if one is None else one for one in then])
+        change = own - np.asarray(found.pose.velocity)
+        toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+        return replace(found, range_rate=found.range_rate + (change * toward).sum(axis=1))
 
     def reaches(self, stamp_ns: int, found: Detections) -> bool:
         """Return whether the poses reach all times of some detections."""

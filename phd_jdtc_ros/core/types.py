@@ -61,10 +61,13 @@ class Pose:
     yaw : float
         Direction of its x axis in the world frame, radians counter-clockwise; NaN if it is not
         known.
+    velocity : tuple of two floats
+        In the world frame, metres per second; zero where nobody needs it.
     """
 
     position: tuple[float, float]
     yaw: float
+    velocity: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,12 @@ class Detections:
     pose : Pose or None
         Of the radar at the scan's stamp, which all measurements are relative to; None for the
         radar model's.
+    range_rate : array of shape (M,) or None
+        Metres per second relative to the radar, positive where a target recedes; modulo the radar's
+        ambiguity. NaN where it is unknown. None when the radar reports none.
+    range_rate_std : array of shape (M,) or None
+        Standard deviation of each range rate, metres per second; NaN, and None for all, for the
+        radar model's.
     """
 
     measurement: FloatArray
@@ -97,6 +106,8 @@ class Detections:
     noise_std: FloatArray | None = None
     coverage: Coverage | None = None
     pose: Pose | None = None
+    range_rate: FloatArray | None = None
+    range_rate_std: FloatArray | None = None
 
     def __post_init__(self) -> None:
         measurement = read_only(self.measurement)
@@ -107,6 +118,8 @@ class Detections:
             "amplitude": measurement.shape[:1],
             "time_s": measurement.shape[:1],
             "noise_std": measurement.shape,
+            "range_rate": measurement.shape[:1],
+            "range_rate_std": measurement.shape[:1],
         }
         for name, shape in shapes.items():
             value = getattr(self, name)
@@ -132,6 +145,8 @@ class Detections:
             amplitude=chosen(self.amplitude),
             time_s=chosen(self.time_s),
             noise_std=chosen(self.noise_std),
+            range_rate=chosen(self.range_rate),
+            range_rate_std=chosen(self.range_rate_std),
         )
 
 

@@ -13,7 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from msg_adapters import diagnostics, estimates, interfaces, names, platform_poses, truth
+from msg_adapters import (
+    clutter_maps,
+    diagnostics,
+    estimates,
+    interfaces,
+    names,
+    platform_poses,
+    truth,
+)
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
@@ -55,15 +63,19 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     if not wanted.keys() & present:
         raise BagError(f"{path}: none of {', '.join(wanted)} is in it")
     wanted[figures] = names.FIGURES
+    clutter = names.clutter_map(tracker)
+    wanted[clutter] = names.GRID
     bag.require({topic: kind for topic, kind in wanted.items() if topic in present})
     intact = _Intact(bag)
     parts: dict[str, list[Any]] = defaultdict(list)
     classes = 0
     try:
-        for entry in intact.messages([*sources, names.TRUTH, figures]):
+        for entry in intact.messages([*sources, names.TRUTH, figures, clutter]):
             topic, message = entry.topic, interfaces.decode(entry.data, bag.types[entry.topic])
             if topic == names.TRUTH:
                 parts["truth"].append(truth.from_msg(message))
+            elif topic == clutter:
+                parts["clutter"] = [clutter_maps.from_msg(message)]
             elif topic == figures:
                 values = [diagnostics.values_of(status) for status in message.status]
                 parts["step_ms"] += [v["step_ms"] for v in values if "step_ms" in v]
@@ -88,6 +100,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
             if not source.pose_topic
         ),
         damage=intact.damage,
+        clutter=next(iter(parts["clutter"]), None),
         class_names=tuple(kind.name for kind in config.model.modes.classes),
     )
 

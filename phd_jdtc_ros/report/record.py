@@ -12,6 +12,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
 
 from .sets import Sets
@@ -68,6 +69,8 @@ class Record:
         What is wrong with the bag that the run was read from; the run is what is intact of it.
     class_names : tuple of str
         As configured; empty if they are not known.
+    clutter : ClutterRaster or None
+        Where clutter came from, as learned in the end; None if that was not recorded.
     """
 
     truth: tuple[Truth, ...]
@@ -79,6 +82,7 @@ class Record:
     radars: tuple[RadarSite, ...] = ()
     damage: BagError | None = None
     class_names: tuple[str, ...] = ()
+    clutter: ClutterRaster | None = None
 
     @cached_property
     def sets(self) -> Sets:

@@ -23,6 +23,8 @@ LINES = ("-", "--", "-.", ":")
 MARKERS = ("o", "^", "s", "D", "v", "P")
 # Of detections without amplitudes, on light and on dark pages.
 DETECTION = "#807dba"
+# Of learned clutter: red, green and blue.
+CLUTTER = "176,118,42"
 INK, GREY, FAINT = "#222222", "#9A9A9A", "#E4E4E4"
 
 

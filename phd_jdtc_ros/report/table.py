@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
+    FALSE_PER_SCAN,
     GOSPA,
     GROUPS,
     IDENTITY_SWITCHES,
@@ -179,8 +180,9 @@ def _bands(summary: dict[str, Any]) -> str:
 
 
 def _of_tracks(summary: dict[str, Any]) -> str:
-    """Return the figures that need track ids, a line each."""
-    lines = []
+    """Return the figures of all targets only, a line each; most need track ids."""
+    false = (_cell(FALSE_PER_SCAN, summary[source]["all"]) for source in (FILTERED, SMOOTHED))
+    lines = ["false beyond c, per scan: filter {}, smoother {}".format(*false)]
     headings = (
         (OSPA2, f"{OSPA2.heading} over {summary['ospa2_window']} scans"),
         (IDENTITY_SWITCHES, IDENTITY_SWITCHES.heading),
@@ -188,7 +190,8 @@ def _of_tracks(summary: dict[str, Any]) -> str:
     for metric, heading in headings:
         before, after = (_cell(metric, summary[source]["all"]) for source in (FILTERED, SMOOTHED))
         if before == after == "-":
-            return "no OSPA(2) and no identity switches: the estimates carry no track ids"
+            lines.append("no OSPA(2) and no identity switches: the estimates carry no track ids")
+            break
         lines.append(f"{heading}: filter {before}, smoother {after}")
     return "\n".join(lines)
 

@@ -17,6 +17,25 @@ from phd_jdtc_ros.core.simulation.simulate import simulate_with_sources
 from phd_jdtc_ros.core.types import Scan, Truth
 
 
+class Ignored(NamedTuple):
+    """Which targets of a radar that turns are not scored, nor the estimates of them.
+
+    Parameters
+    ----------
+    below : float
+        Those slower than this, metres per second.
+    near : float
+        An estimate nearer than this to such a target is its, metres.
+    """
+
+    below: float = 40.0
+    near: float = 1000.0
+
+
+# Aircraft that taxi.
+TAXIING = Ignored()
+
+
 @dataclass(frozen=True)
 class SimulatedRun:
     """One seeded run of a scenario.
@@ -32,6 +51,8 @@ class SimulatedRun:
     sources : tuple of tuples of int arrays
         Per scan and radar, the track_id of the target of every detection, 0 for clutter. Only
         references with known association may use it.
+    ignored : Ignored
+        Where antennas turn.
     """
 
     scenario: Scenario
@@ -39,6 +60,7 @@ class SimulatedRun:
     truth: tuple[Truth, ...]
     scans: tuple[Scan, ...]
     sources: tuple[tuple[IntArray, ...], ...]
+    ignored: Ignored = TAXIING
 
 
 def simulated_run(scenario: Scenario, seed: int) -> SimulatedRun:

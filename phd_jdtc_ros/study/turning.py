@@ -4,7 +4,7 @@
 """Runs of radars whose antennas turn, and this package's tracker on them, through its pipeline.
 
 All trackers are scored at the end of each turn of the first radar that turns, with their estimates
-predicted to it. Only targets in the air are scored: what is slower taxis.
+predicted to it. Slow targets are not scored: aircraft that taxi, ships at anchor.
 """
 
 from __future__ import annotations
@@ -19,17 +19,14 @@ from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.evaluation.metrics import assign
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
+from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
 from phd_jdtc_ros.core.types import FILTERED, FULL_TURN, SMOOTHED, SOURCES, Estimates, Truth
 
-from .runs import SimulatedRun, Tracked
+from .runs import TAXIING, Ignored, SimulatedRun, Tracked
 
-# Targets slower than this, metres per second, are not scored.
-LEAST_SPEED = 40.0
-# An estimate nearer than this to a target that is not scored is its, metres.
-NEAR_SLOW = 1000.0
 # Estimates older than this, in turns, are not predicted to a stamp.
 OLDEST_TURNS = 1.5
 
@@ -43,20 +40,21 @@ def turn_ends(scenario: Scenario) -> list[float]:
     return [(turn - offset) * rotation_s for turn in range(first, int(last + 1e-9) + 1)]
 
 
-def turning_run(scenario: Scenario, seed: int) -> SimulatedRun:
-    """Return a run with the truth in the air at the end of each turn; it has no scans."""
-    truth = tuple(_in_the_air(truth_after(scenario, end)) for end in turn_ends(scenario))
-    return SimulatedRun(scenario, seed, truth, (), ())
+def turning_run(scenario: Scenario, seed: int, ignored: Ignored = TAXIING) -> SimulatedRun:
+    """Return a run with the truth that is scored at the end of each turn; it has no scans."""
+    every = (truth_after(scenario, end) for end in turn_ends(scenario))
+    truth = tuple(_scored(known, ignored) for known in every)
+    return SimulatedRun(scenario, seed, truth, (), (), ignored)
 
 
-def _in_the_air(truth: Truth) -> Truth:
-    rows = np.flatnonzero(np.hypot(*truth.velocity.T) >= LEAST_SPEED)
+def _scored(truth: Truth, ignored: Ignored) -> Truth:
+    rows = np.flatnonzero(np.hypot(*truth.velocity.T) >= ignored.below)
     return Truth(
         truth.stamp_ns, truth.state[rows], truth.track_id[rows], truth.class_id[rows], truth.space
     )
 
 
-def in_the_air(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
+def of_scored(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
     """Return a tracker's estimates at the stamps of the truth without those of slow targets.
 
     Targets and estimates are paired by position; false estimates stay.
@@ -64,7 +62,7 @@ def in_the_air(run: SimulatedRun, found: Sequence[PointSet]) -> list[PointSet]:
     rest = []
     for scored, points in zip(run.truth, found, strict=True):
         everything = truth_after(run.scenario, (scored.stamp_ns - run.scenario.start_ns) * 1e-9)
-        target, estimate = assign(everything.position, points.position, NEAR_SLOW)
+        target, estimate = assign(everything.position, points.position, run.ignored.near)
         slow = ~np.isin(everything.track_id[target], scored.track_id)
         rest.append(points.only(np.delete(np.arange(len(points)), estimate[slow])))
     return rest
@@ -95,7 +93,7 @@ def track(run: SimulatedRun, parameters: Mapping[str, Any], lags: Sequence[int])
             if of_lag in lags:
                 stamps = [truth.stamp_ns for truth in run.truth]
                 points = at_stamps(found[source], stamps, OLDEST_TURNS * rotation_s)
-                tracks[of_lag] = in_the_air(run, points)
+                tracks[of_lag] = of_scored(run, points)
     return Tracked(tracks, 1e3 * spent_s / max(len(run.truth), 1))
 
 
@@ -110,7 +108,7 @@ def estimates_of(
     reports = simulate_reports(scenario, config.inputs, seed)
     found: dict[str, list[Estimates]] = {source: [] for source in SOURCES}
     begin = time.process_time()
-    for event in _events(config, reports):
+    for event in _events(config, scenario, reports):
         if isinstance(event, RunEnded):
             found[SMOOTHED] += event.smoothed
         else:
@@ -119,9 +117,19 @@ def estimates_of(
     return found, time.process_time() - begin
 
 
-def _events(config: TrackerConfig, reports: Iterable[Report]) -> Iterator[Event]:
+def _events(
+    config: TrackerConfig, scenario: Scenario, reports: Iterable[Report]
+) -> Iterator[Event]:
     pipeline = new_pipeline(config)
+    poses = iter(scenario.poses())
+    posed_ns = -1
     for report in reports:
+        while posed_ns < report.stamp_ns and (known := next(poses, None)) is not None:
+            posed_ns, pose = known
+            for radar in scenario.platform.radars if scenario.platform else ():
+                posed = pipeline.add_pose(radar, posed_ns, pose)
+                if not isinstance(posed, PoseFault):
+                    yield from posed
         events = pipeline.add(report.radar, report.stamp_ns, report.detections)
         if not isinstance(events, Rejection):
             yield from events

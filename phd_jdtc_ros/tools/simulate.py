@@ -9,7 +9,7 @@ import heapq
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from msg_adapters import interfaces, names, truth
+from msg_adapters import interfaces, names, platform_poses, truth
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
@@ -26,6 +26,8 @@ from phd_jdtc_ros.nodes.common import bag_parameters
 from . import command
 
 DEPTH = 50
+# The frame of what carries radars.
+PLATFORM = "platform"
 
 
 def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) -> None:
@@ -46,14 +48,55 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
                     type_hash=kind.type_hash,
                 )
             )
+        for topic in config.carried:
+            bag.add_topic(Topic(topic, platform_poses.TYPES[config.pose_message], DEPTH))
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
         for stamp_ns, topic, data in _messages(run, config, seed):
             bag.write(topic, data, stamp_ns)
     bag_parameters.write(directory / bag_parameters.NAME, config.values)
 
 
+def check_platform(run: Scenario, config: TrackerConfig) -> None:
+    """Refuse radars that move for the tracker and not in the scenario, or the other way round.
+
+    Raises
+    ------
+    ConfigError
+    """
+    faults = []
+    for index, radar in enumerate(config.inputs):
+        carried = run.carrier(index) is not None
+        if carried and not radar.pose_topic:
+            faults.append(f"{radar.name}.pose: fixed given, must be a topic, with a platform")
+        if radar.pose_topic and not carried:
+            faults.append(f"platform: must carry {radar.name}, whose pose is {radar.pose_topic}")
+        if carried and not radar.pose_yaw:
+            faults.append(f"{radar.name}.pose_yaw: false given, must be true: a platform turns it")
+    if faults:
+        raise ConfigError(faults)
+
+
 def _messages(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[int, str, bytes]]:
-    """Yield stamp, topic and data of every message in the order of stamps, the truth first."""
+    """Yield stamp, topic and data of every message in the order of stamps.
+
+    Of equal stamps poses are first, and then the truth.
+    """
+    poses = _poses(run, config)
+    yield from heapq.merge(poses, _seen(run, config, seed), key=lambda message: message[0])
+
+
+def _poses(run: Scenario, config: TrackerConfig) -> Iterator[tuple[int, str, bytes]]:
+    """Yield stamp, topic and data of the poses of what carries radars."""
+    for stamp_ns, pose in run.poses():
+        data = platform_poses.to_cdr(
+            pose, stamp_ns, config.world_frame, config.pose_message, PLATFORM
+        )
+        for topic in config.carried:
+            yield stamp_ns, topic, data
+
+
+def _seen(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[int, str, bytes]]:
+    """Yield stamp, topic and data of truth and detections in the order of stamps, truth first."""
 
     def of_truth(targets: Truth) -> tuple[int, str, bytes]:
         data = interfaces.encode(truth.to_msg(targets, config.world_frame))
@@ -92,6 +135,7 @@ def main(argv: Sequence[str]) -> int:
         config = command.tracker_config(arguments)
         radars = config.model.radars
         run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)
+        check_platform(run, config)
         write_bag(arguments.out, run, config, arguments.seed)
         print(f"{arguments.out}: {run.scans} scans, {len(radars)} radars, seed {arguments.seed}")
         return OK

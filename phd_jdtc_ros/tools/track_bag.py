@@ -18,7 +18,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import doubts, estimates, interfaces, names, platform_poses
+from msg_adapters import clutter_maps, doubts, estimates, interfaces, names, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import resources
@@ -61,6 +61,7 @@ class OfflineTracker:
         self._radar_of = {radar.topic: index for index, radar in enumerate(config.inputs)}
         self._carried = config.carried
         self.scans = 0
+        self._last_ns = 0
         self.step_ms: list[float] = []
         self._cpu_s = 0.0
         self.dropped: Counter[str] = Counter()
@@ -117,7 +118,12 @@ class OfflineTracker:
         self.dropped.update(f"pose_{fault}" for fault in faults)
 
     def finish(self) -> None:
-        """Close all scans and write the estimates that are held back."""
+        """Close all scans, write the learned clutter, and the estimates that are held back."""
+        self._write(self._pipeline.close_scans())
+        shown = self._pipeline.engine.clutter_raster()
+        if shown is not None:
+            message = clutter_maps.to_msg(shown, self._last_ns, self._config.world_frame)
+            self._bag.write(names.clutter_map(), interfaces.encode(message), self._last_ns)
         self._write(self._pipeline.flush())
 
     def warnings(self) -> Iterator[str]:
@@ -136,6 +142,7 @@ class OfflineTracker:
                 self._write_estimates(SMOOTHED, event.smoothed)
                 continue
             self.scans += 1
+            self._last_ns = event.scan.stamp_ns
             self._targets_seen |= event.step.targets > 0
             self._overdue = event.overdue or self._overdue
             self._write_estimates(FILTERED, event.step.filtered)
@@ -170,6 +177,8 @@ def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTra
             bag.add_topic(source.topic(topic, depth=50))
         for kind in (FILTERED, SMOOTHED):
             bag.add_topic(Topic(names.estimates(kind), names.CLOUD))
+        if any(radar.clutter_map is not None for radar in config.model.radars):
+            bag.add_topic(Topic(names.clutter_map(), names.GRID, depth=1, transient_local=True))
         tracker = OfflineTracker(config, bag)
         total = sum(source.counts[topic] for topic in copied)
         console = Console(stderr=True)

@@ -23,6 +23,7 @@ from phd_jdtc_ros.core.types import (
     Coverage,
     Detections,
     Estimates,
+    Pose,
     Scan,
 )
 
@@ -143,6 +144,68 @@ def test_a_derived_deletion_is_at_even_odds_where_no_radar_looks():
     tracks.model = beyond(MODEL)
     weights = SURVIVAL ** np.arange(1, 80)
     assert sum(1 in tracks.add(t1=weight) for weight in weights) == np.sum(weights >= 0.5)
+
+
+def test_a_track_that_no_radar_can_see_is_reported_for_as_long_as_the_limit():
+    tracks = Tracks(coasting_scans=4.0)
+    tracks.add(t1=0.999)
+    tracks.model = beyond(MODEL)
+    weights = 0.999 * SURVIVAL ** np.arange(1, 8)
+    assert [1 in tracks.add(t1=weight) for weight in weights] == [True] * 4 + [False] * 3
+    tracks.model = MODEL
+    assert tracks.add(t1=0.999) == {1: CONFIRMED}
+    tracks.model = beyond(MODEL)
+    assert tracks.add(t1=0.999 * SURVIVAL) == {1: CONFIRMED}
+
+
+def test_a_limit_of_coasting_is_no_limit_where_radars_can_see_the_track():
+    tracks = Tracks(model=seen_with(0.3), coasting_scans=1.0)
+    tracks.add(t1=0.9999)
+    missed = float(missed_by_all(estimates(0, {1: 1.0}), scan_of(0), tracks.model)[0])
+    weights = [0.9999]
+    for _ in range(4):
+        weights.append(after_a_miss(weights[-1], missed))
+    assert weights[-1] > 0.7
+    assert [tracks.add(t1=weight)[1] for weight in weights[1:]] == [COASTING] * 4
+
+
+@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+@pytest.mark.parametrize(("hidden", "reported"), [(4, 4), (14, 10)])
+def test_a_target_that_comes_out_of_a_blind_sector_has_its_number(engine, hidden, reported):
+    # It flies past the radar, and after some scans behind something.
+    before, after = 8, 4
+    north = -2e3 + 240.0 * np.arange(before + hidden + after)
+    edges = north[[before - 1, before + hidden - 1]] + 120.0
+    radar = {
+        "detection_probability": 0.95,
+        "clutter_rate": 1.0,
+        "position": [0.0, 0.0],
+        "blind_sectors_deg": np.rad2deg(np.arctan2(edges, 8e3)).tolist(),
+    }
+    config = resolve(
+        {
+            "engine": engine,
+            "particles_per_target": 1500,
+            "radars": ["radar_1"],
+            "births": [],
+            "detection_births.rates": [0.05, 0.05],
+            "lag": 1,
+            **{f"radar_1.{name}": value for name, value in radar.items()},
+        }
+    )
+    of, space = new_engine(config), config.model.modes.space
+    (radar,) = config.model.radars
+    tracks = []
+    for index, place in enumerate(north):
+        measured = radar.measure(space.state((8e3, place), (0.0, 40.0), 0.0)[None])
+        measured = measured[radar.missable(measured, None) > 0.0]
+        seen = Detections(measured, np.full(len(measured), 60.0))
+        (found,) = of.step(Scan((index + 1) * INTERVAL, (seen,))).filtered
+        tracks.append(found.track_id.tolist())
+    (number,) = tracks[before - 1]
+    assert tracks[before : before + reported] == [[number]] * reported
+    assert tracks[before + reported : before + hidden] == [[]] * (hidden - reported)
+    assert tracks[before + hidden :] == [[number]] * after
 
 
 def test_derived_thresholds_follow_from_the_detection_probability():
@@ -339,6 +402,15 @@ def test_missed_by_all_counts_the_radars_that_reported_and_the_azimuths_they_pas
     assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, behind), MODEL)[0] == one
 
 
+def test_missed_by_all_is_of_where_a_radar_that_moves_is_then():
+    far = Pose((5e3 + 2.0 * MODEL.radars[1].max_range, 0.0), 0.0)
+    away = Detections(np.zeros((0, 2)), None, pose=far)
+    one = float(missed_by_all(estimates(0, {1: 1.0}), replace_report(1, None), MODEL)[0])
+    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, away), MODEL)[0] == one
+    near = replace(away, pose=Pose((5e3, 100.0), 0.0))
+    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, near), MODEL)[0] < one
+
+
 def replace_report(index, report):
     scan = scan_of(0)
     reports = list(scan.detections)
@@ -358,7 +430,7 @@ def test_parameter_of_earlier_versions_is_refused_with_those_that_replaced_it():
 
 @pytest.mark.parametrize("engine", ["particles", "gaussian"])
 def test_engines_report_a_missed_target_as_coasting(engine):
-    config = resolve({"engine": engine, "particles_per_target": 300, "least_particles": 100})
+    config = resolve({"engine": engine, "particles_per_target": 1500, "least_particles": 100})
     scans = [scan for _, scan in simulate(paper_scenario(config.model.radars), 3)[:12]]
     scans[9] = scan_of(scans[9].stamp_ns)  # nothing is detected
     of = new_engine(config)

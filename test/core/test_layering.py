@@ -49,7 +49,7 @@ ROOMS = {
     "engine": (*BASE, "confirmation", "models", "snapshot"),
     "window": ("arrays", "state_space"),
     "backward": ("arrays", "window"),
-    "poses": ("models", "types"),
+    "poses": ("arrays", "models", "types"),
     "posed_reports": ("poses", "types"),
     "touch": ("arrays", "models", "types", "window"),
     "window_snapshot": ("arrays", "models", "snapshot", "types", "window"),
@@ -72,6 +72,7 @@ ROOMS = {
         *("turns", "watch"),
     ),
     "simulation": (*BASE, "configuration", "models"),
+    "tuning": (*BASE, "configuration", "models", "sectors"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (
         *("configuration", "engine", "engines", "posed_reports", "poses", "scans", "turns"),

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from lone import lone
 
 from phd_jdtc_ros.core.poses import Mount, Platform, PoseFault, PoseTrack
 from phd_jdtc_ros.core.types import Detections, Pose
@@ -135,3 +136,60 @@ def test_detections_with_times_become_what_is_seen_from_the_stamps_pose():
     assert posed.pose.position == pytest.approx((10.0, 0.0))
     assert posed.pose.yaw == pytest.approx(0.3)
     assert not extrapolated
+
+
+def rated(rate, time_s=None):
+    measured = np.tile([50.0, 0.5], (len(rate), 1))
+    return Detections(measured, None, time_s, range_rate=np.array(rate))
+
+
+def test_detections_with_range_rates_get_the_velocity_of_the_radar():
+    # 10 m/s ahead and a turn of 0.2 rad/s about the platform; the radar is 3 m to its left.
+    mount = Mount((0.0, 3.0), 0.3)
+    poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.01 * k) for k in range(9)))
+    found, _ = Platform(poses, mount).posed(round(0.2 * S), rated([1.0]))
+    # Of the turn, the velocity to the right of what is to the left is backwards.
+    assert found.pose.velocity == pytest.approx((10.0 - 0.2 * 3.0, -0.2 * 3.0 * 0.03), abs=0.02)
+    assert found.range_rate.tolist() == [1.0]
+
+
+def test_the_velocity_does_not_depend_on_poses_that_come_later():
+    poses = [(0.05 * k, 0.5 * k + 0.1 * (k % 3), 0.0, 0.0) for k in range(9)]
+    known = [
+        Platform(track(*poses[:count]), Mount((0.0, 0.0), 0.0)).velocity(round(0.21 * S))
+        for count in (6, 7, 9)
+    ]
+    assert known[0] == known[1] == known[2]
+
+
+def test_detections_without_range_rates_need_no_velocity():
+    poses = track(*((0.05 * k, 0.5 * k, 0.0, 0.0) for k in range(9)))
+    found, _ = Platform(poses, Mount((0.0, 0.0), 0.0)).posed(
+        round(0.2 * S), Detections(np.array([[50.0, 0.5]]), None)
+    )
+    assert found.pose.velocity == (0.0, 0.0)
+
+
+def test_range_rates_are_left_out_where_the_velocity_is_not_known():
+    alone = Platform(track((0, 0, 0, 0)), Mount((0.0, 0.0), 0.0))
+    found, _ = alone.posed(0, rated([1.0]))
+    assert found.range_rate is None
+    assert len(found) == 1
+
+
+def test_range_rates_at_times_of_their_own_become_those_from_the_velocity_at_the_stamp():
+    # It brakes: 10 m/s before 1 s, 4 m/s after.
+    poses = track(*((0.1 * k, min(k, 10) * 1.0 + max(k - 10, 0) * 0.4, 0, 0) for k in range(21)))
+    platform = Platform(poses, Mount((0.0, 0.0), 0.0))
+    found, _ = platform.posed(2 * S, rated([3.0, 3.0], np.array([0.0, -1.2])))
+    assert found.pose.velocity == pytest.approx((4.0, 0.0))
+    expected = [3.0, 3.0 + (10.0 - 4.0) * math.cos(0.5)]
+    np.testing.assert_allclose(found.range_rate, expected, atol=1e-9)
+
+
+def test_a_radar_that_moves_measures_what_stands_as_it_passes_it():
+    poses = track(*((0.1 * k, 1.5 * k, 0.0, 0.0) for k in range(11)))
+    (radar,) = lone({"radar.fields.range_rate": "rr", "radar.position": [0.0, 0.0]}).model.radars
+    found, _ = Platform(poses, Mount((0.0, 0.0), 0.0)).posed(S, rated([0.0]))
+    standing = np.array([[15.0 + 40.0, 0.0, 30.0, 0.0, 0.0]])
+    assert radar.at(found.pose).range_rate_of(standing) == pytest.approx(-15.0 * 40.0 / 50.0)

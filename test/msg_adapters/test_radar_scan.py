@@ -152,3 +152,21 @@ def test_definition_and_hash_are_those_of_the_type():
     assert [line.split() for line in radar_scan.DEFINITION.splitlines()] == [
         line.split() for line in radar_scans.DEFINITION.splitlines()
     ]
+
+
+def test_doppler_velocities_are_read_where_they_are_asked_for():
+    message = scan((1000.0, 0.5, 0.0, 20.0))
+    message.returns[0].doppler_velocity = -3.5
+    assert radar_scan.from_msg(message, radar()).detections.range_rate is None
+    found = radar_scan.from_msg(message, radar(range_rate_field="yes")).detections
+    assert found.range_rate.tolist() == [-3.5]
+    recorded = radar_scans.cdr(STAMP_NS, FRAME, [(1000.0, 0.5, 0.0, 20.0)])
+    found = radar_scan.from_cdr(recorded, radar(range_rate_field="yes")).detections
+    assert found.range_rate.tolist() == [7.0]
+
+
+def test_doppler_velocities_are_written_as_they_are_read():
+    layout = radar(range_rate_field="yes")
+    sent = Detections(np.array([[1e3, 0.5]]), np.array([9.0]), range_rate=np.array([-2.25]))
+    found = radar_scan.from_cdr(radar_scan.to_cdr(sent, STAMP_NS, layout), layout).detections
+    assert found.range_rate.tolist() == [-2.25]

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -234,3 +236,60 @@ def test_to_msg_refuses_detections_without_a_sector():
     layout = radar(amplitude_field="", sector_field="s", rotation_s=4.0, sectors=16)
     with pytest.raises(ValueError, match="coverage: None given"):
         adapter.to_msg(Detections(np.zeros((1, 2)), None), 0, FRAME, layout)
+
+
+RATES = {"range_rate_field": "rr", "range_rate_std_field": "sd"}
+
+
+def test_range_rates_and_their_deviations_are_read():
+    points = [(1000.0, 0.1, -7.5, 0.2), (2000.0, 0.2, NAN, NAN)]
+    report = read(["rr", "sd"], points, **RATES)
+    assert_array_equal(report.detections.range_rate, [-7.5, NAN])
+    assert_array_equal(report.detections.range_rate_std, [0.2, NAN])
+    assert not report.doubts
+    assert not report.dropped
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("bad", [INF, -INF, 1e30, -6e3])
+def test_a_detection_with_an_impossible_range_rate_is_kept_without_it(bad):
+    report = read(["rr"], [(1000.0, 0.1, bad), (1000.0, 0.1, 5.0)], range_rate_field="rr")
+    assert_array_equal(report.detections.range_rate, [NAN, 5.0])
+    assert report.doubts == {"range_rates_unusable": 1}
+    assert not report.dropped
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, INF, 1e6])
+def test_an_unusable_deviation_of_a_range_rate_is_a_doubt(bad):
+    report = read(["rr", "sd"], [(1000.0, 0.1, 1.0, bad)], **RATES)
+    assert_array_equal(report.detections.range_rate_std, [NAN])
+    assert report.doubts == {"deviations_unusable": 1}
+
+
+def test_range_rates_beyond_the_ambiguity_are_used_and_a_doubt():
+    points = [(1000.0, 0.1, value) for value in (29.9, -15.0, 30.0, 30.1, -45.0, NAN)]
+    settings = {"range_rate_field": "rr", "range_rate_ambiguity": 30.0}
+    report = read(["rr"], points, **settings)
+    assert_array_equal(report.detections.range_rate, [29.9, -15.0, 30.0, 30.1, -45.0, NAN])
+    assert report.doubts == {"range_rates_beyond_ambiguity": 2}
+
+
+def test_a_cloud_without_its_range_rates_is_read_and_a_doubt():
+    report = read([], [(1000.0, 0.1)], **RATES)
+    assert report.detections.range_rate is None
+    assert report.doubts == {"range_rate_missing": 1, "range_rate_std_missing": 1}
+
+
+def test_range_rates_are_written_as_they_are_read():
+    layout = radar(amplitude_field="", **RATES)
+    sent = Detections(
+        np.array([[1000.0, 0.5], [900.0, 0.25]]),
+        None,
+        range_rate=np.array([-3.5, NAN]),
+        range_rate_std=np.array([0.25, NAN]),
+    )
+    found = adapter.from_msg(adapter.to_msg(sent, STAMP_NS, FRAME, layout), layout).detections
+    assert_array_equal(found.range_rate, sent.range_rate)
+    assert_array_equal(found.range_rate_std, sent.range_rate_std)
+    none = adapter.to_msg(replace(sent, range_rate=None), STAMP_NS, FRAME, layout)
+    assert_array_equal(adapter.from_msg(none, layout).detections.range_rate, [NAN, NAN])

@@ -230,7 +230,9 @@ def test_demo_refuses_a_bag_without_truth(tmp_path, capsys):
 
 
 def test_demo_makes_what_it_would_remove(demo):
-    assert {str(p.relative_to(demo)) for p in demo.rglob("*") if p.is_file()} == {*ARTEFACTS}
+    made = {str(p.relative_to(demo)) for p in demo.rglob("*") if p.is_file()}
+    # The picture of clutter is one of radars that learn its map.
+    assert made == {*ARTEFACTS} - {"clutter.png"}
 
 
 def earlier(directory):

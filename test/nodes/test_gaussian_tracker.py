@@ -66,7 +66,11 @@ def heard(group):
     return [[bytes(cloud.data) for cloud in source] for source in (group.filtered, group.smoothed)]
 
 
-@pytest.mark.parametrize("changes", [{"lag": 0}, {"lag": 3}, {"lag_s": 15.0}], ids=str)
+@pytest.mark.parametrize(
+    "changes",
+    [{"lag": 0}, {"lag": 3}, {"lag_s": 15.0}, {"lag": 1, "radar_1.clutter_rate": "auto"}],
+    ids=str,
+)
 def test_gaussians_are_tracked_live_as_offline(tracker, changes):
     group = tracker(**changes)
     for index in range(COUNT):
@@ -76,18 +80,24 @@ def test_gaussians_are_tracked_live_as_offline(tracker, changes):
     assert any(found[0])
 
 
-def test_gaussians_take_a_change_while_they_are_tracked(tracker, peer):
-    group = tracker(lag=3)
+NUMBER = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=80.0)
+WORD = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="auto")
+
+
+@pytest.mark.parametrize(("value", "given"), [(NUMBER, 80.0), (WORD, "auto")], ids=["80", "auto"])
+def test_gaussians_take_a_change_while_they_are_tracked(value, given, tracker, peer):
+    # Far from what is learned, so that it makes a difference.
+    before = {"lag": 3, "radar_1.clutter_rate": 2000.0}
+    group = tracker(**before)
     for index in range(COUNT):
         if index == 5:
-            value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=80.0)
             changed = Parameter(name="radar_1.clutter_rate", value=value)
             request = SetParametersAtomically.Request(parameters=[changed])
             service = "/tracker/set_parameters_atomically"
             assert peer.call(SetParametersAtomically, service, request).result.successful
         group.track(index)
-    later = {"radar_1.clutter_rate": 80.0}
-    assert heard(group) == offline({"lag": 3}, later, since=5) != offline({"lag": 3})
+    later = {"radar_1.clutter_rate": given}
+    assert heard(group) == offline(before, later, since=5) != offline(before)
 
 
 def test_figures_and_health_are_those_of_gaussians(tracker, peer):

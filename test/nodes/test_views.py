@@ -46,6 +46,7 @@ SHOWN = {
     names.estimates("filtered"),
     names.estimates("smoothed"),
     f"{names.TRACKER}/markers",
+    names.clutter_map(),
 }
 
 
@@ -119,8 +120,9 @@ def live(processes, peer):
         for word in ("-p", f"qos_overrides./{radar}/detections.subscription.reliability:=reliable")
     ]
     few = ("-p", "particles_per_target:=100", "-p", "particles_per_birth:=256", "-p", "lag:=2")
+    mapped = ("-p", "radar_1.clutter_map:=true")
     processes.start("evaluator")
-    processes.start("tracker", "--ros-args", *few, *reliable)
+    processes.start("tracker", "--ros-args", *few, *mapped, *reliable)
     assert peer.spin_until(lambda: peer.node.count_publishers(names.OSPA))
     assert peer.spin_until(lambda: peer.node.count_publishers(names.cardinality()))
     processes.start("sensor_replay", BAG, "--rate", "20", "--loop")
@@ -138,7 +140,11 @@ def test_views_fit_the_running_nodes(live):
         offered = live.publishers(topic)
         assert offered, f"nobody publishes {topic}"
         for info in offered:
-            kind = {"PointCloud2": names.CLOUD, "MarkerArray": names.MARKERS}
+            kind = {
+                "PointCloud2": names.CLOUD,
+                "MarkerArray": names.MARKERS,
+                "Map": names.GRID,
+            }
             assert info.topic_type == kind[display["Class"].split("/")[1]], topic
             fits, reason = qos_check_compatible(info.qos_profile, rviz_qos(display))
             assert fits == QoSCompatibility.OK, f"{topic}: {reason}"

@@ -19,6 +19,7 @@ from records import (
     without_amplitudes,
 )
 
+from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.report.clock import Clock
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.pictures.figures import write_all
@@ -42,7 +43,11 @@ def png_size(path: Path):
 def without_pixels(record):
     """Every figure of a record, undrawn."""
     evaluation = record.evaluate(1000.0, 2.0)
-    return {c.name: c.draw(record, evaluation) for c in figures.PICTURES}
+    return {
+        c.name: c.draw(record, evaluation)
+        for c in figures.PICTURES
+        if c.has_data(record, evaluation)
+    }
 
 
 @pytest.mark.parametrize("classes", [1, 2, 3])
@@ -197,3 +202,23 @@ def test_single_class_is_drawn_once_by_its_name():
         "ospa": ["car"],
         "ospa_parts": ["car: localisation part", "car: cardinality part"],
     }
+
+
+LEARNED = ClutterRaster((-3000.0, 1000.0), 50.0, np.where(np.eye(20, 40, 7) > 0.0, 200.0, 0.0))
+
+
+def test_learned_clutter_is_a_picture_of_its_own_where_it_lies(tmp_path):
+    record = replace(record_of(2), clutter=LEARNED)
+    assert set(written(record, tmp_path)) == {*EVERYTHING, "clutter"}
+    figure = without_pixels(record)["clutter"]
+    (image,) = figure.axes[0].images
+    assert image.get_extent() == [-3.0, -1.0, 1.0, 2.0]
+    assert image.origin == "lower"
+    shown = image.get_array()
+    assert shown[3, 10] == 200.0
+    assert np.ma.is_masked(shown[3, 11]) or np.isnan(shown[3, 11])
+
+
+def test_a_picture_of_no_clutter_is_left_out(tmp_path):
+    nothing = replace(LEARNED, density=np.zeros((4, 4)))
+    assert "clutter" not in written(replace(record_of(2), clutter=nothing), tmp_path)

@@ -17,6 +17,7 @@ from records import (
 )
 
 from msg_adapters.palette import class_colour
+from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.report.page.scan_list import first_shown, scans_of
 from phd_jdtc_ros.report.page.scan_map import scan_map
@@ -216,3 +217,15 @@ def test_map_has_the_configured_names_of_the_classes():
 
     assert {"truth, car", "smoothed, van", "filtered, car"} <= names
     assert not [name for name in names if name and "class" in name]
+
+
+def test_learned_clutter_lies_beneath_everything_where_it_is():
+    learned = ClutterRaster((-3000.0, 1000.0), 50.0, np.array([[0.0, 10.0], [1000.0, 0.0]]))
+    chart = scan_map(replace(record_of(2), clutter=learned))
+    trace = chart.figure.data[0]
+    assert trace.name == "learned clutter"
+    # The centres of the cells, in kilometres.
+    assert (trace.x0, trace.dx, trace.y0, trace.dy) == pytest.approx((-2.975, 0.05, 1.025, 0.05))
+    assert [list(row) for row in trace.z] == [[None, 1.0], [3.0, None]]
+    assert "brown squares" in chart.caption
+    assert "brown squares" not in scan_map(record_of(2)).caption

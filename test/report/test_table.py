@@ -67,7 +67,7 @@ def test_metrics_hold_what_the_file_promises(evaluation):
     assert set(found) == {
         "filtered", "smoothed", "reduction", "class_accuracy", "p", "c", "scans", "step_ms",
         "truth_scans", "long_gap_s", "ospa2_window", "identity_switches", "class_names",
-        "consistency",
+        "consistency", "false_per_scan",
     }  # fmt: skip
     promised = {
         "ospa", "localization", "cardinality", "cardinality_abs_error",
@@ -166,6 +166,7 @@ def test_score_tables_shows_the_surveillance_figures():
     ]
     assert caption == [
         "long gaps: over 16.4 s between estimates",
+        "false beyond c, per scan: filter -, smoother 0.500",
         "no OSPA(2) and no identity switches: the estimates carry no track ids",
     ]
 
@@ -175,6 +176,7 @@ def test_score_tables_shows_the_figures_of_tracks_where_there_are_any(evaluation
     summary["smoothed"]["all"] |= {"ospa2": 12.34, "identity_switches": 3.0}
     _, _, (_, _, caption), *_ = tables(summary)
     assert caption[1:] == [
+        "false beyond c, per scan: filter 0.000, smoother 0.000",
         "OSPA(2) over 10 scans: filter -, smoother 12.3 m",
         "identity switches: filter -, smoother 3",
     ]

@@ -29,7 +29,10 @@ QUERIES = {
 SIMULATED = ("-p", "use_sim_time:=true")
 SWITCHES = [p.name for p in settings.TABLE if p.name.startswith("publish_")]
 ARGUMENTS = {
-    "tracker": ("--ros-args", *(w for name in SWITCHES for w in ("-p", f"{name}:=true"))),
+    "tracker": (
+        *("--ros-args", "-p", "radar_1.clutter_map:=true"),
+        *(w for name in SWITCHES for w in ("-p", f"{name}:=true")),
+    ),
     "evaluator": ("--ros-args", "-p", "record:={directory}/bag"),
     "sensor_replay": (
         *(BAG, "--rate", "0", "--ros-args", "-p", "start_paused:=true"),

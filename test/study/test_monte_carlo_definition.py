@@ -33,11 +33,19 @@ def test_resolve_takes_the_published_study():
         "weak 15 dB",
         "weak 12 dB",
         "parallel 250 m",
+        "20 dB",
+        "28 dB",
+        "parallel 300 m",
+        "no amplitudes",
+        "two qualities",
         "terminal radar",
         "two terminal radars",
         "precise radar",
         "clutter 3",
         "loud clutter",
+        "automotive",
+        "coastal",
+        "coastal, from a ship",
     ]
     assert {variant.kind for variant in study.variants} == set(KINDS)
 
@@ -52,6 +60,28 @@ def test_resolve_finds_every_published_goal_among_what_is_run():
         for name, case in ((goal.variant, goal.case), others):
             assert case in variants[name].cases
             assert goal.lag in variants[name].lags
+
+
+def test_a_case_has_a_cutoff_of_its_own_and_only_the_variants_that_name_it(study_file):
+    def change(document):
+        near = {**document["cases"]["quiet"], "cutoff": 20.0, "only_named": True}
+        document["cases"]["near"] = near
+        document["variants"]["named"] = {"kind": "particles", "cases": ["near"]}
+
+    study = load_study(study_file(change), {})
+    assert [study.cutoff_of(case) for case in study.cases] == [1000.0, 20.0]
+    assert {v.name: v.cases for v in study.variants if "near" in v.cases} == {"named": ("near",)}
+    tasks = monte_carlo.plan(study, [0]).tasks
+    assert {task.case: task.cutoff for task in tasks} == {"quiet": 1000.0, "near": 20.0}
+
+
+@pytest.mark.parametrize(("key", "value"), [("cutoff", 0.0), ("only_named", "yes")])
+def test_resolve_refuses_wrong_settings_of_a_case(study_file, key, value):
+    def spoil(document):
+        document["cases"]["quiet"][key] = value
+
+    (fault,) = faults(study_file, spoil)
+    assert fault.startswith(f"cases.quiet.{key}: {value!r} given, must be ")
 
 
 def test_resolve_lists_every_fault(study_file):
@@ -97,6 +127,16 @@ def test_resolve_lists_faults_of_the_variants_parameters(study_file):
         "variants.fewer.parameters.particles_per_target",
         "variants.fewer.parameters.nonsense",
     ]
+
+
+@pytest.mark.parametrize("share", [0, -0.5, 1.5, "half", True])
+@pytest.mark.parametrize(("part", "name"), [("cases", "quiet"), ("variants", "reference")])
+def test_resolve_refuses_a_share_of_the_runs_that_is_none(part, name, share, study_file):
+    def change(document):
+        document[part][name]["run_share"] = share
+
+    fault = f"{part}.{name}.run_share: {share!r} given, must be above 0 and at most 1"
+    assert faults(study_file, change) == [fault]
 
 
 def test_resolve_refuses_targets_of_a_class_that_the_tracker_does_not_have(study_file):

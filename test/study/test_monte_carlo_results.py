@@ -314,3 +314,21 @@ def test_summarise_does_not_judge_what_it_does_not_have(study):
     (goal,) = monte_carlo.summarise(study, [], [], [])["goals"]
 
     assert (goal["value"], goal["goal"], goal["reached"]) == (None, None, None)
+
+
+def test_score_counts_the_targets_that_are_reported_within_four_scans(pair):
+    # The first target in its fourth scan, and the other one in its fifth.
+    found = scored(pair, *[[]] * 3, *[[(0.0, 0)]] * 3, *[[(0.0, 0), (5e3, 1)]] * 6)
+
+    assert np.flatnonzero(value(found, "begun")).tolist() == [3, 5]
+    assert np.flatnonzero(value(found, "prompt")).tolist() == [3]
+
+
+def test_goals_relative_to_another_variant_are_judged_on_the_seeds_of_both(study):
+    corrected, *_, reference = study.variants
+    more = result_of(corrected, localization=[[0.0, 1000.0], [0.0, 60.0]])
+    fewer = replace(result_of(reference, localization=[[0.0, 500.0], [0.0, 0.7]]), seeds=(7, 1))
+
+    (goal,) = monte_carlo.summarise(study, [more, fewer], [], [])["goals"]
+
+    assert (goal["value"], goal["goal"]) == (60.0, pytest.approx(70.0))

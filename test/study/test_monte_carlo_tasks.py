@@ -93,3 +93,25 @@ def test_digest_does_not_depend_on_other_variants(study, study_file):
     one, other = (monte_carlo.plan(s, [0]).tasks[0].digests["corrected"] for s in (study, alone))
 
     assert one == other
+
+
+def test_plan_gives_cases_and_variants_their_shares_of_the_runs(study_file):
+    def change(document):
+        document["cases"]["quiet"]["run_share"] = 0.5
+        document["variants"]["fewer"]["run_share"] = 0.2
+
+    study = load_study(study_file(change), {})
+    plan = monte_carlo.plan(study, range(3, 10))
+    seeds = {}
+    for task in plan.tasks:
+        for variant in task.variants:
+            seeds.setdefault(variant.name, []).append(task.seed)
+    every = list(range(3, 10))
+    assert seeds == {
+        "corrected": every[:4],
+        "as printed": every[:4],
+        "fewer": every[:2],
+        "reference": every[:4],
+    }
+    in_full = monte_carlo.plan(study.in_full, every)
+    assert [task.seed for task in in_full.tasks] == [seed for seed in every for _ in range(3)]

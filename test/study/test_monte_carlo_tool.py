@@ -62,7 +62,7 @@ def test_main_writes_everything(start, study):
     assert len(rows) == 2 * 2 * 6 * 3 * 4
     assert {row["variant"] for row in rows} == {variant.name for variant in study.variants}
     corrected = summary["cases"]["quiet"]["corrected"]
-    assert (corrected["runs"], corrected["seeds"]) == (2, [0, 1])
+    assert (corrected["runs"], corrected["seeds"]) == (2, [1000, 1001])
     assert corrected["lags"].keys() == {"0", "2"}
     assert corrected["lags"]["2"].keys() == {"all", "class_0", "class_1"}
     assert corrected["lags"]["2"]["all"].keys() == {*FIGURES, "confusion"}
@@ -122,11 +122,11 @@ def test_main_reports_failures_and_goes_on(start, monkeypatch, capsys):
     summary = json.loads((out / "summary.json").read_text())
     assert status == 1
     assert [(f["variants"], f["seed"]) for f in summary["failed"]] == [
-        (["corrected"], 0),
-        (["corrected"], 1),
+        (["corrected"], 1000),
+        (["corrected"], 1001),
     ]
     assert summary["cases"]["quiet"]["reference"]["runs"] == 2
-    assert "seed 1" in capsys.readouterr().out
+    assert "seed 1001" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -198,7 +198,7 @@ def test_main_runs_on_dask(cluster, start):
     status, out = start("--dask", cluster, "--variant", "corrected")
 
     assert status == 0
-    assert {row["seed"] for row in rows_of(out)} == {"0", "1"}
+    assert {row["seed"] for row in rows_of(out)} == {"1000", "1001"}
 
 
 def test_main_refuses_a_dask_address_that_does_not_answer(start, monkeypatch, capsys):

@@ -18,19 +18,35 @@ from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.evaluation.metrics import assign
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.core.simulation.scenario import truth_at
-from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.simulation.simulate import simulate, simulate_with_sources
 from phd_jdtc_ros.tools.params_file import scenario_parameters
 
 ROOT = Path(__file__).parents[2]
 # Of the studies alone: they simulate these, and no bag of them is shipped.
-OF_STUDIES = {"loud_clutter", "madap", "parallel_250_m", "weak_12_db", "weak_15_db"}
+OF_STUDIES = {
+    "loud_clutter",
+    "madap",
+    "no_amplitudes",
+    "parallel_250_m",
+    "parallel_300_m",
+    "snr_20_db",
+    "snr_28_db",
+    "two_qualities",
+    "weak_12_db",
+    "weak_15_db",
+}
 DEFINED = sorted((ROOT / "config" / "scenarios").glob("*.yaml"))
 ALL_FILES = [path for path in DEFINED if path.stem not in OF_STUDIES]
 # Radars that turn have no common scan.
 TURNING = [path for path in ALL_FILES if "terminal" in path.stem]
-FILES = [path for path in ALL_FILES if path not in TURNING]
+# The coast and its ships; tests of their own are in test_coastal.
+COASTAL = [path for path in ALL_FILES if "coastal" in path.stem]
+FILES = [path for path in ALL_FILES if path not in (*TURNING, *COASTAL)]
+# A scene of 200 m, with tests of its own below.
+AUTOMOTIVE = ROOT / "config" / "scenarios" / "automotive.yaml"
 # MADAP has flights of an hour, and tests of its own.
-WITH_SCANS = [path for path in DEFINED if path not in TURNING and path.stem != "madap"]
+OTHERS = [*TURNING, *COASTAL, AUTOMOTIVE]
+WITH_SCANS = [path for path in DEFINED if path not in OTHERS and path.stem != "madap"]
 # Targets are scored in so many scans, after so many.
 SCORED, SETTLED = 13, 12
 # Missed targets that are allowed in these scans, other than two. Weak ones are often not detected.
@@ -54,7 +70,10 @@ each_with_scans = pytest.mark.parametrize("path", WITH_SCANS, ids=lambda path: p
 def test_the_shipped_scenarios_are_these():
     assert {path.stem for path in DEFINED} - {path.stem for path in ALL_FILES} == OF_STUDIES
     assert [path.stem for path in ALL_FILES] == [
+        "automotive",
         "clutter_50",
+        "coastal",
+        "coastal_ship",
         "manoeuvring",
         "one_radar",
         "paper_scenario",
@@ -93,6 +112,10 @@ def test_a_scenario_keeps_its_targets_in_sight_of_every_radar(path):
 @each
 def test_a_target_appears_at_a_birth_of_its_class(path):
     config, found = resolved(path)
+    if path == AUTOMOTIVE:
+        assert not config.model.births
+        assert config.model.detection_births.enabled
+        return
     for target in found.targets:
         mean = np.array([birth.mean[[0, 2]] for birth in config.model.births])
         (here,) = np.flatnonzero((mean == target.position).all(axis=1))
@@ -174,6 +197,45 @@ def test_a_scenario_is_tracked_with_its_parameters(path):
             break
     assert missed <= MISSED.get(path.stem, 2)
     assert false <= 2
+
+
+def test_vehicles_appear_in_sight_and_are_seen_several_times_now_and_then():
+    _, found = resolved(AUTOMOTIVE)
+    (radar,) = found.radars
+    first = {}
+    for scan in range(found.scans):
+        truth = truth_at(found, scan)
+        seen = radar.visibility.sees(radar.measure(truth.state)) > 0.0
+        for number, visible in zip(truth.track_id.tolist(), seen.tolist(), strict=True):
+            first.setdefault(number, visible)
+    assert first == dict.fromkeys(range(1, 12), True)
+    sources = [found for _, _, (found,) in simulate_with_sources(found, 0)]
+    counts = [np.bincount(source[source > 0]) for source in sources]
+    number = np.concatenate(counts)
+    assert np.mean(number[number > 0] > 1) == pytest.approx(0.3, abs=0.05)
+    # One is faster than half the ambiguity: it seems to recede while it comes.
+    coming = truth_at(found, 20)
+    assert radar.range_rate_of(coming.state).min() < -0.5 * radar.range_rate.ambiguity
+
+
+@pytest.mark.parametrize(("engine", "switches"), [("gaussian", 0), ("particles", 1)])
+def test_vehicles_are_tracked_from_their_first_scans_on_with_one_track_each(engine, switches):
+    config, found = resolved(AUTOMOTIVE, engine=engine)
+    tracker = new_engine(config)
+    missed, false, labels = 0, 0, {}
+    for index, (truth, scan) in enumerate(simulate(found, 1)[:45]):
+        estimates = tracker.step(scan).filtered[0]
+        if index < 4:
+            continue
+        here, there = assign(truth.position, estimates.position, 10.0, 2.0)
+        missed += len(truth.state) - len(here)
+        false += len(estimates) - len(here)
+        for number, label in zip(truth.track_id[here], estimates.track_id[there], strict=True):
+            labels.setdefault(int(number), set()).add(int(label))
+    # Two of seven appear in these scans, and are reported one to three scans later.
+    assert missed <= 12
+    assert false <= 4
+    assert sum(len(of_target) - 1 for of_target in labels.values()) <= switches
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
 
 def test_the_radar_page_has_its_examples():
     names = [name for name, _ in EXAMPLES]
-    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 6
+    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 7
 
 
 @pytest.mark.parametrize(("name", "text"), EXAMPLES, ids=[name for name, _ in EXAMPLES])
@@ -46,7 +46,8 @@ def test_every_example_is_a_parameter_file_that_resolves(tmp_path, name, text):
 def test_every_example_of_the_page_on_scenarios_is_one(name, text):
     found = scenario_file.resolve(yaml.safe_load(text), resolve({}).model.radars)
 
-    assert found.targets or found.clutter
+    parts = found.targets, found.clutter, found.echoes, found.reflectors, found.platform
+    assert any(parts)
 
 
 def test_every_page_is_in_the_sites_navigation():

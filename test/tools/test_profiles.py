@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.tools import params_file
@@ -39,6 +41,21 @@ def test_profile_runs_a_few_scans(profile, given):
     for step in steps:
         assert np.isfinite(step.filtered[0].state).all()
         assert np.isfinite(step.class_mass).all()
+
+
+@pytest.mark.parametrize("engine", ["gaussian", "particles"])
+def test_automotive_tracks_its_bag_s_scenario(engine):
+    given = params_file.load(CONFIG / "automotive.yaml")
+    document = yaml_files.load(CONFIG / "scenarios" / "automotive.yaml")
+    config = resolve(given | {"engine": engine})
+    scene = resolve(params_file.scenario_parameters(document))
+    # What the radar is, the profile and the scenario agree on.
+    assert config.model.radars == scene.model.radars
+    tracker = new_engine(config)
+    scenario = scenario_file.resolve(document, config.model.radars)
+    truth, scan = zip(*simulate(scenario, 2)[:5], strict=True)
+    steps = [tracker.step(each) for each in scan]
+    assert len(steps[-1].filtered[0]) == len(truth[-1].track_id)
 
 
 def test_paper_literal_has_what_the_paper_prints():

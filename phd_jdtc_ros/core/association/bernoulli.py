@@ -47,8 +47,11 @@ class Claims:
     other: FloatArray
     detection_probability: FloatArray
 
-    def part(self, rows: BoolArray) -> FloatArray:
-        """Return which share of all claims of each detection is of some rows, (N,) to (M,)."""
+    def part(self, rows: BoolArray | FloatArray) -> FloatArray:
+        """Return which share of all claims of each detection is of some rows, (N,) to (M,).
+
+        Of rows that belong to them with a probability, that part counts.
+        """
         size = len(self.other)
         whole = sum_by(self.column, self.mass, size)
         part = sum_by(self.column, self.mass * rows.take(self.row), size)

@@ -21,12 +21,14 @@ from ..models import amplitude_density
 from ..models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from ..models.birth import BirthTerm
 from ..models.clutter_amplitude import ClutterAmplitude, Learned, LogNormal, Rayleigh
+from ..models.clutter_count import START_RATE, ClutterCount
 from ..models.clutter_grid import GroundGrid, PolarGrid
 from ..models.clutter_map import ClutterMap
 from ..models.detection_birth import DetectionBirthModel
 from ..models.modes import ClassModel, ModeSpace
 from ..models.motion import MOTIONS, MotionModel
 from ..models.radar import RadarModel
+from ..models.range_rate import RangeRateModel
 from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
 from ..models.visibility import TURN_TOLERANCE, Visibility
@@ -38,7 +40,7 @@ from ..turns import Turns
 from ..types import FULL_TURN, Coverage
 from ..watch import FAR, SLOW_TURN, ReportWatch
 from .checks import CHECKS, FIXED, name_or, square
-from .parameters import BIRTH, MOTION, RADAR, REPLACED, schema
+from .parameters import AUTO, BIRTH, MOTION, RADAR, REPLACED, schema
 from .radar_input import RadarInput
 from .schema import ConfigError
 
@@ -218,6 +220,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
             CORRECTORS[values["corrector"]].labelled,
             values["confirm_probability"],
             values["delete_probability"],
+            values["coasting_scans"],
         ),
         seed=values["seed"],
         max_gap_s=values["max_gap_scans"] * _slowest_s(values),
@@ -324,7 +327,8 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         range_std=range_std,
         azimuth_std=azimuth_std,
         visibility=_visibility(get),
-        clutter_rate=get["clutter_rate"],
+        clutter_rate=START_RATE if get["clutter_rate"] == AUTO else get["clutter_rate"],
+        clutter_count=ClutterCount() if get["clutter_rate"] == AUTO else None,
         clutter_max_range=get["clutter_max_range"],
         threshold=threshold,
         range_growth=get["range_std_growth"],
@@ -332,6 +336,16 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
         clutter_amplitude=_clutter_amplitude(get, threshold),
         clutter_map=_clutter_map(get, range_std, azimuth_std) if get["clutter_map"] else None,
         clutter_map_speed=get["clutter_map_speed"],
+        range_rate=_range_rate(get),
+        cluster_distance=get["cluster_distance"],
+    )
+
+
+def _range_rate(get: Mapping[str, Any]) -> RangeRateModel | None:
+    if not get["fields.range_rate"]:
+        return None
+    return RangeRateModel(
+        get["range_rate_std"], get["range_rate_ambiguity"], get["range_rate_span"]
     )
 
 
@@ -405,6 +419,9 @@ def _input(values: Mapping[str, Any], name: str) -> RadarInput:
         height=get["height"],
         range_std_field=get["fields.range_std"],
         azimuth_std_field=get["fields.azimuth_std"],
+        range_rate_field=get["fields.range_rate"],
+        range_rate_std_field=get["fields.range_rate_std"],
+        range_rate_ambiguity=get["range_rate_ambiguity"],
         rotation_s=get["rotation_s"],
         sectors=get["sectors"],
         pose_topic="" if get["pose"] == FIXED else get["pose"],

@@ -23,6 +23,8 @@ from .parameters import GROUPS, RADAR, TOP
 FIXED = "fixed"
 # A target that cannot be missed would be lost for good with its first miss.
 MOST_PROBABILITY = 0.999
+# In deviations; in a smaller ambiguity interval range rates tell nothing.
+LEAST_INTERVAL = 4.0
 
 
 def square(flat: list[float]) -> FloatArray | None:
@@ -268,6 +270,21 @@ def _field_faults(values: Mapping[str, Any], radar: str) -> list[str]:
     return faults
 
 
+def _check_range_rates(values: Mapping[str, Any]) -> list[str]:
+    faults = []
+    for name in values["radars"]:
+        key = f"{name}.range_rate_ambiguity"
+        interval, std = values[key], values[f"{name}.range_rate_std"]
+        if values[f"{name}.fields.range_rate"] and 0.0 < interval < LEAST_INTERVAL * std:
+            faults.append(
+                f"{key}: {interval:g} given, must be 0 or at least {LEAST_INTERVAL:g} times "
+                f"range_rate_std, {std:g}"
+            )
+        if values[f"{name}.fields.range_rate_std"] and not values[f"{name}.fields.range_rate"]:
+            faults.append(f"{name}.fields.range_rate: '' given, must be a name with range_rate_std")
+    return faults
+
+
 CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_names,
     _check_classes,
@@ -278,6 +295,7 @@ CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_engine,
     _check_turns,
     _check_radars,
+    _check_range_rates,
     _check_poses,
 )
 

@@ -15,12 +15,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ..models.clutter_count import START_RATE
 from ..models.motion import MOTIONS
 from ..smc.correction import CORRECTORS
 from ..smc.extraction import EXTRACTIONS
 from ..smc.smoother import DEATH_TERMS
 from .schema import SMALL, Parameter, Value
 
+# The clutter rate of a radar that learns it.
+AUTO = "auto"
 TOP = (
     Parameter("world_frame", "map", "Frame of the estimates (ENU, metres)."),
     Parameter(
@@ -160,6 +163,16 @@ TOP = (
         "missed before. Not used with corrector poisson.",
         0.0,
         1.0,
+        mutable=True,
+    ),
+    Parameter(
+        "coasting_scans",
+        10.0,
+        "Intervals, or turns where they are longer, for which a track is reported after its last "
+        "detection where no radar can see it: beyond their ranges or in blind sectors. It has its "
+        "number again when it is detected later. Not used with corrector poisson.",
+        0.0,
+        1e6,
         mutable=True,
     ),
     Parameter(
@@ -397,7 +410,25 @@ RADAR = (
         0,
         256,
     ),
-    Parameter("clutter_rate", 20.0, "Expected false detections per scan.", 0.0, 1e6, mutable=True),
+    Parameter(
+        "cluster_distance",
+        0.0,
+        "Distance within which detections of one scan, with range rates that agree, count as one, "
+        "m; for radars that see a vehicle as several points. 0 for none.",
+        0.0,
+        1e4,
+        mutable=True,
+    ),
+    Parameter(
+        "clutter_rate",
+        START_RATE,
+        "Expected false detections per scan, or per turn. auto: the tracker learns it from what no "
+        f"target claims, some 30 scans back; it begins with {START_RATE:g}.",
+        0.0,
+        1e6,
+        words=(AUTO,),
+        mutable=True,
+    ),
     Parameter(
         "clutter_max_range",
         15e3,
@@ -414,9 +445,9 @@ RADAR = (
     ),
     Parameter(
         "clutter_map_speed",
-        1.0,
-        "The detections of targets slower than this count as clutter in the map, m/s; 0: those at "
-        "rest stay targets, once they are.",
+        2.5,
+        "The detections of targets that are probably slower than this count as clutter in the map, "
+        "m/s; 0: those at rest stay targets, once they are.",
         0.0,
         1e3,
         mutable=True,
@@ -503,6 +534,44 @@ RADAR = (
         "",
         "Name of the cloud's field with the standard deviation of each azimuth, in the azimuth's "
         "unit; empty if it has none.",
+    ),
+    Parameter(
+        "fields.range_rate",
+        "",
+        "Name of the cloud's field with the range rate of each detection relative to the radar, "
+        "m/s, positive where a target recedes; empty if it has none, or not to use it. With "
+        "radar_scan any name: use its doppler_velocity.",
+    ),
+    Parameter(
+        "range_rate_std",
+        0.1,
+        "Standard deviation of the range rate, m/s.",
+        1e-3,
+        1e3,
+        mutable=True,
+    ),
+    Parameter(
+        "range_rate_ambiguity",
+        0.0,
+        "Interval modulo which the radar measures range rates, m/s; 0 if they are not ambiguous.",
+        0.0,
+        1e4,
+        mutable=True,
+    ),
+    Parameter(
+        "range_rate_span",
+        200.0,
+        "Width of the interval about zero in which false detections have range rates, m/s; with an "
+        "ambiguity it is that.",
+        1e-3,
+        1e4,
+        mutable=True,
+    ),
+    Parameter(
+        "fields.range_rate_std",
+        "",
+        "Name of the cloud's field with the standard deviation of each range rate, m/s; empty if "
+        "it has none.",
     ),
     Parameter(
         "amplitude_unit",

@@ -46,6 +46,11 @@ class RadarInput:
     range_std_field, azimuth_std_field : str
         Names of the fields with each detection's own deviations, in metres and in the unit of the
         azimuth; empty if there are none.
+    range_rate_field, range_rate_std_field : str
+        Names of the fields with each range rate and its own deviation, metres per second; empty if
+        there are none.
+    range_rate_ambiguity : float
+        The interval modulo which range rates are measured, metres per second; 0 for none.
     rotation_s : float
         Time of one turn of the antenna, seconds; 0 if it does not turn.
     sectors : int
@@ -83,6 +88,9 @@ class RadarInput:
     height: float = 0.0
     range_std_field: str = ""
     azimuth_std_field: str = ""
+    range_rate_field: str = ""
+    range_rate_std_field: str = ""
+    range_rate_ambiguity: float = 0.0
     rotation_s: float = 0.0
     sectors: int = 0
     pose_topic: str = ""

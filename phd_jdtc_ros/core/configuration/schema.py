@@ -39,6 +39,8 @@ class Parameter:
         Required length of a list.
     element : type
         Of a list: float or str.
+    words : tuple of str
+        Words that are allowed in the place of a number.
     mutable : bool
         Whether it may change between two scans. The other parameters determine the structure of
         the tracker or of what it keeps from scan to scan.
@@ -52,6 +54,7 @@ class Parameter:
     choices: tuple[str, ...] = ()
     length: int | None = None
     element: type = float
+    words: tuple[str, ...] = ()
     mutable: bool = False
 
     @property
@@ -76,7 +79,8 @@ class Parameter:
             f"at least {self.low:g}" if self.low > -INFINITY else "",
             f"at most {self.high:g}" if self.high < INFINITY else "",
         ]
-        return ", ".join([noun, *(bound for bound in bounds if bound)])
+        allowed = ", ".join([noun, *(bound for bound in bounds if bound)])
+        return " or ".join([allowed, *self.words])
 
     def coerce(self, value: Any) -> Value | None:
         """Return `value` as the parameter's type, or None if it is not allowed."""
@@ -87,6 +91,8 @@ class Parameter:
             return value if valid else None
         if isinstance(self.default, list):
             return self._coerce_list(value)
+        if self.words and isinstance(value, str):
+            return value if value in self.words else None
         return self._coerce_number(value)
 
     def _coerce_number(self, value: Any) -> int | float | None:

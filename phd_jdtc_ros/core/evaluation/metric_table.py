@@ -50,6 +50,12 @@ def _near(scan: Comparison) -> int:
     return int(np.count_nonzero(np.einsum("ij,ij->i", error, error) < NEAR**2))
 
 
+def _beyond(scan: Comparison) -> int:
+    apart = scan.estimate.position[:, None] - scan.truth.position
+    nearest = np.hypot(apart[..., 0], apart[..., 1]).min(axis=1, initial=np.inf)
+    return int(np.count_nonzero(nearest > scan.cutoff))
+
+
 def _of_gaps(value: Callable[[Sequence[Gap]], float]) -> Value:
     return lambda scan: None if scan.gaps is None else value(scan.gaps)
 
@@ -75,6 +81,7 @@ COUNTED: Mapping[str, Value] = {
     "right_class": _right_class,
     "square_error": _square_error,
     "near": _near,
+    "beyond": _beyond,
     "gaps": _of_gaps(len),
     "long_gaps": _of_gaps(lambda gaps: sum(gap.is_long for gap in gaps)),
     "missed_in_long_gaps": _of_gaps(lambda gaps: sum(gap.missed for gap in gaps if gap.is_long)),
@@ -352,6 +359,15 @@ IDENTITY_SWITCHES = Metric(
     "two. A target and a track stay a pair while both exist, closer than c; the others are paired "
     "by position. It needs track ids of all targets and estimates.",
 )
+FALSE_PER_SCAN = Metric(
+    "false_per_scan",
+    "false per scan",
+    "",
+    ".3f",
+    mean("beyond"),
+    "Mean number per scan of estimates that are farther than c from every target. A second "
+    "estimate of a target is none of them; `false` counts it too.",
+)
 CLASS_ACCURACY = Metric(
     "class_accuracy",
     "class accuracy",
@@ -372,7 +388,7 @@ GROUPS = {
 }
 OF_SETS = tuple(metric for group in GROUPS.values() for metric in group)
 # Figures of all targets only.
-OF_ALL = (OSPA2, IDENTITY_SWITCHES, POSITION_NEAR)
+OF_ALL = (OSPA2, IDENTITY_SWITCHES, FALSE_PER_SCAN, POSITION_NEAR)
 METRICS = (*OF_SETS, *OF_ALL, CLASS_ACCURACY)
 
 # Definitions of other terms that are shown with the figures.

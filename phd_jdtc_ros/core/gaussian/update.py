@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chndtr
 
 from .. import origins
 from ..arrays import FloatArray, IntArray, sum_by
@@ -17,10 +20,10 @@ from ..models.clutter_memory import ClutterMemory
 from ..models.detection_birth import Newborn
 from ..models.other_sources import OtherSources, other_sources
 from ..models.overload import thinned
-from ..models.radar import LEAST_RANGE, RadarModel
+from ..models.radar import LEAST_RANGE, RadarModel, Rates
 from ..models.tracker_model import TrackerModel
 from ..types import Detections, Scan
-from . import kalman
+from . import kalman, range_rate
 from .dynamics import Dynamics
 from .gating import Expected, gated
 from .mixture import Mixture
@@ -29,6 +32,12 @@ from .reduction import Bounds, Branched, probable
 # Of the sources of a detection, and of the hypotheses of a target; pairs below it are left out
 # before they are located.
 LEAST_SHARE = 1e-4
+# Of the newborn velocity's prior; folds of a range rate farther out are left out.
+BIRTH_SIGMA = 5.0
+# Probability of a fold of a newborn target's range rate below which it is left out.
+LEAST_FOLD = 1e-3
+# Deviations of a velocity that is known well, metres per second and as a share of the bound.
+LEAST_SPEED_STD, LEAST_SPEED_SHARE = 0.1, 0.05
 
 
 def update(
@@ -39,6 +48,7 @@ def update(
     bounds: Bounds,
     dt: float,
     clutter: ClutterMemory | None = None,
+    earlier: Sequence[Newborn] = (),
 ) -> tuple[Branched, Newborn | None, int]:
     """Update the hypotheses with one radar's detections.
 
@@ -55,6 +65,8 @@ def update(
     clutter : ClutterMemory or None
         What is known of the radar's clutter, to learn from these detections; None to go by the
         radar model alone.
+    earlier : sequence of Newborn
+        Targets born at the detections of the scan's earlier radars.
 
     Returns
     -------
@@ -82,16 +94,23 @@ def update(
     missed = mixture.weight * (1.0 - detectable)
     log_amplitude = _log_amplitude(detections, radar, dynamics).T
     row, column, rough = gated(mixture, expected, detections, radar)
+    rates = radar.rates_of(detections)
+    if rates is not None:
+        rough = rough + _rough_rates(mixture, row, column, rates, radar)
     log_mass = rough[..., None] + log_amplitude[column][:, None, :]
-    others = _others(log_mass, column, detections, radar, model, dt)
+    others = _others(log_mass, column, detections, radar, model, dt, earlier)
     weight = _weight(mixture, row, column, log_mass, others)
     likely = _likely(mixture, row, column, weight, missed, others)
     row, column = row[likely], column[likely]
 
     found = _located(mixture, row, column, detections, radar)
     modes = mixture.mean.shape[1]
-    log_mass = found.log_likelihood.reshape(-1, modes, 1) + log_amplitude[column][:, None, :]
-    others = _others(log_mass, column, detections, radar, model, dt)
+    log_likelihood, rated = found.log_likelihood, None
+    if rates is not None:
+        rated = _rated(mixture, row, column, found, rates, detections, radar)
+        log_likelihood = log_likelihood + rated.log_likelihood
+    log_mass = log_likelihood.reshape(-1, modes, 1) + log_amplitude[column][:, None, :]
+    others = _others(log_mass, column, detections, radar, model, dt, earlier)
     weight = _weight(mixture, row, column, log_mass, others)
     prior = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
     claims = Claims(
@@ -103,23 +122,35 @@ def update(
     )
     shares = bernoulli(mixture.target, len(mixture.label), mixture.mass, claims)
     if clutter is not None and clutter.learns(radar):
-        still = _speed(mixture, radar) < radar.clutter_map_speed
+        still = _still(mixture, radar)
         clutter.learn(radar, detections, shares.claimed, claims.part(still))
     factor = shares.missed[mixture.target] * shares.prior / prior
     weight = np.concatenate([missed * factor[:, None, None], weight * shares.pair[:, None, None]])
     source = np.concatenate([np.arange(len(mixture)), row])
-    branched = _branched(predicted, source, column, weight, found, detections, radar, bounds)
-    newborn = others.newborn(shares.claimed, radar, detections, model)
+    located = _Located(found, rated, column, detections, radar)
+    branched = _branched(predicted, source, weight, located, bounds)
+    newborn = others.newborn(shares.claimed, radar, detections, model, share)
     return branched, newborn, shares.approximate
 
 
-def _speed(mixture: Mixture, radar: RadarModel) -> FloatArray:
-    """Return the speed of each hypothesis's mean velocity, metres per second, shape (H,)."""
+def _still(mixture: Mixture, radar: RadarModel) -> FloatArray:
+    """Return how probable it is that each hypothesis is slower than `clutter_map_speed`, (H,).
+
+    The speed of a target that has just appeared is not known, so that this is improbable. The
+    ellipse of a velocity is taken as a circle of the same area.
+    """
+    axes, slow = list(radar.space.velocity), radar.clutter_map_speed
+    covariance = mixture.covariance[..., axes, :][..., axes]
+    area = np.sqrt(np.maximum(np.linalg.det(covariance), 0.0))
+    variance = np.maximum(area, max(LEAST_SPEED_STD, LEAST_SPEED_SHARE * slow) ** 2)
+    square = (mixture.mean[..., axes] ** 2).sum(axis=-1) / variance
+    bound = slow**2 / variance
+    # Beyond ten deviations it is zero, and its series would be long.
+    slower = chndtr(bound, 2.0, np.minimum(square, (np.sqrt(bound) + 10.0) ** 2))
     weight = np.einsum("hrs->hr", mixture.weight)
-    velocity = np.einsum("hr,hrv->hv", weight, mixture.mean[..., list(radar.space.velocity)])
-    velocity /= np.maximum(weight.sum(axis=1), np.finfo(float).tiny)[:, None]
-    speed: FloatArray = np.hypot(velocity[:, 0], velocity[:, 1])
-    return speed
+    total = np.maximum(weight.sum(axis=1), np.finfo(float).tiny)
+    still: FloatArray = (weight * slower).sum(axis=1) / total
+    return still
 
 
 def _others(
@@ -129,10 +160,11 @@ def _others(
     radar: RadarModel,
     model: TrackerModel,
     dt: float,
+    earlier: Sequence[Newborn],
 ) -> OtherSources:
     """Return the other sources of the detections, given log p_D L_z of the pairs, (P, R, S)."""
     largest = log_mass.max(axis=(1, 2), initial=-np.inf)
-    return other_sources(detections, radar, model, dt, column, largest)
+    return other_sources(detections, radar, model, dt, column, largest, earlier)
 
 
 def _weight(
@@ -192,15 +224,84 @@ def _located(
     )
 
 
-def _branched(
-    predicted: Branched,
-    source: IntArray,
+def _rough_rates(
+    mixture: Mixture,
+    row: IntArray,
     column: IntArray,
-    weight: FloatArray,
+    rates: Rates,
+    radar: RadarModel,
+) -> FloatArray:
+    """Return about the log likelihood of the range rates of pairs, (P, R): at the predicted means.
+
+    The times of detections are left aside.
+    """
+    modes, size = mixture.mean.shape[1:]
+    before = range_rate.expected(
+        mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size), radar
+    )
+    rate, variance = (part.reshape(-1, modes) for part in (before.rate, before.variance))
+    error = rates.rate[column][:, None] - rate[row]
+    return rates.model.log_density(error, variance[row] + rates.std[column][:, None] ** 2)
+
+
+def _rated(
+    mixture: Mixture,
+    row: IntArray,
+    column: IntArray,
     found: kalman.Located,
+    rates: Rates,
     detections: Detections,
     radar: RadarModel,
-    bounds: Bounds,
+) -> range_rate.Rated:
+    """Return the Gaussians of pairs after range, azimuth and range rate, leading shape (P R,)."""
+    modes, size = mixture.mean.shape[1:]
+    column = column.repeat(modes)
+    time_s = None if detections.time_s is None else detections.time_s[column]
+    mean, covariance = kalman.updated(
+        mixture.mean[row].reshape(-1, size),
+        mixture.covariance[row].reshape(-1, size, size),
+        *(radar, found, time_s),
+    )
+    return range_rate.rated(mean, covariance, radar, rates.take(column), time_s)
+
+
+class _Located(NamedTuple):
+    """What the detections of pairs make of their Gaussians, leading shape (P R,).
+
+    Parameters
+    ----------
+    found : kalman.Located
+        By range and azimuth.
+    rated : range_rate.Rated or None
+        With range rates too; None without them.
+    column : int array of shape (P,)
+        The detection of each pair.
+    detections : Detections
+    radar : RadarModel
+    """
+
+    found: kalman.Located
+    rated: range_rate.Rated | None
+    column: IntArray
+    detections: Detections
+    radar: RadarModel
+
+    def updated(
+        self, mean: FloatArray, covariance: FloatArray, pair: IntArray, gaussian: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return Gaussians after their detections; of some pairs, by row of these Gaussians."""
+        if self.rated is not None:
+            return self.rated.mean[gaussian], self.rated.covariance[gaussian]
+        times = self.detections.time_s
+        modes = len(gaussian) // max(len(pair), 1)
+        return kalman.updated(
+            *(mean, covariance, self.radar, self.found.take(gaussian)),
+            None if times is None else times[self.column[pair]].repeat(modes),
+        )
+
+
+def _branched(
+    predicted: Branched, source: IntArray, weight: FloatArray, located: _Located, bounds: Bounds
 ) -> Branched:
     """Return those hypotheses that are kept: first without a detection, then the pairs.
 
@@ -214,12 +315,11 @@ def _branched(
     paired = np.flatnonzero(kept >= len(mixture))
     pair = kept[paired] - len(mixture)
     gaussian = (pair[:, None] * modes + np.arange(modes)).ravel()
-    later = kalman.updated(
+    later = located.updated(
         mean[paired].reshape(-1, size),
         covariance[paired].reshape(-1, size, size),
-        radar,
-        found.take(gaussian),
-        None if detections.time_s is None else detections.time_s[column[pair]].repeat(modes),
+        pair,
+        gaussian,
     )
     mean[paired] = later[0].reshape(-1, modes, size)
     covariance[paired] = later[1].reshape(-1, modes, size, size)
@@ -309,12 +409,14 @@ def update_scan(
     origin, approximate = origins.first_detected(scan_index), 0
     row = np.arange(len(predicted))
     branched = Branched(predicted, np.where(row < survivors, row, -1))
+    newborns: list[Newborn] = []
     for radar, detections in dynamics.model.reports(scan):
         branched, newborn, clusters = update(
-            branched, detections, radar, dynamics, bounds, dt, clutter
+            branched, detections, radar, dynamics, bounds, dt, clutter, newborns
         )
         approximate += clusters
         if newborn is not None:
+            newborns.append(newborn)
             branched = _with_newborn(branched, newborn, dynamics, origin)
             origin += len(newborn)
     return branched, approximate
@@ -323,13 +425,78 @@ def update_scan(
 def _with_newborn(
     branched: Branched, newborn: Newborn, dynamics: Dynamics, origin: int
 ) -> Branched:
-    """Return the hypotheses with newborn targets added, one hypothesis each."""
+    """Return the hypotheses with newborn targets added, one hypothesis each.
+
+    With ambiguous range rates there is one for each possible fold.
+    """
     if not len(newborn):
         return branched
+    row = np.arange(len(newborn))
+    mean, covariance = _newborn_gaussians(newborn, dynamics)
+    if (rates := newborn.radar.rates_of(newborn.detections)) is not None:
+        row, share, mean, covariance = _by_fold(newborn, rates, mean, covariance, dynamics)
+        newborn = newborn.take(row)
+        newborn = replace(newborn, mass=newborn.mass * share[:, None])
+    supported = dynamics.supported[:, :, None] * dynamics.supported[:, None, :]
+    added = Mixture(
+        origin + row,
+        np.tensordot(newborn.mass, dynamics.born, axes=1),
+        mean[:, None] * dynamics.supported,
+        covariance[:, None] * supported,
+    )
+    if newborn.detections.amplitude is not None:
+        added = _told_by_amplitude(added, newborn, dynamics)
+    return Branched(
+        Mixture.joined([branched.mixture, added]),
+        np.concatenate([branched.parent, np.full(len(added), -1)]),
+    )
+
+
+def _by_fold(
+    newborn: Newborn,
+    rates: Rates,
+    mean: FloatArray,
+    covariance: FloatArray,
+    dynamics: Dynamics,
+) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Return newborn Gaussians told by each probable fold of their range rates.
+
+    Returns
+    -------
+    row : int array of shape (K,)
+        The newborn target of each, ascending.
+    share : array of shape (K,)
+        Probability of the fold.
+    mean, covariance : arrays of shape (K, D) and (K, D, D)
+    """
+    radar, time_s = newborn.radar, newborn.detections.time_s
+    before = range_rate.expected(mean, covariance, radar, time_s)
+    reach = BIRTH_SIGMA * float(np.sqrt((before.variance + rates.std**2).max()))
+    each = range_rate.folds_of(rates, before.rate, reach)
+    told = [
+        range_rate.rated(mean, covariance, radar, range_rate.unfolded(rates, rate), time_s)
+        for rate in each
+    ]
+    log_likelihood = np.stack([one.log_likelihood for one in told], axis=1)
+    share = np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))
+    # One that is unknown is the same in all folds.
+    share[np.isnan(rates.rate), 1:] = 0.0
+    share /= share.sum(axis=1, keepdims=True)
+    share = np.where(share >= LEAST_FOLD, share, 0.0)
+    share /= share.sum(axis=1, keepdims=True)
+    row, fold = np.nonzero(share)
+    means, covariances = (
+        np.stack(part) for part in ([t.mean for t in told], [t.covariance for t in told])
+    )
+    return row, share[row, fold], means[fold, row], covariances[fold, row]
+
+
+def _newborn_gaussians(newborn: Newborn, dynamics: Dynamics) -> tuple[FloatArray, FloatArray]:
+    """Return where newborn targets are by range and azimuth, (J, D) and (J, D, D)."""
     births, space = dynamics.model.detection_births, dynamics.model.modes.space
     radar, detections = newborn.radar, newborn.detections
     place, speed = list(space.position), list(space.velocity)
-    modes, size = dynamics.supported.shape
+    size = dynamics.supported.shape[1]
     position = radar.to_world(detections.measurement)
     own = radar.detection_noise(detections)
     std = np.broadcast_to(radar.noise_std, position.shape) if own is None else own
@@ -347,21 +514,9 @@ def _with_newborn(
         back = np.broadcast_to(np.eye(size), covariance.shape).copy()
         back[:, place, speed] = -detections.time_s[:, None]
         covariance = back @ covariance @ back.swapaxes(1, 2)
-    mean = np.zeros((len(newborn), modes, size))
-    mean[:, :, place] = position[:, None]
-    supported = dynamics.supported[:, :, None] * dynamics.supported[:, None, :]
-    added = Mixture(
-        origin + np.arange(len(newborn)),
-        np.tensordot(newborn.mass, dynamics.born, axes=1),
-        mean,
-        covariance[:, None] * supported,
-    )
-    if detections.amplitude is not None:
-        added = _told_by_amplitude(added, newborn, dynamics)
-    return Branched(
-        Mixture.joined([branched.mixture, added]),
-        np.concatenate([branched.parent, np.full(len(newborn), -1)]),
-    )
+    mean = np.zeros((len(newborn), size))
+    mean[:, place] = position
+    return mean, covariance
 
 
 def _told_by_amplitude(added: Mixture, newborn: Newborn, dynamics: Dynamics) -> Mixture:

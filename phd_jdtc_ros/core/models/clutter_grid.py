@@ -21,6 +21,14 @@ MOST_AZIMUTHS = 10**6
 HALF = 1 << 26
 
 
+class ToWorld(Protocol):
+    """A radar, of which only its place matters here."""
+
+    def to_world(self, measurement: FloatArray) -> FloatArray:
+        """Return world (x, y) in metres of (range, azimuth) rows; shape (M, 2)."""
+        ...
+
+
 class Grid(Protocol):
     """Cells, numbered by row and column; the last column is beside the first."""
 
@@ -39,6 +47,10 @@ class Grid(Protocol):
         world : array of shape (M, 2)
             The same in the world frame, metres.
         """
+        ...
+
+    def world(self, places: FloatArray, radar: ToWorld) -> FloatArray:
+        """Return where rows and columns, (2, N), are in the world, (N, 2); inverse of `places`."""
         ...
 
     def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
@@ -76,6 +88,12 @@ class PolarGrid:
         across = (measurement[:, 1] + np.pi) * (self.columns / FULL_TURN) - 0.5
         return np.stack([along, across])
 
+    def world(self, places: FloatArray, radar: ToWorld) -> FloatArray:
+        """Return where rows and columns, (2, N), are in the world, (N, 2), metres."""
+        along = np.maximum((places[0] - 0.5) * self.range_cell, 0.0)
+        across = (places[1] + 0.5) * (FULL_TURN / self.columns) - np.pi
+        return radar.to_world(np.stack([along, across], axis=1))
+
     def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
         """Return the log share of a cell in uniform clutter, shape (M,)."""
         return np.full(len(measurement), np.log(self.range_cell / (self.columns * max_range)))
@@ -107,6 +125,11 @@ class GroundGrid:
         """Return row and column of each detection, shape (2, M)."""
         inside: FloatArray = np.clip(world.T / self.cell + HALF, 0.0, 2.0 * HALF - 2.0)
         return inside
+
+    def world(self, places: FloatArray, radar: ToWorld) -> FloatArray:
+        """Return where rows and columns, (2, N), are in the world, (N, 2), metres."""
+        position: FloatArray = (places.T - HALF) * self.cell
+        return position
 
     def log_share(self, measurement: FloatArray, max_range: float) -> FloatArray:
         """Return the log share of a cell in uniform clutter, shape (M,)."""

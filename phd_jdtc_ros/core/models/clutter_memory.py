@@ -14,13 +14,14 @@ from dataclasses import dataclass, field, replace
 from ..arrays import FloatArray
 from ..types import FULL_TURN, Detections
 from .clutter_amplitude import Learned
+from .clutter_count import ClutterCount
 from .clutter_map import ClutterMap
 from .radar import RadarModel
 
 
 @dataclass
 class ClutterMemory:
-    """What has been learned of the amplitudes and places of each radar's clutter.
+    """What has been learned of the number, the amplitudes and the places of each radar's clutter.
 
     Parameters
     ----------
@@ -28,10 +29,13 @@ class ClutterMemory:
         By radar; of those that have learned something.
     maps : dict of name to ClutterMap
         By radar; of those that have learned something.
+    counts : dict of name to ClutterCount
+        By radar; of those that have learned something.
     """
 
     laws: dict[str, Learned] = field(default_factory=dict)
     maps: dict[str, ClutterMap] = field(default_factory=dict)
+    counts: dict[str, ClutterCount] = field(default_factory=dict)
     _informed: dict[str, RadarModel] = field(default_factory=dict, init=False, repr=False)
 
     def informed(self, radar: RadarModel) -> RadarModel:
@@ -43,6 +47,9 @@ class ClutterMemory:
             radar = replace(radar, clutter_amplitude=law)
         if places is not None and radar.clutter_map is not None:
             radar = replace(radar, clutter_map=places)
+        if radar.clutter_count is not None:
+            count = self.counts.get(radar.name, radar.clutter_count)
+            radar = replace(radar, clutter_count=count, clutter_rate=count.rate)
         self._informed[radar.name] = radar
         return radar
 
@@ -53,7 +60,8 @@ class ClutterMemory:
         """
         law, places = radar.clutter_amplitude, radar.clutter_map
         whole = radar is self._informed.get(radar.name)
-        return whole and (isinstance(law, Learned) or places is not None)
+        learning = isinstance(law, Learned) or places is not None
+        return whole and (learning or radar.clutter_count is not None)
 
     def learn(
         self, radar: RadarModel, detections: Detections, claimed: FloatArray, still: FloatArray
@@ -74,8 +82,11 @@ class ClutterMemory:
         law, places, coverage = radar.clutter_amplitude, radar.clutter_map, detections.coverage
         if isinstance(law, Learned) and detections.amplitude is not None:
             self.laws[radar.name] = law.after(detections.amplitude, 1.0 - claimed)
+        turns = 1.0 if coverage is None else coverage.width / FULL_TURN
+        if radar.clutter_count is not None:
+            unclaimed = float((1.0 - claimed).sum())
+            self.counts[radar.name] = radar.clutter_count.after(unclaimed, turns)
         if places is not None:
-            turns = 1.0 if coverage is None else coverage.width / FULL_TURN
             weight = 1.0 - claimed * (1.0 - still)
             seen = detections.measurement
             world = radar.to_world(seen)

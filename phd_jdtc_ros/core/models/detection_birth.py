@@ -6,12 +6,15 @@
 Unknown targets are a uniform intensity in every radar's own coordinates. In the update this
 intensity competes for each detection with clutter and with the known targets. Its share is the
 newborn mass of the detection. It is added to the intensity at the detection's position, with the
-radar's noise and a broad distribution of velocity.
+radar's noise and a broad distribution of velocity. Where the detection has a range rate, that part
+of the velocity is known, up to its ambiguity. Where earlier radars of the scan have looked, only
+the unknown targets that they have missed are left for the next one.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri
@@ -20,7 +23,7 @@ from ..arrays import FloatArray, IntArray, read_only, sum_by
 from ..types import Detections
 from .birth import shifted
 from .modes import ModeSpace
-from .radar import LEAST_RANGE, RadarModel
+from .radar import LEAST_RANGE, RadarModel, Rates
 from .sobol import sobol_points
 
 # The newborn intensity is taken as zero beyond this many standard deviations of velocity and turn
@@ -68,21 +71,49 @@ class DetectionBirthModel:
         return bool(np.any(self.rate > 0.0))
 
     def log_intensity(
-        self, detections: Detections, radar: RadarModel, modes: ModeSpace, dt: float
+        self,
+        detections: Detections,
+        radar: RadarModel,
+        modes: ModeSpace,
+        dt: float,
+        earlier: Sequence[Newborn] = (),
     ) -> FloatArray:
         """Return log of the unknown targets' intensity at each detection, shape (C, M).
 
         It covers targets that appeared in the preceding `dt` seconds, or since the antenna passed
         last if the detections are those of a sector. It is the counterpart of the clutter
-        intensity: uniform over azimuth and range, times p_D g^tau of each class.
+        intensity: uniform over azimuth and range in the field of view, times p_D g^tau of each
+        class, times the density of the range rate, and times 1 - p_D of the `earlier` radars of the
+        scan, given by the targets born at their detections.
         """
         since = dt if detections.coverage is None else radar.rotation_s or dt
-        with np.errstate(divide="ignore"):  # a class that is never born has intensity zero
-            appeared = self.rate * since / modes.interval_s
-            log_rate = np.log(appeared / (2.0 * np.pi * radar.max_range))
+        appeared = self.rate * since / modes.interval_s
+        place = radar.to_world(detections.measurement)
+        left = missed_by(earlier, place, modes)
+        # A class that is never born has intensity zero, as where an earlier radar misses nothing.
+        with np.errstate(divide="ignore"):
+            log_rate = np.log(appeared / (radar.visibility.fov.width * radar.max_range))
+            log_left = np.log(left)
         likelihood = radar.log_class_likelihood(detections, modes.classes)
-        intensity: FloatArray = log_rate[:, None] + likelihood
+        intensity: FloatArray = log_rate[:, None] + likelihood + log_left
+        if (measured := radar.rates_of(detections)) is not None:
+            toward = _directions(place, radar)
+            intensity = intensity + self.log_range_rate(toward, measured, radar)
         return intensity
+
+    def log_range_rate(self, toward: FloatArray, measured: Rates, radar: RadarModel) -> FloatArray:
+        """Return the log density of range rates of targets of unknown velocity, shape (M,).
+
+        Parameters
+        ----------
+        toward : array of shape (M, 2)
+            Directions from the radar to the targets, world frame.
+        measured : Rates
+            M of them; where a rate is NaN the result is 0.
+        radar : RadarModel
+        """
+        radial = measured.rate + toward @ np.asarray(radar.velocity)
+        return measured.model.log_density(radial, self.velocity_std**2 + measured.std**2)
 
 
 @dataclass(frozen=True)
@@ -96,26 +127,47 @@ class Newborn:
         J of them.
     mass : array of shape (J, C)
         Probability that each detection is a new target of each class.
+    share : float
+        Of the radar's detections that were looked at; see `overload.thinned`.
     """
 
     radar: RadarModel
     detections: Detections
     mass: FloatArray
+    share: float = 1.0
 
     def __len__(self) -> int:
         return len(self.detections)
 
     def take(self, rows: IntArray) -> Newborn:
         """Return the newborn targets of these rows."""
-        return Newborn(self.radar, self.detections.take(rows), self.mass[rows])
+        return replace(self, detections=self.detections.take(rows), mass=self.mass[rows])
 
 
 def newborn(
-    radar: RadarModel, detections: Detections, mass: FloatArray, model: DetectionBirthModel
+    radar: RadarModel,
+    detections: Detections,
+    mass: FloatArray,
+    model: DetectionBirthModel,
+    share: float = 1.0,
 ) -> Newborn:
     """Return the detections whose newborn mass, shape (M, C), is not below the model's least."""
     kept = np.flatnonzero(mass.sum(axis=1) >= model.least_mass)
-    return Newborn(radar, detections, mass).take(kept)
+    return Newborn(radar, detections, mass, share).take(kept)
+
+
+def missed_by(earlier: Sequence[Newborn], position: FloatArray, modes: ModeSpace) -> FloatArray:
+    """Return the probability that radars miss a target at each position, (M, 2) to (C, M).
+
+    Each radar's is the mean over the SNR band of the class.
+    """
+    missed = np.ones((len(modes.classes), len(position)))
+    for found in earlier:
+        measured, _ = found.radar.linearised(position)
+        seen = found.radar.missable(measured, found.detections.coverage) * found.share
+        log_p_d = found.radar.log_class_likelihood(Detections(measured, None), modes.classes)
+        missed *= 1.0 - seen * np.exp(log_p_d)
+    return missed
 
 
 def affordable(found: Newborn, model: DetectionBirthModel) -> tuple[Newborn, int]:
@@ -166,9 +218,11 @@ def sample(
     """
     space = modes.space
     size = len(space)
-    shift = rng.random((len(found), 1, size + 1))
-    uniform = shifted(sobol_points(size + 1, count), shift)
-    normal = ndtri(uniform[..., 1:])
+    measured_rates = found.radar.rates_of(found.detections)
+    dimensions = size + 1 + (measured_rates is not None)
+    shift = rng.random((len(found), 1, dimensions))
+    uniform = shifted(sobol_points(dimensions, count), shift)
+    normal = ndtri(uniform[..., 1 : size + 1])
     per_mode = _mode_mass(found, modes)
     share = np.cumsum(per_mode, axis=1) / per_mode.sum(axis=1, keepdims=True)
     mode = (uniform[..., :1] >= share[:, None, :-1]).sum(axis=2).ravel()
@@ -180,6 +234,13 @@ def sample(
     state = np.zeros((len(found) * count, size))
     state[:, list(space.velocity)] = model.velocity_std * normal[..., 2:4].reshape(-1, 2)
     state[:, list(space.position)] = found.radar.to_world(measured.reshape(-1, 2))
+    if measured_rates is not None:
+        repeated = measured_rates.take(np.arange(len(found)).repeat(count))
+        known = _known_velocity(
+            *(state[:, list(space.position)], state[:, list(space.velocity)], repeated),
+            *(uniform[..., -1].ravel(), found.radar, model),
+        )
+        state[:, list(space.velocity)] = known
     if found.detections.time_s is not None:  # back to where it was at the scan's stamp
         since = found.detections.time_s.repeat(count)[:, None]
         state[:, list(space.position)] -= since * state[:, list(space.velocity)]
@@ -235,6 +296,7 @@ def _intensity(
     scaled = slow_state[row][:, velocity] / model.velocity_std
     log_density -= 0.5 * (scaled**2).sum(axis=1)
     log_density -= np.log(2.0 * np.pi * model.velocity_std**2)
+    log_density += _log_told_by_rate(found, model, slow_state, (row, column))
     log_density -= np.log(np.maximum(predicted[row, 0], LEAST_RANGE))
     turning = np.array([turn_rate in motion.support for motion in modes.motions])[mode[rows[row]]]
     turn = slow_state[row, turn_rate] / model.turn_rate_std
@@ -242,6 +304,77 @@ def _intensity(
     log_density += np.where(turning, log_turn, 0.0)
     mass = _mode_mass(found, modes)[column, mode[rows[row]]]
     return sum_by(rows[row], mass * np.exp(log_density), len(state))
+
+
+def _directions(position: FloatArray, radar: RadarModel) -> FloatArray:
+    """Return the directions from a radar to positions, world frame, shape (N, 2)."""
+    line = position - np.asarray(radar.position)
+    distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
+    toward: FloatArray = line / distance[:, None]
+    return toward
+
+
+def _known_velocity(
+    position: FloatArray,
+    drawn: FloatArray,
+    measured: Rates,
+    uniform: FloatArray,
+    radar: RadarModel,
+    model: DetectionBirthModel,
+) -> FloatArray:
+    """Return velocities drawn given the range rates of their detections, shape (N, 2).
+
+    Parameters
+    ----------
+    position, drawn : arrays of shape (N, 2)
+        At the time of the detection, and velocities drawn from the prior.
+    measured : Rates
+        Of each row.
+    uniform : array of shape (N,)
+        In [0, 1); chooses the fold.
+    radar : RadarModel
+    model : DetectionBirthModel
+    """
+    toward = _directions(position, radar)
+    radial = (drawn * toward).sum(axis=1)
+    prior, noise = model.velocity_std**2, measured.std**2
+    rates = measured.model
+    value = rates.wrapped(measured.rate + toward @ np.asarray(radar.velocity))
+    value = np.where(np.isfinite(value), value, 0.0)
+    shifts = rates.folds(GATE_SIGMA * float(np.sqrt(prior + np.max(noise, initial=0.0))))
+    each = value[:, None] + shifts
+    log_share = -0.5 * each**2 / (prior + noise)[:, None]
+    share = np.cumsum(np.exp(log_share - log_share.max(axis=1, keepdims=True)), axis=1)
+    fold = (uniform[:, None] * share[:, -1:] >= share[:, :-1]).sum(axis=1)
+    gain = prior / (prior + noise)
+    # A draw of the prior, brought to the spread of the posterior and to its mean.
+    told = gain * each[np.arange(len(each)), fold] + radial * np.sqrt(1.0 - gain)
+    change = np.where(np.isfinite(measured.rate), told - radial, 0.0)
+    velocity: FloatArray = drawn + change[:, None] * toward
+    return velocity
+
+
+def _log_told_by_rate(
+    found: Newborn,
+    model: DetectionBirthModel,
+    state: FloatArray,
+    pairs: tuple[IntArray, IntArray],
+) -> FloatArray | float:
+    """Return the log of what range rates make of the density of velocities, shape (P,).
+
+    The posterior is the prior times the likelihood of the range rate, divided by its density.
+    """
+    measured = found.radar.rates_of(found.detections)
+    if measured is None:
+        return 0.0
+    row, column = pairs
+    position = state[row][:, list(found.radar.space.position)]
+    if found.detections.time_s is not None:
+        velocity = state[row][:, list(found.radar.space.velocity)]
+        position = position + found.detections.time_s[column][:, None] * velocity
+    toward = _directions(position, found.radar)
+    evidence = model.log_range_rate(toward, measured.take(column), found.radar)
+    return found.radar.log_range_rate(state, found.detections, pairs) - evidence
 
 
 def _mode_mass(found: Newborn, modes: ModeSpace) -> FloatArray:

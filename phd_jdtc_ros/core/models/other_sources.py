@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +41,12 @@ class OtherSources:
         return total
 
     def newborn(
-        self, claimed: FloatArray, radar: RadarModel, detections: Detections, model: TrackerModel
+        self,
+        claimed: FloatArray,
+        radar: RadarModel,
+        detections: Detections,
+        model: TrackerModel,
+        share: float = 1.0,
     ) -> Newborn | None:
         """Return the unknown targets' part of what no known target claims.
 
@@ -51,6 +57,8 @@ class OtherSources:
         radar : RadarModel
         detections : Detections
         model : TrackerModel
+        share : float
+            Of the radar's detections that were looked at; see `overload.thinned`.
 
         Returns
         -------
@@ -61,7 +69,7 @@ class OtherSources:
             return None
         total = np.where(self.total > 0.0, self.total, 1.0)
         unknown = (1.0 - claimed) * self.intensity[1:] / total
-        return detection_birth.newborn(radar, detections, unknown.T, model.detection_births)
+        return detection_birth.newborn(radar, detections, unknown.T, model.detection_births, share)
 
 
 def other_sources(
@@ -71,6 +79,7 @@ def other_sources(
     dt: float,
     column: IntArray,
     log_likelihood: FloatArray,
+    earlier: Sequence[Newborn] = (),
 ) -> OtherSources:
     """Return the other sources of one radar's detections.
 
@@ -85,10 +94,14 @@ def other_sources(
         The detection of each pair with a known target.
     log_likelihood : array of shape (P,)
         Log p_D L_z of each pair.
+    earlier : sequence of Newborn
+        Targets born at the detections of the scan's earlier radars.
     """
     log_other = radar.log_clutter_intensity(detections)[None]
     if model.detection_births.enabled:
-        log_birth = model.detection_births.log_intensity(detections, radar, model.modes, dt)
+        log_birth = model.detection_births.log_intensity(
+            detections, radar, model.modes, dt, earlier
+        )
         log_other = np.concatenate([log_other, log_birth])
     scale = log_other.max(axis=0)
     np.maximum.at(scale, column, log_likelihood)

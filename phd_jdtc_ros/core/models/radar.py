@@ -1,12 +1,16 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The polar radar: geometry, detection probability, clutter, and the gated likelihood."""
+"""The polar radar: geometry, detection probability, clutter, and the gated likelihood.
+
+Range rates are in `range_rate`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,11 +18,13 @@ from ..arrays import FloatArray, IntArray
 from ..pair_search import kernels
 from ..pair_search.gating import CellLists, cell_lists
 from ..state_space import PLANAR, StateSpace
-from ..types import Coverage, Detections, Pose
+from ..types import FULL_TURN, Coverage, Detections, Pose
 from . import amplitude_density
 from .clutter_amplitude import NOISE, ClutterAmplitude
+from .clutter_count import ClutterCount
 from .clutter_map import ClutterMap
 from .modes import ClassModel
+from .range_rate import RangeRateModel
 from .visibility import Visibility, within
 
 # At six standard deviations the likelihood is 1e-8 of its peak.
@@ -32,6 +38,27 @@ def wrap_angle(angle: FloatArray) -> FloatArray:
     wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
     inside: FloatArray = np.where(wrapped > -np.pi, wrapped, np.pi)  # rounding may reach -pi
     return inside
+
+
+class Rates(NamedTuple):
+    """The range rates of a report.
+
+    Parameters
+    ----------
+    model : RangeRateModel
+    rate : array of shape (M,)
+        Metres per second relative to the radar; NaN where it is unknown.
+    std : array of shape (M,)
+        Metres per second.
+    """
+
+    model: RangeRateModel
+    rate: FloatArray
+    std: FloatArray
+
+    def take(self, rows: IntArray) -> Rates:
+        """Return those of these rows."""
+        return Rates(self.model, self.rate[rows], self.std[rows])
 
 
 @dataclass(frozen=True)
@@ -66,8 +93,16 @@ class RadarModel:
         Law of the amplitudes of false detections.
     clutter_map : ClutterMap or None
         Where they come from; None if that is not to be learned.
+    clutter_count : ClutterCount or None
+        What its clutter rate is learned from; None if that is given.
     clutter_map_speed : float
         What targets slower than this claim counts for the map all the same, metres per second.
+    range_rate : RangeRateModel or None
+        How it measures range rates; None if it does not, or if they are not to be used.
+    velocity : tuple of two floats
+        In the world frame, metres per second; range rates are relative to it.
+    cluster_distance : float
+        Within which detections are merged, metres; 0 for none. See `merging`.
 
     Notes
     -----
@@ -90,6 +125,10 @@ class RadarModel:
     clutter_amplitude: ClutterAmplitude = NOISE
     clutter_map: ClutterMap | None = None
     clutter_map_speed: float = 0.0
+    range_rate: RangeRateModel | None = None
+    velocity: tuple[float, float] = (0.0, 0.0)
+    cluster_distance: float = 0.0
+    clutter_count: ClutterCount | None = None
 
     @property
     def max_range(self) -> float:
@@ -100,7 +139,7 @@ class RadarModel:
         """Return the radar at a pose; None is for where it is."""
         if pose is None:
             return self
-        return replace(self, position=pose.position, yaw=pose.yaw)
+        return replace(self, position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""
@@ -159,6 +198,56 @@ class RadarModel:
         usual = np.stack([grown, np.full(len(detections), self.azimuth_std)], axis=1)
         return usual if own is None else np.where(np.isfinite(own), own, usual)
 
+    def rates_of(self, detections: Detections) -> Rates | None:
+        """Return the range rates of detections; None if there are none to be used."""
+        model, rate = self.range_rate, detections.range_rate
+        if model is None or rate is None:
+            return None
+        own = detections.range_rate_std
+        usual = np.full(len(detections), model.std)
+        return Rates(model, rate, usual if own is None else np.where(np.isfinite(own), own, usual))
+
+    def range_rate_of(self, state: FloatArray, time_s: FloatArray | None = None) -> FloatArray:
+        """Return the noise-free range rate of each state, m/s; shape (N, D) to (N,).
+
+        Parameters
+        ----------
+        state : array of shape (N, D)
+            At the scan's stamp.
+        time_s : array of shape (N,) or None
+            Time of each measurement relative to the stamp, seconds.
+        """
+        velocity = state[:, list(self.space.velocity)]
+        line = state[:, list(self.space.position)] - np.asarray(self.position)
+        if time_s is not None:
+            line = line + time_s[:, None] * velocity
+        distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
+        radial: FloatArray = (line * (velocity - self.velocity)).sum(axis=1) / distance
+        return radial
+
+    def log_range_rate(
+        self, state: FloatArray, detections: Detections, pairs: tuple[IntArray, IntArray]
+    ) -> FloatArray | float:
+        """Return the log likelihood of the range rates of pairs, (P,); 0 where they are unknown.
+
+        Parameters
+        ----------
+        state : array of shape (N, D)
+        detections : Detections
+        pairs : tuple of two int arrays of shape (P,)
+            Rows of the states, and detections.
+        """
+        measured = self.rates_of(detections)
+        if measured is None:
+            return 0.0
+        row, column = pairs
+        if detections.time_s is None:
+            expected = self.range_rate_of(state)[row]
+        else:
+            expected = self.range_rate_of(state[row], detections.time_s[column])
+        error = measured.rate[column] - expected
+        return measured.model.log_density(error, measured.std[column] ** 2)
+
     def class_detection_probability(self, classes: tuple[ClassModel, ...]) -> FloatArray:
         """Return p_D of each class from its signal-to-noise ratios, shape (C,)."""
         return np.array(
@@ -190,13 +279,15 @@ class RadarModel:
         return seen
 
     def log_clutter_intensity(self, detections: Detections) -> FloatArray:
-        """Return log kappa(z) over (range, azimuth, amplitude), shape (M,).
+        """Return log kappa(z) over (range, azimuth, range rate, amplitude), shape (M,).
 
-        Where an amplitude is unknown it is the intensity over (range, azimuth).
+        Where an amplitude or a range rate is unknown it is the intensity over the others.
         """
         area = 2.0 * np.pi * self.clutter_max_range
         # A rate of zero is allowed; the floor keeps the update's quotient defined.
         rate = max(self.clutter_rate, np.finfo(float).tiny)
+        # That of a whole turn, of which a radar may see a part.
+        rate *= FULL_TURN / self.visibility.fov.width
         log_intensity = np.full(len(detections), np.log(rate / area))
         if self.clutter_map is not None:
             log_intensity += self.clutter_map.log_factor(
@@ -205,6 +296,9 @@ class RadarModel:
                 rate,
                 self.clutter_max_range,
             )
+        if (measured := self.rates_of(detections)) is not None:
+            log_width = np.log(measured.model.clutter_width)
+            log_intensity -= np.where(np.isnan(measured.rate), 0.0, log_width)
         if detections.amplitude is None:
             return log_intensity
         density: FloatArray = (

@@ -11,6 +11,7 @@ from ..types import Detections, Scan
 from .amplitude_model import AmplitudeModel
 from .birth import BirthTerm
 from .detection_birth import DetectionBirthModel
+from .merging import merged
 from .modes import ModeSpace
 from .radar import RadarModel
 from .spawn import SpawnModel
@@ -45,9 +46,12 @@ class TrackerModel:
     radars: tuple[RadarModel, ...]
 
     def reports(self, scan: Scan) -> list[tuple[RadarModel, Detections]]:
-        """Return the radars that reported in a scan, each where it was then, with what they saw."""
+        """Return the radars that reported in a scan, each where it was then, with what they saw.
+
+        Detections that count as one are merged.
+        """
         return [
-            (radar.at(found.pose), found)
+            (radar.at(found.pose), merged(found, radar))
             for radar, found in zip(self.radars, scan.detections, strict=True)
             if found is not None
         ]

@@ -56,7 +56,7 @@ def kernel_within_groups(
     comb : array of shape (Q,)
         Offset of each query's comb, see `resampling.comb`.
     most : int
-        At most this many pairs are kept per query, drawn as in `kernel_thinning`.
+        At most this many pairs are kept per query, selected as in `kernel_thinning`.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def _widest_two(cloud: FloatArray) -> tuple[int, int]:
         *(_FLOATS, _NARROW, _INTS, _INTS, _READ), *(types.float64, types.float64, types.int64)
     )
 )
-def _draw(
+def _selected(
     value: FloatArray,
     near: npt.NDArray[np.int32],
     group_rows: IntArray,
@@ -255,7 +255,7 @@ def _kernel(
                     mu[index] += value[pair] * row_weight[other]
                 if end - found > most:
                     pairs = slice(found, end)
-                    end = found + _draw(
+                    end = found + _selected(
                         *(value[pairs], near[pairs], group_rows, slot, weight),
                         *(mu[index], comb[index], most),
                     )

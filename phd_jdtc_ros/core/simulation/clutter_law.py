@@ -118,12 +118,12 @@ def laws(
         if name not in known
     ]
     return tuple(
-        _law(given[name], f"clutter.{name}.", radar, faults) if name in given else NOISE
+        law_of(given[name], f"clutter.{name}.", radar, faults) if name in given else NOISE
         for name, radar in known.items()
     )
 
 
-def _law(given: Any, prefix: str, radar: RadarModel, faults: list[str]) -> ClutterLaw:
+def law_of(given: Any, prefix: str, radar: RadarModel, faults: list[str]) -> ClutterLaw:
     """Return a checked law; add its faults to `faults` and return noise if there are any."""
     if not isinstance(given, Mapping):
         faults.append(f"{prefix[:-1]}: must be a mapping")

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, IntArray
 from ..state_space import PLANAR
 
 # Ends of legs are sums of durations, so that the last one may miss a scan's time by rounding.
@@ -93,18 +93,25 @@ class Flight:
 
         Before its start and after its end the target goes on as in its first and last leg.
         """
-        elapsed = np.asarray(time_s, dtype=np.float64) - self.start_s
-        leg = np.clip(np.searchsorted(self._starts, elapsed, "right") - 1, 0, len(self.legs) - 1)
-        x, y, speed, course = _moved(
-            self._marks[leg], self._rates[leg], elapsed - self._starts[leg]
-        )
-        state = np.zeros((len(elapsed), len(PLANAR)))
+        (x, y, speed, course), leg = self._at(time_s)
+        state = np.zeros((len(leg), len(PLANAR)))
         state[:, list(PLANAR.position)] = np.stack([x, y], axis=1)
         state[:, list(PLANAR.velocity)] = np.stack(
             [speed * np.cos(course), speed * np.sin(course)], axis=1
         )
         state[:, PLANAR.turn_rate] = self._rates[leg, 0]
         return state
+
+    def courses(self, time_s: FloatArray) -> FloatArray:
+        """Return where it heads at times after scan 0, radians; shape (N,). It does at rest too."""
+        course: FloatArray = self._at(time_s)[0][3]
+        return course
+
+    def _at(self, time_s: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Return x, y, speed and course, shape (4, N), and the legs at times after scan 0."""
+        elapsed = np.asarray(time_s, dtype=np.float64) - self.start_s
+        leg = np.clip(np.searchsorted(self._starts, elapsed, "right") - 1, 0, len(self.legs) - 1)
+        return _moved(self._marks[leg], self._rates[leg], elapsed - self._starts[leg]), leg
 
     @cached_property
     def _starts(self) -> FloatArray:

@@ -14,12 +14,16 @@ from typing import TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray
+from ..configuration.schema import ConfigError
 from ..models.amplitude_density import snr_from_db
 from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
-from ..types import FULL_TURN, Truth
+from ..types import FULL_TURN, Pose, Truth
 from .clutter_law import NOISE, ClutterLaw
+from .echoes import Echoes
 from .flight import ROUNDING_S, Flight, Leg
+from .platform import MovingPlatform
+from .reflectors import Reflectors
 
 # True targets follow this model's mean; turn rate 0 is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
@@ -180,6 +184,12 @@ class Scenario:
         Largest number of turning radars that see a target at a time, the nearest ones; 0 for all.
     clutter : tuple of ClutterLaw
         One per radar; noise if empty.
+    echoes : tuple of (Echoes or None)
+        One per radar; empty if targets answer once.
+    reflectors : tuple of Reflectors
+        What answers all radars and is no target.
+    platform : MovingPlatform or None
+        What carries radars; the positions and directions of these are in its frame.
     """
 
     start_ns: int
@@ -190,8 +200,19 @@ class Scenario:
     antennas: tuple[Antenna, ...] = ()
     most_radars: int = 0
     clutter: tuple[ClutterLaw, ...] = ()
+    echoes: tuple[Echoes | None, ...] = ()
+    reflectors: tuple[Reflectors, ...] = ()
+    platform: MovingPlatform | None = None
 
     def __post_init__(self) -> None:
+        learning = [radar.name for radar in self.radars if radar.clutter_count is not None]
+        if learning:
+            raise ConfigError(
+                [
+                    f"{name}.clutter_rate: auto given, must be a number to simulate"
+                    for name in learning
+                ]
+            )
         if not self.antennas:
             usual = tuple(usual_antenna(index) for index in range(len(self.radars)))
             object.__setattr__(self, "antennas", usual)
@@ -199,6 +220,48 @@ class Scenario:
     def law(self, radar: int) -> ClutterLaw:
         """Return the law of a radar's clutter, by the radar's index."""
         return self.clutter[radar] if self.clutter else NOISE
+
+    def laws(self, radar: int) -> tuple[ClutterLaw, Echoes | None]:
+        """Return the law of a radar's clutter and the echoes that it sees, by its index."""
+        return self.law(radar), self.echoes[radar] if self.echoes else None
+
+    def carrier(self, radar: int) -> MovingPlatform | None:
+        """Return what carries a radar, by the radar's index; None if it stands."""
+        carries = self.platform is not None and radar in self.platform.radars
+        return self.platform if carries else None
+
+    def measured(self, radar: int, state: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Return noise-free (range, azimuth) of states from where a radar is at their times.
+
+        Parameters
+        ----------
+        radar : int
+        state : array of shape (N, D)
+        time_s : array of shape (N,)
+            After scan 0, seconds.
+
+        Returns
+        -------
+        array of shape (N, 2)
+        """
+        carrier = self.carrier(radar)
+        seen = state if carrier is None else carrier.seen(state, time_s)
+        return self.radars[radar].measure(seen)
+
+    def poses(self) -> list[tuple[int, Pose]]:
+        """Return the stamps and poses of what carries radars, ascending; the last one is the end's.
+
+        Empty if all stand.
+        """
+        if self.platform is None:
+            return []
+        known = self.platform.poses_until(self.duration_s)
+        return [(self.ns_after(elapsed_s), pose) for elapsed_s, pose in known]
+
+    def radar_at(self, radar: int, elapsed_s: float) -> RadarModel:
+        """Return a radar where it is in the world at a time after scan 0."""
+        model, carrier = self.radars[radar], self.carrier(radar)
+        return model if carrier is None else model.at(carrier.mounted(model, elapsed_s))
 
     @property
     def turning(self) -> bool:

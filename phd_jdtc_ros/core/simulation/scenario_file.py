@@ -12,10 +12,12 @@ from typing import Any
 from ..configuration.schema import SMALL, ConfigError, Parameter
 from ..models.amplitude_density import snr_from_db
 from ..models.radar import RadarModel
-from . import clutter_law, generators
+from . import clutter_law, echoes, generators
 from .checked import mapping, mappings, names_of, place, take
 from .flight import Flight, Leg
 from .geodesy import east_north
+from .platform import platform
+from .reflectors import reflectors
 from .scenario import Antenna, Scenario, Target, TargetScript, Turn, usual_antenna
 
 # Stamps count seconds in signed 32-bit integers.
@@ -79,8 +81,11 @@ OTHER_KEYS = (
     "manoeuvres",
     "antennas",
     "clutter",
+    "echoes",
     "world_origin",
     "sites",
+    "reflectors",
+    "platform",
 )
 
 
@@ -94,10 +99,13 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         `TARGET`. A target may have ``turns``: a list of mappings with all keys of `TURN`. A target
         with ``legs``, a list of mappings of `LEG`, has the keys of `FLIGHT` instead. ``traffic``
         and ``manoeuvres`` stand for many targets, see `generators`. ``antennas`` has the keys of
-        `ANTENNA` by name of the radar, and ``clutter`` the law of its amplitudes, see
-        `clutter_law`. ``world_origin`` is the latitude and longitude of the
-        world's zero, and ``sites`` has those of radars by name. ``parameters`` are those of the
-        tracker and the radars, and are ignored here, as are ``sites``.
+        `ANTENNA` by name of the radar, ``clutter`` the law of its amplitudes, see
+        `clutter_law`, and ``echoes`` how targets answer to it more than once, see `echoes`.
+        ``world_origin`` is the latitude and longitude of the
+        world's zero, and ``sites`` has those of radars by name. ``reflectors`` is a list of
+        mappings, see `reflectors`, and ``platform`` what carries radars, with ``legs``.
+        ``parameters`` are those of the tracker and the radars, and are ignored here, as are
+        ``sites``.
     radars : tuple of RadarModel
 
     Raises
@@ -112,6 +120,9 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     targets = _targets(document, faults)
     antennas = _antennas(mapping(document, "antennas", faults), radars, faults)
     clutter = clutter_law.laws(document, radars, faults)
+    answers = echoes.of_radars(document, radars, faults)
+    carrier = platform(document, radars, _legs, faults)
+    still = reflectors(document, radars, faults)
     duration_s = 0.0 if faults else (timing["scans"] - 1) * timing["interval_s"]
     targets += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
     given = mapping(document, "manoeuvres", faults)
@@ -128,6 +139,9 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         antennas=antennas,
         most_radars=timing["most_radars"],
         clutter=clutter,
+        echoes=answers,
+        reflectors=still,
+        platform=carrier,
     )
 
 
@@ -191,6 +205,26 @@ def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight
     """Return a checked flight; add its faults to `faults` and return None if there are any."""
     found: list[str] = []
     values = take(FLIGHT, script, prefix, found, ("snr_db", "start_s"), ("legs",))
+    legs = _legs(script, prefix, found)
+    if not found:
+        try:
+            return Flight(
+                class_id=values["class_id"],
+                snr=snr_from_db(values["snr_db"]),
+                start_s=values["start_s"],
+                position=tuple(values["position"]),
+                velocity=tuple(values["velocity"]),
+                legs=legs,
+            )
+        except ValueError as error:
+            found.append(f"{prefix}{error}")
+    faults += found
+    return None
+
+
+def _legs(script: Mapping[str, Any], prefix: str, faults: list[str]) -> tuple[Leg, ...]:
+    """Return the checked legs of a block; add faults to `faults`, after which there are none."""
+    found: list[str] = []
     legs = []
     for index, given in enumerate(mappings(script, "legs", prefix, found)):
         name = f"{prefix}legs[{index}]."
@@ -200,27 +234,13 @@ def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight
         legs.append(leg)
     if not legs and not found:
         found.append(f"{prefix}legs: none given, must be at least one")
-    if not found:
-        try:
-            return Flight(
-                class_id=values["class_id"],
-                snr=snr_from_db(values["snr_db"]),
-                start_s=values["start_s"],
-                position=tuple(values["position"]),
-                velocity=tuple(values["velocity"]),
-                legs=tuple(
-                    Leg(
-                        leg["duration_s"],
-                        math.radians(leg["turn_rate_deg_s"]),
-                        leg["acceleration"],
-                    )
-                    for leg in legs
-                ),
-            )
-        except ValueError as error:
-            found.append(f"{prefix}{error}")
     faults += found
-    return None
+    if found:
+        return ()
+    return tuple(
+        Leg(leg["duration_s"], math.radians(leg["turn_rate_deg_s"]), leg["acceleration"])
+        for leg in legs
+    )
 
 
 def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> TargetScript | None:

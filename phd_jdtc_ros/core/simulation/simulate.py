@@ -5,13 +5,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
-from ..models.radar import RadarModel, wrap_angle
-from ..types import Detections, Scan, Truth
+from ..models.radar import RadarModel
+from ..types import FULL_TURN, Detections, Scan, Truth
 from .clutter_law import NOISE, ClutterLaw
+from .echoes import Echoes
+from .noise import polar, with_noise
+from .reflectors import Reflectors
 from .scenario import Scenario, truth_at
 
 BoolArray = npt.NDArray[np.bool_]
@@ -23,6 +28,8 @@ def detect(
     radar: RadarModel,
     rng: np.random.Generator,
     law: ClutterLaw = NOISE,
+    echoes: Echoes | None = None,
+    reflectors: Sequence[Reflectors] = (),
 ) -> tuple[Detections, IntArray]:
     """Return one radar's detections of `truth` among its clutter, in random order.
 
@@ -36,6 +43,10 @@ def detect(
     rng : numpy.random.Generator
     law : ClutterLaw
         Of the envelopes of clutter.
+    echoes : Echoes or None
+        How targets answer more than once; None if they do not.
+    reflectors : sequence of Reflectors
+        What else answers.
 
     Returns
     -------
@@ -52,15 +63,52 @@ def detect(
     exact = radar.measure(truth.state)
     measurement, envelope, seen = observe(exact, snr, radar, rng)
     clutter, tail = false_detections(radar, rng.poisson(radar.clutter_rate), rng, law)
-    count = len(clutter)
-    measurement = np.concatenate([measurement[seen], clutter])
+    state, target = truth.state[seen], truth.track_id[seen]
+    measurement, envelope = measurement[seen], envelope[seen]
+    if echoes is not None:
+        echo, row = echoes.sources(state, truth.space, rng)
+        further, level, shown = observe(radar.measure(echo), snr[seen][row], radar, rng)
+        state, target = np.concatenate([state, echo[shown]]), np.append(target, target[row[shown]])
+        measurement = np.concatenate([measurement, further[shown]])
+        envelope = np.append(envelope, level[shown])
+    places, high = _reflected(radar, reflectors, rng)
+    count = len(clutter) + len(places)
+    rate = range_rates(state, count, radar, rng)
+    measurement = np.concatenate([measurement, clutter, places])
     order = rng.permutation(len(measurement))
     detections = Detections(
         measurement=measurement[order],
-        amplitude=np.concatenate([envelope[seen], tail])[order],
+        amplitude=np.concatenate([envelope, tail, high])[order],
+        range_rate=None if rate is None else rate[order],
     )
-    source = np.concatenate([truth.track_id[seen], np.zeros(count, dtype=np.int64)])
+    source = np.concatenate([target, np.zeros(count, dtype=np.int64)])
     return detections, source[order]
+
+
+def range_rates(
+    state: FloatArray, clutter: int, radar: RadarModel, rng: np.random.Generator
+) -> FloatArray | None:
+    """Return measured range rates of targets and then of clutter; None if the radar has none.
+
+    Parameters
+    ----------
+    state : array of shape (N, D)
+        Of the targets that are detected, or of where they answer.
+    clutter : int
+        Number of false detections.
+    radar : RadarModel
+    rng : numpy.random.Generator
+
+    Notes
+    -----
+    Ambiguous ones are between minus and plus half an interval.
+    """
+    model = radar.range_rate
+    if model is None:
+        return None
+    noisy = radar.range_rate_of(state) + model.std * rng.standard_normal(len(state))
+    uniform = model.clutter_width * (rng.random(clutter) - 0.5)
+    return np.append(model.wrapped(noisy), uniform)
 
 
 def observe(
@@ -91,35 +139,48 @@ def observe(
     """
     visible = radar.visibility.sees(exact) > 0.0
     envelope = rng.rayleigh(np.sqrt(1.0 + snr))
-    std = np.tile(radar.noise_std, (len(exact), 1))
-    std[:, 0] = np.hypot(std[:, 0], radar.range_growth * exact[:, 0])
-    noisy = exact + rng.standard_normal(exact.shape) * std
+    noisy = with_noise(exact, radar, rng)
     if radar.visibility.given:
         found = rng.random(len(exact)) < radar.visibility.probability(exact[:, 0])
         # Squares of Rayleigh envelopes are exponential, and these forget what is exceeded.
         envelope = np.sqrt(radar.threshold**2 + envelope**2)
     else:
         found = envelope > radar.threshold
-    return _polar(noisy), envelope, found & visible
+    return noisy, envelope, found & visible
 
 
 def false_detections(
     radar: RadarModel, count: int, rng: np.random.Generator, law: ClutterLaw
 ) -> tuple[FloatArray, FloatArray]:
-    """Return measurements of clutter, shape (count, 2), and their envelopes, shape (count,)."""
+    """Return measurements of clutter, shape (count, 2), and their envelopes, shape (count,).
+
+    It is uniform in the azimuths of the field of view.
+    """
+    fov = radar.visibility.fov
+    # Whatever a whole turn begins at.
+    first = -np.pi if fov.width == FULL_TURN else fov.start
     clutter = np.stack(
         [
             rng.uniform(0.0, radar.clutter_max_range, count),
-            rng.uniform(-np.pi, np.pi, count),
+            rng.uniform(first, first + fov.width, count),
         ],
         axis=1,
     )
-    return _polar(clutter), law.draw(radar.threshold, count, rng)
+    return polar(clutter), law.draw(radar.threshold, count, rng)
 
 
-def _polar(measurement: FloatArray) -> FloatArray:
-    """Return measurements with ranges that are not negative and azimuths in (-pi, pi]."""
-    return np.stack([np.abs(measurement[:, 0]), wrap_angle(measurement[:, 1])], axis=1)
+def _reflected(
+    radar: RadarModel, reflectors: Sequence[Reflectors], rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return the measurements of reflectors that a radar detects, (K, 2), and envelopes, (K,)."""
+    measurement, amplitude = [np.zeros((0, 2))], [np.zeros(0)]
+    for kind in reflectors:
+        state = np.zeros((len(kind.points), len(radar.space)))
+        state[:, list(radar.space.position)] = kind.points
+        found = kind.answers(radar.measure(state), radar, rng)
+        measurement.append(found.measurement[found.seen])
+        amplitude.append(found.amplitude[found.seen])
+    return np.concatenate(measurement), np.concatenate(amplitude)
 
 
 def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:
@@ -136,9 +197,17 @@ def simulate_with_sources(
     run = []
     for index in range(scenario.scans):
         truth = truth_at(scenario, index)
+        elapsed_s = index * scenario.interval_s
         reports = [
-            detect(truth, snr_of[truth.track_id - 1], radar, rng, scenario.law(number))
-            for number, radar in enumerate(scenario.radars)
+            detect(
+                truth,
+                snr_of[truth.track_id - 1],
+                scenario.radar_at(number, elapsed_s),
+                rng,
+                *scenario.laws(number),
+                scenario.reflectors,
+            )
+            for number in range(len(scenario.radars))
         ]
         scan = Scan(truth.stamp_ns, tuple(detections for detections, _ in reports))
         run.append((truth, scan, tuple(source for _, source in reports)))

@@ -17,7 +17,8 @@ The plots of a seed do not depend on how they are reported.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,9 +27,10 @@ from ..arrays import FloatArray, IntArray
 from ..configuration.radar_input import RadarInput
 from ..models.radar import RadarModel, wrap_angle
 from ..types import FULL_TURN, Coverage, Detections
-from .flight import Flight
+from .flight import Flight, Leg
+from .platform import MovingPlatform
 from .scenario import Antenna, Scenario, truth_at
-from .simulate import BoolArray, detect, false_detections, observe
+from .simulate import BoolArray, detect, false_detections, observe, range_rates
 
 # The beam is far faster than any target, so that each step leaves a small part of the error.
 STEPS = 12
@@ -69,12 +71,14 @@ class Plots(NamedTuple):
     amplitude : array of shape (M,)
     source : int array of shape (M,)
         The track_id of each plot's target; 0 for clutter.
+    range_rate : array of shape (M,) or None
     """
 
     turns: FloatArray
     measurement: FloatArray
     amplitude: FloatArray
     source: IntArray
+    range_rate: FloatArray | None = None
 
 
 def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int) -> list[Report]:
@@ -99,7 +103,13 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
 
 
-def passes(flight: Flight, radar: RadarModel, antenna: Antenna, until_s: float) -> FloatArray:
+def passes(
+    flight: Flight,
+    radar: RadarModel,
+    antenna: Antenna,
+    until_s: float,
+    carrier: MovingPlatform | None = None,
+) -> FloatArray:
     """Return when the beam passes a target, seconds after scan 0, ascending.
 
     Parameters
@@ -109,6 +119,8 @@ def passes(flight: Flight, radar: RadarModel, antenna: Antenna, until_s: float) 
     antenna : Antenna
     until_s : float
         Passes after it are left out.
+    carrier : MovingPlatform or None
+        What carries the radar; None if it stands.
 
     Notes
     -----
@@ -123,7 +135,9 @@ def passes(flight: Flight, radar: RadarModel, antenna: Antenna, until_s: float) 
     grid = np.arange(flight.start_s - rotation_s, after, rotation_s)
 
     def part(time_s: FloatArray) -> FloatArray:
-        return antenna.turns_to(radar.measure(flight.states(time_s))[:, 1])
+        state = flight.states(time_s)
+        seen = state if carrier is None else carrier.seen(state, time_s)
+        return antenna.turns_to(radar.measure(seen)[:, 1])
 
     unwrapped = np.unwrap(part(grid), period=1.0)
     first = np.floor(grid[0] / rotation_s + offset - unwrapped[0])
@@ -141,32 +155,66 @@ def plots_of(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     offset = antenna.bearing / FULL_TURN
     exact, turns, snr, source = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)], []
+    state = [np.zeros((0, len(radar.space)))]
     for number, flight in enumerate(scenario.flights, start=1):
-        time = passes(flight, radar, antenna, scenario.duration_s)
+        time = passes(flight, radar, antenna, scenario.duration_s, scenario.carrier(index))
         time = time[_among_nearest(scenario, index, flight, time)]
-        exact.append(radar.measure(flight.states(time)))
+        state.append(flight.states(time))
+        exact.append(scenario.measured(index, state[-1], time))
         turns.append(time / radar.rotation_s + offset)
         snr.append(np.full(len(time), flight.snr))
         source += [number] * len(time)
-    azimuth = np.concatenate(exact)[:, 1]
-    found, amplitude, seen = observe(np.concatenate(exact), np.concatenate(snr), radar, rng)
-    # A plot has the time at which the antenna points at its measured azimuth.
-    moved = wrap_angle(found[:, 1] - azimuth) / FULL_TURN
-    turned = np.concatenate(turns) + (-moved if antenna.clockwise else moved)
-    clutter = _clutter(scenario, index, rng)
-    everything = Plots(
-        np.concatenate([turned[seen], clutter.turns]),
-        np.concatenate([found[seen], clutter.measurement]),
-        np.concatenate([amplitude[seen], clutter.amplitude]),
-        np.concatenate([np.array(source, dtype=np.int64)[seen], clutter.source]),
-    )
-    order = np.argsort(everything.turns, kind="stable")
+    true = np.concatenate(exact)
+    found, amplitude, seen = observe(true, np.concatenate(snr), radar, rng)
+    turned = _turned(antenna, np.concatenate(turns), true, found)
+    targets = Plots(turned[seen], found[seen], amplitude[seen], np.array(source, np.int64)[seen])
+    parts = targets, _clutter(scenario, index, rng), *_reflected(scenario, index, rng)
+    turned = np.concatenate([part.turns for part in parts])
+    others = len(turned) - len(targets.turns)
+    range_rate = range_rates(np.concatenate(state)[seen], others, radar, rng)
+    order = np.argsort(turned, kind="stable")
     return Plots(
-        everything.turns[order],
-        everything.measurement[order],
-        everything.amplitude[order],
-        everything.source[order],
+        turned[order],
+        np.concatenate([part.measurement for part in parts])[order],
+        np.concatenate([part.amplitude for part in parts])[order],
+        np.concatenate([part.source for part in parts])[order],
+        None if range_rate is None else range_rate[order],
     )
+
+
+def _turned(
+    antenna: Antenna, turns: FloatArray, exact: FloatArray, found: FloatArray
+) -> FloatArray:
+    """Return the turns at which the antenna points at measured azimuths: the times of the plots.
+
+    Parameters
+    ----------
+    antenna : Antenna
+    turns : array of shape (N,)
+        Until it points at the true azimuths.
+    exact, found : arrays of shape (N, 2)
+        True and measured.
+    """
+    moved = wrap_angle(found[:, 1] - exact[:, 1]) / FULL_TURN
+    return turns + (-moved if antenna.clockwise else moved)
+
+
+def _reflected(scenario: Scenario, index: int, rng: np.random.Generator) -> Iterator[Plots]:
+    """Yield what a radar detects of each kind of reflectors."""
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    whole = (Leg(max(scenario.duration_s, radar.rotation_s)),)
+    for kind in scenario.reflectors:
+        exact, turns = [np.zeros((0, 2))], [np.zeros(0)]
+        for point in kind.points:
+            still = Flight(0, 0.0, 0.0, point, (0.0, 0.0), whole)
+            time = passes(still, radar, antenna, scenario.duration_s, scenario.carrier(index))
+            exact.append(scenario.measured(index, still.states(time), time))
+            turns.append(time / radar.rotation_s + antenna.bearing / FULL_TURN)
+        true = np.concatenate(exact)
+        found, amplitude, seen = kind.answers(true, radar, rng)
+        turned = _turned(antenna, np.concatenate(turns), true, found)
+        none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
+        yield Plots(turned[seen], found[seen], amplitude[seen], none)
 
 
 def _among_nearest(scenario: Scenario, index: int, flight: Flight, time_s: FloatArray) -> BoolArray:
@@ -174,7 +222,7 @@ def _among_nearest(scenario: Scenario, index: int, flight: Flight, time_s: Float
     if not scenario.most_radars:
         return np.ones(len(time_s), dtype=np.bool_)
     state = flight.states(time_s)
-    exact = [radar.measure(state) for radar in scenario.radars]
+    exact = [scenario.measured(k, state, time_s) for k in range(len(scenario.radars))]
     sees = [radar.visibility.sees(z) > 0.0 for radar, z in zip(scenario.radars, exact, strict=True)]
     distance = np.where(sees, [z[:, 0] for z in exact], np.inf)
     nearer: BoolArray = (distance < distance[index]).sum(axis=0) < scenario.most_radars
@@ -230,6 +278,7 @@ def _reported(
         plots.amplitude[rows] if layout.amplitude_field else None,
         time_s=time_s if layout.time_field else None,
         coverage=coverage,
+        range_rate=None if plots.range_rate is None else plots.range_rate[rows],
     )
 
 
@@ -249,8 +298,10 @@ def _still_reports(
     for scan in range(scenario.scans):
         truth = truth_at(scenario, scan)
         snr = snr_of[truth.track_id - 1]
-        found, source = detect(truth, snr, scenario.radars[index], rng, scenario.law(index))
+        radar = scenario.radar_at(index, scan * scenario.interval_s)
+        laws = scenario.laws(index)
+        found, source = detect(truth, snr, radar, rng, *laws, scenario.reflectors)
         if not layout.amplitude_field:
-            found = Detections(found.measurement, None)
+            found = replace(found, amplitude=None)
         reports.append(Report(index, truth.stamp_ns, found, source))
     return reports

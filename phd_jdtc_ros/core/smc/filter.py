@@ -69,7 +69,8 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         touched, others = parted(self.current, scan, model, corrector.labelled)
         seen = places(scan, model)
         if corrector.labelled:
-            touched = informed(touched, scan.stamp_ns, seen, model, rng)
+            radars = [radar for radar, _ in model.reports(scan)]
+            touched = informed(touched, scan.stamp_ns, seen, radars, model, rng)
         budget = self.budget.beside(sum(rows.entry.stored.copies(rows.rows) for rows in others))
         earlier = [
             Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in touched

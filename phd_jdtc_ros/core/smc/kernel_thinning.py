@@ -1,15 +1,20 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Thinning of the backward kernel's rows to an unbiased sample of their entries.
+"""Thinning of the backward kernel's rows to a systematic selection of their entries.
 
 After a long interval nearly every particle of a set may descend from nearly every particle of the
 previous one, and the number of pairs grows with the square of the particles. A row with more than
-`MOST` pairs is therefore replaced by a systematic sample of them, drawn in proportion to kernel
-times weight. The expectation stays the same, and the memory is linear in the particles.
+`MOST` pairs is therefore replaced by those that the teeth of a comb hit, in proportion to kernel
+times weight, and the memory is linear in the particles.
 
-Deviation from Sec. IV-C, Step 4, which sums all pairs. Few draws are enough: with two per row the
-variance of the estimates is already bounded over time.
+Nothing is random here. The offset of a row's comb follows from the row's number, and the offsets of
+many rows are spread evenly over one tooth. A row's selection by itself is no unbiased draw: it is
+fair over rows, among which a pair of the same share is hit in that share of the rows. The sum of
+kernel times weight is kept in every row.
+
+Deviation from Sec. IV-C, Step 4, which sums all pairs. Few pairs are enough: with two random draws
+per row, as in the reference, the variance of the estimates is already bounded over time.
 
 References
 ----------
@@ -34,7 +39,7 @@ Triples = tuple[IntArray, IntArray, FloatArray]
 
 
 def offsets(row: IntArray) -> FloatArray:
-    """Return the offset of each row's comb, at least 0 and below 1."""
+    """Return the offset of each row's comb, at least 0 and below 1; the same in every run."""
     return np.asarray(row * GOLDEN_SECTION % 1.0)
 
 
@@ -55,7 +60,7 @@ def complete_rows(pairs: Iterable[Triples]) -> Iterator[Triples]:
 def thin(
     row: IntArray, column: IntArray, value: FloatArray, weight: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the pairs, with long rows replaced by a systematic sample of their pairs.
+    """Return the pairs, with long rows replaced by a systematic selection of their pairs.
 
     Parameters
     ----------
@@ -79,7 +84,7 @@ def thin(
     count = np.diff(np.append(first, len(row)))
     in_long_row = (count > MOST).repeat(count)
     pair = np.flatnonzero(in_long_row)
-    # Sorted by column, so that the sample does not depend on the order of the search.
+    # Sorted by column, so that the selection does not depend on the order of the search.
     pair = pair[np.lexsort((column[pair], row[pair]))]
     long_row = row[first[count > MOST]]
     group = np.arange(len(long_row)).repeat(count[count > MOST])
@@ -87,9 +92,9 @@ def thin(
     mu = np.bincount(group, share)
     copies = comb(share, group, np.full(len(long_row), MOST), offsets(long_row))
     kept = np.logical_not(in_long_row)
-    drawn = copies > 0
-    pair, group = pair[drawn], group[drawn]
+    hit = copies > 0
+    pair, group = pair[hit], group[hit]
     kept[pair] = True
     value = value.copy()
-    value[pair] = copies[drawn] * mu[group] / (MOST * weight[pair])
+    value[pair] = copies[hit] * mu[group] / (MOST * weight[pair])
     return row[kept], column[kept], value[kept]

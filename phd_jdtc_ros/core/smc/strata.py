@@ -4,10 +4,11 @@
 """Dense groups of rows are parted before their pairs are searched.
 
 Where nearly every particle of an origin can come from nearly every other, a kernel's cost grows
-with the square of the particles, and all but a sample of the pairs are thinned out afterwards. Such
-a group is parted into strata that each hold every B-th row, earlier and later ones alike, and only
-rows of one stratum are paired. Each stratum is an even sample of the group, and mu is summed over
-its own rows, so the backward sums stay the same on the average.
+with the square of the particles, and all but a selection of the pairs are thinned out afterwards.
+Such a group is parted into strata that each hold every B-th row, earlier and later ones alike, and
+only rows of one stratum are paired. Rows are dealt out in turns and not drawn, so that each stratum
+is an even part of the group. Mu is summed over a stratum's own rows, so the backward sums stay
+about the same over all strata.
 """
 
 from __future__ import annotations

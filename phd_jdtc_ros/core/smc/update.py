@@ -9,6 +9,8 @@ The functions are pure. The posterior stays split into a Poisson part and Bernou
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import sparse
 
@@ -34,6 +36,7 @@ def update(
     corrector: Corrector,
     dt: float,
     clutter: ClutterMemory | None = None,
+    earlier: Sequence[Newborn] = (),
 ) -> tuple[ParticleSet, Newborn | None]:
     """Update the intensity with one radar's detections.
 
@@ -50,6 +53,8 @@ def update(
     clutter : ClutterMemory or None
         What is known of the radar's clutter, to learn from these detections; None to go by the
         radar model alone.
+    earlier : sequence of Newborn
+        Targets born at the detections of the scan's earlier radars.
 
     Returns
     -------
@@ -71,10 +76,11 @@ def update(
     detections, radar, share = thinned(predicted, targets, detections, radar)
     rate = None if detections.time_s is None else radar.measurement_rate(particles.state)
     row, column, log_likelihood = radar.gated_pairs(predicted, detections, rate)
+    log_likelihood += radar.log_range_rate(particles.state, detections, (row, column))
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
     )
-    others = other_sources(detections, radar, model, dt, column, log_likelihood)
+    others = other_sources(detections, radar, model, dt, column, log_likelihood, earlier)
 
     claims = Claims(
         row=row,
@@ -92,7 +98,7 @@ def update(
         velocity = particles.state[:, list(radar.space.velocity)]
         still = np.hypot(velocity[:, 0], velocity[:, 1]) < radar.clutter_map_speed
         clutter.learn(radar, detections, claimed, claims.part(still))
-    return corrected, others.newborn(claimed, radar, detections, model)
+    return corrected, others.newborn(claimed, radar, detections, model, share)
 
 
 def update_scan(
@@ -117,9 +123,11 @@ def update_scan(
         Targets born at detections, by radar.
     """
     origin = origins.first_detected(scan_index)
-    newborns = []
+    newborns: list[Newborn] = []
     for radar, detections in model.reports(scan):
-        particles, newborn = update(particles, detections, radar, model, corrector, dt, clutter)
+        particles, newborn = update(
+            particles, detections, radar, model, corrector, dt, clutter, newborns
+        )
         if newborn is not None:
             newborn, count = detection_birth.affordable(newborn, model.detection_births)
             particles = _with_newborn(particles, newborn, count, model, corrector, origin, rng)

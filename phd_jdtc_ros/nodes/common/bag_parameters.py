@@ -50,6 +50,12 @@ def _text(dumper: _Dumper, text: str) -> yaml.Node:
 _Dumper.add_representer(str, _text)
 
 
+def scalar(value: Any) -> str:
+    """Return a number, a text or a list as it stands in a file, on one line."""
+    text = yaml.dump(value, Dumper=_Dumper, default_flow_style=True, width=10**6)
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
 def path_of(bag: Path) -> Path:
     """Return where the parameters of a bag are, if it has any."""
     return (bag if bag.is_dir() else bag.parent) / NAME

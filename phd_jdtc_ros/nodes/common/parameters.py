@@ -163,8 +163,8 @@ def _descriptor(parameter: Parameter, value: Any) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=parameter.description,
         additional_constraints=f"must be {parameter.allowed}",
-        # An empty list has no type of its own.
-        dynamic_typing=value == [],
+        # An empty list has no type of its own, and a word may stand for a number.
+        dynamic_typing=value == [] or bool(parameter.words),
     )
     largest = sys.float_info.max
     low, high = max(parameter.low, -largest), min(parameter.high, largest)

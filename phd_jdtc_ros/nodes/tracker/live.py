@@ -371,6 +371,7 @@ class LiveTracker:
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
         self._outputs.publish_cardinality(event.scan.stamp_ns, step, step_ms)
+        self._outputs.publish_clutter(event.scan.stamp_ns, self._pipeline.engine)
         return now
 
     def _end_run(self, event: RunEnded) -> None:

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rclpy.lifecycle import LifecycleNode
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import (
+    clutter_maps,
     detections_in_map,
     diagnostics,
     estimates,
@@ -34,7 +35,7 @@ from msg_adapters import (
 )
 from msg_adapters.tracks import Waypoint
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.core.engine import Engine, Step
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Scan
 
 from . import endpoints
@@ -43,6 +44,8 @@ from .settings import Settings
 
 # A path is continued if its track is estimated again after at most this many scans.
 UNSEEN_SCANS = 10
+# The picture of clutter is published so often, seconds by the scans' stamps.
+CLUTTER_PERIOD_S = 10.0
 
 
 class Trails:
@@ -118,6 +121,10 @@ class Outputs:
                 make(PointCloud2, "~/detections") if settings.node["publish_detections"] else None
             )
             self._markers = make(MarkerArray, "~/markers", endpoints.latched_qos)
+            mapped = any(radar.clutter_map is not None for radar in self._radars)
+            self._clutter = (
+                make(OccupancyGrid, "~/clutter_map", endpoints.latched_qos) if mapped else None
+            )
             self._cardinality = make(DiagnosticArray, "~/cardinality")
             self._plots = {
                 quantity: make(Float64, f"~/plot/{quantity}")
@@ -140,6 +147,7 @@ class Outputs:
             self.destroy()
             raise
         self._run = uuid.uuid4()
+        self._clutter_ns: int | None = None
 
     @staticmethod
     def _make_optional(
@@ -165,6 +173,7 @@ class Outputs:
     def forget(self) -> None:
         """Begin a new run."""
         self._trails.clear()
+        self._clutter_ns = None
         self._run = uuid.uuid4()
 
     def show_markers(self, shown: bool) -> None:
@@ -207,6 +216,16 @@ class Outputs:
         if self._odometry is not None:
             for message in tracks.to_odometry(found, self._frame):
                 self._odometry.publish(message)
+
+    def publish_clutter(self, stamp_ns: int, engine: Engine) -> None:
+        """Publish where clutter comes from, if that is learned and was not published lately."""
+        last = self._clutter_ns
+        if self._clutter is None or (last is not None and stamp_ns - last < CLUTTER_PERIOD_S * 1e9):
+            return
+        shown = engine.clutter_raster()
+        if shown is not None:
+            self._clutter_ns = stamp_ns
+            self._clutter.publish(clutter_maps.to_msg(shown, stamp_ns, self._frame))
 
     def publish_cardinality(self, stamp_ns: int, step: Step, step_ms: float) -> None:
         """Publish the figures of a step."""

@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from plotly.basedatatypes import BaseTraceType
 from plotly.graph_objects import Figure, Scatter
 
 from msg_adapters.ellipse import RADIUS_95, outline
@@ -26,6 +27,7 @@ from ..style import DETECTION, class_colour
 from ..tracks import true_tracks
 from .amplitude_scale import colour_axis, is_known, log_amplitude
 from .chart import INK, NEUTRAL, SOURCE_ORDER, Chart, class_dash, class_symbol, lay_out
+from .clutter_layer import clutter_layer
 from .scan_list import Scan, scans_of
 
 HEIGHT = 760
@@ -39,15 +41,16 @@ CAPTION = (
     "entry of the legend to hide it. Small marks are detections{coloured}. Open "
     "symbols are filtered estimates and filled ones smoothed estimates, with ellipses of 95 % "
     "probability. Plus signs and lines are the truth. The trail of dots is the smoothed estimates "
-    "up to this scan{classes}."
+    "up to this scan{classes}{clutter}."
 )
+CLUTTER = "; brown squares are where false detections come from, as learned in the end"
 WRONG_CLASS = "; a dot in the colour of another class is a wrong class"
 
 
 class Layer(NamedTuple):
     """A trace and, if it changes, its properties by scan."""
 
-    trace: Scatter
+    trace: BaseTraceType
     moving: dict[str, list[Any]]
 
 
@@ -58,6 +61,7 @@ def scan_map(record: Record) -> Chart:
     amplitudes = amplitudes[is_known(amplitudes)]
     scale = MapScale.of(record)
     layers = [
+        *_clutter(record, scale),
         *_true_lines(record, scale),
         *_detections(record, scans, scale),
         *_radars(record, scale),
@@ -87,11 +91,17 @@ def scan_map(record: Record) -> Chart:
     caption = CAPTION.format(
         coloured=", coloured by amplitude" if len(amplitudes) else "",
         classes="" if record.sets.one_class else WRONG_CLASS,
+        clutter="" if record.clutter is None else CLUTTER,
     )
     return Chart("map", "Scan by scan", caption, figure, moving)
 
 
 # --- layers ---------------------------------------------------------------------------------------
+
+
+def _clutter(record: Record, scale: MapScale) -> Iterable[Layer]:
+    if record.clutter is not None:
+        yield Layer(clutter_layer(record.clutter, scale), {})
 
 
 def _true_lines(record: Record, scale: MapScale) -> Iterable[Layer]:

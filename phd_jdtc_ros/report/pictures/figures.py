@@ -78,6 +78,10 @@ def _has_positions(record: Record, evaluation: Evaluation) -> bool:
     return _has_truth(record, evaluation) or any(len(run) for run in record.smoothed)
 
 
+def _has_clutter(record: Record, _: Evaluation) -> bool:
+    return record.clutter is not None and bool((record.clutter.density > 0.0).any())
+
+
 def _has_scores(_: Record, evaluation: Evaluation) -> bool:
     return any(evaluation.scores[source] for source in SOURCES)
 
@@ -85,6 +89,7 @@ def _has_scores(_: Record, evaluation: Evaluation) -> bool:
 PICTURES = (
     Picture("scenario", _has_truth, lambda record, _: maps.scenario(record)),
     Picture("measurements", _has_detections, lambda record, _: maps.measurements(record)),
+    Picture("clutter", _has_clutter, lambda record, _: maps.clutter(record)),
     Picture("trajectories", _has_positions, lambda record, _: maps.trajectories(record)),
     Picture("number_error", _has_scores, timelines.number_error),
     Picture("ospa", _has_scores, timelines.ospa),

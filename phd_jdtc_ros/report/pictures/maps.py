@@ -15,6 +15,7 @@ from matplotlib.colors import LinearSegmentedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse
+from matplotlib.text import Annotation
 from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullFormatter
 
 from msg_adapters.ellipse import RADIUS_95
@@ -39,6 +40,8 @@ from ..tracks import Track, true_tracks
 
 # Approximate number of ellipses and time dots per track.
 MARKS_PER_TRACK = 10
+# False detections per turn and km^2 that have the palest colour.
+CLUTTER_LEAST = 0.01
 TIME_STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
 
 
@@ -50,6 +53,7 @@ def scenario(record: Record) -> Figure:
     scale = MapScale.of(record)
     tracks = [track._replace(position=scale.of_metres(track.position)) for track in tracks]
     figure, axes = _map(np.concatenate([track.position for track in tracks]), scale, margin=0.1)
+    labels = []
     for track in tracks:
         colour = class_colour(track.class_id)
         x, y = track.position.T
@@ -59,7 +63,9 @@ def scenario(record: Record) -> Figure:
         axes.plot(np.interp(dots, time, x), np.interp(dots, time, y), ".", color=colour, ms=6)
         axes.plot(x[0], y[0], "o", color=colour, markerfacecolor="white", ms=7, mew=1.6, zorder=3)
         _arrow_head(axes, track.position, colour)
-        _start_label(axes, track, f"{track.number}", clock.interval(time[0], time[-1]))
+        life = clock.interval(time[0], time[-1])
+        labels.append(_start_label(axes, track, f"{track.number}", life))
+    _make_room(axes, labels)
     handles = [
         Line2D(
             [],
@@ -106,6 +112,42 @@ def measurements(record: Record) -> Figure:
             norm=LogNorm(lowest, max(highest, 1.1 * lowest)),
         )
         _amplitude_bar(figure, axes, dots)
+    return figure
+
+
+def clutter(record: Record) -> Figure:
+    """Draw where false detections come from, as learned in the end, and the true trajectories.
+
+    Raises
+    ------
+    ValueError
+        If the record has no such picture.
+    """
+    if record.clutter is None:
+        raise ValueError("clutter: None given, must be a picture")
+    shown, scale = record.clutter, MapScale.of(record)
+    edges = scale.of_metres(np.array(shown.extent))
+    corners = edges.reshape(2, 2).T
+    figure, axes = _map(corners, scale, margin=0.0)
+    density = np.where(shown.density > 0.0, shown.density, np.nan)
+    highest = max(float(np.nanmax(density)), 10.0 * CLUTTER_LEAST)
+    image = axes.imshow(
+        density,
+        origin="lower",
+        extent=tuple(edges.tolist()),
+        norm=LogNorm(CLUTTER_LEAST, highest),
+        cmap="YlOrBr",
+        interpolation="nearest",
+        zorder=1,
+    )
+    for track in true_tracks(record):
+        axes.plot(*scale.of_metres(track.position).T, color=INK, linewidth=0.8, zorder=2)
+    axes.set(xlim=edges[:2], ylim=edges[2:])
+    axes.set_aspect("equal", adjustable="box")
+    bar = figure.colorbar(image, ax=axes, shrink=0.8, pad=0.02, aspect=32)
+    bar.set_label("false detections per turn and km² (log scale)")
+    handles = [Line2D([], [], color=INK, linewidth=0.8, label="truth")]
+    _legend(axes, handles)
     return figure
 
 
@@ -231,11 +273,11 @@ def _arrow_head(axes: Axes, position: FloatArray, colour: str) -> None:
         )
 
 
-def _start_label(axes: Axes, track: Track, number: str, life: str) -> None:
+def _start_label(axes: Axes, track: Track, number: str, life: str) -> Annotation:
     """Write a track's number and lifetime beside its start, on the side away from its line."""
     heading = track.position[-1] - track.position[0]
     side = -1.0 if heading[0] >= 0.0 else 1.0
-    axes.annotate(
+    return axes.annotate(
         f"{number}  ({life})",
         xy=track.position[0],
         xytext=(9.0 * side, 0.0),
@@ -244,6 +286,21 @@ def _start_label(axes: Axes, track: Track, number: str, life: str) -> None:
         va="center",
         color=INK,
     )
+
+
+def _make_room(axes: Axes, labels: Sequence[Annotation]) -> None:
+    """Widen a map until its labels are inside, which have the same size in any scale."""
+    figure = axes.figure
+    for label in labels:
+        label.set_in_layout(False)
+    figure.draw_without_rendering()
+    to_data = axes.transData.inverted()
+    boxes = [label.get_window_extent().transformed(to_data) for label in labels]
+    first, last = axes.get_xlim()
+    if all(first <= box.x0 and box.x1 <= last for box in boxes):
+        return
+    axes.update_datalim([[edge, box.y0] for box in boxes for edge in (box.x0, box.x1)])
+    axes.autoscale_view()
 
 
 def _ellipses(axes: Axes, estimates: Estimates, scale: MapScale) -> None:

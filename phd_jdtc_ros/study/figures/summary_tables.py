@@ -26,12 +26,15 @@ SURVEYED = tuple(
         "median_error",
         "identity_switches",
         "false",
+        "false_per_scan",
         "cpu_ms",
     )
 )
 # Figures of the covariances, of trackers that state them. Few very small covariances make a NEES
 # large, so that of it only the one of all ages is shown.
 CONSISTENCY = (NEES[0], *OUTSIDE)
+# Estimates of the filter beyond c of any target, per scan.
+FALSE = "false at 0"
 
 
 def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
@@ -49,8 +52,8 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
         table = Table(title=f"{escape(case)}: mean OSPA in m, by lag in scans")
         table.add_column("variant")
         table.add_column("runs", justify="right")
-        for lag in lags:
-            table.add_column(lag, justify="right")
+        for heading in (*lags, FALSE):
+            table.add_column(heading, justify="right")
         for name, row in _ospa_rows(variants, lags, _number):
             table.add_row(escape(name), *row)
         yield table
@@ -74,11 +77,12 @@ def markdown(summary: Mapping[str, Any]) -> str:
             lines += _consistency_markdown(variants)
             continue
         lags = _all_lags(variants)
-        distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
+        cutoff = summary.get("c_of_case", {}).get(case, summary["c"])
+        distance = f"p = {summary['p']:g}, c = {cutoff:g} m"
         what = f"Mean OSPA ({distance}) in metres by lag in scans, 95 % interval."
         lines += [f"## {case}", "", what, ""]
-        lines += _markdown_row(["variant", "runs", *lags])
-        lines += _markdown_row(["---", *["---:"] * (1 + len(lags))])
+        lines += _markdown_row(["variant", "runs", *lags, FALSE])
+        lines += _markdown_row(["---", *["---:"] * (2 + len(lags))])
         for name, row in _ospa_rows(variants, lags, _with_interval):
             lines += _markdown_row([name, *row])
         lines.append("")
@@ -101,7 +105,7 @@ def _of_all(found: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any]]]:
 
 
 def _surveillance(case: str, variants: Mapping[str, Any]) -> Table:
-    table = Table(title=f"{escape(case)}: targets in the air, by lag in turns")
+    table = Table(title=f"{escape(case)}: targets that are scored, by lag in turns")
     table.add_column("variant")
     for heading in ("runs", "lag", *(metric.heading for metric in SURVEYED)):
         table.add_column(heading, justify="right")
@@ -168,10 +172,12 @@ def _all_lags(variants: Mapping[str, Any]) -> list[str]:
 def _ospa_rows(
     variants: Mapping[str, Any], lags: Sequence[str], text: Callable[[Mapping[str, Any]], str]
 ) -> Iterator[tuple[str, list[str]]]:
-    """Yield each variant's name, number of runs and mean OSPA at every lag."""
+    """Yield each variant's name, number of runs, mean OSPA at every lag, and false estimates."""
     for name, found in variants.items():
         means = [found["lags"][lag][ALL]["ospa"] if lag in found["lags"] else None for lag in lags]
         cells = ["-" if mean is None else text(mean) for mean in means]
+        false = found["lags"].get("0", {}).get(ALL, {}).get("false_per_scan")
+        cells.append("-" if false is None else f"{false['mean']:.3f}")
         yield name, [str(found["runs"]), *cells]
 
 

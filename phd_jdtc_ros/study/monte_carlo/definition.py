@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,14 +14,17 @@ from phd_jdtc_ros.core.configuration.parameters import GROUPS, TOP
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
+    FALSE_PER_SCAN,
     IDENTITY_SWITCHES,
     OF_SETS,
     POSITION_NEAR,
     Metric,
     mean,
+    share,
 )
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 
+from ..runs import TAXIING, Ignored
 from ..tracker import Reading
 
 # Cut-off c of OSPA and GOSPA (metres) if no other is asked for, and their order p.
@@ -50,16 +54,46 @@ CPU = Metric(
     mean("cpu_ms"),
     "CPU time per turn of the antenna, filter and smoother together.",
 )
+PROMPT = Metric(
+    "reported_within_4",
+    "reported within 4 scans",
+    "",
+    ".1%",
+    share("prompt", "begun"),
+    "Share of the targets that are paired with an estimate in one of their first four scans, by "
+    "position alone, closer than c; of targets that exist so long.",
+)
+ON_REFLECTORS = Metric(
+    "on_reflectors",
+    "on reflectors",
+    "",
+    ".3f",
+    mean("on_reflectors"),
+    "Mean number per turn, after the first twenty, of estimates within 100 m of what answers and "
+    "is no target, such as a quay, and farther than that from every target.",
+)
+LATE = Metric(
+    "late",
+    "found late",
+    "",
+    ".1%",
+    share("late", "five_scans_old"),
+    "Share of the targets that no estimate within 200 m was of in their first five scans or turns.",
+)
 METRICS = {
     metric.key: metric
     for metric in (
         *OF_SETS,
         POSITION_NEAR,
         IDENTITY_SWITCHES,
+        FALSE_PER_SCAN,
         CLASS_ACCURACY,
         OSPA_AFTER_5,
         MEDIAN_ERROR,
+        PROMPT,
         CPU,
+        ON_REFLECTORS,
+        LATE,
     )
 }
 # Reduction of the mean OSPA against lag 0.
@@ -82,12 +116,21 @@ class Case:
     parameters : dict
         Parameters of the tracker by dotted name; they also define the scenario's radars.
     classes : int
+    cutoff : float or None
+        c of OSPA and GOSPA, metres, where the study's is too large for the scene; None for that.
+    ignored : Ignored
+        Targets that are not scored, where antennas turn.
+    run_share : float
+        Share of the runs that are asked for, above 0 and at most 1; for cases that cost much.
     """
 
     name: str
     scenario: Scenario
     parameters: dict[str, Any]
     classes: int
+    cutoff: float | None = None
+    ignored: Ignored = TAXIING
+    run_share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -107,6 +150,8 @@ class Variant:
     cases : tuple of str
     lags : tuple of int
         Ascending.
+    run_share : float
+        As of a case; the lower of both is used.
     """
 
     name: str
@@ -115,6 +160,7 @@ class Variant:
     parameters: dict[str, Any]
     cases: tuple[str, ...]
     lags: tuple[int, ...]
+    run_share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -159,7 +205,7 @@ class Study:
     assigned : dict
         Parameters that replace those of cases and variants.
     cutoff : float
-        c of OSPA and GOSPA, metres.
+        c of OSPA and GOSPA, metres, in cases without their own.
     left_out : mapping of str to str
         Variants that the assigned engine does not have, and why.
     """
@@ -171,9 +217,26 @@ class Study:
     cutoff: float = CUTOFF
     left_out: Mapping[str, str] = field(default_factory=dict)
 
+    def cutoff_of(self, case: Case) -> float:
+        """Return the c of OSPA and GOSPA in a case, metres."""
+        return self.cutoff if case.cutoff is None else case.cutoff
+
     def parameters(self, case: Case, variant: Variant) -> dict[str, Any]:
         """Return the tracker's parameters for a variant and a case."""
         return merged(case.parameters, variant.parameters, self.assigned)
+
+    def runs(self, case: Case, variant: Variant, asked: int) -> int:
+        """Return how many runs a variant has at a case, of those that are asked for."""
+        return math.ceil(min(case.run_share, variant.run_share) * asked)
+
+    @property
+    def in_full(self) -> Study:
+        """The study with as many runs of everything as are asked for."""
+        return replace(
+            self,
+            cases=tuple(replace(case, run_share=1.0) for case in self.cases),
+            variants=tuple(replace(variant, run_share=1.0) for variant in self.variants),
+        )
 
     def select(self, cases: Sequence[str], variants: Sequence[str]) -> Study:
         """Return the study of the named cases and variants; an empty sequence selects all.

@@ -11,12 +11,13 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 from phd_jdtc_ros.core.configuration import build as tracker_config
-from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter, flatten
+from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter, flatten
 from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 
+from ..runs import TAXIING, Ignored
 from ..tracker import Reading
 from .definition import FIGURES, OWN, Case, Goal, Study, Variant, merged
 from .kinds import KINDS, OURS, TRACKERS, TUNED, suits
@@ -26,6 +27,12 @@ BUILT_IN_SCENARIO = "paper_scenario"
 OF_READING = ("death_term", "extraction")
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
+CUTOFF = Parameter("cutoff", 1000.0, "", SMALL)
+IGNORED = (
+    Parameter("below", TAXIING.below, "", 0.0),
+    Parameter("near", TAXIING.near, "", 0.0),
+)
+SHARE = Parameter("run_share", 1.0, "", 0.0, 1.0)
 
 # Parameters in a scenario file by dotted name, and a function from radars to its scenario.
 Scene: TypeAlias = "tuple[Mapping[str, Any], Callable[[tuple[RadarModel, ...]], Scenario]]"
@@ -60,9 +67,14 @@ def resolve(
         for name, given in _entries(document, "cases", faults)
     ]
     names = [name for name, _ in _entries(document, "cases", [])]
+    shared = [
+        name
+        for name, given in _entries(document, "cases", [])
+        if given.get("only_named") is not True
+    ]
     turning = {case.name for case in checked if case is not None and case.scenario.turning}
     variants = [
-        _variant(name, given, names, turning, lags, assigned, faults)
+        _variant(name, given, names, shared, turning, lags, assigned, faults)
         for name, given in _entries(document, "variants", faults)
     ]
     goals = [
@@ -98,7 +110,15 @@ def _case(
 ) -> Case | None:
     """Return a case, or None after adding its faults to `faults`."""
     prefix = f"cases.{name}."
-    faults += _unknown_keys(given, prefix, ("scenario", "parameters"))
+    known = ("scenario", "parameters", "cutoff", "only_named", "ignored", "run_share")
+    faults += _unknown_keys(given, prefix, known)
+    run_share = _run_share(given, prefix, faults)
+    ignored = _ignored(given, prefix, faults)
+    cutoff = CUTOFF.coerce(given["cutoff"]) if "cutoff" in given else math.nan
+    if cutoff is None:
+        faults.append(f"{prefix}cutoff: {given['cutoff']!r} given, must be {CUTOFF.allowed}")
+    if not isinstance(given.get("only_named", False), bool):
+        faults.append(f"{prefix}only_named: {given['only_named']!r} given, must be true or false")
     of_case = _parameters(given, prefix, faults)
     source = given.get("scenario")
     if not isinstance(source, str):
@@ -115,7 +135,8 @@ def _case(
         highest = max((target.class_id for target in scenario.targets), default=0)
         if highest >= classes:
             raise ConfigError([f"class {highest} of a target, must be below {classes}"])
-        return Case(name, scenario, parameters, classes)
+        own = cutoff if isinstance(cutoff, float) and math.isfinite(cutoff) else None
+        return Case(name, scenario, parameters, classes, own, ignored, run_share)
     except ConfigError as error:
         for fault in error.faults:
             name = fault.split(":")[0]
@@ -129,10 +150,31 @@ def _case(
         return None
 
 
+def _ignored(given: Mapping[str, Any], prefix: str, faults: list[str]) -> Ignored:
+    """Return which targets of a case are not scored; add faults to `faults`."""
+    if "ignored" not in given:
+        return TAXIING
+    block = given["ignored"]
+    if not isinstance(block, Mapping):
+        faults.append(f"{prefix}ignored: must be a mapping")
+        return TAXIING
+    faults += _unknown_keys(block, f"{prefix}ignored.", Ignored._fields)
+    values = {}
+    for parameter in IGNORED:
+        values[parameter.name] = parameter.coerce(block.get(parameter.name, parameter.default))
+        if values[parameter.name] is None:
+            faults.append(
+                f"{prefix}ignored.{parameter.name}: {block[parameter.name]!r} given, must be "
+                f"{parameter.allowed}"
+            )
+    return Ignored(**values)
+
+
 def _variant(
     name: str,
     given: Mapping[str, Any],
     cases: Sequence[str],
+    shared: Collection[str],
     turning: Collection[str],
     lags: tuple[int, ...],
     assigned: Mapping[str, Any],
@@ -140,10 +182,10 @@ def _variant(
 ) -> Variant:
     """Return a variant; add its faults to `faults`.
 
-    Its cases are by default all that its kind suits: those of `turning`, or the others.
+    Its cases are by default all of `shared` that its kind suits: those of `turning`, or the others.
     """
     prefix = f"variants.{name}."
-    keys = ("kind", "engine", "cases", "lags", "parameters", *OF_READING)
+    keys = ("kind", "engine", "cases", "lags", "parameters", "run_share", *OF_READING)
     faults += _unknown_keys(given, prefix, keys)
     engine = _choice(given, "engine", prefix, TRACKERS, None, faults) if "engine" in given else None
     kind = _choice(given, "kind", prefix, KINDS, engine, faults)
@@ -167,7 +209,7 @@ def _variant(
     else:
         only = " or ".join(TRACKERS)
         faults += [f"{prefix}{key}: only for kind {only}" for key in OF_READING if key in given]
-    chosen = given.get("cases", suited)
+    chosen = given.get("cases", [case for case in suited if case in shared])
     if not isinstance(chosen, list) or not chosen or not set(map(str, chosen)) <= set(suited):
         faults.append(f"{prefix}cases: {chosen!r} given, must be a list of {', '.join(suited)}")
         chosen = []
@@ -178,6 +220,7 @@ def _variant(
         parameters=parameters,
         cases=tuple(chosen),
         lags=_lags(given["lags"], f"{prefix}lags", faults) if "lags" in given else lags,
+        run_share=_run_share(given, prefix, faults),
     )
 
 
@@ -285,6 +328,16 @@ def _lags(value: Any, name: str, faults: list[str]) -> tuple[int, ...]:
         faults.append(f"{name}: {value!r} given, must be a list, none twice: {LAG.allowed}")
         return ()
     return tuple(sorted(lag for lag in lags if isinstance(lag, int)))
+
+
+def _run_share(given: Mapping[str, Any], prefix: str, faults: list[str]) -> float:
+    """Return the share of the runs."""
+    share = SHARE.coerce(given.get("run_share", 1.0))
+    if not isinstance(share, float) or share == 0.0:
+        value = given["run_share"]
+        faults.append(f"{prefix}run_share: {value!r} given, must be above 0 and at most 1")
+        return 1.0
+    return share
 
 
 def _choice(

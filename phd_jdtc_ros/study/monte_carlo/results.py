@@ -114,7 +114,7 @@ def summarise(
         ``reduction`` is that of the mean OSPA against lag 0 of the same variant and seed.
         ``confusion`` of a class is the share of its targets that were estimated as each class or
         missed; that of all targets is the mean over runs of the confusion matrix, summed over the
-        scans.
+        scans. ``c_of_case`` has the cut-off of each case with one of its own, metres.
     """
     cases: dict[str, Any] = {}
     for result in results:
@@ -140,6 +140,7 @@ def summarise(
     return {
         "p": ORDER,
         "c": study.cutoff,
+        "c_of_case": {c.name: c.cutoff for c in study.cases if c.cutoff is not None},
         "cases": cases,
         "goals": [_judged(goal, results) for goal in study.goals],
         "notes": list(notes),
@@ -179,10 +180,15 @@ def _confusion(result: Result, lag: int, of_set: str) -> Any:
 
 def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
     """Return a goal with the value that was reached; None if the study has no such figure."""
-    value = _mean(goal, goal.case, goal.variant, results)
+    own = _runs(goal, goal.case, goal.variant, results)
     bound = goal.bound
     if goal.relative_to is not None:
-        bound *= _mean(goal, goal.relative_case, goal.relative_to, results)
+        # With bounds on the number of runs, one of them may have more.
+        other = _runs(goal, goal.relative_case, goal.relative_to, results)
+        common = own.keys() & other.keys()
+        own, other = ({seed: runs[seed] for seed in sorted(common)} for runs in (own, other))
+        bound *= _mean(other)
+    value = _mean(own)
     reached = value <= bound if goal.at_most else value >= bound
     known = math.isfinite(value) and math.isfinite(bound)
     return {
@@ -194,9 +200,16 @@ def _judged(goal: Goal, results: Sequence[Result]) -> dict[str, Any]:
     }
 
 
-def _mean(goal: Goal, case: str, variant: str, results: Sequence[Result]) -> float:
+def _runs(goal: Goal, case: str, variant: str, results: Sequence[Result]) -> dict[int, float]:
+    """Return the goal's figure of every run, by seed; none where it has no meaning."""
     for result in results:
         matches = (result.case, result.variant.name) == (case, variant)
         if matches and goal.lag in result.scores.lags:
-            return Mean.of(result.figure(goal.figure, goal.lag)).mean
-    return math.nan
+            figure = result.figure(goal.figure, goal.lag)
+            if figure is not None:
+                return dict(zip(result.seeds, figure.tolist(), strict=True))
+    return {}
+
+
+def _mean(runs: dict[int, float]) -> float:
+    return Mean.of(np.array([*runs.values()])).mean

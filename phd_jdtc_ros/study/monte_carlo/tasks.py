@@ -18,7 +18,7 @@ import phd_jdtc_ros
 from phd_jdtc_ros.core.configuration import build as tracker_config
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 
-from ..runs import SimulatedRun, Tracked, simulated_run
+from ..runs import TAXIING, Ignored, SimulatedRun, Tracked, simulated_run
 from ..tracker import track
 from ..turning import turning_run
 from .definition import ORDER, OWN, Case, Study, Variant
@@ -35,7 +35,7 @@ from .kinds import (
 from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
 
 # Must be increased when the meaning of a stored row changes.
-FORMAT = 4
+FORMAT = 5
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,8 @@ class Task:
         By name of the variant, a digest of all that its scores depend on except the seed.
     cutoff : float
         c of OSPA and GOSPA, metres.
+    ignored : Ignored
+        Targets that are not scored, where antennas turn.
     """
 
     case: str
@@ -69,6 +71,7 @@ class Task:
     code: str
     digests: dict[str, str]
     cutoff: float
+    ignored: Ignored = TAXIING
 
     @property
     def kind(self) -> str:
@@ -105,7 +108,8 @@ class Plan(NamedTuple):
     Parameters
     ----------
     tasks : list of Task
-        Ordered by seed, so that a study that is stopped early has results of all variants.
+        Ordered by seed, so that a study that is stopped early has results of all variants. Where
+        the number of runs is bounded, they are those of the first seeds.
     notes : list of str
         Variants that are left out, and why.
     """
@@ -119,17 +123,26 @@ def plan(study: Study, seeds: Sequence[int]) -> Plan:
     left_out = dict(study.left_out)
     left_out |= {v.name: reason for v in study.variants if (reason := missing(v.kind)) is not None}
     notes = [f"{name}: left out, {reason}" for name, reason in left_out.items()]
-    first_seed = []
+    first_seed: list[tuple[Task, int]] = []
     for case in study.cases:
-        groups: dict[str, list[Variant]] = {}
+        groups: dict[tuple[str, int], list[Variant]] = {}
         for variant in study.variants:
             if case.name in variant.cases and variant.name not in left_out:
                 # Only variants of this package's tracker can share a filter.
                 name = "" if variant.kind in TRACKERS else variant.name
                 key = json.dumps([variant.kind, name, variant.parameters], sort_keys=True)
-                groups.setdefault(key, []).append(variant)
-        first_seed += [_task(study, case, tuple(group)) for group in groups.values()]
-    return Plan([replace(task, seed=seed) for seed in seeds for task in first_seed], notes)
+                runs = study.runs(case, variant, len(seeds))
+                groups.setdefault((key, runs), []).append(variant)
+        first_seed += [
+            (_task(study, case, tuple(group)), runs) for (_, runs), group in groups.items()
+        ]
+    tasks = [
+        replace(task, seed=seed)
+        for index, seed in enumerate(seeds)
+        for task, runs in first_seed
+        if index < runs
+    ]
+    return Plan(tasks, notes)
 
 
 def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
@@ -145,14 +158,15 @@ def _task(study: Study, case: Case, variants: tuple[Variant, ...]) -> Task:
         "classes": case.classes,
         "kind": variants[0].kind,
         "parameters": {} if variants[0].kind in KNOWN_ASSOCIATION else _in_force(parameters),
-        "ospa": [study.cutoff, ORDER, OTHER_CUTOFF, OTHER_ORDER],
+        "ospa": [study.cutoff_of(case), ORDER, OTHER_CUTOFF, OTHER_ORDER],
+        "ignored": case.ignored,
     }
     digests = {
         v.name: _digest({**shared, "name": v.name, "reading": v.reading, "lags": v.lags})
         for v in variants
     }
     settings = case.name, case.scenario, case.classes, variants, parameters
-    return Task(*settings, 0, code, digests, study.cutoff)
+    return Task(*settings, 0, code, digests, study.cutoff_of(case), case.ignored)
 
 
 def _in_force(parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -171,8 +185,10 @@ def perform(task: Task) -> Outcome:
     try:
         if code_of(task.kind) != task.code:
             raise RuntimeError("the worker has other code than the study; start the study again")
-        simulated = turning_run if task.scenario.turning else simulated_run
-        run = simulated(task.scenario, task.seed)
+        if task.scenario.turning:
+            run = turning_run(task.scenario, task.seed, task.ignored)
+        else:
+            run = simulated_run(task.scenario, task.seed)
         tracked = _tracked(task, run)
         scores = {
             variant.name: score(run, found.tracks, variant, task.classes, task.cutoff, found.cpu_ms)

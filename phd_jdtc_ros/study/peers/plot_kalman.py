@@ -27,7 +27,7 @@ from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
 
 from ..runs import SimulatedRun, Tracked
-from ..turning import in_the_air
+from ..turning import of_scored
 
 # Order of the state: x, vx, y, vy.
 POSITION, VELOCITY = [0, 2], [1, 3]
@@ -272,5 +272,5 @@ def plot_kalman(run: SimulatedRun, inputs: Sequence[RadarInput], lags: Sequence[
     begin = time.process_time()
     found = follow(reports, run.scenario.radars, [truth.stamp_ns for truth in run.truth])
     spent = time.process_time() - begin
-    scored = in_the_air(run, found)
+    scored = of_scored(run, found)
     return Tracked(dict.fromkeys(lags, scored), 1e3 * spent / max(len(run.truth), 1))

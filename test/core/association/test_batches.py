@@ -76,3 +76,42 @@ def test_sums_of_a_thousand_clusters_take_a_few_batches(monkeypatch):
     assert len(made) < 10
     np.testing.assert_array_equal(np.sort(sums.edge), np.arange(len(target)))
     np.testing.assert_array_equal(np.sort(sums.target), np.arange(targets))
+
+
+def test_batches_hold_as_many_clusters_as_fit_the_table(monkeypatch):
+    made = []
+
+    def counted(batch):
+        made.append((len(batch.rows), batch.size))
+        return exact(batch)
+
+    exact = batches.ExactMarginals
+    monkeypatch.setattr(batches, "ExactMarginals", counted)
+    # A table of a cluster of three rows and two columns has 4 * 2 * 4 entries.
+    monkeypatch.setattr(batches, "LARGEST_BATCH", 3 * 32)
+    target, detection, targets, size = graph_of([(3, 2)] * 7 + [(3, 3)] * 2)
+    cluster = cluster_of_nodes(target, detection, targets, size)
+    loops, _ = affordable_loops(cluster, cluster[target], targets)
+    sum_exactly(loops, cluster, target, detection, np.ones(len(target)), targets)
+    assert made == [(3, 2), (3, 2), (1, 2), (1, 3), (1, 3)]
+
+
+def test_loops_of_as_many_detections_as_are_few_keep_them_for_columns():
+    few = batches.FEW_DETECTIONS
+    loops, _, _ = loops_of([(2, few), (2, few + 1), (few + 1, few + 1)])
+    assert sorted(zip(loops.columns, loops.swapped, strict=True)) == [
+        (2, True),
+        (few, False),
+        (few + 1, False),
+    ]
+
+
+@pytest.mark.parametrize(("bound", "left_out"), [("LARGEST_CLUSTER", 1), ("MOST_WORK", 1)])
+def test_loops_of_just_the_bound_are_affordable(bound, left_out, monkeypatch):
+    # Four edges, and two columns: four states each; with a batch of this size no step is shared.
+    monkeypatch.setattr(batches, "LARGEST_BATCH", 1)
+    work = 4 * (4 + batches.STEP)
+    monkeypatch.setattr(batches, bound, work)
+    assert loops_of([(2, 2)])[1] == 0
+    monkeypatch.setattr(batches, bound, work - 1)
+    assert loops_of([(2, 2)])[1] == left_out

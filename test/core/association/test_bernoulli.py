@@ -138,3 +138,34 @@ def test_no_rows_and_no_detections_are_valid():
         Claims(none, none, empty, empty, np.array([0.9, 0.9])),
     )
     np.testing.assert_allclose(0.5 * 0.1 * shares.missed, [0.05 / 0.55])
+
+
+def test_part_of_claims_is_that_of_some_rows_of_each_detection():
+    row, column = np.array([0, 1, 2, 0, 2]), np.array([0, 0, 0, 1, 1])
+    mass = np.array([0.1, 0.2, 0.5, 0.3, 0.9])
+    claims = Claims(row, column, mass, np.array([0.1, 0.2, 0.3]), np.full(3, 0.9))
+    part = claims.part(np.array([True, True, False]))
+    np.testing.assert_allclose(part, [0.375, 0.25, 0.0])
+
+
+def test_shares_say_how_many_clusters_are_too_large_for_exact_sums():
+    targets = detections = 14
+    row, column = np.divmod(np.arange(targets * detections), detections)
+    claims = Claims(row, column, np.full(len(row), 0.1), np.ones(detections), np.full(targets, 0.9))
+    shares = bernoulli.bernoulli(np.arange(targets), targets, np.full(targets, 0.5), claims)
+    assert shares.approximate == 1
+    small = Claims(row[:2], column[:2], np.ones(2), np.ones(detections), np.full(targets, 0.9))
+    shares = bernoulli.bernoulli(np.arange(targets), targets, np.full(targets, 0.5), small)
+    assert shares.approximate == 0
+
+
+def test_cells_of_targets_and_detections_are_distinguished_with_one_detection():
+    # With one detection every target has a cell of its own.
+    target, weight = np.arange(4), np.array([0.9, 0.5, 0.3, 0.7])
+    claims = Claims(np.array([1, 3]), np.zeros(2, int), np.ones(2), np.ones(1), np.full(4, 0.5))
+    missed, detected, _ = posterior(target, weight, claims)
+    absent = np.array([0.5, 0.3])
+    unseen = np.array([0.25, 0.35])
+    total = (absent + unseen).prod() + (absent + unseen)[::-1].sum()
+    np.testing.assert_allclose(detected, (absent + unseen)[::-1] / total, rtol=1e-9)
+    np.testing.assert_allclose(missed[[0, 2]], [0.45 / 0.55, 0.15 / 0.85], rtol=1e-9)

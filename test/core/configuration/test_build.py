@@ -165,6 +165,12 @@ def test_resolve_error_reads_as_its_faults():
             "radar_1.detection_probability_over_range",
             "above 0 and at most 0.999",
         ),
+        (
+            {"radar_1.fields.range_rate": "rr", "radar_1.range_rate_ambiguity": 0.2},
+            "radar_1.range_rate_ambiguity",
+            "0 or at least 4 times",
+        ),
+        ({"radar_1.fields.range_rate_std": "sd"}, "radar_1.fields.range_rate", "must be a name"),
         ({"radar_1.sectors": 8}, "radar_1.rotation_s", "above 0 with sectors"),
         ({"radar_1.fields.sector": "sector"}, "radar_1.sectors", "above 0 with fields.sector"),
         (

@@ -324,3 +324,22 @@ def test_summary_has_the_share_within_500_m():
     figures = far.summary()[FILTERED]["all"]
     assert figures["position_near"] == pytest.approx(0.75)
     assert figures["position_detection"] == 1.0
+
+
+def test_false_per_scan_counts_estimates_beyond_the_cutoff_of_every_target():
+    found = Evaluation(classes=2, cutoff=100.0, order=2.0)
+    kind = np.zeros(4, dtype=int)
+    # A pair, a second estimate of the same target, one at the cut-off, and one beyond it.
+    estimates = np.array([[0.0, 10.0], [0.0, -40.0], [60.0, 80.0], [90.0, 50.0]])
+    for stamp in range(2):
+        found.add_truth(stamp, PointSet(np.zeros((1, 2)), kind[:1]))
+        found.add_estimates("filtered", stamp, PointSet(np.zeros((0, 2)), kind[:0]))
+        found.add_estimates("smoothed", stamp, PointSet(estimates, kind))
+    found.add_truth(2, PointSet(np.zeros((0, 2)), kind[:0]))
+    for source in ("filtered", "smoothed"):
+        found.add_estimates(source, 2, PointSet(estimates, kind))
+    summary = found.summary()
+    assert summary["false_per_scan"] == pytest.approx((1 + 1 + 4) / 3)
+    assert summary["smoothed"]["all"]["false_per_scan"] == summary["false_per_scan"]
+    assert summary["filtered"]["all"]["false_per_scan"] == pytest.approx(4 / 3)
+    assert summary["smoothed"]["all"]["false"] == pytest.approx((3 + 3 + 4) / 3)

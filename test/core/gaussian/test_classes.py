@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.simulation.simulate import simulate
 
 BANDS = {"weak": [5.0, 20.0], "strong": [20.0, 45.0]}
+TWINS = ("first", "twin")
 SECONDS = 6.0 * np.arange(1, 9)
 
 
@@ -203,15 +204,19 @@ def test_splitting_a_class_into_two_identical_ones_changes_nothing(amplitude):
         "delete_probability": 0.1,
     }
     one = small(given)
-    bands = {f"{name}.snr_band_db": one.values["class_1.snr_band_db"] for name in ("first", "twin")}
+    bands = {f"{name}.snr_band_db": one.values["class_1.snr_band_db"] for name in TWINS}
+    modes = {
+        f"{n}.mode_transition": one.values["class_0.mode_transition"] for n in ("class_0", *TWINS)
+    }
     halves = {f"start_{k}.rates": [0.005, 0.0025, 0.0025] for k in (1, 2, 3, 4)}
     half = 0.5 * np.array([[1.0], [1.0], [1.0]])
     two = small(
         {
             **given,
             **bands,
+            **modes,
             **halves,
-            "classes": ["class_0", "first", "twin"],
+            "classes": ["class_0", *TWINS],
             "class_0.snr_band_db": one.values["class_0.snr_band_db"],
             "spawn.class_transition": np.hstack([half, half / 2.0, half / 2.0]).ravel().tolist(),
         }

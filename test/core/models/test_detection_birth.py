@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.update import update, update_scan
-from phd_jdtc_ros.core.types import Detections, Scan
+from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 
 MODEL = small().model
 MODES, RADAR = MODEL.modes, MODEL.radars[1]
@@ -186,3 +186,65 @@ def test_tracker_finds_targets_without_known_birth_places():
 
     assert len(step.filtered[0]) == 3
     assert distance.min(axis=0).max() < 600.0
+
+
+ENGINES = ["particles", "gaussian"]
+HIDDEN = {"min_range": 3e4, "max_range": 5e4}
+
+
+def odds_of_birth(engine, first, given=None):
+    """Return the odds that the second radar's only detection is a new target.
+
+    `first` is the first radar's report.
+    """
+    config = small(
+        {
+            "engine": engine,
+            "amplitude": "none",
+            "births": [],
+            "detection_births.rates": [0.05, 0.05],
+            "radar_1.detection_probability": 0.7,
+            "radar_2.detection_probability": 0.6,
+            **(given or {}),
+        }
+    )
+    second = Detections(np.array([[6e3, 0.5]]), None)
+    step = new_engine(config).step(Scan(1, (first, second)))
+    mass = step.class_mass.sum()
+    return mass / (1.0 - mass)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_unknown_targets_that_an_earlier_radar_would_have_seen_are_the_fewer(engine):
+    nothing = Detections(np.zeros((0, 2)), None)
+    alone = odds_of_birth(engine, None)
+    assert 0.001 < alone < 1.0
+    assert odds_of_birth(engine, nothing) == pytest.approx(0.3 * alone, rel=1e-9)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("first", "given"),
+    [
+        (Detections(np.zeros((0, 2)), None), {f"radar_1.{k}": v for k, v in HIDDEN.items()}),
+        (Detections(np.zeros((0, 2)), None, coverage=Coverage(2.0, 1.0)), {}),
+    ],
+    ids=["out of range", "in another sector"],
+)
+def test_unknown_targets_that_no_earlier_radar_could_see_are_as_many(engine, first, given):
+    hidden = odds_of_birth(engine, first, given)
+    assert hidden == pytest.approx(odds_of_birth(engine, None, given), rel=1e-9)
+
+
+def test_missed_by_is_the_product_of_the_radars_that_looked_of_what_they_took_in():
+    model = small({"radar_1.detection_probability": 0.7}).model
+    place = np.array([[6e3, 0.0], [0.0, 5e3]])
+    nothing, none = Detections(np.zeros((0, 2)), None), np.zeros((0, 2))
+    ahead = replace(nothing, coverage=Coverage(-1.0, 2.0))
+    first = Newborn(model.radars[0], nothing, none, share=0.5)
+    second = Newborn(model.radars[1], ahead, none)
+    p_d = model.radars[1].class_detection_probability(MODES.classes)
+    missed = detection_birth.missed_by((first, second), place, MODES)
+    np.testing.assert_allclose(missed[:, 0], 0.65 * (1.0 - p_d), rtol=1e-12)
+    np.testing.assert_allclose(missed[:, 1], 0.65, rtol=1e-12)
+    np.testing.assert_array_equal(detection_birth.missed_by((), place, MODES), 1.0)

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from matchings import posterior
 from scenes import intensity
 from scipy import sparse
 
@@ -47,6 +48,35 @@ def test_bernoulli_single_target_is_the_exact_posterior():
     total = absent + missed.sum() + source.sum()
     np.testing.assert_allclose(phd.weight, (missed + source.sum(axis=1)) / total, rtol=1e-9)
     np.testing.assert_allclose(claimed, source.sum(axis=0) / total, rtol=1e-9)
+
+
+@pytest.mark.parametrize("targets", [2, 3])
+@pytest.mark.parametrize("detections", [0, 1, 2, 3])
+@pytest.mark.parametrize("seed", range(4))
+def test_bernoulli_targets_have_the_posterior_of_all_association_events(targets, detections, seed):
+    rng = np.random.default_rng(seed)
+    origin = np.repeat(np.array([11, 3, 40])[:targets], [5, 2, 4][:targets])
+    order = rng.permutation(len(origin))
+    origin, (label, target) = origin[order], np.unique(origin[order], return_inverse=True)
+    existence = rng.uniform(0.05, 0.999, targets)
+    weight = rng.uniform(0.1, 1.0, len(origin))
+    weight *= (existence / np.bincount(target, weight))[target]
+    # One particle is out of sight, and some pairs are outside of the gate.
+    p_d = rng.uniform(0.2, 0.999, len(origin))
+    p_d[0] = 0.0
+    likelihood = rng.exponential(1.0, (len(origin), detections))
+    likelihood[rng.random(likelihood.shape) < 0.2] = 0.0
+    other = rng.uniform(0.02, 1.0, detections)
+    missed, detected = posterior(
+        target, weight, weight * (1.0 - p_d), (weight * p_d)[:, None] * likelihood / other
+    )
+    phd, claimed = corrected(likelihood, weight, other, p_d, origin)
+    np.testing.assert_array_equal(phd.label, label)
+    np.testing.assert_allclose(phd.weight, missed + detected.sum(axis=1), rtol=1e-9)
+    np.testing.assert_allclose(
+        phd.component_mass, np.bincount(target, missed + detected.sum(axis=1)), rtol=1e-9
+    )
+    np.testing.assert_allclose(claimed, detected.sum(axis=0), rtol=1e-9)
 
 
 def test_bernoulli_target_between_two_detections_is_one_and_poisson_makes_it_two():
@@ -98,8 +128,10 @@ def test_bernoulli_particles_share_what_their_target_claims_by_likelihood():
 
 
 def test_poisson_keeps_a_component_for_every_detection():
-    phd, _ = corrected(np.ones((3, 2)), [0.1, 0.2, 0.3], [1.0, 3.0], corrector=POISSON)
+    phd, claimed = corrected(np.ones((3, 2)), [0.1, 0.2, 0.3], [1.0, 3.0], corrector=POISSON)
+    np.testing.assert_allclose(claimed, [0.54 / 1.54, 0.54 / 3.54])
     np.testing.assert_array_equal(phd.label, [-1, -1])
+    assert phd.components.format == "csr"
     masses = phd.components.toarray().sum(axis=0)
     np.testing.assert_allclose(masses, [0.54 / 1.54, 0.54 / 3.54])
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Long rows of the backward kernel are thinned to an unbiased sample of their pairs."""
+"""Long rows of the backward kernel are thinned to a selection of their pairs, fair over rows."""
 
 import numpy as np
 import pytest
@@ -55,7 +55,7 @@ def test_thin_does_not_depend_on_the_order_of_pairs():
         np.testing.assert_allclose(found[2][order], first[2][np.argsort(first[1])], rtol=1e-12)
 
 
-def test_thin_is_unbiased_over_many_rows():
+def test_thin_is_fair_over_many_rows():
     # All rows have the same pairs; only the offset of the comb differs from row to row.
     rows = 2000
     _, column, value, weight = pairs_of([200])

@@ -31,7 +31,7 @@ def errors(estimates):
 
 
 def test_every_target_is_reported_once_a_turn_at_a_common_stamp():
-    _, filtered, smoothed = run()
+    _, filtered, smoothed = run({"particles_per_target": 400})
     stamps = [round(seconds_of(estimates.stamp_ns), 6) for estimates in filtered]
     assert stamps == [ROTATION_S * turn for turn in range(1, 12)]
     for estimates in filtered[4:]:

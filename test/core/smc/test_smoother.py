@@ -15,12 +15,14 @@ from phd_jdtc_ros.core.smc.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.resampling import resample
 from phd_jdtc_ros.core.smc.smoother import (
     DEATH_TERMS,
+    backward_pass,
     backward_step,
     bernoulli_death_term,
     paper_death_term,
 )
 from phd_jdtc_ros.core.smc.update import update
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.window import Entry, Source
 
 DT = 6.0
 
@@ -374,3 +376,53 @@ def test_smoothed_covariances_are_those_of_rauch_tung_striebel(rts_comparison):
     promised = np.diag(smoothed[0][1]) / np.diag(filtered[0][1])
     assert promised.max() < 0.8
     assert (variances[1, 0] < 0.9 * variances[0, 0]).all()
+
+
+# --- The pass over a window -----------------------------------------------------------------------
+
+
+def random_set(rng, count, components=2):
+    """Return a set of random weights, each in one of its components."""
+    weight = rng.uniform(0.05, 0.2, count)
+    parts = np.zeros((count, components))
+    parts[np.arange(count), np.arange(count) % components] = weight
+    return intensity(rng.normal(size=(count, 5)), np.zeros(count), components=parts)
+
+
+def random_link(rng, earlier, later):
+    ratio = sparse.csr_array(rng.uniform(0.0, 0.3, (earlier, later)))
+    return Transition(ratio, rng.uniform(0.8, 1.0, earlier), 0)
+
+
+def test_backward_pass_is_a_step_from_each_set_to_the_one_before():
+    rng = np.random.default_rng(0)
+    sets = [random_set(rng, count) for count in (4, 3, 5)]
+    links = [random_link(rng, 4, 3), random_link(rng, 3, 5)]
+    window = [
+        Entry(1, sets[0]),
+        Entry(2, sets[1], (Source(1, None, 4),), links[0]),
+        Entry(3, sets[2], (Source(2, None, 3),), links[1]),
+    ]
+    found = list(backward_pass(window, bernoulli_death_term))
+    middle = backward_step(sets[1], links[1], sets[2].weight, bernoulli_death_term)
+    first = backward_step(sets[0], links[0], middle.weight, bernoulli_death_term)
+    for one, expected in zip(found, (sets[2], middle, first), strict=True):
+        np.testing.assert_allclose(one.weight, expected.weight, rtol=1e-12)
+    assert not np.allclose(found[2].weight, sets[0].weight, rtol=1e-3)
+
+
+def test_backward_pass_tells_rows_of_several_sets_and_leaves_those_that_nobody_continues():
+    rng = np.random.default_rng(1)
+    first, second, third = (random_set(rng, count, count) for count in (4, 3, 5))
+    link = random_link(rng, 3, 5)  # of rows 1 and 3 of the first set and row 2 of the second
+    window = [
+        Entry(1, first),
+        Entry(2, second),
+        Entry(3, third, (Source(1, np.array([1, 3]), 2), Source(2, np.array([2]), 1)), link),
+    ]
+    later, *earlier = backward_pass(window, paper_death_term)
+    np.testing.assert_array_equal(later.weight, third.weight)
+    factor = link.ratio @ third.weight + 1.0 - link.survival
+    expected = [second.weight * [1.0, 1.0, factor[2]], first.weight * [1, factor[0], 1, factor[1]]]
+    for one, weight in zip(earlier, expected, strict=True):
+        np.testing.assert_allclose(one.weight, weight, rtol=1e-12)

@@ -1,0 +1,63 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Where clutter comes from: ``nav_msgs/OccupancyGrid``, whose values are a scale of densities.
+
+A value is 20 steps to a factor of ten: 0 for at most 0.01 false detections per turn and km^2, 100
+for 1000 or more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose, Quaternion
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+
+from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
+
+from . import stamps
+from .errors import RejectedMessageError
+
+# Of the value 0, and values to a factor of ten.
+LEAST_DENSITY, PER_DECADE, MOST_VALUE = 0.01, 20.0, 100
+# What a picture may have at most, in cells.
+MOST_CELLS = 1 << 22
+
+
+def to_msg(shown: ClutterRaster, stamp_ns: int, world_frame: str) -> OccupancyGrid:
+    """Return the message of a picture in the world frame."""
+    rows, columns = shown.density.shape
+    value = PER_DECADE * np.log10(np.maximum(shown.density, LEAST_DENSITY) / LEAST_DENSITY)
+    data = np.minimum(np.round(value), MOST_VALUE).astype(np.int8)
+    x, y = shown.corner
+    header = stamps.header(stamp_ns, world_frame)
+    info = MapMetaData(
+        map_load_time=header.stamp, resolution=shown.cell, width=columns, height=rows
+    )
+    info.origin = Pose(position=Point(x=x, y=y, z=0.0), orientation=Quaternion(w=1.0))
+    message = OccupancyGrid(header=header, info=info)
+    message.data.frombytes(data.tobytes())
+    return message
+
+
+def from_msg(message: OccupancyGrid) -> ClutterRaster:
+    """Return the picture of a message, with the densities that its values stand for.
+
+    Raises
+    ------
+    RejectedMessageError
+        ``schema`` if its size is not that of its data, or absurd; ``not_finite`` if its place is
+        not finite.
+    """
+    info = message.info
+    rows, columns, cell = int(info.height), int(info.width), float(info.resolution)
+    if not 0 < rows * columns == len(message.data) <= MOST_CELLS:
+        raise RejectedMessageError(
+            "schema", f"{len(message.data)} values for {columns} by {rows} cells"
+        )
+    corner = float(info.origin.position.x), float(info.origin.position.y)
+    if not (np.isfinite(corner).all() and np.isfinite(cell) and cell > 0.0):
+        raise RejectedMessageError("not_finite", f"origin {corner}, resolution {cell}")
+    value = np.array(message.data, dtype=float).reshape(rows, columns)
+    density = np.where(value > 0.0, LEAST_DENSITY * 10.0 ** (value / PER_DECADE), 0.0)
+    return ClutterRaster(corner, cell, density)

@@ -1,0 +1,150 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How a radar's clouds are to be read, as far as names and values of their fields tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.types import FULL_TURN
+
+from . import point_cloud, stamps
+from .detections import DOUBLES, NUMBERS
+from .errors import RejectedMessageError
+
+# Names of fields in lower case, the usual ones first, by the parameter that names them.
+NAMES: Mapping[str, Sequence[str]] = {
+    "fields.range": ("range", "rho", "distance", "dist", "radial_distance", "ground_range", "r"),
+    "fields.azimuth": ("azimuth", "azimuth_angle", "theta", "bearing", "az", "angle"),
+    "fields.elevation": ("elevation_angle", "elevation", "el"),
+    "fields.amplitude": ("amplitude", "snr", "snr_db", "power", "intensity", "rcs"),
+    "fields.time": ("time", "time_of_detection", "t", "timestamp", "time_offset", "stamp"),
+    "fields.height": ("height", "altitude"),
+    "fields.sector": ("sector", "sector_number"),
+    "fields.range_std": ("range_std", "sigma_range"),
+    "fields.azimuth_std": ("azimuth_std", "sigma_azimuth"),
+}
+IN_DB = ("snr", "snr_db", "power", "rcs")
+# Types that a field must have to be read.
+TYPES: Mapping[str, Sequence[str]] = {"fields.amplitude": NUMBERS, "fields.sector": NUMBERS}
+# A time above this is one since an epoch and not from the stamp, by its unit.
+PER_SECOND = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
+# A unit is wrong that puts detections farther from the stamp than this, seconds, or than so many
+# times the interval between clouds.
+FARTHEST_S, INTERVALS = 60.0, 20.0
+# Times that are all nearer to it say nothing, seconds.
+LEAST_S = 1e-4
+
+
+def parameters(clouds: Sequence[PointCloud2]) -> dict[str, Any] | None:
+    """Return a radar's parameters that say how its clouds are read; None if they cannot be.
+
+    Parameters
+    ----------
+    clouds : sequence of PointCloud2
+        Some of one topic, one with points among them.
+
+    Returns
+    -------
+    dict
+        Without the radar's name; ``fields.range`` and so on, units and conventions. None without a
+        range and an azimuth.
+    """
+    full = [cloud for cloud in clouds if cloud.width * cloud.height]
+    if not full:
+        return None
+    found: dict[str, Any] = {"frame": full[0].header.frame_id}
+    for parameter, names in NAMES.items():
+        columns = {name: _column(full, parameter, name) for name in _present(full[0], names)}
+        usable = [name for name, column in columns.items() if column is not None]
+        if usable:
+            found[parameter] = usable[0]
+    if not {"fields.range", "fields.azimuth"} <= set(found):
+        return None
+    found.setdefault("fields.amplitude", "")
+    if "fields.elevation" in found and not _any(full, found["fields.elevation"]):
+        del found["fields.elevation"]  # all zero: the ranges are those over ground
+    found.update(_azimuths(full, found["fields.azimuth"]))
+    if found["fields.amplitude"].lower() in IN_DB:
+        found["amplitude_unit"] = "db"
+    if "fields.time" in found:
+        times = _times(full, found["fields.time"])
+        if times is None:
+            del found["fields.time"]
+        else:
+            found.update(times)
+    return found
+
+
+def _present(cloud: PointCloud2, names: Sequence[str]) -> list[str]:
+    """Return the cloud's fields that have one of some names, in the order of these."""
+    own = {name.lower(): name for name in reversed(point_cloud.field_names(cloud))}
+    return [own[name] for name in names if name in own]
+
+
+def _column(clouds: Sequence[PointCloud2], parameter: str, name: str) -> FloatArray | None:
+    """Return all values of a field, None if it cannot be read."""
+    types = TYPES.get(parameter, point_cloud.FLOATS)
+    try:
+        parts = [point_cloud.decode(cloud, {name: types})[name] for cloud in clouds]
+    except RejectedMessageError:
+        return None
+    return np.concatenate(parts).astype(np.float64)
+
+
+def _any(clouds: Sequence[PointCloud2], name: str) -> bool:
+    column = _column(clouds, "fields.elevation", name)
+    return column is not None and bool(np.nan_to_num(column).any())
+
+
+def _azimuths(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any]:
+    """Return unit and convention of azimuths: by x and y if the clouds have them, or by values."""
+    azimuth = _column(clouds, "fields.azimuth", name)
+    ahead, left = (_column(clouds, "", axis) for axis in ("x", "y"))
+    if azimuth is None:
+        return {}
+    unit = "deg" if np.nanmax(np.abs(azimuth), initial=0.0) > 1.01 * FULL_TURN else "rad"
+    told: dict[str, Any] = {"azimuth_unit": unit}
+    if (
+        ahead is None
+        or left is None
+        or not (np.nan_to_num(ahead).any() or np.nan_to_num(left).any())
+    ):
+        return told
+    true = np.arctan2(left, ahead)
+    fits = {}
+    for units, radians in (("rad", azimuth), ("deg", np.radians(azimuth))):
+        for convention, counted in (("enu_ccw", radians), ("compass_cw", 0.5 * np.pi - radians)):
+            fits[units, convention] = float(np.nanmean(np.cos(counted - true)))
+    (units, convention), fit = max(fits.items(), key=lambda entry: entry[1])
+    if fit > 0.99:
+        told = {"azimuth_unit": units, "azimuth_convention": convention}
+    return told
+
+
+def _times(clouds: Sequence[PointCloud2], name: str) -> dict[str, Any] | None:
+    """Return unit and reference of detections' times, None if no unit puts them near the stamps."""
+    steps_s = np.diff([stamps.to_ns(cloud.header.stamp) * 1e-9 for cloud in clouds])
+    limit_s = min(FARTHEST_S, INTERVALS * float(np.median(steps_s))) if len(steps_s) else FARTHEST_S
+    for reference, types in (("epoch", DOUBLES), ("stamp", point_cloud.FLOATS)):
+        farthest = dict.fromkeys(PER_SECOND, 0.0)
+        for cloud in clouds:
+            try:
+                column = point_cloud.decode(cloud, {name: types})[name].astype(np.float64)
+            except RejectedMessageError:
+                break
+            zero_s = stamps.to_ns(cloud.header.stamp) * 1e-9 if reference == "epoch" else 0.0
+            for unit, per_second in PER_SECOND.items():
+                off = np.nanmax(np.abs(column / per_second - zero_s), initial=0.0)
+                farthest[unit] = max(farthest[unit], float(off))
+        else:
+            near = [unit for unit, off in farthest.items() if LEAST_S < off < limit_s]
+            if near:
+                return {"time_unit": near[0], "time_reference": reference}
+    return None

@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A first guess of noise and speeds: of several, the one that explains a recording best.
+
+They are compared on a part of the recording, and the best of them on all of it.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from .levels import log_ratio
+from .plots import Plots
+from .rotation import Timing
+from .tracks import Guess, Tracks, linked
+
+# What is tried: deviations of the range as shares of the farthest plot's range, of the azimuth in
+# degrees, and speeds in metres per second.
+RANGES = (2.5e-4, 1e-3, 4e-3, 1.6e-2)
+AZIMUTHS_DEG = (0.06, 0.25, 1.0, 4.0)
+USUAL_SPEED, SPEEDS = 40.0, (8.0, 160.0)
+# The speeds are tried with so many of the best noises.
+BEST = 3
+# Looks, and plots, that the guesses are tried on; from the recording's beginning.
+LOOKS, PLOTS, LEAST_LOOKS = 24, 1000, 10.0
+# Before any is known.
+DETECTION_PROBABILITY = 0.85
+# How far targets leave their course between two looks, in deviations of a plot's position,
+# when they manoeuvre.
+OFF_COURSE = 0.5
+
+
+def guess_of(
+    plots: Plots, timing: Timing, range_std: float, azimuth_std: float, speed_std: float
+) -> Guess:
+    """Return a guess with process noise that goes with it."""
+    middle = float(np.median(plots.measurement[:, 0]))
+    across = middle * azimuth_std
+    position = min(range_std, across) if across > 0.0 else range_std
+    looks = plots.duration_s / timing.look_s + 1.0
+    density = float(3.0 * (OFF_COURSE * position) ** 2 / timing.look_s**3)
+    return Guess(
+        range_std=range_std,
+        azimuth_std=azimuth_std,
+        densities=(0.1 * density, density),
+        speed_std=speed_std,
+        detection_probability=DETECTION_PROBABILITY,
+        clutter_rate=len(plots) / looks,
+    )
+
+
+def first_guess(plots: Plots, timing: Timing) -> tuple[Guess, Tracks]:
+    """Return the guess of which the tracks have the best score, and these.
+
+    Parameters
+    ----------
+    plots : Plots
+        At least one.
+    timing : Timing
+    """
+    several = len(plots) / (plots.duration_s / timing.look_s + 1.0)
+    looks = min(LOOKS, max(PLOTS / max(several, 1.0), LEAST_LOOKS))
+    part = plots.until(looks * timing.look_s)
+    if not len(part):
+        part = plots
+    farthest = float(np.quantile(plots.measurement[:, 0], 0.99))
+    noises = [
+        (share * farthest, float(np.radians(deg))) for share, deg in product(RANGES, AZIMUTHS_DEG)
+    ]
+    nothing = np.zeros(len(part))
+
+    def tried(noise: tuple[float, float], speed: float) -> tuple[Tracks, Guess]:
+        guess = guess_of(part, timing, *noise, speed)
+        return linked(part, timing, guess, nothing), guess
+
+    first = sorted((tried(noise, USUAL_SPEED) for noise in noises), key=_score, reverse=True)
+    best = first[:BEST]
+    best += [
+        tried((guess.range_std, guess.azimuth_std), speed)
+        for _, guess in first[:BEST]
+        for speed in SPEEDS
+    ]
+    best = sorted(best, key=_score, reverse=True)[:BEST]
+    whole = [
+        (linked(plots, timing, guess, log_ratio(plots, part, tracks)), guess)
+        for tracks, guess in best
+    ]
+    tracks, guess = max(whole, key=_score)
+    return guess, tracks
+
+
+def _score(found: tuple[Tracks, Guess]) -> float:
+    return found[0].score

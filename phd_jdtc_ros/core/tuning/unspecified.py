@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A tracker for a recording that nothing else is known of: one class, born at detections."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from .findings import Findings
+from .proposal import ALARMS, rounded
+
+# Share of the range's deviation by which a target leaves its course in a look at least.
+LEAST_OFF_COURSE = 0.1
+# How much stronger manoeuvres are at least, as densities.
+LEAST_RATIO = 20.0
+# The band is wider than what the tracks have by so much on either side, dB.
+BESIDE_DB = 5.0
+# Of the velocity of newborn targets, relative to the tracks' own.
+SPEED_MARGIN = 1.5
+
+
+def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict[str, Any]:
+    """Return the parameters that are no radar's.
+
+    Parameters
+    ----------
+    found : mapping of radar to Findings
+        At least one.
+    timed : mapping of radar to bool
+        Whether its detections have times of their own.
+    """
+    first = min(found.values(), key=lambda each: each.timing.look_s)
+    look_s = first.timing.look_s
+    turning = [each.timing.rotation_s for each in found.values() if each.timing.rotation_s]
+    whole = [
+        each.timing.rotation_s
+        for radar, each in found.items()
+        if each.timing.rotation_s and not each.timing.sectors and timed[radar]
+    ]
+    floor = 3.0 * (LEAST_OFF_COURSE * first.noise.range_std) ** 2 / look_s**3
+    calm = max(first.noise.densities[0], floor)
+    hard = max(first.noise.densities[1], LEAST_RATIO * calm)
+    given: dict[str, Any] = {
+        "engine": "gaussian",
+        "interval_s": rounded(look_s, 1e-3 * look_s),
+        "lag_s": rounded(5.0 * look_s, 0.1 * look_s),
+        "classes": ["target"],
+        "motions": ["cv", "ct"],
+        "births": [],
+        "detection_births.rates": [0.2],
+        "detection_births.velocity_std": rounded(SPEED_MARGIN * first.speed_std, 0.1),
+        "detection_births.turn_rate_std": 0.02,
+        "detection_births.least_probability": 0.005,
+        "spawn.rate": 0.0,
+        "spawn.class_transition": [],
+        "spawn.mode_transition": [],
+        "target.motions": ["cv", "ct"],
+        "target.mode_transition": [0.95, 0.05, 0.1, 0.9],
+        "target.survival_probability": 0.99,
+        "cv.model": "constant_velocity",
+        "cv.noise_density": rounded(calm, calm),
+        "ct.model": "coordinated_turn",
+        "ct.noise_density": rounded(hard, hard),
+        "ct.turn_noise_density": 1e-4,
+    }
+    if turning:
+        given["estimates_period_s"] = given["interval_s"]
+    if len(found) > 1 and whole:
+        given["reorder_s"] = rounded(max(whole), 1e-3 * max(whole))
+    return given | _amplitudes(found)
+
+
+def _amplitudes(found: Mapping[str, Findings]) -> dict[str, Any]:
+    """Return the band of the targets' SNRs, if all radars' amplitudes are above a threshold."""
+    known = [each.levels for each in found.values() if each.levels is not None]
+    usable = [
+        levels
+        for levels in known
+        if ALARMS[0] <= levels.false_alarm_probability <= ALARMS[1]
+        and math.isfinite(levels.target_db[0])
+    ]
+    if len(usable) < len(found):
+        return {"amplitude": "none"}
+    low = min(levels.target_db[0] for levels in usable) - BESIDE_DB
+    high = max(levels.target_db[1] for levels in usable) + BESIDE_DB
+    return {"amplitude": "band", "target.snr_band_db": [round(low, 1), round(high, 1)]}

@@ -1,0 +1,328 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The update beside the association: what Gaussians are seen, located, born, kept and learned."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
+from scipy.stats import norm
+
+from phd_jdtc_ros.core import origins
+from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.gaussian import kalman
+from phd_jdtc_ros.core.gaussian import update as update_module
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.gaussian.reduction import Branched
+from phd_jdtc_ros.core.models import overload
+from phd_jdtc_ros.core.models.other_sources import OtherSources
+from phd_jdtc_ros.core.types import Coverage, Detections, Scan
+
+NOTHING = Detections(np.zeros((0, 2)), None)
+BIRTHS = {
+    "detection_births.rates": [0.05],
+    "detection_births.velocity_std": 35.0,
+    "detection_births.turn_rate_std": 2e-3,
+    "radar.clutter_rate": 2.0,
+}
+
+
+def updated(config, mixture, detections, clutter=None, **bounds):
+    """Return what one radar's detections make of a mixture, and the births."""
+    (radar,) = config.model.radars
+    limits = replace(new_engine(config).forward.bounds, **bounds)
+    predicted = Branched(mixture, np.arange(len(mixture)))
+    branched, newborn, _ = update_module.update(
+        predicted, detections, radar, Dynamics(config.model), limits, 6.0, clutter
+    )
+    return branched, newborn
+
+
+def scan_update(config, *reports, scan_index=4):
+    """Return what the radars' reports make of nothing."""
+    dynamics = Dynamics(config.model)
+    nothing = mixture_of(dynamics, [(0.5, MEAN, STD)]).take(np.zeros(0, dtype=int))
+    bounds = new_engine(config).forward.bounds
+    return update_module.update_scan(
+        nothing, 0, Scan(1, reports), dynamics, bounds, 6.0, scan_index
+    )[0]
+
+
+@pytest.mark.parametrize("times", [None, [0.4, -1.5]], ids=["at the stamp", "with times"])
+@pytest.mark.parametrize("own", [None, [[50.0, 0.03], [np.nan, 0.001]]], ids=["usual", "own"])
+def test_newborn_is_at_its_detection_with_the_radars_noise_and_a_broad_velocity(times, own):
+    config = lone({**TWO_MOTIONS, **BIRTHS})
+    (radar,) = config.model.radars
+    place = np.array([[7e3, 0.8], [4e3, -2.0]])
+    report = Detections(place, None, time_s=times, noise_std=own)
+    branched = scan_update(config, report)
+    found = branched.mixture
+    first = origins.first_detected(4)
+    np.testing.assert_array_equal(found.origin, [first, first + 1])
+    np.testing.assert_array_equal(branched.parent, [-1, -1])
+    usual = np.broadcast_to(radar.noise_std, (2, 2))
+    std = usual if own is None else np.where(np.isnan(own), usual, own)
+    for row in range(2):
+        position = radar.to_world(place[row : row + 1])[0]
+        # Derivatives of the position by range and azimuth, numerically.
+        steps = np.diag([1e-3, 1e-7])
+        jacobian = (radar.to_world(place[row] + steps) - position) / np.diag(steps)[:, None]
+        expected = np.zeros((5, 5))
+        expected[np.ix_([0, 2], [0, 2])] = jacobian.T @ np.diag(std[row] ** 2) @ jacobian
+        expected[[1, 3], [1, 3]] = 35.0**2
+        expected[4, 4] = 2e-3**2
+        back = np.eye(5)
+        back[[0, 2], [1, 3]] = 0.0 if times is None else -times[row]
+        expected = back @ expected @ back.T
+        straight = np.outer([1, 1, 1, 1, 0], [1, 1, 1, 1, 0])
+        np.testing.assert_allclose(found.mean[row, :, [0, 2]], np.tile(position[:, None], 2))
+        np.testing.assert_array_equal(found.mean[row][:, [1, 3, 4]], 0.0)
+        scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+        np.testing.assert_allclose(
+            found.covariance[row, 0] / scale, expected * straight / scale, rtol=1e-4, atol=1e-9
+        )
+        np.testing.assert_allclose(
+            found.covariance[row, 1] / scale, expected / scale, rtol=1e-4, atol=1e-9
+        )
+
+
+def test_newborns_of_a_radar_have_origins_after_those_of_the_radars_before():
+    radars = {
+        "radars": ["radar", "other"],
+        "radar.detection_probability": 0.5,
+        "other.position": [1e4, 0.0],
+        "other.detection_probability": 0.5,
+        "other.clutter_rate": 1.0,
+    }
+    config = lone({**BIRTHS, **radars})
+    one, two = config.model.radars
+    points = np.zeros((5, 5))
+    points[:, [0, 2]] = [[5e3, 0], [0, 5e3], [-5e3, 0], [0, -5e3], [5e3, 5e3]]
+    reports = [Detections(r.measure(points[p]), None) for r, p in ((one, [0, 1, 2]), (two, [3, 4]))]
+    first = origins.first_detected(4)
+    found = scan_update(config, *reports).mixture
+    np.testing.assert_array_equal(np.sort(found.origin), first + np.arange(5))
+
+
+def test_newborn_has_the_cells_of_its_class_that_its_amplitude_tells():
+    config = lone(
+        {
+            **BIRTHS,
+            "amplitude": "memory",
+            "radar.detection_probability": 0.0,
+            "target.snr_band_db": [5.0, 30.0],
+        }
+    )
+    dynamics = Dynamics(config.model)
+    assert len(dynamics.cells) > 5
+    amplitude = np.array([5.0, 20.0])
+    report = Detections(np.array([[7e3, 0.8], [4e3, -2.0]]), amplitude)
+    found = scan_update(config, report).mixture
+    # Rayleigh, with the power of noise and target; the detection's mass is that of the class.
+    power = np.exp(dynamics.cells.log_snr)
+    density = amplitude[:, None] / power * np.exp(-(amplitude[:, None] ** 2) / (2.0 * power))
+    share = density / density.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(found.weight[:, 0] / found.mass[:, None], share, rtol=1e-6)
+    assert abs(share.argmax(axis=1)[0] - share.argmax(axis=1)[1]) > 2
+
+
+def test_gaussian_is_missed_as_probably_as_its_azimuth_is_measured_in_the_sector():
+    config = lone({**UNREDUCED, "radar.detection_probability": 0.7})
+    dynamics, (radar,) = Dynamics(config.model), config.model.radars
+    mixture = mixture_of(dynamics, [(0.5, MEAN, STD)])
+    azimuth = radar.measure(MEAN[None])[0, 1]
+    # Of the azimuth, by its derivatives at the mean.
+    line = MEAN[[0, 2]] - np.asarray(radar.position)
+    across = np.array([-line[1], line[0]]) / (line @ line)
+    std = np.hypot(np.sqrt((across**2) @ (STD[[0, 2]] ** 2)), radar.azimuth_std)
+    sector = Coverage(azimuth + 0.02, 0.5)
+    branched, _ = updated(config, mixture, replace(NOTHING, coverage=sector))
+    detected = 0.7 * (norm.cdf(0.52 / std) - norm.cdf(0.02 / std))
+    missed = 0.5 * (1.0 - detected)
+    np.testing.assert_allclose(branched.mixture.mass, missed / (0.5 + missed), rtol=1e-6)
+
+
+def test_gaussian_is_detected_with_the_probability_at_its_range():
+    config = lone(
+        {
+            **UNREDUCED,
+            "radar.detection_probability": 0.0,
+            "radar.detection_probability_over_range": [0.0, 0.9, 2e4, 0.1],
+        }
+    )
+    dynamics, (radar,) = Dynamics(config.model), config.model.radars
+    far = MEAN + np.array([5e3, 0.0, 5e3, 0.0, 0.0])
+    mixture = mixture_of(dynamics, [(0.5, MEAN, STD), (0.5, far, STD)])
+    distance = radar.measure(np.stack([MEAN, far]))[:, 0]
+    missed = 0.5 * (1.0 - np.interp(distance, [0.0, 2e4], [0.9, 0.1]))
+    branched, _ = updated(config, mixture, NOTHING)
+    np.testing.assert_allclose(branched.mixture.mass, missed / (0.5 + missed), rtol=1e-9)
+
+
+def test_detection_with_noise_and_time_of_its_own_is_that_of_such_a_radar_then():
+    # The other radar has that noise; and a target that is as far back as it flies in that time.
+    config = lone({**UNREDUCED, "radar.clutter_rate": 5.0, "radar.detection_probability": 0.9})
+    (radar,), dynamics = config.model.radars, Dynamics(config.model)
+    mixture = mixture_of(dynamics, [(0.9, MEAN, np.array([300.0, 1e-3, 250.0, 1e-3, 0.0]))])
+    std, time = [40.0, 0.004], 0.5
+    later = MEAN + time * np.array([MEAN[1], 0.0, MEAN[3], 0.0, 0.0])
+    place = radar.measure(later[None]) + np.array([60.0, -0.005])
+    own = Detections(place, None, time_s=[time], noise_std=[std])
+    exact = replace(radar, range_std=std[0], azimuth_std=std[1])
+    found, _ = updated(config, mixture, own)
+    model = replace(config.model, radars=(exact,))
+    expected, _ = updated(
+        replace(config, model=model),
+        mixture_of(dynamics, [(0.9, later, np.array([300.0, 1e-3, 250.0, 1e-3, 0.0]))]),
+        Detections(place, None),
+    )
+    np.testing.assert_allclose(found.mixture.mass, expected.mixture.mass, rtol=1e-4)
+    detected = int(np.argmax(found.mixture.mass))
+    shift = found.mixture.mean[detected, 0] - expected.mixture.mean[detected, 0]
+    np.testing.assert_allclose(shift, MEAN - later, atol=0.5)
+    np.testing.assert_allclose(
+        found.mixture.covariance[detected, 0][[0, 2], [0, 2]],
+        expected.mixture.covariance[detected, 0][[0, 2], [0, 2]],
+        rtol=1e-3,
+    )
+
+
+def test_existence_is_kept_when_only_the_best_hypotheses_are():
+    config = lone({**UNREDUCED, "radar.clutter_rate": 3.0, "radar.detection_probability": 0.8})
+    dynamics, (radar,) = Dynamics(config.model), config.model.radars
+    mixture = mixture_of(dynamics, [(0.9, MEAN, STD)])
+    place = radar.measure(MEAN[None]) + np.array([[100.0, 0.01], [-150.0, 0.0], [0.0, 0.02]])
+    every, _ = updated(config, mixture, Detections(place, None))
+    few, _ = updated(config, mixture, Detections(place, None), hypotheses=2)
+    assert len(every.mixture) == 4
+    assert len(few.mixture) == 2
+    np.testing.assert_allclose(few.mixture.existence, every.mixture.existence, rtol=1e-12)
+    best = np.sort(every.mixture.mass)[::-1][:2]
+    np.testing.assert_allclose(
+        np.sort(few.mixture.mass)[::-1], best / best.sum() * few.mixture.mass.sum(), rtol=1e-12
+    )
+
+
+class Notebook:
+    """Stands for what is known of clutter: it makes a radar of more, and notes what it is told."""
+
+    def __init__(self, rate):
+        self.rate, self.told = rate, []
+
+    def informed(self, radar):
+        return replace(radar, clutter_rate=self.rate, clutter_map_speed=20.0)
+
+    def learns(self, radar):
+        return True
+
+    def learn(self, radar, detections, claimed, still):
+        self.told.append((radar.clutter_rate, detections, claimed, still))
+
+
+def test_clutter_is_as_is_known_of_it_and_is_told_what_is_claimed_and_by_what_is_at_rest():
+    config = lone({**UNREDUCED, "radar.clutter_rate": 1.0, "radar.detection_probability": 0.8})
+    dynamics, (radar,) = Dynamics(config.model), config.model.radars
+    slow, away = MEAN * [1, 0, 1, 0, 0], MEAN * [-1, 1, -1, 1, 1]
+    # Their velocities are known.
+    std = STD * [1.0, 1e-6, 1.0, 1e-6, 1.0]
+    targets = [(0.6, MEAN, std), (0.7, slow, std), (0.5, away, std)]
+    mixture = mixture_of(dynamics, targets)
+    place = np.concatenate([radar.measure(MEAN[None]), radar.measure(away[None]), [[100.0, 0.0]]])
+    report, memory = Detections(place, None), Notebook(500.0)
+    known, _ = updated(config, mixture, report, memory)
+    more = replace(radar, clutter_rate=500.0)
+    exact = replace(config, model=replace(config.model, radars=(more,)))
+    expected, _ = updated(exact, mixture, report)
+    np.testing.assert_allclose(known.mixture.mass, expected.mixture.mass, rtol=1e-12)
+    ((rate, told, claimed, still),) = memory.told
+    assert rate == 500.0
+    np.testing.assert_array_equal(told.measurement, place)
+    assert claimed[2] == 0.0
+    assert 0.5 < claimed[0] < 1.0
+    # The target at rest has as much of the first detection as its weight is of both.
+    np.testing.assert_allclose(still, [0.7 / 1.3, 0.0, 0.0], rtol=1e-9, atol=1e-20)
+    memory.told.clear()
+    faster = mixture_of(dynamics, [(1.0, MEAN * [1, 0, 1, 0, 0] + [0, 25, 0, 25, 0], std)])
+    updated(config, faster, report, memory)
+    assert memory.told[0][3][0] < 1e-20
+
+
+def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
+    monkeypatch.setattr(overload, "MOST_DETECTIONS", 2)
+    config = lone({**BIRTHS})
+    mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
+    report = Detections(np.array([[5e3, 0.1 * k] for k in range(8)]), None)
+    _, newborn = updated(config, mixture, report)
+    assert newborn.share == 0.25
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, monkeypatch):
+    rng = np.random.default_rng(seed)
+    monkeypatch.setattr(update_module, "LEAST_SHARE", 0.3)
+    config = lone({})
+    single = mixture_of(Dynamics(config.model), [(1.0, MEAN, STD)])
+    origin, rows = np.array([3, 3, 5, 9]), np.arange(4)
+    mixture = Mixture(
+        origin,
+        rng.uniform(0.1, 0.45, 4)[:, None, None],
+        single.mean[0 * rows],
+        single.covariance[0 * rows],
+    )
+    row, column = np.nonzero(rng.random((4, 3)) < 0.8)
+    weight = rng.exponential(1.0, len(row)) * 10.0 ** rng.uniform(-3, 0.5, len(row))
+    missed = mixture.weight * rng.uniform(0.1, 0.9, (4, 1, 1))
+    total = np.array([0.3, 1e-12, 2.0])
+    others = OtherSources(np.zeros(3), total[None])
+    found = update_module._likely(mixture, row, column, weight[:, None, None], missed, others)
+
+    odds = weight / np.maximum(total, LEAST_CLUTTER)[column]
+    expected = []
+    for pair in range(len(row)):
+        own = origin[row] == origin[row[pair]]
+        alone = 1.0 - mixture.weight[origin == origin[row[pair]]].sum()
+        alone += missed[origin == origin[row[pair]]].sum()
+        for z in range(3):
+            here = column == z
+            alone += odds[own & here].sum() / (1.0 + odds[~own & here].sum())
+        if odds[pair] > 0.3 * max(alone, 1.0):
+            expected.append(pair)
+    np.testing.assert_array_equal(found, expected)
+    assert 0 < len(expected) < len(row)
+
+
+def test_every_mode_is_updated_with_the_detection_of_its_hypothesis(monkeypatch):
+    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    config = lone(
+        {
+            **TWO_MOTIONS,
+            **UNREDUCED,
+            "radar.clutter_rate": 3.0,
+            "radar.detection_probability": 0.8,
+        }
+    )
+    dynamics, (radar,) = Dynamics(config.model), config.model.radars
+    alike = mixture_of(dynamics, [(0.9, MEAN, STD)])
+    mean, covariance = alike.mean.copy(), alike.covariance.copy()
+    mean[0, 1, [0, 2]] += [150.0, -90.0]
+    covariance[0, 1] *= 0.5
+    mixture = alike.told(alike.weight, mean, covariance)
+    place = radar.measure(MEAN[None]) + np.array([[100.0, 0.01], [-150.0, 0.0]])
+    both, _ = updated(config, mixture, Detections(place, None))
+    assert len(both.mixture) == 3
+    for one in place:
+        alone, _ = updated(config, mixture, Detections(one[None], None))
+        for row in range(2):
+            (same,) = [
+                k
+                for k in range(3)
+                if np.allclose(both.mixture.mean[k], alone.mixture.mean[row], rtol=1e-9)
+            ]
+            np.testing.assert_allclose(
+                both.mixture.covariance[same], alone.mixture.covariance[row], rtol=1e-9
+            )

@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The update of several targets: all association events, composed of updates of one alone."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
+from matchings import posterior
+
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.gaussian import kalman
+from phd_jdtc_ros.core.gaussian import update as update_module
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.gaussian.reduction import Branched
+from phd_jdtc_ros.core.types import Detections
+
+# The amplitude tells classes, and cells of their bands, which have detection probabilities of their
+# own; and the radar's range ends among the hypotheses.
+GIVEN = {
+    **TWO_MOTIONS,
+    **UNREDUCED,
+    "classes": ["low", "high"],
+    "amplitude": "memory",
+    **{
+        f"{kind}.{name}": value
+        for kind, band in (("low", [6.0, 12.0]), ("high", [14.0, 25.0]))
+        for name, value in (
+            ("snr_band_db", band),
+            ("survival_probability", 1.0),
+            ("motions", ["cv", "ct"]),
+            ("mode_transition", [0.9, 0.1, 0.25, 0.75]),
+        )
+    },
+    "radar.detection_probability": 0.0,
+    "radar.clutter_rate": 40.0,
+    "radar.clutter_max_range": 1e4,
+    "radar.max_range": 1.005e4,
+}
+SIZES = (1, 2, 3)
+
+
+@pytest.fixture(autouse=True)
+def _nothing_left_out(monkeypatch):
+    """Let every update take all its iterations, and look at all pairs within the gates."""
+    monkeypatch.setattr(update_module, "LEAST_SHARE", 0.0)
+    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+
+
+def hypotheses(dynamics, targets, rng):
+    """Return targets next to each other, with one, two and three hypotheses of random weights."""
+    single = mixture_of(dynamics, [(1.0, MEAN, STD)])
+    origin = np.repeat([5, 7, 9][:targets], SIZES[:targets])
+    weight = rng.uniform(0.1, 1.0, (len(origin), *single.weight.shape[1:])) * (single.weight > 0.0)
+    existence = rng.uniform(0.2, 0.99, targets)
+    target = np.unique(origin, return_inverse=True)[1]
+    mass = np.bincount(target, weight.sum(axis=(1, 2)))
+    mean = single.mean + rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (len(origin), 1, 5))
+    size = rng.uniform(0.3, 1.0, len(origin))
+    return Mixture(
+        origin,
+        weight * (existence / mass)[target][:, None, None],
+        mean,
+        size[:, None, None, None] * single.covariance,
+    )
+
+
+def updated(config, dynamics, mixture, detections):
+    """Return the mixture with each row's parent."""
+    (radar,), bounds = config.model.radars, new_engine(config).forward.bounds
+    predicted = Branched(mixture, np.arange(len(mixture)))
+    branched, newborn, approximate = update_module.update(
+        predicted, detections, radar, dynamics, bounds, 6.0
+    )
+    assert newborn is None
+    assert approximate == 0
+    return branched
+
+
+def alone(config, dynamics, mixture, detections):
+    """Return what the weights of one hypothesis come to without and with one detection.
+
+    They are relative to the probability that there is no target, and shape (1, R, S) or (2, R, S):
+    the second is with the detection, if there is one.
+    """
+    found = updated(config, dynamics, mixture, detections).mixture
+    absent = 1.0 - mixture.weight.sum()
+    weight = np.zeros((1 + len(detections), *mixture.weight.shape[1:]))
+    for row in range(len(found)):
+        weight[0 if np.array_equal(found.mean[row], mixture.mean[0]) else 1] = found.weight[row]
+    return weight * absent / (1.0 - found.weight.sum())
+
+
+@pytest.mark.parametrize("targets", [2, 3])
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+@pytest.mark.parametrize("seed", range(2))
+def test_joint_weights_are_those_of_all_events_of_what_each_is_alone(targets, count, seed):
+    rng = np.random.default_rng(seed)
+    config = lone(GIVEN)
+    dynamics, (radar,) = Dynamics(config.model), config.model.radars
+    mixture = hypotheses(dynamics, targets, rng)
+    place = radar.measure(MEAN[None]) + rng.standard_normal((count, 2)) * radar.noise_std
+    every = Detections(place, rng.uniform(3.1, 4.0, count))
+    missed, detected = [], []
+    for row in range(len(mixture)):
+        one = mixture.take(np.array([row]))
+        missed.append(alone(config, dynamics, one, every.take(np.zeros(0, dtype=int)))[0])
+        pairs = [alone(config, dynamics, one, every.take(np.array([z])))[1] for z in range(count)]
+        detected.append(np.reshape(pairs, (count, one.weight.size)).T)
+    shape = mixture.weight.shape
+    target = mixture.target.repeat(shape[1] * shape[2])
+    expected = posterior(target, mixture.weight.ravel(), np.ravel(missed), np.concatenate(detected))
+
+    branched = updated(config, dynamics, mixture, every)
+    found = branched.mixture
+    ways = np.column_stack([expected[0], expected[1]]).reshape(len(mixture), -1, count + 1)
+    for row in range(len(mixture)):
+        own = found.weight[branched.parent == row].reshape(-1, ways.shape[1])
+        own = own[np.argsort(own.sum(axis=1))]
+        told = ways[row].T[ways[row].sum(axis=0) > 0.0]
+        told = told[np.argsort(told.sum(axis=1))]
+        np.testing.assert_allclose(own, told, rtol=1e-9, atol=1e-15)
+    existence = np.bincount(target, expected[0] + expected[1].sum(axis=1))
+    np.testing.assert_allclose(found.existence, existence, rtol=1e-9)
+
+
+def test_detection_probabilities_of_the_joint_update_differ_by_gaussian():
+    config = lone(GIVEN)
+    dynamics = Dynamics(config.model)
+    mixture = hypotheses(dynamics, 3, np.random.default_rng(0))
+    nothing = Detections(np.zeros((0, 2)), np.zeros(0))
+    share = np.array(
+        [
+            alone(config, dynamics, mixture.take(np.array([row])), nothing)[0] / mixture.weight[row]
+            for row in range(len(mixture))
+        ]
+    )
+    seen = share.min(axis=(1, 2)) < 1.0 - 1e-9
+    assert 0 < seen.sum() < len(mixture)  # the others are beyond the radar's range
+    assert np.ptp(share[seen]) > 0.5

@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Both engines with range rates: on the same scene, and at births."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lone import STD, lone, mixture_of, scan_at
+from scipy.stats import norm
+
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.gaussian import update as gaussian_update
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched
+from phd_jdtc_ros.core.smc import extraction
+from phd_jdtc_ros.core.types import Detections
+
+ROAD = {
+    "interval_s": 0.1,
+    "births": [],
+    "detection_births.rates": [0.02],
+    "detection_births.velocity_std": 12.0,
+    "detection_births.particles": 4096,
+    "particles_per_target": 4000,
+    "least_particles": 2000,
+    "cv.noise_density": 4.0,
+    "lag": 4,
+    "radar.position": [0.0, 0.0],
+    "radar.yaw_deg": 0.0,
+    "radar.range_std": 0.3,
+    "radar.azimuth_std_deg": 0.6,
+    "radar.max_range": 200.0,
+    "radar.clutter_max_range": 200.0,
+    "radar.clutter_rate": 5.0,
+    "radar.detection_probability": 0.9,
+    "radar.fields.range_rate": "range_rate",
+    "radar.range_rate_std": 0.15,
+    "radar.range_rate_ambiguity": 24.0,
+}
+# Two that pass each other, one of them faster than half the ambiguity.
+START = np.array([[60.0, -15.0, 3.0, 0.0, 0.0], [40.0, 6.0, -3.0, 2.0, 0.0]])
+
+
+def scans(radar, seed, count=8):
+    rng = np.random.default_rng(seed)
+    found = []
+    for number in range(1, count + 1):
+        state = START.copy()
+        state[:, [0, 2]] += 0.1 * number * START[:, [1, 3]]
+        seen = radar.measure(state) + rng.standard_normal((2, 2)) * radar.noise_std
+        rate = radar.range_rate_of(state) + 0.15 * rng.standard_normal(2)
+        false = np.column_stack([rng.uniform(0.0, 200.0, 4), rng.uniform(-np.pi, np.pi, 4)])
+        found.append(
+            scan_at(
+                0.1 * number,
+                np.concatenate([seen, false]),
+                range_rate=np.append(radar.range_rate.wrapped(rate), rng.uniform(-12.0, 12.0, 4)),
+            )
+        )
+    return found
+
+
+def last(engine, seed):
+    config = lone({**ROAD, "engine": engine, "seed": seed})
+    tracker = new_engine(config)
+    for scan in scans(config.model.radars[0], 3):
+        step = tracker.step(scan)
+    (found,) = step.filtered
+    return found
+
+
+@pytest.fixture(autouse=True)
+def _certain(monkeypatch):
+    # Particles state the uncertainty of their own small number too; Gaussians have none.
+    monkeypatch.setattr(extraction, "PRIOR_PARTICLES", 0.0)
+
+
+def test_engines_agree_on_targets_with_ambiguous_range_rates():
+    ours, runs = last("gaussian", 0), [last("particles", seed) for seed in range(4)]
+    assert len(ours) == 2
+    order = np.argsort(ours.position[:, 0])
+    np.testing.assert_allclose(ours.velocity[order], START[::-1][:, [1, 3]], atol=4.0)
+    std = np.sqrt(np.diagonal(ours.covariance, axis1=1, axis2=2))[order, :4]
+    apart, spread = [], []
+    for other in runs:
+        assert len(other) == 2
+        place = np.argsort(other.position[:, 0])
+        apart.append((other.state[place, :4] - ours.state[order, :4]) / std)
+        spread.append(np.sqrt(np.diagonal(other.covariance, axis1=1, axis2=2))[place, :4] / std)
+        np.testing.assert_allclose(other.weight[place], ours.weight[order], atol=0.02)
+    # What few newborn particles are near the first detections differs from run to run.
+    assert np.abs(np.mean(apart, axis=0)).max() < 0.5
+    np.testing.assert_allclose(np.mean(spread, axis=0), 1.0, atol=0.25)
+
+
+def test_newborn_gaussians_are_one_hypothesis_for_each_fold():
+    config = lone({**ROAD, "engine": "gaussian"})
+    (radar,), births = config.model.radars, config.model.detection_births
+    dynamics = Dynamics(config.model)
+    modes, size = dynamics.supported.shape
+    nothing = Branched(Mixture.empty(modes, len(dynamics.cells), size), np.zeros(0, dtype=int))
+    report = Detections(
+        np.array([[60.0, 0.4], [50.0, 0.0], [80.0, -1.0]]),
+        None,
+        range_rate=np.array([9.0, 0.0, np.nan]),
+    )
+    bounds = Bounds(100, 0.0, 0.0, 0.0, 1000)
+    _, newborn, _ = gaussian_update.update(nothing, report, radar, dynamics, bounds, 0.1)
+    found = gaussian_update._with_newborn(nothing, newborn, dynamics, 1000).mixture
+
+    mass = found.mass
+    for row in range(3):
+        own = found.origin == 1000 + row
+        assert mass[own].sum() == pytest.approx(newborn.mass[row].sum(), rel=1e-9)
+    own = np.flatnonzero(found.origin == 1000)
+    toward = np.array([np.cos(0.4), np.sin(0.4)])
+    radial = found.mean[own, 0][:, [1, 3]] @ toward
+    gain = births.velocity_std**2 / (births.velocity_std**2 + 0.15**2)
+    folds = radial / gain
+    density = norm.pdf(folds, 0.0, 12.0)
+    assert {-15, 9} <= set(np.round(folds).astype(int).tolist()) <= {-39, -15, 9, 33}
+    share = mass[own] / mass[own].sum()
+    np.testing.assert_allclose(share, density / density.sum(), atol=0.01)
+    spread = found.covariance[own, 0][:, [1, 3]][:, :, [1, 3]]
+    # The noise, and that of the direction times the velocity across.
+    expected = np.hypot(0.15, np.radians(0.6) * 12.0)
+    np.testing.assert_allclose(np.sqrt(toward @ spread @ toward), expected, rtol=0.02)
+    across = np.array([-toward[1], toward[0]])
+    np.testing.assert_allclose(np.sqrt(across @ spread @ across), 12.0, rtol=0.01)
+    assert np.count_nonzero(found.origin == 1002) == 1
+
+
+@pytest.mark.parametrize("engine", ["gaussian", "particles"])
+def test_range_rates_that_nobody_configured_change_nothing(engine):
+    config = lone({**ROAD, "engine": engine, "radar.fields.range_rate": ""})
+    found = []
+    for rated in (True, False):
+        tracker = new_engine(config)
+        for scan in scans(lone(ROAD).model.radars[0], 4, 4):
+            seen = scan.detections[0]
+            step = tracker.step(
+                replace(scan, detections=(seen if rated else replace(seen, range_rate=None),))
+            )
+        found.append(step.filtered[0].state)
+    np.testing.assert_array_equal(*found)
+
+
+def test_a_range_rate_tells_two_targets_at_one_place_apart():
+    config = lone({**ROAD, "engine": "gaussian", "detection_births.rates": []})
+    (radar,) = config.model.radars
+    state = np.array([60.0, -8.0, 3.0, 0.0, 0.0])
+    other = np.array([60.0, 8.0, 3.0, 0.0, 0.0])
+    tracker = new_engine(config)
+    std = 1e-2 * STD
+    std[:4] = [1.0, 1.0, 1.0, 1.0]
+    targets = [(0.9, state, std), (0.9, other, std)]
+    stored = mixture_of(tracker.forward.dynamics, targets)
+    tracker.forward.start_from(10**12, stored)
+    moved = state.copy()
+    moved[0] -= 0.8
+    step = tracker.step(
+        scan_at(0.1, radar.measure(moved[None]), range_rate=radar.range_rate_of(moved[None]))
+    )
+    (found,) = step.filtered
+    by_speed = dict(zip(np.sign(found.state[:, 1]), found.weight, strict=True))
+    assert by_speed[-1.0] > 0.99
+    assert by_speed.get(1.0, 0.0) < 0.6

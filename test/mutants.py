@@ -1,0 +1,265 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Mutation tests of the association, the correctors and the smoother, into out/mutants.
+
+mutmut changes one operator, number, name or argument at a time, and runs the unit tests of the
+module that it changed: a mutant that passes them all survives. Loops that numba compiles are those
+of NumPy here, because a mutant of a compiled one would be compiled for every test.
+
+A mutant that no test can tell from the original is equivalent, and is listed with the reason in
+``equivalent_mutants.yaml``. The share is that of the others. Names of parts may be given.
+"""
+
+import ast
+import difflib
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).parents[1]
+OUT = ROOT / "out" / "mutants"
+EQUIVALENT = Path(__file__).with_name("equivalent_mutants.yaml")
+CORE = "phd_jdtc_ros/core"
+# What the tests import and read.
+COPIED = ("phd_jdtc_ros", "msg_adapters", "robustness", "config", "test", "pyproject.toml")
+GOAL = 0.9
+# Of each part; what is not done by then is not killed.
+LIMIT_S = 900.0
+CHILDREN = 2
+# How modules turn to compiled loops, which do not run here.
+COMPILED = re.compile(r"if loops := backend\.compiled\(\"\w+\"\):$", re.MULTILINE)
+NOT_KILLED = ("survived", "no tests", "not checked", "suspicious", "skipped")
+
+
+@dataclass(frozen=True)
+class Part:
+    """Modules, and the tests that are to kill their mutants.
+
+    Parameters
+    ----------
+    modules : tuple of str
+        Patterns of paths below the core.
+    tests : tuple of str
+        Paths below ``test/core``.
+    """
+
+    modules: tuple[str, ...]
+    tests: tuple[str, ...]
+
+
+PARTS = {
+    "association": Part(
+        (
+            "association/batches.py",
+            "association/belief_propagation.py",
+            "association/bernoulli.py",
+            "association/clusters.py",
+            "association/exact_marginals.py",
+            "association/marginals.py",
+        ),
+        ("association",),
+    ),
+    "correction": Part(("smc/correction.py",), ("smc/test_correction.py",)),
+    "gaussian update": Part(
+        ("gaussian/update.py",),
+        (
+            "gaussian/test_joint_update.py",
+            "gaussian/test_enumeration.py",
+            "gaussian/test_gaussian_update.py",
+            "models/test_detection_birth.py",
+        ),
+    ),
+    "smoother": Part(
+        ("backward.py", "smc/smoother.py"), ("smc/test_smoother.py", "test_backward.py")
+    ),
+    "gaussian smoother": Part(
+        ("gaussian/generations.py", "gaussian/smoother.py"),
+        (
+            "gaussian/test_generations.py",
+            "gaussian/test_enumeration.py",
+            "gaussian/test_moments.py",
+        ),
+    ),
+    "window": Part(("fixed_lag.py",), ("test_fixed_lag.py",)),
+}
+
+
+@dataclass
+class Result:
+    """How many mutants of a part were killed.
+
+    Parameters
+    ----------
+    mutants, killed, equivalent : int
+    survivors : list of str
+        The change of each that is not equivalent, and what became of it.
+    seconds : float
+    """
+
+    mutants: int = 0
+    killed: int = 0
+    equivalent: int = 0
+    survivors: list[str] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @property
+    def share(self) -> float:
+        """Return the share of the mutants that are not equivalent."""
+        return self.killed / max(self.mutants - self.equivalent, 1)
+
+
+def configuration(part):
+    """Return the section of pyproject.toml for mutmut."""
+    tests = [
+        path for path in (f"test/core/{name}" for name in part.tests) if (ROOT / path).exists()
+    ]
+    options = {
+        "source_paths": ["phd_jdtc_ros"],
+        "only_mutate": [f"{CORE}/{module}" for module in part.modules],
+        "also_copy": ["msg_adapters", "robustness", "config"],
+        "pytest_add_cli_args": ["-p", "no:cacheprovider", "-k", "not numba and not backends"],
+        "pytest_add_cli_args_test_selection": tests,
+    }
+    lines = [f"{name} = {json.dumps(value)}" for name, value in options.items()]
+    return "\n".join(["", "[tool.mutmut]", *lines, ""])
+
+
+def mutate(name, part):
+    """Run mutmut on a copy of the tree; return the status of each mutant, and the copy."""
+    place = OUT / name.replace(" ", "_")
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    for entry in COPIED:
+        if (ROOT / entry).is_dir():
+            shutil.copytree(
+                ROOT / entry, place / entry, ignore=shutil.ignore_patterns("__pycache__")
+            )
+        else:
+            shutil.copy(ROOT / entry, place / entry)
+    for path in (place / CORE).rglob("*.py"):
+        path.write_text(COMPILED.sub(r"\g<0>  # pragma: no mutate block", path.read_text()))
+    with (place / "pyproject.toml").open("a") as file:
+        file.write(configuration(part))
+    environment = {**os.environ, "PHD_JDTC_KERNELS": "numpy", "OMP_NUM_THREADS": "1"}
+    environment.pop("PYTHONPATH", None)  # which could lead to the original modules
+    command = [sys.executable, "-m", "mutmut"]
+    with (place / "mutmut.log").open("w") as log:
+        run = subprocess.Popen(
+            [*command, "run", "--max-children", str(CHILDREN)],
+            cwd=place,
+            env=environment,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+        )
+        try:
+            run.wait(LIMIT_S)
+        except subprocess.TimeoutExpired:
+            run.terminate()
+            run.wait()
+    told = subprocess.run(
+        [*command, "results", "--all", "true"],
+        cwd=place,
+        env=environment,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    pairs = [line.strip().rpartition(": ") for line in told.stdout.splitlines() if ": " in line]
+    if not pairs:
+        sys.exit(f"{name}: no mutants; see {place / 'mutmut.log'}")
+    return {mutant: status for mutant, _, status in pairs}, place / "mutants"
+
+
+def changes(mutants, tree):
+    """Return the module and the changed lines of each mutant, as in a difference of files."""
+    found, functions = {}, {}
+    for mutant in mutants:
+        module, _, function = mutant.rpartition(".")
+        path = tree / f"{module.replace('.', '/')}.py"
+        if path not in functions:
+            text = path.read_text()
+            functions[path] = {
+                node.name: ast.unparse(node).splitlines()[1:]
+                for node in ast.walk(ast.parse(text))
+                if isinstance(node, ast.FunctionDef)
+            }
+        original = functions[path][f"{function.rpartition('__mutmut_')[0]}__mutmut_orig"]
+        lines = difflib.unified_diff(original, functions[path][function], lineterm="", n=0)
+        change = [
+            f"{line[0]} {line[1:].strip()}"
+            for line in lines
+            if line[:3] not in ("---", "+++", "@@ ")
+        ]
+        found[mutant] = (
+            str(path.relative_to(tree / CORE)),
+            "\n".join(line for line in change if not line.startswith("@")),
+        )
+    return found
+
+
+def known_equivalents():
+    """Return the changes that are known to be equivalent, by module and change."""
+    if not EQUIVALENT.exists():
+        return set()
+    document = yaml.safe_load(EQUIVALENT.read_text()) or {}
+    return {
+        (module, f"- {line}\n+ {mutant}")
+        for module, reasons in document.items()
+        for pairs in reasons.values()
+        for line, mutant in pairs
+    }
+
+
+def judged(status, tree, equivalents):
+    """Return the result of a part, and which of the known equivalents occurred."""
+    alive = [mutant for mutant, what in status.items() if what in NOT_KILLED]
+    result, used = Result(len(status), len(status) - len(alive)), set()
+    for mutant, (module, change) in changes(alive, tree).items():
+        if (module, change) in equivalents:
+            used.add((module, change))
+            result.equivalent += 1
+        else:
+            result.survivors.append(f"{mutant}: {status[mutant]}\n{change}")
+    return result, used
+
+
+def main(names):
+    unknown = [name for name in names if name not in PARTS]
+    if unknown:
+        sys.exit(f"{unknown[0]}: no such part; there are {', '.join(PARTS)}")
+    equivalents, results = known_equivalents(), {}
+    for name in names or PARTS:
+        begin = time.monotonic()
+        status, tree = mutate(name, PARTS[name])
+        results[name], _ = judged(status, tree, equivalents)
+        results[name].seconds = time.monotonic() - begin
+        found = results[name]
+        print(
+            f"{name}: {found.killed} of {found.mutants - found.equivalent} mutants killed, "
+            f"{found.share:.1%}; {found.equivalent} equivalent; {found.seconds:.0f} s",
+            flush=True,
+        )
+    tested = sum(one.mutants - one.equivalent for one in results.values())
+    share = sum(one.killed for one in results.values()) / tested
+    summary = {
+        "share": share,
+        "goal": GOAL,
+        "reached": share >= GOAL,
+        "parts": {name: {**asdict(one), "share": one.share} for name, one in results.items()},
+    }
+    (OUT / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+    print(f"all: {share:.1%} of {tested} mutants killed, goal {GOAL:.0%}; {OUT / 'summary.json'}")
+    return int(share < GOAL)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The radar on the coast and on a ship: scenarios, bags, profile, and how the study scores them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msg_adapters import names, platform_poses
+from msg_adapters.readers import reader_of
+from phd_jdtc_ros import yaml_files
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros.core.simulation.scenario import truth_at
+from phd_jdtc_ros.study.monte_carlo.definition import Variant
+from phd_jdtc_ros.study.monte_carlo.scores import VALUES, score
+from phd_jdtc_ros.study.runs import Ignored
+from phd_jdtc_ros.study.turning import turning_run
+from phd_jdtc_ros.tools import params_file
+
+ROOT = Path(__file__).parents[2]
+ODOMETRY = "/own_ship/odometry"
+# What a ship has besides the profile: where the radar is on it, and the topic of its poses.
+ABOARD = {"mast.pose": ODOMETRY, "mast.position": [8.0, 0.0], "mast.yaw_deg": -90.0}
+each = pytest.mark.parametrize("name", ["coastal", "coastal_ship"])
+
+
+def resolved(name):
+    """Return a scenario and the tracker's configuration in its file."""
+    document = yaml_files.load(ROOT / "config" / "scenarios" / f"{name}.yaml")
+    config = resolve(params_file.scenario_parameters(document))
+    return scenario_file.resolve(document, config.model.radars), config
+
+
+@each
+def test_the_profile_has_the_parameters_of_the_scenario(name):
+    profile = params_file.load(ROOT / "config" / "marine.yaml")
+    _, config = resolved(name)
+    given = ABOARD if name == "coastal_ship" else {}
+    found = resolve({**profile, **given})
+    assert found.inputs == config.inputs
+    # What is spelt out in the profile and follows from the rest in the scenario.
+    spelt_out = ("mast.topic", "mast.frame", "spawn.mode_transition")
+    expected = {key: value for key, value in config.values.items() if key not in spelt_out}
+    assert {key: found.values[key] for key in expected} == expected
+
+
+@each
+def test_a_bag_is_small_and_whole(name):
+    found, config = resolved(name)
+    bag = ROOT / "bags" / name
+    assert sum(file.stat().st_size for file in bag.iterdir()) < 850_000
+    counts = BagReader(bag).counts
+    assert counts.pop(names.TRUTH) == found.scans
+    assert counts.pop(config.inputs[0].topic) == (found.scans - 1) // 2
+    poses = {} if name == "coastal" else {ODOMETRY: 2 * round(found.duration_s) + 1}
+    assert counts == poses
+
+
+@each
+def test_most_of_what_a_bag_holds_answers_and_is_no_ship(name):
+    """In world coordinates, whatever the radar's own are."""
+    found, config = resolved(name)
+    (radar,) = config.inputs
+    points = np.concatenate([kind.points for kind in found.reflectors])
+    on_reflectors, detections = 0, 0
+    for entry in BagReader(ROOT / "bags" / name).messages([radar.topic]):
+        report = reader_of(radar).from_cdr(entry.data, radar)
+        assert not report.dropped
+        elapsed_s = (report.stamp_ns - found.start_ns) * 1e-9
+        for row, time_s in zip(
+            report.detections.measurement, report.detections.time_s, strict=True
+        ):
+            own = found.radar_at(0, elapsed_s + float(time_s))
+            off = np.hypot(*(points - own.to_world(row[None])[0]).T).min()
+            on_reflectors += bool(off < 150.0)
+            detections += 1
+    assert detections > 7000
+    assert 0.6 < on_reflectors / detections < 0.85
+
+
+def test_the_ship_of_the_bag_moves_and_turns():
+    found, config = resolved("coastal_ship")
+    poses = [
+        platform_poses.from_cdr(entry.data, config.pose_message, config.world_frame)
+        for entry in BagReader(ROOT / "bags" / "coastal_ship").messages([ODOMETRY])
+    ]
+    yaw = np.unwrap([pose.yaw for _, pose in poses])
+    assert np.degrees(np.ptp(yaw)) > 80.0
+    assert np.hypot(*np.subtract(poses[-1][1].position, poses[0][1].position)) > 500.0
+    ship = np.array([pose.position for _, pose in poses])
+    points = np.concatenate([kind.points for kind in found.reflectors])
+    assert np.hypot(*(ship[:, None] - points).transpose(2, 0, 1)).min() > 1000.0
+
+
+@each
+def test_ships_keep_off_what_answers_and_some_lie_at_anchor(name):
+    found, _ = resolved(name)
+    points = np.concatenate([kind.points for kind in found.reflectors])
+    speeds = {}
+    for scan in range(found.scans):
+        truth = truth_at(found, scan)
+        away = np.hypot(*(truth.position[:, None] - points).transpose(2, 0, 1))
+        assert away.min() > 200.0
+        for number, speed in zip(truth.track_id.tolist(), np.hypot(*truth.velocity.T), strict=True):
+            speeds.setdefault(number, []).append(speed)
+    at_anchor = [number for number, of_ship in speeds.items() if max(of_ship) == 0.0]
+    assert len(at_anchor) == 3
+    assert len(speeds) - len(at_anchor) == 6
+    assert min(min(s) for n, s in speeds.items() if n not in at_anchor) > 4.0
+
+
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        (["-p", "mast.pose:=fixed"], "mast.pose: fixed given, must be a topic"),
+        (["-p", "mast.pose_yaw:=false"], "mast.pose_yaw: false given, must be true"),
+    ],
+)
+def test_simulate_refuses_a_radar_that_its_platform_does_not_carry(given, fault, tmp_path, capsys):
+    path = ROOT / "config" / "scenarios" / "coastal_ship.yaml"
+    assert run("simulate", ["--scenario", str(path), "--out", str(tmp_path / "x"), *given]) == 2
+    assert capsys.readouterr().err.startswith(f"simulate: {fault}")
+
+
+def test_simulate_refuses_a_moving_radar_without_a_platform(tmp_path, capsys):
+    path = ROOT / "config" / "scenarios" / "coastal.yaml"
+    given = ["-p", f"mast.pose:={ODOMETRY}"]
+    assert run("simulate", ["--scenario", str(path), "--out", str(tmp_path / "x"), *given]) == 2
+    assert capsys.readouterr().err.startswith("simulate: platform: must carry mast, whose pose is")
+
+
+def test_ships_that_are_found_late_and_estimates_on_a_quay_are_counted():
+    found, _ = resolved("coastal")
+    run = turning_run(found, 1, Ignored(1.0, 150.0))
+    assert len(run.truth) == 100
+    everything = [len(truth.track_id) for truth in run.truth]
+    assert (min(everything), max(everything)) == (5, 6)
+    quay = np.array([[0.0, 4170.0]])
+
+    def points(index, truth):
+        # All but the first ship from the start, that from the seventh turn; the quay at two turns.
+        rows = np.arange(len(truth.track_id))[0 if index > 6 else 1 :]
+        place = truth.position[rows] + [30.0, 0.0]
+        if index in (10, 40):
+            place = np.concatenate([place, quay])
+        return PointSet(place, np.zeros(len(place), dtype=np.int64))
+
+    tracks = {0: [points(index, truth) for index, truth in enumerate(run.truth)]}
+    variant = Variant("any", "turning", None, {}, ("coastal",), (0,))
+    scored = score(run, tracks, variant, 1)
+    values = dict(zip(VALUES, scored.values[0, :, 0].T, strict=True))
+    assert values["late"].sum() == 1.0
+    assert values["five_scans_old"].sum() == 6.0
+    # In the first twenty turns nothing is counted.
+    assert np.isnan(values["on_reflectors"][:20]).all()
+    assert np.flatnonzero(values["on_reflectors"] == 1.0).tolist() == [40]
+    assert np.nansum(values["on_reflectors"]) == 1.0

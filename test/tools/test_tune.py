@@ -1,0 +1,196 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The command that proposes a configuration from a recording."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from msg_adapters import interfaces, names, point_cloud, recognised
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.tools import params_file, recorded_plots, tracker_params
+
+BAGS = Path(__file__).parents[2] / "bags"
+SHIPPED = BAGS / "one_radar"
+
+
+def tune(*arguments):
+    return run("tune", [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def unknown(tmp_path_factory):
+    """Return a recording without parameters."""
+    bag = tmp_path_factory.mktemp("bags") / "unknown"
+    shutil.copytree(SHIPPED, bag)
+    (bag / "parameters.yaml").unlink()
+    return bag
+
+
+def test_tune_proposes_what_was_simulated_in_a_file_that_the_tracker_takes(tmp_path, capsys):
+    out = tmp_path / "proposed.yaml"
+    assert tune("one_radar", "--out", out) == 0
+    text, said = out.read_text(), capsys.readouterr()
+    assert f"{out}: written; the tracker takes it as its --params-file" in said.out
+    assert "range_std" in said.out
+    assert said.err == ""
+    config = tracker_params.config(params_file.load(out))
+    (radar,) = config.model.radars
+    assert radar.range_std == pytest.approx(300.0, rel=0.2)
+    assert config.values["radar_1.azimuth_std_deg"] == pytest.approx(1.0, rel=0.2)
+    assert radar.clutter_rate == pytest.approx(20.0, rel=0.5)
+    # All that was given stays, such as birth places and what the SNR bands say.
+    assert config.values["north_west.position"] == [-8000.0, 6000.0]
+    assert config.values["radar_1.detection_probability"] == 0.0
+    (line,) = [line for line in text.splitlines() if "range_std:" in line]
+    assert "tracks" in line
+    assert "; was 300" in line
+
+
+def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
+    out = tmp_path / "proposed.yaml"
+    assert tune(unknown, "--out", out) == 0
+    assert "no recording tells" in out.read_text()
+    config = tracker_params.config(params_file.load(out))
+    (radar,), (layout,) = config.model.radars, config.inputs
+    assert (layout.topic, layout.frame) == ("/radar_1/detections", "radar_1")
+    assert (layout.range_field, layout.azimuth_field) == ("range", "azimuth")
+    assert radar.range_std == pytest.approx(300.0, rel=0.2)
+    assert config.values["interval_s"] == 6.0
+    # It reads what it was made from.
+    bag = BagReader(unknown)
+    read = recorded_plots.read(bag, config, 60.0)
+    assert not read.dropped["radar_1"]
+    assert len(read.plots["radar_1"].cloud_s) == 11
+    assert capsys.readouterr().err == ""
+
+
+def test_tune_compares_proposals_with_what_was_simulated(capsys):
+    assert tune("one_radar", "--truth", "--seconds", "300") == 0
+    said = capsys.readouterr().out
+    assert "/ 300" in said
+    assert "found / simulated" in said
+
+
+def test_tune_says_what_a_recording_lacks(short_bag, tmp_path, capsys):
+    assert tune(short_bag) == 2
+    said = capsys.readouterr().err
+    assert "radar_1: 8 clouds in 42.0 s, must be at least 10" in said
+    assert "radar_2: 8 clouds" in said
+    assert tune(tmp_path / "none") == 2
+    assert "no such bag" in capsys.readouterr().err
+
+
+def test_tune_uses_what_is_intact_of_a_damaged_bag_and_says_so(tmp_path, capsys):
+    (file,) = SHIPPED.glob("*.mcap")
+    whole = file.read_bytes()
+    shutil.copytree(SHIPPED, tmp_path / "cut")
+    (tmp_path / "cut" / file.name).write_bytes(whole[: len(whole) * 3 // 4])
+    out = tmp_path / "proposed.yaml"
+    assert tune(tmp_path / "cut", "--out", out) == 3
+    said = capsys.readouterr()
+    assert "damaged" in said.err
+    assert len(said.err.splitlines()) == 1
+    radar = tracker_params.config(params_file.load(out)).model.radars[0]
+    assert radar.range_std == pytest.approx(300.0, rel=0.3)
+
+
+def test_tune_overwrites_nothing(tmp_path, capsys):
+    out = tmp_path / "mine.yaml"
+    out.write_text("mine")
+    assert tune("one_radar", "--out", out) == 2
+    assert "already exists" in capsys.readouterr().err
+    assert out.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [
+        (("one_radar", "clutter_50"), "2 bags given, must be one without --truth"),
+        (("one_radar", "--truth", "--out", "a"), "--truth given, must be without --out"),
+        (("one_radar", "--seconds", "0"), "0 given, must be at least 1 s"),
+        (("one_radar", "--seconds", "soon"), "soon given, must be at least 1 s"),
+    ],
+)
+def test_tune_refuses_arguments_that_do_not_go_together(arguments, reason, capsys):
+    with pytest.raises(SystemExit) as ended:
+        tune(*arguments)
+    assert ended.value.code == 2
+    assert reason in capsys.readouterr().err
+
+
+def test_tune_needs_the_truth_to_compare_with(unknown, capsys):
+    assert tune(unknown, "--truth") == 2
+    assert "has no parameters.yaml, which the truth is in" in capsys.readouterr().err
+
+
+def test_tune_names_the_fields_of_clouds_that_it_does_not_recognise(tmp_path, capsys):
+    with BagWriter(tmp_path / "points") as bag:
+        bag.add_topic(Topic("/lidar/points", names.CLOUD))
+        cloud = point_cloud.encode(10**9, "lidar", {"x": np.ones(3), "ring": np.ones(3)})
+        bag.write("/lidar/points", interfaces.encode(cloud), 10**9)
+    assert tune(tmp_path / "points") == 2
+    assert "it has /lidar/points (ring, x). Name them" in capsys.readouterr().err
+
+
+# Recognition of fields.
+
+
+def cloud(stamp_ns=10**18, wide=(), **columns):
+    return point_cloud.encode(stamp_ns, "mast", columns, wide)
+
+
+AZIMUTH = np.array([0.1, 1.5, 3.0, 5.0])
+RHO = np.array([100.0, 200.0, 300.0, 400.0])
+
+
+def test_clouds_without_a_range_or_an_azimuth_are_no_radars():
+    assert recognised.parameters([cloud(x=RHO, y=RHO)]) is None
+    assert recognised.parameters([]) is None
+
+
+def test_names_are_recognised_whatever_their_case_and_kept():
+    found = recognised.parameters([cloud(Rho=RHO, THETA=AZIMUTH, SNR=RHO)])
+    assert (found["fields.range"], found["fields.azimuth"]) == ("Rho", "THETA")
+    assert (found["fields.amplitude"], found["amplitude_unit"]) == ("SNR", "db")
+    assert found["frame"] == "mast"
+
+
+def test_unit_and_convention_are_those_that_go_with_x_and_y():
+    north = 0.5 * np.pi - AZIMUTH
+    place = {"x": RHO * np.cos(north), "y": RHO * np.sin(north)}
+    found = recognised.parameters([cloud(**place, range=RHO, bearing=np.degrees(AZIMUTH))])
+    assert (found["azimuth_unit"], found["azimuth_convention"]) == ("deg", "compass_cw")
+    found = recognised.parameters([cloud(range=RHO, bearing=np.degrees(AZIMUTH))])
+    assert found["azimuth_unit"] == "deg"
+    assert "azimuth_convention" not in found
+
+
+@pytest.mark.parametrize(("unit", "per_second"), [("s", 1.0), ("ms", 1e3), ("us", 1e6)])
+def test_times_have_the_unit_that_puts_them_near_the_stamp(unit, per_second):
+    since = np.array([0.0, 0.5, 1.5, 30.0]) * per_second
+    found = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, time=since)])
+    assert (found["time_unit"], found["time_reference"]) == (unit, "stamp")
+    epoch = since + 1e9 * per_second
+    found = recognised.parameters([cloud(wide=["t"], range=RHO, azimuth=AZIMUTH, t=epoch)])
+    assert (found["time_unit"], found["time_reference"]) == (unit, "epoch")
+
+
+def test_times_of_milliseconds_are_none_of_seconds_where_clouds_follow_fast():
+    since = np.array([0.0, 10.0, 20.0, 45.0])
+    clouds = [
+        cloud(10**18 + k * 50_000_000, range=RHO, azimuth=AZIMUTH, time=since) for k in range(4)
+    ]
+    assert recognised.parameters(clouds)["time_unit"] == "ms"
+
+
+def test_elevations_that_are_all_zero_are_none():
+    flat = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=0.0 * RHO)])
+    assert "fields.elevation" not in flat
+    high = recognised.parameters([cloud(range=RHO, azimuth=AZIMUTH, elevation=0.1 + 0.0 * RHO)])
+    assert high["fields.elevation"] == "elevation"
