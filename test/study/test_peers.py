@@ -28,14 +28,16 @@ LAG = 3
 # Scans that a tracker may take to confirm what it sees.
 SETTLED = 3
 NEAR_M = 500.0
+# The noise with which they are studied.
+MODEL = resolve({"cv.noise_density": 1.0}).model
 CONTENDERS = {
-    "gm_phd": peers.gm_phd,
-    "gnn": partial(peers.gnn, lags=(0, LAG)),
-    "gnn_loud": partial(peers.gnn_loud, lags=(0, LAG)),
-    "gnn_anywhere": partial(peers.gnn_anywhere, lags=(0, LAG)),
-    "jpda": peers.jpda,
-    "gm_phd_loud": peers.gm_phd_loud,
-    "jpda_loud": peers.jpda_loud,
+    "gm_phd": partial(peers.gm_phd, model=MODEL),
+    "gnn": partial(peers.gnn, lags=(0, LAG), model=MODEL),
+    "gnn_loud": partial(peers.gnn_loud, lags=(0, LAG), model=MODEL),
+    "gnn_anywhere": partial(peers.gnn_anywhere, lags=(0, LAG), model=MODEL),
+    "jpda": partial(peers.jpda, model=MODEL),
+    "gm_phd_loud": partial(peers.gm_phd_loud, model=MODEL),
+    "jpda_loud": partial(peers.jpda_loud, model=MODEL),
 }
 every_peer = pytest.mark.parametrize("contender", CONTENDERS.values(), ids=CONTENDERS)
 

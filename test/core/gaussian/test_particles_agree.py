@@ -12,7 +12,8 @@ from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.smc import extraction
 
 REPEATS = 5
-PARTICLES = 8_000
+# Four times as many, in all of the scans.
+PARTICLES = 2_000
 SCANS = 9
 GIVEN = {
     "radars": ["radar"],
