@@ -22,7 +22,7 @@ REPORT = "report.png"
 SOURCES = {
     "out/demo/trajectories.png": "make demo",
     "out/demo/ospa.png": "make demo",
-    "out/study/clutter_20/ospa_against_lag.png": "make study",
+    "out/study/figures/clutter_20/ospa_against_lag.png": "make study",
     "out/bench/cost_against_particles_per_target.png": "make bench",
     "out/bench/cost_against_targets.png": "make bench",
     "out/bench/step_against_targets.png": "make bench",
