@@ -79,7 +79,7 @@ def numbered(base: Part) -> Part:
     """
     numbers = count()
 
-    class Numbered(base):  # type: ignore[misc]
+    class Numbered(base):
         def __init__(self, *args: Any, **kwargs: Any) -> None:
             self.number = next(numbers)
             super().__init__(*args, **kwargs)
