@@ -54,6 +54,8 @@ setup(
         "zstandard>=0.22",
         "pyyaml>=6",
         "rich>=13",
+        "pyproj>=3.6",
+        "libasterix>=0.36",
     ],
     extras_require={
         "ros": ROS_WHEELS,

@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.sectors import sector_of
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
-from . import plot_times, point_cloud, stamps
+from . import identities, plot_times, point_cloud, stamps
 from .errors import RejectedMessageError, quoted
 from .selection import Columns, Report, select
 
@@ -30,7 +30,7 @@ NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 DOUBLES = ("f8",)
 # What a cloud may lack although the radar's configuration names its field.
 OPTIONAL = (
-    *("level", "time", "sector", "height", "range_std", "azimuth_std"),
+    *("level", "time", "sector", "height", "code", "address", "range_std", "azimuth_std"),
     *("range_rate", "range_rate_std"),
 )
 # The layout of the clouds that are written where no radar's own is asked for.
@@ -54,9 +54,10 @@ def to_msg(
     -------
     PointCloud2
         Fields are ``x y z`` in the sensor's frame, then the radar's names for ``range azimuth
-        elevation amplitude``, and those for the time, the sector, the height, the range rate and
-        the deviations of each detection that it has. All are FLOAT32, but for the sector, UINT32,
-        and times since the epoch, FLOAT64. The elevation is 0, and the height that of the antenna.
+        elevation amplitude``, and those for the time, the sector, the height, the code, the
+        address, the range rate and the deviations of each detection that it has. All are FLOAT32,
+        but for the sector, the code and the address, UINT32, and times since the epoch, FLOAT64.
+        The elevation is 0; so is the height above the antenna if the detections have none.
 
     Raises
     ------
@@ -64,12 +65,13 @@ def to_msg(
         If the radar has amplitudes or sectors and the detections have none.
     """
     distance, azimuth = detections.measurement.T
+    slant = _slant_range(detections, radar)
     zero = np.zeros(len(detections))
     columns = {
         "x": distance * np.cos(azimuth),
         "y": distance * np.sin(azimuth),
         "z": zero,
-        radar.range_field: distance,
+        radar.range_field: slant,
         radar.azimuth_field: sent_azimuth(azimuth, radar),
     }
     # A radar may call another field by the name that elevations have here.
@@ -95,7 +97,14 @@ def _sent_particulars(
         sector = sector_of(detections.coverage, radar.sectors, radar.compass)
         yield radar.sector_field, np.full(count, sector, dtype=np.uint32)
     if radar.height_field:
-        yield radar.height_field, np.full(count, radar.height)
+        known = detections.height
+        yield radar.height_field, np.full(count, radar.height) if known is None else known
+    for name, identity in (
+        (radar.code_field, detections.code),
+        (radar.address_field, detections.address),
+    ):
+        if name:
+            yield name, identities.sent(identity, count)
     own = detections.noise_std
     std = np.full((count, 2), np.nan) if own is None else own
     if radar.range_std_field:
@@ -109,6 +118,15 @@ def _sent_particulars(
     ):
         if name:
             yield name, np.full(count, np.nan) if known is None else known
+
+
+def _slant_range(detections: Detections, radar: RadarInput) -> FloatArray:
+    """Return the ranges as a radar that reports heights measures them: what `select` undoes."""
+    ground: FloatArray = detections.measurement[:, 0]
+    if not radar.height_field or detections.height is None:
+        return ground
+    above = np.nan_to_num(detections.height - radar.height)
+    return np.hypot(ground, above)
 
 
 def sent_azimuth(azimuth: FloatArray, radar: RadarInput) -> FloatArray:
@@ -144,8 +162,9 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     ----------
     cloud : PointCloud2
         Range and azimuth (and elevation) are floats, as are times, heights, range rates and
-        deviations; the amplitude and the sector may be whole numbers. Without a field that is none
-        of a detection's coordinates, what it says is unknown; that is a doubt.
+        deviations; the amplitude, the sector, the code and the address may be whole numbers.
+        Without a field that is none of a detection's coordinates, what it says is unknown; that is
+        a doubt.
     radar : RadarInput
         Field names, units and conventions. Where it names an elevation or a height field, ranges
         are slant ranges.
@@ -184,6 +203,8 @@ def _named(radar: RadarInput) -> dict[str, tuple[str, Sequence[str]]]:
         "time": (radar.time_field, DOUBLES if radar.time_since_epoch else floats),
         "sector": (radar.sector_field, NUMBERS),
         "height": (radar.height_field, floats),
+        "code": (radar.code_field, NUMBERS),
+        "address": (radar.address_field, NUMBERS),
         "range_std": (radar.range_std_field, floats),
         "azimuth_std": (radar.azimuth_std_field, floats),
         "range_rate": (radar.range_rate_field, floats),

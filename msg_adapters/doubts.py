@@ -72,9 +72,15 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
         f"{count} clouds whose sector is not one whole number from 0 to "
         f"{max(radar.sectors - 1, 0)}; it is derived from their detections"
     ),
+    "identities_unusable": lambda radar, count: (
+        f"{count} codes or addresses that are no whole number of 12 and 24 bits; their detections "
+        "are used without them"
+    ),
     "time_missing": _missing("fields.time", "all its detections count as at the stamp"),
     "sector_missing": _missing("fields.sector", "the sector is derived from the detections"),
     "height_missing": _missing("fields.height", "slant ranges are used as ground ranges"),
+    "code_missing": _missing("fields.code", "its codes are unknown"),
+    "address_missing": _missing("fields.address", "its addresses are unknown"),
     "range_std_missing": _missing("fields.range_std", "range_std is used"),
     "azimuth_std_missing": _missing("fields.azimuth_std", "azimuth_std_deg is used"),
     "range_rate_missing": _missing("fields.range_rate", "its range rates are unknown"),

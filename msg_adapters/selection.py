@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.models.radar import wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
-from . import plot_times
+from . import identities, plot_times
 
 # 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
@@ -83,6 +83,8 @@ class Columns:
     time : array or None
     height : array or None
         Metres above the world's zero.
+    code, address : array or None
+        Mode A codes and Mode S addresses.
     range_std, azimuth_std : array or None
         In metres and in the unit of the azimuth.
     sector : array or None
@@ -96,6 +98,8 @@ class Columns:
     level: FloatArray | None = None
     time: FloatArray | None = None
     height: FloatArray | None = None
+    code: FloatArray | None = None
+    address: FloatArray | None = None
     range_std: FloatArray | None = None
     azimuth_std: FloatArray | None = None
     sector: FloatArray | None = None
@@ -116,7 +120,8 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
     Notes
     -----
     An amplitude, a height, a range rate or a deviation that is NaN is unknown, and its point is
-    kept. So is a point whose range rate is impossible; that then counts as unknown.
+    kept. So is a point whose range rate, code or address is impossible; that then counts as
+    unknown.
     """
     azimuth = np.radians(columns.azimuth) if radar.azimuth_in_degrees else columns.azimuth
     turns = np.abs(azimuth)
@@ -144,6 +149,8 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
     noise_std, unusable = _noise_std(columns, kept, radar)
     sector, confused = _sector(columns.sector, radar)
     range_rate, rate_doubts = _range_rate(columns.range_rate, kept, radar)
+    code, unusable_codes = identities.read(columns.code, kept, identities.CODES)
+    address, unusable_addresses = identities.read(columns.address, kept, identities.ADDRESSES)
     range_rate_std, unusable_rates = _range_rate_std(columns.range_rate_std, kept)
     detections = Detections(
         np.stack([ground_range[kept], wrap_angle(azimuth[kept])], axis=1),
@@ -152,6 +159,9 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
         noise_std,
         range_rate=range_rate,
         range_rate_std=None if range_rate is None else range_rate_std,
+        height=None if columns.height is None else columns.height[kept],
+        code=code,
+        address=address,
     )
     beyond = 0 if radar.azimuth_in_degrees else np.count_nonzero(turns[kept] > A_TURN)
     unknown = 0 if columns.height is None else np.count_nonzero(~np.isfinite(columns.height[kept]))
@@ -160,6 +170,7 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
         heights_unknown=int(unknown),
         deviations_unusable=unusable + unusable_rates,
         sectors_unusable=confused,
+        identities_unusable=unusable_codes + unusable_addresses,
         **rate_doubts,
     )
     return Report(stamp_ns, detections, dropped, +doubts, sector)

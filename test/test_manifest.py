@@ -15,6 +15,7 @@ ROOT = Path(__file__).parents[1]
 MANIFEST = ElementTree.parse(ROOT / "package.xml").getroot()
 # Key of a Python package, where it is not python3-NAME; None where there is no key.
 KEYS = {
+    "libasterix": None,
     "lz4": "mcap-ros2-support",
     "mcap": "mcap-ros2-support",
     "plotly": None,

@@ -23,6 +23,14 @@ from .state_space import PLANAR, StateSpace
 FULL_TURN = 2.0 * np.pi
 # States of a track, see `confirmation`.
 TENTATIVE, CONFIRMED, COASTING = range(3)
+# A code or an address that is not known.
+UNKNOWN = -1
+# The columns of detections that have one number for each, and those of them that are whole numbers.
+_IDENTITIES = ("code", "address")
+_PER_DETECTION = (
+    *("amplitude", "time_s", "range_rate", "range_rate_std", "height"),
+    *_IDENTITIES,
+)
 _NOT_GIVEN: IntArray = np.zeros(0, dtype=np.int64)
 
 
@@ -98,6 +106,11 @@ class Detections:
     range_rate_std : array of shape (M,) or None
         Standard deviation of each range rate, metres per second; NaN, and None for all, for the
         radar model's.
+    height : array of shape (M,) or None
+        Above the world's zero, metres; NaN where it is unknown. None when the radar reports none.
+    code, address : int array of shape (M,) or None
+        Mode A code, 12 bits, and Mode S address, 24 bits, of the transponder that answered;
+        `UNKNOWN` where there is none. None when the radar reports none.
     """
 
     measurement: FloatArray
@@ -108,24 +121,21 @@ class Detections:
     pose: Pose | None = None
     range_rate: FloatArray | None = None
     range_rate_std: FloatArray | None = None
+    height: FloatArray | None = None
+    code: IntArray | None = None
+    address: IntArray | None = None
 
     def __post_init__(self) -> None:
         measurement = read_only(self.measurement)
         if measurement.ndim != 2:
             raise ValueError(f"measurement: expected shape (M, Z), got {measurement.shape}")
         object.__setattr__(self, "measurement", measurement)
-        shapes = {
-            "amplitude": measurement.shape[:1],
-            "time_s": measurement.shape[:1],
-            "noise_std": measurement.shape,
-            "range_rate": measurement.shape[:1],
-            "range_rate_std": measurement.shape[:1],
-        }
-        for name, shape in shapes.items():
+        for name in (*_PER_DETECTION, "noise_std"):
             value = getattr(self, name)
             if value is None:
                 continue
-            value = read_only(value)
+            value = read_only(value, np.int64) if name in _IDENTITIES else read_only(value)
+            shape = measurement.shape if name == "noise_std" else measurement.shape[:1]
             if value.shape != shape:
                 raise ValueError(f"{name}: expected shape {shape}, got {value.shape}")
             object.__setattr__(self, name, value)
@@ -135,19 +145,12 @@ class Detections:
 
     def take(self, rows: IntArray) -> Detections:
         """Return the detections of these rows, in this order; coverage and pose stay the same."""
-
-        def chosen(column: FloatArray | None) -> FloatArray | None:
-            return None if column is None else column[rows]
-
-        return replace(
-            self,
-            measurement=self.measurement[rows],
-            amplitude=chosen(self.amplitude),
-            time_s=chosen(self.time_s),
-            noise_std=chosen(self.noise_std),
-            range_rate=chosen(self.range_rate),
-            range_rate_std=chosen(self.range_rate_std),
-        )
+        columns = {
+            name: getattr(self, name)[rows]
+            for name in ("measurement", "noise_std", *_PER_DETECTION)
+            if getattr(self, name) is not None
+        }
+        return replace(self, **columns)
 
 
 @dataclass(frozen=True)

@@ -417,6 +417,8 @@ def _input(values: Mapping[str, Any], name: str) -> RadarInput:
         sector_field=get["fields.sector"],
         height_field=get["fields.height"],
         height=get["height"],
+        code_field=get["fields.code"],
+        address_field=get["fields.address"],
         range_std_field=get["fields.range_std"],
         azimuth_std_field=get["fields.azimuth_std"],
         range_rate_field=get["fields.range_rate"],

@@ -522,6 +522,18 @@ RADAR = (
         "Name of the cloud's field with each target's height above the world's zero, m; its ranges "
         "are then slant ranges. Empty if it has none.",
     ),
+    Parameter(
+        "fields.code",
+        "",
+        "Name of the cloud's field with each detection's Mode A code, a whole number of 12 bits "
+        "(4032 is 7700 in octal digits), 4294967295 if it is unknown; empty if it has none.",
+    ),
+    Parameter(
+        "fields.address",
+        "",
+        "Name of the cloud's field with each detection's Mode S address, a whole number of 24 "
+        "bits, 0 or 4294967295 if it is unknown; empty if it has none.",
+    ),
     Parameter("height", 0.0, "Height of the antenna above the world's zero, m.", -1e4, 1e5),
     Parameter(
         "fields.range_std",

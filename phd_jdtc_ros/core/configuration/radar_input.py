@@ -43,6 +43,9 @@ class RadarInput:
         is none. Where there is one, ranges are slant ranges.
     height : float
         Of the antenna above the world's zero, metres.
+    code_field, address_field : str
+        Names of the fields with each detection's Mode A code and Mode S address; empty if there are
+        none.
     range_std_field, azimuth_std_field : str
         Names of the fields with each detection's own deviations, in metres and in the unit of the
         azimuth; empty if there are none.
@@ -86,6 +89,8 @@ class RadarInput:
     sector_field: str = ""
     height_field: str = ""
     height: float = 0.0
+    code_field: str = ""
+    address_field: str = ""
     range_std_field: str = ""
     azimuth_std_field: str = ""
     range_rate_field: str = ""

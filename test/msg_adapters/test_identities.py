@@ -1,0 +1,111 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Codes, addresses and heights of detections, from clouds and back."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from msg_adapters import detections as adapter
+from msg_adapters.identities import ADDRESSES, CODES, NONE, read, sent
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.types import UNKNOWN, Detections
+
+LAYOUT = RadarInput(
+    name="radar_1",
+    topic="/radar_1/detections",
+    frame="radar_1",
+    amplitude_field="",
+    height_field="height",
+    height=30.0,
+    code_field="code",
+    address_field="address",
+)
+
+
+def found(**columns):
+    return Detections(np.array([[5000.0, 0.1], [9000.0, -2.0]]), None, **columns)
+
+
+def test_what_is_sent_comes_back():
+    given = found(
+        height=np.array([10_000.0, np.nan]),
+        code=np.array([0o7700, UNKNOWN]),
+        address=np.array([UNKNOWN, 0xABCDEF]),
+    )
+    cloud = adapter.to_msg(given, 0, "radar_1", LAYOUT)
+    report = adapter.from_msg(cloud, LAYOUT)
+
+    assert_array_equal(report.detections.code, given.code)
+    assert_array_equal(report.detections.address, given.address)
+    assert_array_equal(report.detections.height, given.height)
+    # On the way its first range is a slant range, twice that over ground.
+    assert_allclose(report.detections.measurement, given.measurement, rtol=1e-6)
+    assert report.doubts == {"heights_unknown": 1}
+
+
+def test_without_the_fields_nothing_is_known_of_them():
+    plain = RadarInput(
+        name="radar_1", topic="/radar_1/detections", frame="radar_1", amplitude_field=""
+    )
+    report = adapter.from_msg(adapter.to_msg(found(), 0, "radar_1", plain), plain)
+
+    assert report.detections.code is report.detections.address is report.detections.height is None
+
+
+def test_a_configured_field_that_a_cloud_lacks_is_a_doubt():
+    plain = RadarInput(
+        name="radar_1", topic="/radar_1/detections", frame="radar_1", amplitude_field=""
+    )
+    report = adapter.from_msg(adapter.to_msg(found(), 0, "radar_1", plain), LAYOUT)
+
+    assert report.detections.code is None
+    assert report.doubts == {"code_missing": 1, "address_missing": 1, "height_missing": 1}
+
+
+@pytest.mark.parametrize("none", [NONE, float(np.float32(NONE)), np.nan])
+def test_a_code_may_be_unknown_in_several_ways(none):
+    code, unusable = read(np.array([none, 0.0, 4095.0]), np.ones(3, dtype=bool), CODES)
+
+    assert_array_equal(code, [UNKNOWN, 0, 4095])
+    assert unusable == 0
+
+
+@pytest.mark.parametrize("bad", [-1.0, 4096.0, 7.5, np.inf, -np.inf, 1e300])
+def test_what_is_no_code_is_unknown_and_counted(bad):
+    code, unusable = read(np.array([bad, 7.0]), np.ones(2, dtype=bool), CODES)
+
+    assert_array_equal(code, [UNKNOWN, 7])
+    assert unusable == 1
+
+
+def test_no_transponder_has_the_address_zero():
+    address, unusable = read(np.array([0.0, 1.0, 2.0**24]), np.ones(3, dtype=bool), ADDRESSES)
+
+    assert_array_equal(address, [UNKNOWN, 1, UNKNOWN])
+    assert unusable == 1
+
+
+def test_detections_that_were_left_out_have_no_identity():
+    code, unusable = read(np.array([5.0, -3.0, 6.0]), np.array([True, False, True]), CODES)
+
+    assert_array_equal(code, [5, 6])
+    assert unusable == 0
+
+
+def test_a_column_of_unknown_ones_is_sent_where_there_are_none():
+    assert_array_equal(sent(None, 2), [NONE, NONE])
+
+
+def test_rows_are_taken_with_all_that_they_have():
+    given = found(height=np.array([1.0, 2.0]), code=np.array([3, 4]), address=np.array([5, 6]))
+    part = given.take(np.array([1]))
+
+    assert (part.height[0], part.code[0], part.address[0]) == (2.0, 4, 6)
+    assert part.code.dtype == np.int64
+
+
+def test_identities_have_one_number_for_each_detection():
+    with pytest.raises(ValueError, match=r"code: expected shape \(2,\), got \(3,\)"):
+        found(code=np.zeros(3, dtype=int))
