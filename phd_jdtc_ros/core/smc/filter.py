@@ -15,7 +15,7 @@ from ..snapshot import Snapshot
 from ..touch import parted
 from ..types import Scan
 from ..window import Entry
-from . import backward_kernel
+from . import backward_kernel, newborns
 from .backward_kernel import ParticleEntry, Transition
 from .budget import ParticleBudget
 from .correction import Corrector
@@ -78,16 +78,18 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         births = self._births(scan)
         predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.done("predict")
-        updated, newborns = update_scan(
+        updated, born_here = update_scan(
             predicted, scan, model, corrector, dt, index, rng, self.clutter
         )
         self.done("update")
         young_from = index if corrector.labelled else None
         stored = resample(updated, model.modes, budget, rng, young_from)
+        if corrector.labelled:
+            stored = newborns.spread(stored, scan, model, index, rng)
         self.done("resample")
         link = None
         if linked and earlier:
-            link = backward_kernel.build_joint(earlier, stored, model, corrector, newborns)
+            link = backward_kernel.build_joint(earlier, stored, model, corrector, born_here)
             self.done("transition")
         sources = tuple(rows.source for rows in touched)
         entry = Entry(scan.stamp_ns, stored, sources, link)

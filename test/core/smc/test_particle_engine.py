@@ -11,6 +11,7 @@ from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.simulation.scenario import TargetScript
 from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.smc.resampling import YOUNG_FACTOR
 from phd_jdtc_ros.core.types import Scan
 
 START_NS = 1_700_000_000_000_000_000
@@ -224,8 +225,8 @@ def test_engine_step_reports_what_it_holds():
     step = new_engine(small()).step(SCANS[0])
     assert step.class_mass.shape == (2,)
     assert 2.0 < step.class_mass.sum() < 4.0
-    assert 0 < step.figures["effective_sample_size"] <= 200 * 4 + 8 * 20
-    assert 0 < step.figures["particles"] <= 1000
+    most = 200 * 4 * YOUNG_FACTOR + 8 * 20
+    assert 0 < step.figures["effective_sample_size"] <= step.figures["particles"] <= most
     assert step.figures["orphans"] == 0
 
 
@@ -248,9 +249,9 @@ def test_engine_figures_tell_how_many_particles_the_targets_are_left_with():
     for found in (*usual, *sharp):
         assert 0 < found["effective_sample_size"] <= found["particles"]
         assert 0.0 < found["effective_share"] <= 1.0
-    # Sharper detections leave fewer of them.
-    shares = [np.mean([found["effective_share"] for found in each]) for each in (usual, sharp)]
-    assert shares[1] < 0.8 * shares[0]
+    # Sharper detections leave fewer of them, above all while targets are young.
+    shares = [np.mean([found["effective_share"] for found in each[:3]]) for each in (usual, sharp)]
+    assert shares[1] < 0.6 * shares[0]
 
 
 def one_target_scans(config, scans=6):
