@@ -70,7 +70,14 @@ PARTS = {
     ),
     "correction": Part(("smc/correction.py",), ("smc/test_correction.py",)),
     "gaussian update": Part(
-        ("gaussian/update.py",),
+        (
+            "gaussian/amplitude.py",
+            "gaussian/located.py",
+            "gaussian/newborn.py",
+            "gaussian/pairs.py",
+            "gaussian/stillness.py",
+            "gaussian/update.py",
+        ),
         (
             "gaussian/test_joint_update.py",
             "gaussian/test_enumeration.py",
