@@ -107,8 +107,7 @@ def _by_fold(
     reach = BIRTH_SIGMA * float(np.sqrt((before.variance + rates.std**2).max()))
     each = range_rate.folds_of(rates, before.rate, reach)
     told = [
-        range_rate.rated(mean, covariance, radar, range_rate.unfolded(rates, rate), time_s)
-        for rate in each
+        range_rate.told(mean, covariance, before, range_rate.unfolded(rates, rate)) for rate in each
     ]
     log_likelihood = np.stack([one.log_likelihood for one in told], axis=1)
     share = np.exp(log_likelihood - log_likelihood.max(axis=1, keepdims=True))
