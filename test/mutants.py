@@ -94,9 +94,10 @@ PARTS = {
             "gaussian/test_generations.py",
             "gaussian/test_enumeration.py",
             "gaussian/test_moments.py",
+            "gaussian/test_smoothed_window.py",
         ),
     ),
-    "window": Part(("fixed_lag.py",), ("test_fixed_lag.py",)),
+    "window": Part(("fixed_lag.py",), ("test_fixed_lag.py", "test_window_enumeration.py")),
 }
 
 
