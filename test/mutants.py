@@ -70,7 +70,14 @@ PARTS = {
     ),
     "correction": Part(("smc/correction.py",), ("smc/test_correction.py",)),
     "gaussian update": Part(
-        ("gaussian/update.py",),
+        (
+            "gaussian/amplitude.py",
+            "gaussian/located.py",
+            "gaussian/newborn.py",
+            "gaussian/pairs.py",
+            "gaussian/stillness.py",
+            "gaussian/update.py",
+        ),
         (
             "gaussian/test_joint_update.py",
             "gaussian/test_enumeration.py",
@@ -87,9 +94,10 @@ PARTS = {
             "gaussian/test_generations.py",
             "gaussian/test_enumeration.py",
             "gaussian/test_moments.py",
+            "gaussian/test_smoothed_window.py",
         ),
     ),
-    "window": Part(("fixed_lag.py",), ("test_fixed_lag.py",)),
+    "window": Part(("fixed_lag.py",), ("test_fixed_lag.py", "test_window_enumeration.py")),
 }
 
 

@@ -38,10 +38,13 @@ class Schedule:
     period_ns: int
 
     def between(self, after_ns: int, before_ns: int) -> list[int]:
-        """Return the stamps of estimates after one stamp and before another, ascending."""
+        """Return the stamps of estimates from one scan's until before the next one's, ascending.
+
+        That of the earlier scan is one of them if it is a multiple: all that it says is then known.
+        """
         if not self.period_ns:
             return []
-        first = (after_ns // self.period_ns + 1) * self.period_ns
+        first = -(-after_ns // self.period_ns) * self.period_ns
         return list(range(first, before_ns, self.period_ns))
 
 

@@ -1,131 +1,26 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An engine whose rows are no particles: one for each origin, with the scan that touched it."""
+"""The window, the schedule and the snapshots around an engine whose rows are marks."""
 
 import json
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from marks import MODEL, MarkEngine, MarkFilter, rule
 from sweep import configuration
 
-from phd_jdtc_ros.core import window_snapshot
-from phd_jdtc_ros.core.backward import smoothed_sets
-from phd_jdtc_ros.core.confirmation import ReportingRule
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.fixed_lag import FixedLagEngine
-from phd_jdtc_ros.core.forward import Filtered, ForwardFilter
-from phd_jdtc_ros.core.reporting import Schedule, chosen
+from phd_jdtc_ros.core.reporting import Schedule
 from phd_jdtc_ros.core.snapshot import Snapshot
-from phd_jdtc_ros.core.touch import parted
-from phd_jdtc_ros.core.types import Coverage, Detections, Estimates, Scan
-from phd_jdtc_ros.core.window import Entry, Extents
+from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 
-MODEL = configuration().model
 SECOND = 1_000_000_000
-# Four targets 50 km away: to the east, north, west and south.
-PLACES = 50e3 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
 QUARTER = 0.5 * np.pi
-
-
-@dataclass(frozen=True)
-class Marks:
-    """One row for each origin, with the index of the latest scan known to have touched it."""
-
-    origin: np.ndarray
-    mark: np.ndarray
-
-    @property
-    def label(self):
-        return self.origin
-
-    def __len__(self):
-        return len(self.origin)
-
-    def take(self, rows):
-        return Marks(self.origin[rows], self.mark[rows])
-
-    def class_mass(self, class_of, classes, rows=None):
-        return np.full(classes, (len(self) if rows is None else len(rows)) / classes)
-
-    def extents(self, space):
-        none = np.zeros(len(self))
-        place = PLACES[self.origin]
-        return Extents(self.origin, np.arange(len(self)), place, 0.0 * place, none, none)
-
-
-class MarkFilter(ForwardFilter):
-    def step(self, scan, linked):
-        self._interval(scan)
-        touched, others = parted(self.current, scan, self.model, labelled=True)
-        origin = np.sort(np.concatenate([np.arange(0), *(rows.origin for rows in touched)]))
-        if not self.current:
-            origin = np.arange(len(PLACES))
-        stored = Marks(origin, np.full(len(origin), float(self._scan_index)))
-        earlier = np.concatenate([np.arange(0), *(rows.origin for rows in touched)])
-        link = np.searchsorted(origin, earlier) if linked and touched else None
-        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
-        self._keep(entry, others)
-        return Filtered(stored, entry, tuple(rows.entry for rows in touched))
-
-
-class MarkEngine(FixedLagEngine):
-    def _extract(self, stored, stamp_ns, lag, threshold):
-        count, modes = len(stored), self.forward.model.modes
-        state = np.zeros((count, len(modes.space)))
-        state[:, list(modes.space.position)] = PLACES[stored.origin]
-        estimates = Estimates(
-            stamp_ns=stamp_ns,
-            lag=lag,
-            state=state,
-            covariance=np.zeros((count, len(modes.space), len(modes.space))),
-            weight=stored.mark + 1.0,
-            class_probability=np.full((count, len(modes.classes)), 1.0 / len(modes.classes)),
-            class_id=np.zeros(count, dtype=np.int64),
-            track_id=stored.origin + 1,
-            space=modes.space,
-        )
-        return chosen(estimates, np.flatnonzero(estimates.weight > threshold))
-
-    def _backward(self, window):
-        return smoothed_sets(window, lambda later, link: later.mark[link], self._heard)
-
-    @staticmethod
-    def _heard(stored, told):
-        mark = stored.mark.copy()
-        for part in told:
-            mark[slice(None) if part.rows is None else part.rows] = part.message[part.part]
-        return Marks(stored.origin, mark)
-
-    def _figures(self, step):
-        return {"touched": sum(len(entry.stored) for entry in step.earlier)}
-
-    def _put_entry(self, held, name, entry):
-        window_snapshot.put_sources(held, name, entry)
-        held.arrays[f"{name}.origin"] = entry.stored.origin
-        held.arrays[f"{name}.mark"] = entry.stored.mark
-        if entry.link is not None:
-            held.arrays[f"{name}.link"] = entry.link
-
-    def _take_entry(self, held, name, earlier):
-        stamp_ns, sources = window_snapshot.take_sources(held, name, 100)
-        stored = Marks(held.array(f"{name}.origin"), held.array(f"{name}.mark"))
-        for source in sources:
-            if source.stamp_ns in earlier:
-                window_snapshot.require_rows_of(name, source, earlier[source.stamp_ns].stored)
-        return Entry(stamp_ns, stored, sources, held.arrays.get(f"{name}.link"))
 
 
 def engine(lag=4, threshold=0.5):
     return MarkEngine(MarkFilter(MODEL), Lag(lag), Schedule(0), rule(threshold))
-
-
-def rule(confirm, delete=None):
-    """Return the rule of thresholds on marks, which are no probabilities; one for both if alone."""
-    classes = len(MODEL.modes.classes)
-    confirm, delete = (np.full(classes, value) for value in (confirm, delete or confirm))
-    return ReportingRule(confirm, delete, delete, np.full(classes, np.inf))
 
 
 def sector(index):
@@ -211,12 +106,33 @@ def test_restored_engine_goes_on_and_an_interrupted_one_uses_no_number_again():
     assert sorted(after.track_id) == [5, 6, 7, 8]
 
 
+def of_smoother(**facts):
+    return lambda held: held.facts["smoother"].update(facts)
+
+
+def of_tracks(**facts):
+    return lambda held: held.facts["smoother"]["tracks"].update(facts)
+
+
+def at_index(index, **facts):
+    return lambda held: held.facts[f"stored.{index}"].update(facts)
+
+
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        (lambda held: held.facts["smoother"].update(stamps_ns=[2, 1]), "stamps_ns: must increase"),
+        (of_smoother(stamps_ns=[2, 1]), "ValueError: stamps_ns: must increase"),
+        (of_smoother(stamps_ns=[2, 2]), "ValueError: stamps_ns: must increase"),
+        (of_smoother(stamps_ns=[1.5]), "ValueError: stamps_ns: 1.5 given"),
+        (of_smoother(stamps_ns=[5, 7 * SECOND + 1]), "end at 7000000001, after 7000000000$"),
+        (of_smoother(entries=-1), "ValueError: entries: -1 given"),
+        (of_smoother(entries=99), "KeyError: 'stored.7'"),
+        (of_tracks(count=-1), "tracks.count: -1 given"),
+        (of_tracks(number=[[-1, 1]]), "ValueError: label: -1 given"),
+        (of_tracks(number=[[2**63, 1]]), f"ValueError: label: {2**63} given"),
+        (of_tracks(number=[[2, 5]]), r"ValueError: track: 5 given, must be .* \[1, 4\]"),
         (lambda held: held.facts["filter"].update(current_ns=[5]), "none of the stored sets"),
-        (lambda held: held.facts["stored.1"].update(sizes=[3]), "rows, expected"),
+        (at_index(1, sizes=[3]), "rows, expected"),
         (lambda held: held.arrays.pop(f"filtered.{7 * SECOND}.weight"), "weight: missing"),
     ],
 )
@@ -225,9 +141,101 @@ def test_restore_says_what_is_wrong_and_leaves_a_new_engine(change, named):
     run(of, 0, 7)
     held = stored_and_read(of.snapshot())
     change(held)
-    with pytest.raises(ValueError, match=named):
+    with pytest.raises(ValueError, match=f"^snapshot: .*{named}"):
         of.restore(held)
     assert run(of, 0, 3)[0][-1].weight.tolist() == run(fresh, 0, 3)[0][-1].weight.tolist()
+
+
+@pytest.mark.parametrize("later", [0, -SECOND])
+def test_restore_refuses_sets_that_do_not_increase(later):
+    of = engine()
+    run(of, 0, 2, whole)
+    held = stored_and_read(of.snapshot())
+    held.facts["stored.1"].update(stamp_ns=SECOND + later, sources_ns=[], sizes=[])
+    with pytest.raises(ValueError, match=r"stored\.1\.stamp_ns: must increase$"):
+        of.restore(held)
+
+
+def test_restore_refuses_stamps_of_an_engine_that_has_had_no_scan():
+    of = engine()
+    held = stored_and_read(of.snapshot())
+    held.facts["smoother"]["stamps_ns"] = [1]
+    with pytest.raises(ValueError, match=r"stamps_ns: end at 1, after None$"):
+        of.restore(held)
+
+
+def test_engine_that_has_had_no_scan_is_restored():
+    of, fresh = engine(), engine()
+    of.restore(stored_and_read(engine().snapshot()))
+    assert run(of, 0, 3)[0][-1].weight.tolist() == run(fresh, 0, 3)[0][-1].weight.tolist()
+
+
+def test_scans_from_the_start_of_time_are_restored():
+    of, other = engine(), engine()
+    of.step(sector(-1))
+    other.restore(stored_and_read(of.snapshot()))
+    for one in (of, other):
+        one.step(sector(0))
+    assert [e.stamp_ns for e in of.flush()] == [e.stamp_ns for e in other.flush()] == [0, SECOND]
+
+
+def test_stamp_before_all_sets_has_no_targets():
+    of = engine()
+    run(of, 0, 3)
+    held = stored_and_read(of.snapshot())
+    held.facts["smoother"]["stamps_ns"] = [5, SECOND, 2 * SECOND]
+    of.restore(held)
+    early, *others = of.flush()
+    assert (early.stamp_ns, early.lag, len(early)) == (5, 2, 0)
+    assert early.class_probability.shape == (0, len(MODEL.modes.classes))
+    assert [len(estimates) for estimates in others] == [4, 4]
+
+
+def test_steps_tell_their_parts_and_figures():
+    of, parts = engine(lag=2), []
+    of.forward.done = parts.append
+    assert of.step(sector(0)).figures == {"touched": 0}
+    assert of.step(sector(1)).figures == {"touched": 4}  # the set of the first scan
+    assert parts == ["extraction"] * 2
+    of.step(sector(2))
+    assert parts[2:] == ["extraction", "backward", "extraction"]
+
+
+def test_steps_by_period_tell_the_same_parts():
+    parts = []
+    of = MarkEngine(MarkFilter(MODEL, done=parts.append), Lag(2), Schedule(SECOND * 3), rule(0.5))
+    run(of, 0, 3)
+    assert parts == ["extraction"] * 3
+    of.step(sector(3))
+    assert len(of.flush()) == 1
+    assert parts[3:] == ["extraction", "backward", "extraction"]
+
+
+def test_links_to_sets_that_have_left_are_dropped():
+    of = engine(lag=2)
+    run(of, 0, 12, whole)
+    held = of.snapshot()
+    # Of the two last scans, whose estimates are to come, the first one's source has left.
+    assert [name for name in sorted(held.facts) if name.startswith("stored.")] == [
+        "stored.0",
+        "stored.1",
+    ]
+    assert [name for name in held.arrays if name.endswith(".link")] == ["stored.1.link"]
+
+
+def test_clutter_raster_is_of_the_radars_that_learn_a_map():
+    assert engine().clutter_raster() is None
+    of = engine()
+    of.retune(configuration({"radar.clutter_map": True}).model, of.rule)
+    (radar,), memory = of.forward.model.radars, of.forward.clutter
+    report = Detections(np.array([[20e3, 0.5]]), None)
+    for _ in range(30):
+        memory.learn(memory.informed(radar), report, np.zeros(1), np.zeros(1))
+    drawn = of.clutter_raster()
+    row, column = np.unravel_index(drawn.density.argmax(), drawn.density.shape)
+    (place,) = radar.to_world(report.measurement)
+    corner = drawn.corner + drawn.cell * np.array([column, row])
+    assert np.abs(corner + 0.5 * drawn.cell - place).max() < 2.0 * radar.range_std
 
 
 def test_stamp_that_is_not_later_is_refused():

@@ -14,6 +14,7 @@ from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.gaussian import update as gaussian_update
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.gaussian.newborn import newborn_mixture
 from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched
 from phd_jdtc_ros.core.smc import extraction
 from phd_jdtc_ros.core.types import Detections
@@ -109,7 +110,7 @@ def test_newborn_gaussians_are_one_hypothesis_for_each_fold():
     )
     bounds = Bounds(100, 0.0, 0.0, 0.0, 1000)
     _, newborn, _ = gaussian_update.update(nothing, report, radar, dynamics, bounds, 0.1)
-    found = gaussian_update._with_newborn(nothing, newborn, dynamics, 1000).mixture
+    found = newborn_mixture(newborn, dynamics, 1000)
 
     mass = found.mass
     for row in range(3):

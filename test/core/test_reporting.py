@@ -54,9 +54,9 @@ def test_schedule_without_a_period_has_no_stamps_of_its_own():
 
 @pytest.mark.parametrize(
     ("after", "before", "expected"),
-    [(0.5, 3.5, [1, 2, 3]), (1.0, 3.0, [2]), (1.0, 1.9, []), (0.0, 1.0, [])],
+    [(0.5, 3.5, [1, 2, 3]), (1.0, 3.0, [1, 2]), (1.1, 1.9, []), (0.0, 1.0, [0])],
 )
-def test_schedule_has_the_multiples_strictly_between(after, before, expected):
+def test_schedule_has_the_multiples_from_one_scan_until_before_the_next(after, before, expected):
     found = Schedule(SECOND).between(round(after * SECOND), round(before * SECOND))
     assert found == [second * SECOND for second in expected]
 

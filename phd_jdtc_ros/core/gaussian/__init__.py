@@ -11,9 +11,11 @@ The path of one scan, with the module of each step::
       |  predict: survive, spawn, be born    prediction, dynamics
       |    mix motion modes, keep gains        moments, kalman
       |  update, radar by radar              update
-      |    gate, associate                     gating, core.association
-      |    iterated Kalman update              kalman
+      |    gate                                gating, amplitude
+      |    iterated Kalman update              located, kalman, range_rate
+      |    associate                           pairs, core.association
       |    keep the probable hypotheses        reduction
+      |    give birth at detections            newborn
       |  merge similar hypotheses            reduction
     stored mixture t+1                       (filter: the steps in order)
       |  link to mixture t, cached           smoother: moves and ancestry

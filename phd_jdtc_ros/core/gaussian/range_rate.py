@@ -123,13 +123,27 @@ def rated(
         N of them.
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
+    """
+    return told(mean, covariance, expected(mean, covariance, radar, time_s), measured)
+
+
+def told(mean: FloatArray, covariance: FloatArray, found: Expected, measured: Rates) -> Rated:
+    """Return Gaussians updated with one range rate each, of which it is known what is expected.
+
+    Parameters
+    ----------
+    mean, covariance : arrays of shape (N, D) and (N, D, D)
+        At the scan's stamp, updated with range and azimuth.
+    found : Expected
+        Of these Gaussians.
+    measured : Rates
+        N of them; Gaussians without one stay.
 
     Notes
     -----
     Where several folds are probable, the result is matched to the mixture of all of them; see
     `RangeRateModel.folded`.
     """
-    found = expected(mean, covariance, radar, time_s)
     known = np.isfinite(measured.rate)
     error = np.where(known, measured.rate - found.rate, 0.0)
     total = found.variance + measured.std**2

@@ -12,8 +12,7 @@ import textbook
 from lone import MEAN, STD, UNREDUCED, lone, mixture_of, path, scan_at, started
 
 from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.gaussian import kalman
-from phd_jdtc_ros.core.gaussian import update as update_module
+from phd_jdtc_ros.core.gaussian import kalman, pairs
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
@@ -41,7 +40,7 @@ def clutter_density(radar):
 @pytest.fixture(autouse=True)
 def _nothing_left_out(monkeypatch):
     """Let every update take all its iterations, and look at all pairs within the gates."""
-    monkeypatch.setattr(update_module, "LEAST_SHARE", 1e-12)
+    monkeypatch.setattr(pairs, "LEAST_SHARE", 1e-12)
     monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
 
 

@@ -14,7 +14,7 @@ from scipy.stats import norm
 from phd_jdtc_ros.core import origins
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
 from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.gaussian import kalman
+from phd_jdtc_ros.core.gaussian import kalman, pairs
 from phd_jdtc_ros.core.gaussian import update as update_module
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
@@ -264,7 +264,7 @@ def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
 @pytest.mark.parametrize("seed", range(4))
 def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, monkeypatch):
     rng = np.random.default_rng(seed)
-    monkeypatch.setattr(update_module, "LEAST_SHARE", 0.3)
+    monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
     config = lone({})
     single = mixture_of(Dynamics(config.model), [(1.0, MEAN, STD)])
     origin, rows = np.array([3, 3, 5, 9]), np.arange(4)
@@ -279,7 +279,7 @@ def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, mon
     missed = mixture.weight * rng.uniform(0.1, 0.9, (4, 1, 1))
     total = np.array([0.3, 1e-12, 2.0])
     others = OtherSources(np.zeros(3), total[None])
-    found = update_module._likely(mixture, row, column, weight[:, None, None], missed, others)
+    found = pairs.likely(mixture, row, column, weight[:, None, None], missed, others)
 
     odds = weight / np.maximum(total, LEAST_CLUTTER)[column]
     expected = []

@@ -11,7 +11,7 @@ from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
 from matchings import posterior
 
 from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.gaussian import kalman
+from phd_jdtc_ros.core.gaussian import kalman, pairs
 from phd_jdtc_ros.core.gaussian import update as update_module
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
@@ -46,7 +46,7 @@ SIZES = (1, 2, 3)
 @pytest.fixture(autouse=True)
 def _nothing_left_out(monkeypatch):
     """Let every update take all its iterations, and look at all pairs within the gates."""
-    monkeypatch.setattr(update_module, "LEAST_SHARE", 0.0)
+    monkeypatch.setattr(pairs, "LEAST_SHARE", 0.0)
     monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
 
 

@@ -1,0 +1,50 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Detections by class and signal-to-noise ratio: how probable they are, and their amplitudes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import FloatArray
+from ..models.radar import RadarModel
+from ..types import Detections
+from .dynamics import Dynamics
+from .gating import Expected
+
+
+def detection_probability(
+    expected: Expected,
+    detections: Detections,
+    radar: RadarModel,
+    dynamics: Dynamics,
+) -> FloatArray:
+    """Return the probability that each Gaussian is detected if it is the target, (H, R, S)."""
+    model, cells = dynamics.model, dynamics.cells
+    flat = expected.measured.reshape(-1, 2)
+    azimuth_std = np.sqrt(expected.covariance[..., 1, 1].ravel() + radar.azimuth_std**2)
+    seen = radar.missable(flat, detections.coverage, azimuth_std)
+    probability = model.amplitudes.detection_probability(
+        np.tile(dynamics.mode_of_cell, len(flat)),
+        np.tile(cells.log_snr, len(flat)),
+        flat[:, 0].repeat(len(cells)),
+        radar,
+        model.modes,
+    )
+    seen_and_detected: FloatArray = seen[:, None] * probability.reshape(-1, len(cells))
+    return seen_and_detected.reshape(*expected.measured.shape[:2], len(cells))
+
+
+def log_amplitude(detections: Detections, radar: RadarModel, dynamics: Dynamics) -> FloatArray:
+    """Return log p_D g(a) of every cell and detection, shape (S, M)."""
+    cells, count = len(dynamics.cells), len(detections)
+    likelihood = dynamics.model.amplitudes.log_likelihood(
+        dynamics.mode_of_cell,
+        dynamics.cells.log_snr,
+        detections,
+        (np.arange(cells).repeat(count), np.tile(np.arange(count), cells)),
+        radar,
+        dynamics.model.modes,
+    )
+    return likelihood.reshape(cells, count)

@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""An engine whose rows are no particles: one for each origin, with the scan that touched it."""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from sweep import configuration
+
+from phd_jdtc_ros.core import window_snapshot
+from phd_jdtc_ros.core.backward import smoothed_sets
+from phd_jdtc_ros.core.confirmation import ReportingRule
+from phd_jdtc_ros.core.fixed_lag import FixedLagEngine
+from phd_jdtc_ros.core.forward import Filtered, ForwardFilter
+from phd_jdtc_ros.core.reporting import chosen
+from phd_jdtc_ros.core.touch import parted
+from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.window import Entry, Extents
+
+MODEL = configuration().model
+# Four targets 50 km away: to the east, north, west and south.
+PLACES = 50e3 * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+
+
+@dataclass(frozen=True)
+class Marks:
+    """One row for each origin, with the index of the latest scan known to have touched it."""
+
+    origin: np.ndarray
+    mark: np.ndarray
+
+    @property
+    def label(self):
+        return self.origin
+
+    def __len__(self):
+        return len(self.origin)
+
+    def take(self, rows):
+        return Marks(self.origin[rows], self.mark[rows])
+
+    def class_mass(self, class_of, classes, rows=None):
+        return np.full(classes, (len(self) if rows is None else len(rows)) / classes)
+
+    def extents(self, space):
+        none = np.zeros(len(self))
+        place = PLACES[self.origin]
+        return Extents(self.origin, np.arange(len(self)), place, 0.0 * place, none, none)
+
+
+@dataclass
+class MarkFilter(ForwardFilter):
+    """Stores the origins that a scan touches, with its index as their mark.
+
+    Parameters
+    ----------
+    begins, ends : dict of origin to int
+        Scans that begin an origin, 0 if it is not named, and that drop it if they touch it.
+    noted : float
+        What a scan adds to the marks of earlier sets whose rows it touches.
+    """
+
+    begins: dict = field(default_factory=dict)
+    ends: dict = field(default_factory=dict)
+    noted: float = 0.0
+
+    def step(self, scan, linked):
+        self._interval(scan)
+        index = self._scan_index
+        touched, others = parted(self.current, scan, self.model, labelled=True)
+        earlier = np.concatenate([np.arange(0), *(rows.origin for rows in touched)])
+        new = [each for each in range(len(PLACES)) if self.begins.get(each, 0) == index]
+        kept = [each for each in earlier.tolist() if self.ends.get(each, index + 1) > index]
+        origin = np.array(sorted([*kept, *new]), dtype=np.int64)
+        stored = Marks(origin, np.full(len(origin), float(index)))
+        link = None
+        if linked and touched:
+            link = np.where(np.isin(earlier, origin), np.searchsorted(origin, earlier), -1)
+        entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
+        self._keep(entry, others)
+        return Filtered(stored, entry, tuple(self._noted(rows) for rows in touched))
+
+    def _noted(self, rows):
+        mark = rows.entry.stored.mark.copy()
+        mark[slice(None) if rows.rows is None else rows.rows] += self.noted
+        return replace(rows.entry, stored=Marks(rows.entry.stored.origin, mark))
+
+
+class MarkEngine(FixedLagEngine):
+    def _extract(self, stored, stamp_ns, lag, threshold):
+        count, modes = len(stored), self.forward.model.modes
+        state = np.zeros((count, len(modes.space)))
+        state[:, list(modes.space.position)] = PLACES[stored.origin]
+        estimates = Estimates(
+            stamp_ns=stamp_ns,
+            lag=lag,
+            state=state,
+            covariance=np.zeros((count, len(modes.space), len(modes.space))),
+            weight=stored.mark + 1.0,
+            class_probability=np.full((count, len(modes.classes)), 1.0 / len(modes.classes)),
+            class_id=np.zeros(count, dtype=np.int64),
+            track_id=stored.origin + 1,
+            space=modes.space,
+        )
+        return chosen(estimates, np.flatnonzero(estimates.weight > threshold))
+
+    def _backward(self, window):
+        return smoothed_sets(window, self._told, self._heard)
+
+    @staticmethod
+    def _told(later, link):
+        return np.append(later.mark, np.nan)[link]  # nothing of those that were dropped
+
+    @staticmethod
+    def _heard(stored, told):
+        mark = stored.mark.copy()
+        for part in told:
+            rows = slice(None) if part.rows is None else part.rows
+            message = part.message[part.part]
+            mark[rows] = np.where(np.isnan(message), mark[rows], message)
+        return Marks(stored.origin, mark)
+
+    def _figures(self, step):
+        return {"touched": sum(len(entry.stored) for entry in step.earlier)}
+
+    def _put_entry(self, held, name, entry):
+        window_snapshot.put_sources(held, name, entry)
+        held.arrays[f"{name}.origin"] = entry.stored.origin
+        held.arrays[f"{name}.mark"] = entry.stored.mark
+        if entry.link is not None:
+            held.arrays[f"{name}.link"] = entry.link
+
+    def _take_entry(self, held, name, earlier):
+        stamp_ns, sources = window_snapshot.take_sources(held, name, 100)
+        stored = Marks(held.array(f"{name}.origin"), held.array(f"{name}.mark"))
+        for source in sources:
+            if source.stamp_ns in earlier:
+                window_snapshot.require_rows_of(name, source, earlier[source.stamp_ns].stored)
+        return Entry(stamp_ns, stored, sources, held.arrays.get(f"{name}.link"))
+
+
+def rule(confirm, delete=None):
+    """Return the rule of thresholds on marks, which are no probabilities; one for both if alone."""
+    classes = len(MODEL.modes.classes)
+    confirm, delete = (np.full(classes, value) for value in (confirm, delete or confirm))
+    return ReportingRule(confirm, delete, delete, np.full(classes, np.inf))
