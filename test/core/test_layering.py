@@ -82,18 +82,20 @@ ROOMS = {
 # What each part of the project may import of the others.
 PARTS = {
     "core": (),
-    "msg_adapters": ("core",),
-    "bags": ("core", "msg_adapters"),
+    "earth": ("core",),
+    "msg_adapters": ("core", "earth"),
+    "bags": ("core", "earth", "msg_adapters"),
     "exit_status": ("bags", "core"),
     "yaml_files": ("core",),
     "resources": ("bags", "core"),
-    "report": ("bags", "core", "msg_adapters"),
+    "report": ("bags", "core", "earth", "msg_adapters"),
     "study": ("core", "report"),
     "nodes": (
-        *("bags", "core", "exit_status", "msg_adapters", "report", "resources", "yaml_files"),
+        *("bags", "core", "earth", "exit_status", "msg_adapters", "report", "resources"),
+        "yaml_files",
     ),
     "tools": (
-        *("bags", "core", "exit_status", "msg_adapters", "nodes", "report", "resources"),
+        *("bags", "core", "earth", "exit_status", "msg_adapters", "nodes", "report", "resources"),
         *("study", "yaml_files"),
     ),
 }
