@@ -18,6 +18,7 @@ from phd_jdtc_ros.core.configuration import build
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.parameters import schema
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.earth import SystemPlane
 
 from ..common.parameters import check
 
@@ -128,7 +129,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     of_tracker = {name: value for name, value in given.items() if name not in NAMES}
     node, faults = check(TABLE, of_node)
     try:
-        tracker = build.resolve(of_tracker)
+        tracker = build.resolve(of_tracker, SystemPlane)
     except ConfigError as error:
         raise ConfigError([*faults, *error.faults]) from error
     if faults:
