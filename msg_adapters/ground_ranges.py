@@ -8,37 +8,21 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.models.radar import wrap_angle
-from phd_jdtc_ros.core.site import FARTHEST, MOST_ASSUMED, Site
+from phd_jdtc_ros.core.sited_plots import (
+    LEAST,
+    MAX_HEIGHT,
+    Ground,
+    over_ground,
+    supposed_height,
+)
 from phd_jdtc_ros.core.types import Detections
 
-# Metres; nothing that a radar of this kind tracks flies higher.
-MAX_HEIGHT = 30e3
-# Metres; at the radar itself there is no elevation.
-LEAST = 1e-3
 # Each leaves less than a third of the error that a supposed height makes of the slant range.
 SETTLING = 25
-BoolArray = npt.NDArray[np.bool_]
-
-
-class Ground(NamedTuple):
-    """Where points are in the plane, arrays of shape (M,).
-
-    Parameters
-    ----------
-    distance, azimuth : array
-        Metres, and radians counter-clockwise from the sensor's x axis; about the radar.
-    possible : bool array
-        Whether the height is one that a target can have, and not beyond its range.
-    """
-
-    distance: FloatArray
-    azimuth: FloatArray
-    possible: BoolArray
 
 
 def read(
@@ -72,7 +56,7 @@ def read(
     distance = np.where(finite, distance, 0.0)
     if radar.site is not None:
         angle = np.where(finite, azimuth, 0.0)
-        found = _round(distance, angle, elevation, height, radar, radar.site)
+        found = over_ground(radar.site, radar.assumed_height, distance, angle, height, elevation)
     else:
         found = _flat(distance, azimuth, elevation, height, radar.height + radar.datum)
     return found._replace(possible=found.possible | ~finite | (distance < 0.0))
@@ -97,49 +81,6 @@ def _flat(
     possible = (square >= 0.0) & (np.abs(given) <= MAX_HEIGHT)
     side = np.copysign(np.sqrt(np.maximum(square, 0.0)), distance)
     return Ground(np.where(known, side, ground), azimuth, possible | ~known)
-
-
-def _round(
-    distance: FloatArray,
-    azimuth: FloatArray,
-    elevation: FloatArray | None,
-    height: FloatArray | None,
-    radar: RadarInput,
-    site: Site,
-) -> Ground:
-    """Return where points are in the plane of a round earth."""
-    near = np.abs(distance) <= FARTHEST
-    slant = np.where(near, np.maximum(np.abs(distance), LEAST), LEAST)
-    known = np.zeros(len(slant), dtype=bool) if height is None else np.isfinite(height)
-    supposed = _supposed_height(slant, radar, site)
-    given = supposed if height is None else np.where(known, height, supposed)
-    believed = np.abs(given) <= MAX_HEIGHT
-    sine = site.elevation_of(slant, azimuth, np.where(believed, given, supposed))
-    possible = ~known | ~near | (believed & (np.abs(sine) <= 1.0))
-    sine = np.clip(sine, -1.0, 1.0)
-    if elevation is not None:
-        # Beyond the zenith, as in the plane, the ground range becomes negative.
-        beyond = ~known & (np.cos(elevation) < 0.0)
-        sine = np.where(known, sine, np.sin(elevation))
-    else:
-        beyond = np.zeros(len(slant), dtype=bool)
-    ground, direction = site.to_ground(slant, azimuth, sine)
-    ground = np.where(beyond, -ground, np.copysign(ground, distance))
-    return Ground(np.where(near, ground, np.inf), direction, possible)
-
-
-def _supposed_height(distance: FloatArray, radar: RadarInput, site: Site) -> FloatArray:
-    """Return the heights that targets of unknown height are taken to have.
-
-    It is what the radar's configuration assumes, but near the radar no higher than the elevation of
-    30 degrees.
-    """
-    own = site.geodetic[2]
-    if np.isnan(radar.assumed_height):
-        return np.full(len(distance), own)
-    most = MOST_ASSUMED * distance
-    supposed: FloatArray = own + np.clip(radar.assumed_height - own, -most, most)
-    return supposed
 
 
 class Slant(NamedTuple):
@@ -170,7 +111,7 @@ def sent(detections: Detections, radar: RadarInput) -> Slant:
     slant = distance
     for _ in range(SETTLING):
         # What is supposed depends on the slant range itself.
-        supposed = _supposed_height(slant, radar, site)
+        supposed = supposed_height(site, radar.assumed_height, slant)
         given = np.where(np.isfinite(known), known, supposed)
         slant, measured = site.to_slant(distance, azimuth, given)
         if np.isnan(radar.assumed_height):

@@ -32,8 +32,6 @@ from .arrays import FloatArray
 FARTHEST = 2e6
 # The first elevations leave 3 m at 400 km, and each step a hundred thousandth of that.
 STEPS = 2
-# What is assumed of a height makes the elevation at most as large as this sine, 30 degrees.
-MOST_ASSUMED = 0.5
 # Metres; the plane is not for sites farther from its origin, where lengths are 0.15 % too long.
 MOST_FROM_ORIGIN = 500e3
 

@@ -39,6 +39,7 @@ ROOMS = {
     "track_numbers": ("arrays", "types"),
     "scans": ("types",),
     "site": ("arrays", "ellipsoid"),
+    "sited_plots": ("arrays", "site"),
     "sectors": ("arrays", "types"),
     "antenna": ("arrays", "types"),
     "turns": ("antenna", "arrays", "scans", "sectors", "types"),
@@ -73,7 +74,7 @@ ROOMS = {
         *("confirmation", "engine", "models", "poses", "quoting", "reporting", "scans", "smc"),
         *("ellipsoid", "site", "turns", "watch"),
     ),
-    "simulation": (*BASE, "configuration", "models"),
+    "simulation": (*BASE, "configuration", "models", "site", "sited_plots"),
     "tuning": (*BASE, "configuration", "models", "sectors"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (

@@ -35,6 +35,7 @@ TIMING = (
         1000,
     ),
 )
+HEIGHT = Parameter("height", 0.0, "Height above the world's zero, m.", -1e4, 3e4)
 TARGET = (
     Parameter("class_id", 0, "Class, from 0.", 0, 1000),
     Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0),
@@ -42,6 +43,7 @@ TARGET = (
     Parameter("velocity", [0.0, 0.0], "Velocity at its first scan, world frame, m/s.", length=2),
     Parameter("first_scan", 0, "First scan in which it exists.", 0, 10**6),
     Parameter("last_scan", 0, "Last scan in which it exists.", 0, 10**6),
+    HEIGHT,
 )
 FLIGHT = (
     Parameter("class_id", 0, "Class, from 0.", 0, 1000),
@@ -49,6 +51,7 @@ FLIGHT = (
     Parameter("start_s", 0.0, "When it appears, s after scan 0.", 0.0, 1e7),
     Parameter("position", [0.0, 0.0], "Position at its start, world frame, m.", length=2),
     Parameter("velocity", [0.0, 0.0], "Velocity at its start, world frame, m/s.", length=2),
+    HEIGHT,
 )
 LEG = (
     Parameter("duration_s", 0.0, "Length of the leg, s.", SMALL, 1e7),
@@ -204,7 +207,7 @@ def _targets(document: Mapping[str, Any], faults: list[str]) -> list[Target]:
 def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight | None:
     """Return a checked flight; add its faults to `faults` and return None if there are any."""
     found: list[str] = []
-    values = take(FLIGHT, script, prefix, found, ("snr_db", "start_s"), ("legs",))
+    values = take(FLIGHT, script, prefix, found, ("snr_db", "start_s", "height"), ("legs",))
     legs = _legs(script, prefix, found)
     if not found:
         try:
@@ -215,6 +218,7 @@ def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight
                 position=tuple(values["position"]),
                 velocity=tuple(values["velocity"]),
                 legs=legs,
+                height=values["height"],
             )
         except ValueError as error:
             found.append(f"{prefix}{error}")
@@ -246,7 +250,7 @@ def _legs(script: Mapping[str, Any], prefix: str, faults: list[str]) -> tuple[Le
 def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> TargetScript | None:
     """Return a checked target; add its faults to `faults` and return None if there are any."""
     found: list[str] = []
-    target = take(TARGET, script, prefix, found, (), ("turns",))
+    target = take(TARGET, script, prefix, found, ("height",), ("turns",))
     turns = [
         take(TURN, turn, f"{prefix}turns[{index}].", found)
         for index, turn in enumerate(mappings(script, "turns", prefix, found))
@@ -266,6 +270,7 @@ def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Target
             Turn(turn["first_scan"], turn["last_scan"], math.radians(turn["turn_rate_deg_s"]))
             for turn in turns
         ),
+        height=target["height"],
     )
 
 
