@@ -104,8 +104,8 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         and ``manoeuvres`` stand for many targets, see `generators`. ``antennas`` has the keys of
         `ANTENNA` by name of the radar, ``clutter`` the law of its amplitudes, see
         `clutter_law`, and ``echoes`` how targets answer to it more than once, see `echoes`.
-        ``world_origin`` is the latitude and longitude of the
-        world's zero, and ``sites`` has those of radars by name. ``reflectors`` is a list of
+        ``world_origin`` is the latitude and longitude of the world's zero, and ``sites`` has those
+        of radars by name, see `site_parameters`. ``reflectors`` is a list of
         mappings, see `reflectors`, and ``platform`` what carries radars, with ``legs``.
         ``parameters`` are those of the tracker and the radars, and are ignored here, as are
         ``sites``.
@@ -148,8 +148,11 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     )
 
 
-def site_positions(document: Mapping[str, Any]) -> dict[str, list[float]]:
-    """Return the position of each radar that ``sites`` has, metres, by its name.
+def site_parameters(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters that ``world_origin`` and ``sites`` stand for, by dotted name.
+
+    Of an origin with a height they are ``world_origin`` and each radar's ``geodetic``, on the round
+    earth, and are not checked here; else each radar's ``position``, in a plane.
 
     Raises
     ------
@@ -157,9 +160,15 @@ def site_positions(document: Mapping[str, Any]) -> dict[str, list[float]]:
         If a latitude or longitude is wrong.
     """
     faults: list[str] = []
+    if _has_height(document):
+        sites = mapping(document, "sites", faults)
+        if faults:
+            raise ConfigError(faults)
+        found = {f"{name}.geodetic": given for name, given in sites.items()}
+        return {"world_origin": document["world_origin"], **found}
     origin = _origin(document, faults)
     positions = {
-        str(name): list(east_north(place(given, f"sites.{name}", faults), origin))
+        f"{name}.position": list(east_north(place(given, f"sites.{name}", faults), origin))
         for name, given in mapping(document, "sites", faults).items()
     }
     if faults:
@@ -168,7 +177,14 @@ def site_positions(document: Mapping[str, Any]) -> dict[str, list[float]]:
 
 
 def _origin(document: Mapping[str, Any], faults: list[str]) -> tuple[float, float]:
-    return place(document.get("world_origin", [0.0, 0.0]), "world_origin", faults)
+    given = document.get("world_origin", [0.0, 0.0])
+    return place(given[:2] if _has_height(document) else given, "world_origin", faults)
+
+
+def _has_height(document: Mapping[str, Any]) -> bool:
+    """Return whether the world's origin has a height, so that the world is on the round earth."""
+    origin = document.get("world_origin")
+    return isinstance(origin, list) and len(origin) == 3
 
 
 def _antennas(
