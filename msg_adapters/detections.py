@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.sectors import sector_of
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
-from . import identities, plot_times, point_cloud, stamps
+from . import ground_ranges, identities, plot_times, point_cloud, stamps
 from .errors import RejectedMessageError, quoted
 from .selection import Columns, Report, select
 
@@ -65,14 +65,14 @@ def to_msg(
         If the radar has amplitudes or sectors and the detections have none.
     """
     distance, azimuth = detections.measurement.T
-    slant = _slant_range(detections, radar)
+    slant, measured = ground_ranges.sent(detections, radar)
     zero = np.zeros(len(detections))
     columns = {
         "x": distance * np.cos(azimuth),
         "y": distance * np.sin(azimuth),
         "z": zero,
         radar.range_field: slant,
-        radar.azimuth_field: sent_azimuth(azimuth, radar),
+        radar.azimuth_field: sent_azimuth(measured, radar),
     }
     # A radar may call another field by the name that elevations have here.
     columns.setdefault(radar.elevation_field or "elevation", zero)
@@ -97,8 +97,7 @@ def _sent_particulars(
         sector = sector_of(detections.coverage, radar.sectors, radar.compass)
         yield radar.sector_field, np.full(count, sector, dtype=np.uint32)
     if radar.height_field:
-        known = detections.height
-        yield radar.height_field, np.full(count, radar.height) if known is None else known
+        yield radar.height_field, ground_ranges.sent_height(detections, radar)
     for name, identity in (
         (radar.code_field, detections.code),
         (radar.address_field, detections.address),
@@ -118,15 +117,6 @@ def _sent_particulars(
     ):
         if name:
             yield name, np.full(count, np.nan) if known is None else known
-
-
-def _slant_range(detections: Detections, radar: RadarInput) -> FloatArray:
-    """Return the ranges as a radar that reports heights measures them: what `select` undoes."""
-    ground: FloatArray = detections.measurement[:, 0]
-    if not radar.height_field or detections.height is None:
-        return ground
-    above = np.nan_to_num(detections.height - radar.height)
-    return np.hypot(ground, above)
 
 
 def sent_azimuth(azimuth: FloatArray, radar: RadarInput) -> FloatArray:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
@@ -52,11 +53,26 @@ def _missing(parameter: str, consequence: str) -> Callable[[RadarInput, int], st
     return text
 
 
+def _heights_unknown(radar: RadarInput, count: int) -> str:
+    return f"{count} detections of unknown height; {_without_height(radar)}"
+
+
+def _height_missing(radar: RadarInput, count: int) -> str:
+    return _missing("fields.height", _without_height(radar))(radar, count)
+
+
+def _without_height(radar: RadarInput) -> str:
+    """Return what is done with slant ranges where the height is not known."""
+    if radar.site is None:
+        return "slant ranges are used as ground ranges"
+    if math.isnan(radar.assumed_height):
+        return f"they count as at the antenna's height, set {radar.name}.assumed_height"
+    return f"they count as at {radar.name}.assumed_height, {radar.assumed_height:g} m"
+
+
 _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
-    "heights_unknown": lambda radar, count: (
-        f"{count} detections of unknown height; their slant ranges are used as ground ranges"
-    ),
+    "heights_unknown": _heights_unknown,
     "deviations_unusable": lambda radar, count: (
         f"{count} deviations that are zero, negative or absurd; {radar.name}.range_std, "
         "azimuth_std_deg and range_rate_std are used for them"
@@ -78,7 +94,7 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     ),
     "time_missing": _missing("fields.time", "all its detections count as at the stamp"),
     "sector_missing": _missing("fields.sector", "the sector is derived from the detections"),
-    "height_missing": _missing("fields.height", "slant ranges are used as ground ranges"),
+    "height_missing": _height_missing,
     "code_missing": _missing("fields.code", "its codes are unknown"),
     "address_missing": _missing("fields.address", "its addresses are unknown"),
     "range_std_missing": _missing("fields.range_std", "range_std is used"),

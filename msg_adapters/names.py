@@ -23,6 +23,8 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 NUMBER = "std_msgs/msg/Float64"
 PATH = "nav_msgs/msg/Path"
 ODOMETRY = "nav_msgs/msg/Odometry"
+FIX = "sensor_msgs/msg/NavSatFix"
+GEOJSON = "foxglove_msgs/msg/GeoJSON"
 GRID = "nav_msgs/msg/OccupancyGrid"
 POSE_STAMPED = "geometry_msgs/msg/PoseStamped"
 RADAR_TRACKS = "radar_msgs/msg/RadarTracks"
@@ -123,6 +125,8 @@ def optional(tracker: str = TRACKER) -> dict[str, str]:
         clutter_map(tracker): GRID,
         f"{tracker}/tracks/path": PATH,
         f"{tracker}/odometry": ODOMETRY,
+        f"{tracker}/navsat": FIX,
+        f"{tracker}/tracks/geojson": GEOJSON,
         f"{tracker}/radar_tracks": RADAR_TRACKS,
         f"{tracker}/detections_3d": DETECTIONS_3D,
     }

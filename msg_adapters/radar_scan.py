@@ -21,7 +21,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Detections
 
-from . import cdr
+from . import cdr, ground_ranges
 from .detections import require_frame, sent_level, stamp_of
 from .errors import RejectedMessageError
 from .point_cloud import MAX_POINTS
@@ -112,11 +112,11 @@ def from_cdr(data: bytes, radar: RadarInput) -> Report:
 def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
     """Return the serialised scan of a planar radar's detections.
 
-    Elevations are 0, and so are Doppler velocities without range rates, and amplitudes without an
-    `amplitude_field`.
+    Elevations are 0, of a radar with a site those at its own height; Doppler velocities are 0
+    without range rates, and amplitudes without an `amplitude_field`.
     """
     returns = np.zeros((len(detections), RETURN_FIELDS), dtype="<f4")
-    returns[:, :2] = detections.measurement
+    returns[:, :3] = ground_ranges.sent_at_own_height(detections, radar)
     if detections.range_rate is not None:
         returns[:, 3] = detections.range_rate
     if radar.amplitude_field:

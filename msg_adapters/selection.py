@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.models.radar import wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
-from . import identities, plot_times
+from . import ground_ranges, identities, plot_times
 
 # 120 dB above the noise, more than any receiver reports.
 MAX_AMPLITUDE = 1e6
@@ -25,8 +25,6 @@ MAX_AMPLITUDE = 1e6
 A_TURN = FULL_TURN * (1.0 + 1e-6)
 # Of more turns, single precision leaves an angle of 0.03 degrees at the best, and soon none at all.
 MAX_TURNS = 1000.0
-# Metres; nothing that a radar of this kind tracks flies higher.
-MAX_HEIGHT = 30e3
 # A time of its own is at most this many turns from the stamp; without a turn, this many seconds.
 MAX_TURNS_OFF = 1.5
 MAX_SECONDS_OFF = 60.0
@@ -82,7 +80,7 @@ class Columns:
         Amplitudes.
     time : array or None
     height : array or None
-        Metres above the world's zero.
+        Metres; above the world's zero plus the radar's datum.
     code, address : array or None
         Mode A codes and Mode S addresses.
     range_std, azimuth_std : array or None
@@ -132,15 +130,15 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
         time = plot_times.relative(columns.time, stamp_ns, radar)
     amplitude = None if level is None else _linear_amplitude(level, radar)
     finite = _finite(columns, azimuth)
-    ground_range, possible_height = _ground_range(columns, finite, radar.height)
+    ground = ground_ranges.read(columns.distance, azimuth, columns.elevation, columns.height, radar)
     kept, dropped = _sorted_out(
         {
             "not_finite": finite,
-            "height": possible_height,
+            "height": ground.possible,
             # An elevation beyond the zenith is not valid, and makes the ground range negative.
             "range": (columns.distance >= 0.0)
-            & (ground_range >= 0.0)
-            & (ground_range <= radar.max_range),
+            & (ground.distance >= 0.0)
+            & (ground.distance <= radar.max_range),
             "azimuth": turns <= MAX_TURNS * FULL_TURN,
             "time": _within_a_turn(time, len(azimuth), radar),
             "amplitude": _possible(amplitude, len(azimuth)),
@@ -153,13 +151,13 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
     address, unusable_addresses = identities.read(columns.address, kept, identities.ADDRESSES)
     range_rate_std, unusable_rates = _range_rate_std(columns.range_rate_std, kept)
     detections = Detections(
-        np.stack([ground_range[kept], wrap_angle(azimuth[kept])], axis=1),
+        np.stack([ground.distance[kept], wrap_angle(ground.azimuth[kept])], axis=1),
         None if amplitude is None else amplitude[kept],
         None if time is None else time[kept],
         noise_std,
         range_rate=range_rate,
         range_rate_std=None if range_rate is None else range_rate_std,
-        height=None if columns.height is None else columns.height[kept],
+        height=None if columns.height is None else columns.height[kept] - radar.datum,
         code=code,
         address=address,
     )
@@ -185,30 +183,6 @@ def _finite(columns: Columns, azimuth: FloatArray) -> BoolArray:
         # A level of -inf dB would give a valid envelope of zero.
         finite &= columns.level != -np.inf
     return finite
-
-
-def _ground_range(
-    columns: Columns, finite: BoolArray, antenna: float
-) -> tuple[FloatArray, BoolArray]:
-    """Return the ranges over ground, metres, and which of the heights are possible.
-
-    A height makes it the triangle's other side; where it is unknown, the elevation does, if there
-    is one. `antenna` is the antenna's height.
-    """
-    distance = np.where(finite, columns.distance, 0.0)
-    ground = distance
-    if columns.elevation is not None:
-        ground = distance * np.cos(np.where(finite, columns.elevation, 0.0))
-    if columns.height is None:
-        return ground, np.ones(len(ground), dtype=bool)
-    known = np.isfinite(columns.height)
-    height = np.where(known, columns.height, antenna)
-    above = np.clip(height, -2.0 * MAX_HEIGHT, 2.0 * MAX_HEIGHT) - antenna
-    with np.errstate(over="ignore"):  # an absurd range becomes infinite and is then dropped
-        square = distance**2 - above**2
-    possible = (square >= 0.0) & (np.abs(height) <= MAX_HEIGHT)
-    side = np.copysign(np.sqrt(np.maximum(square, 0.0)), distance)
-    return np.where(known, side, ground), possible | ~known | ~finite | (distance < 0.0)
 
 
 def _within_a_turn(time: FloatArray | None, count: int, radar: RadarInput) -> BoolArray:

@@ -14,6 +14,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engines import ENGINES
+from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.table import metrics
 
@@ -25,7 +26,7 @@ def other_engine(config: TrackerConfig) -> TrackerConfig | None:
     """Return the configuration with the other engine; None if that lacks something of it."""
     other = next(name for name in ENGINES if name != config.engine)
     try:
-        return resolve({**config.values, "engine": other})
+        return resolve({**config.values, "engine": other}, SystemPlane)
     except ConfigError:
         return None
 

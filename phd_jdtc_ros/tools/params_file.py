@@ -55,7 +55,7 @@ def scenario_parameters(document: Any) -> dict[str, Any]:
     ----------
     document : mapping
         Its ``parameters``, nested or dotted, are those of the radars and the tracker that differ
-        from the defaults; none if the key is absent. Its ``sites`` give positions of radars.
+        from the defaults; none if the key is absent. Its ``sites`` give places of radars.
 
     Raises
     ------
@@ -67,8 +67,7 @@ def scenario_parameters(document: Any) -> dict[str, Any]:
     given = document.get("parameters", {})
     if not isinstance(given, Mapping):
         raise ConfigError(["parameters: must be a mapping"])
-    sites = scenario_file.site_positions(document)
-    return {f"{name}.position": place for name, place in sites.items()} | dict(flatten(given))
+    return scenario_file.site_parameters(document) | dict(flatten(given))
 
 
 def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[str, Any]:

@@ -56,6 +56,22 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
     bag_parameters.write(directory / bag_parameters.NAME, config.values)
 
 
+def check_sites(config: TrackerConfig) -> None:
+    """Refuse radars on the round earth that do not turn: they are simulated over a plane only.
+
+    Raises
+    ------
+    ConfigError
+    """
+    faults = [
+        f"{radar.name}.rotation_s: 0 given, must be above 0 to simulate a radar with geodetic"
+        for radar in config.inputs
+        if radar.site is not None and not radar.rotation_s
+    ]
+    if faults:
+        raise ConfigError(faults)
+
+
 def check_platform(run: Scenario, config: TrackerConfig) -> None:
     """Refuse radars that move for the tracker and not in the scenario, or the other way round.
 
@@ -136,6 +152,7 @@ def main(argv: Sequence[str]) -> int:
         radars = config.model.radars
         run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)
         check_platform(run, config)
+        check_sites(config)
         write_bag(arguments.out, run, config, arguments.seed)
         print(f"{arguments.out}: {run.scans} scans, {len(radars)} radars, seed {arguments.seed}")
         return OK

@@ -26,16 +26,20 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
 from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
 from phd_jdtc_ros.nodes.common import bag_parameters
-from phd_jdtc_ros.report import load
+from phd_jdtc_ros.report import load, track_files
 from phd_jdtc_ros.report.table import score_tables
 
 from . import command
+
+# What writes tracks by latitude and longitude, by the option that asks for it.
+WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
 
 
 class OfflineTracker:
@@ -198,6 +202,15 @@ def main(argv: Sequence[str]) -> int:
     parser = ArgumentParser("track_bag", description=__doc__)
     parser.add_argument("bag", help=command.BAG)
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
+    parser.add_argument(
+        "--geojson", type=Path, metavar="FILE", help="smoothed tracks as GeoJSON; with world_origin"
+    )
+    parser.add_argument(
+        "--csv",
+        type=Path,
+        metavar="FILE",
+        help="smoothed tracks as rows by latitude and longitude; with world_origin",
+    )
     command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
     arguments = parser.parse_args(argv)
@@ -206,6 +219,10 @@ def main(argv: Sequence[str]) -> int:
         source = resources.bag(arguments.bag)
         config = command.tracker_config(arguments, source)
         status = OK
+        files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
+        if files and config.plane is None:
+            listed = " and ".join(f"--{name}" for name in files)
+            raise ConfigError([f"{listed}: given without world_origin, where is the map's zero?"])
         if arguments.out.exists():
             raise BagError(f"{arguments.out}: already exists, a bag is not overwritten")
         try:
@@ -219,6 +236,10 @@ def main(argv: Sequence[str]) -> int:
                 raise
             status = fail("track_bag", error)
         run = load.record(arguments.out, config)
+        if config.plane is not None and files:
+            rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))
+            for name, path in files.items():
+                path.write_text(WRITERS[name](rows), encoding="utf-8")
         if run.class_fault:
             print(f"track_bag: {run.class_fault}", file=sys.stderr)
         if run.truth:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.common import parameter_files
 from phd_jdtc_ros.nodes.tracker import settings
 
@@ -33,7 +34,8 @@ def config(given: Mapping[str, Any]) -> TrackerConfig:
             name: value
             for name, value in given.items()
             if name not in of_node and not name.startswith("qos_overrides.")
-        }
+        },
+        SystemPlane,
     )
 
 

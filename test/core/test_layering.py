@@ -30,6 +30,7 @@ ROOMS = {
     "arrays": (),
     "compiled": (),
     "backend": ("compiled",),
+    "ellipsoid": ("arrays",),
     "origins": ("arrays",),
     "quoting": (),
     "snapshot": (),
@@ -37,6 +38,8 @@ ROOMS = {
     "types": ("arrays", "state_space"),
     "track_numbers": ("arrays", "types"),
     "scans": ("types",),
+    "site": ("arrays", "ellipsoid"),
+    "sited_plots": ("arrays", "site"),
     "sectors": ("arrays", "types"),
     "antenna": ("arrays", "types"),
     "turns": ("antenna", "arrays", "scans", "sectors", "types"),
@@ -69,9 +72,9 @@ ROOMS = {
     "configuration": (
         *BASE,
         *("confirmation", "engine", "models", "poses", "quoting", "reporting", "scans", "smc"),
-        *("turns", "watch"),
+        *("ellipsoid", "site", "turns", "watch"),
     ),
-    "simulation": (*BASE, "configuration", "models"),
+    "simulation": (*BASE, "configuration", "models", "site", "sited_plots"),
     "tuning": (*BASE, "configuration", "models", "sectors"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (
@@ -82,18 +85,20 @@ ROOMS = {
 # What each part of the project may import of the others.
 PARTS = {
     "core": (),
-    "msg_adapters": ("core",),
-    "bags": ("core", "msg_adapters"),
+    "earth": ("core",),
+    "msg_adapters": ("core", "earth"),
+    "bags": ("core", "earth", "msg_adapters"),
     "exit_status": ("bags", "core"),
     "yaml_files": ("core",),
     "resources": ("bags", "core"),
-    "report": ("bags", "core", "msg_adapters"),
+    "report": ("bags", "core", "earth", "msg_adapters"),
     "study": ("core", "report"),
     "nodes": (
-        *("bags", "core", "exit_status", "msg_adapters", "report", "resources", "yaml_files"),
+        *("bags", "core", "earth", "exit_status", "msg_adapters", "report", "resources"),
+        "yaml_files",
     ),
     "tools": (
-        *("bags", "core", "exit_status", "msg_adapters", "nodes", "report", "resources"),
+        *("bags", "core", "earth", "exit_status", "msg_adapters", "nodes", "report", "resources"),
         *("study", "yaml_files"),
     ),
 }

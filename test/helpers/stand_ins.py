@@ -11,6 +11,7 @@ import json
 import os
 
 PACKAGES = {
+    "foxglove_msgs": ("GeoJSON",),
     "radar_msgs": ("RadarTrack", "RadarTracks"),
     "tf2_msgs": ("TFMessage",),
     "vision_msgs": ("Detection3D", "Detection3DArray", "ObjectHypothesisWithPose"),

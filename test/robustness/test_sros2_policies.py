@@ -30,7 +30,7 @@ SIMULATED = ("-p", "use_sim_time:=true")
 SWITCHES = [p.name for p in settings.TABLE if p.name.startswith("publish_")]
 ARGUMENTS = {
     "tracker": (
-        *("--ros-args", "-p", "radar_1.clutter_map:=true"),
+        *("--ros-args", "-p", "radar_1.clutter_map:=true", "-p", "world_origin:=[52.0, 4.0, 0.0]"),
         *(w for name in SWITCHES for w in ("-p", f"{name}:=true")),
     ),
     "evaluator": ("--ros-args", "-p", "record:={directory}/bag"),

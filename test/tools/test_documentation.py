@@ -14,6 +14,7 @@ import phd_jdtc_ros
 from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.tools import params_file
 
 ROOT = Path(__file__).parents[2]
@@ -39,7 +40,7 @@ def test_every_example_is_a_parameter_file_that_resolves(tmp_path, name, text):
     path = tmp_path / "example.yaml"
     path.write_text(text)
 
-    assert resolve(params_file.load(path)).inputs
+    assert resolve(params_file.load(path), SystemPlane).inputs
 
 
 @pytest.mark.parametrize(("name", "text"), SCENES, ids=[name for name, _ in SCENES])
@@ -48,6 +49,16 @@ def test_every_example_of_the_page_on_scenarios_is_one(name, text):
 
     parts = found.targets, found.clutter, found.echoes, found.reflectors, found.platform
     assert any(parts)
+
+
+def test_the_example_in_python_of_the_page_on_the_earth_runs():
+    page = (ROOT / "docs" / "earth.md").read_text()
+    (example,) = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    found: dict = {}
+    exec(example, found)
+    assert found["latitude"] == pytest.approx(50.05)
+    # West of the origin meridians lean to the right.
+    assert -0.01 < found["north"] < 0.0
 
 
 def test_every_page_is_in_the_sites_navigation():

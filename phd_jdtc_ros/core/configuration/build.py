@@ -9,8 +9,9 @@ The table of parameters is in `parameters`. Decibels and degrees are converted o
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ from ..models.visibility import TURN_TOLERANCE, Visibility
 from ..poses import Mount, Platform, PoseTrack
 from ..reporting import Schedule
 from ..scans import ScanGrouper
+from ..site import Plane, Site
 from ..smc.correction import CORRECTORS
 from ..turns import Turns
 from ..types import FULL_TURN, Coverage
@@ -74,6 +76,8 @@ class TrackerConfig:
         Number of the newest scans that are held back for late reports.
     reorder_s : float
         Longest time that scans are held back for radars that are behind, seconds.
+    plane : Plane or None
+        The map of the earth that the world frame is; None if it is a plane anywhere.
     """
 
     values: dict[str, Any]
@@ -88,6 +92,7 @@ class TrackerConfig:
     max_gap_s: float
     reorder_scans: int
     reorder_s: float = 0.0
+    plane: Plane | None = None
 
     @property
     def reset_threshold_s(self) -> float:
@@ -151,13 +156,18 @@ class TrackerConfig:
         return tuple(map(_watch, self.inputs, self.model.radars))
 
 
-def resolve(given: Mapping[str, Any]) -> TrackerConfig:
+def resolve(
+    given: Mapping[str, Any], plane_about: Callable[[Sequence[float]], Plane] | None = None
+) -> TrackerConfig:
     """Check a configuration and build the tracker's models and settings.
 
     Parameters
     ----------
     given : mapping of dotted name to value
         Parameters that are not given have their defaults.
+    plane_about : callable of (latitude, longitude, height) or None
+        Returns the map of the earth about ``world_origin``: `earth.SystemPlane`. None where places
+        on the earth are of no use.
 
     Raises
     ------
@@ -176,9 +186,12 @@ def resolve(given: Mapping[str, Any]) -> TrackerConfig:
     faults += [_unknown(name) for name in given if name not in table]
     if not faults:
         faults = [fault for check in CHECKS for fault in check(values)]
+    if not faults and values["world_origin"] and plane_about is None:
+        faults = ["world_origin: given, must be empty here: this is computed in the plane only"]
     if faults:
         raise ConfigError(faults)
-    return _build(values)
+    origin = values["world_origin"]
+    return _build(values, plane_about(origin) if plane_about is not None and origin else None)
 
 
 def _unknown(name: str) -> str:
@@ -188,7 +201,8 @@ def _unknown(name: str) -> str:
     return f"{name}: unknown parameter"
 
 
-def _build(values: dict[str, Any]) -> TrackerConfig:
+def _build(values: dict[str, Any], plane: Plane | None) -> TrackerConfig:
+    sites = [_site(values, name, plane) for name in values["radars"]]
     motions = {name: _motion(values, name) for name in values["motions"]}
     classes = tuple(_class(values, name, motions) for name in values["classes"])
     modes = ModeSpace(classes, values["interval_s"])
@@ -205,12 +219,12 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         ),
         spawn=_spawn(values, modes),
         amplitudes=_amplitudes(values),
-        radars=tuple(_radar(values, name) for name in values["radars"]),
+        radars=tuple(map(_radar, repeat(values), values["radars"], sites)),
     )
     return TrackerConfig(
         values=values,
         world_frame=values["world_frame"],
-        inputs=tuple(_input(values, name) for name in values["radars"]),
+        inputs=tuple(map(_input, repeat(values), values["radars"], sites)),
         model=model,
         engine=values["engine"],
         lag=Lag(values["lag"], values["lag_s"] or None),
@@ -226,7 +240,15 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         max_gap_s=values["max_gap_scans"] * _slowest_s(values),
         reorder_scans=values["reorder_scans"],
         reorder_s=values["reorder_s"],
+        plane=plane,
     )
+
+
+def _site(values: Mapping[str, Any], name: str, plane: Plane | None) -> Site | None:
+    geodetic = values[f"{name}.geodetic"]
+    if plane is None or not geodetic:
+        return None
+    return Site(tuple(geodetic), plane, math.radians(values[f"{name}.yaw_deg"]))
 
 
 def _slowest_s(values: Mapping[str, Any]) -> float:
@@ -244,7 +266,12 @@ def _platform(radar: RadarInput, model: RadarModel, reset_threshold_s: float) ->
 
 def _watch(radar: RadarInput, model: RadarModel) -> ReportWatch:
     whole = model.visibility.fov.width > FULL_TURN - TURN_TOLERANCE
-    ground_known = radar.height_field or radar.elevation_field or radar.message != "point_cloud"
+    ground_known = (
+        radar.height_field
+        or radar.elevation_field
+        or radar.message != "point_cloud"
+        or not math.isnan(radar.assumed_height)
+    )
     return ReportWatch(
         by_sectors=radar.sectors > 1,
         whole_turn=whole and not model.visibility.blind and not radar.rotation_s,
@@ -315,15 +342,15 @@ def _spawn(values: Mapping[str, Any], modes: ModeSpace) -> SpawnModel:
     )
 
 
-def _radar(values: Mapping[str, Any], name: str) -> RadarModel:
+def _radar(values: Mapping[str, Any], name: str, site: Site | None) -> RadarModel:
     get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
     threshold = amplitude_density.threshold_for(get["false_alarm_probability"])
     range_std = _rounded(get["range_std"], get["range_step"])
     azimuth_std = math.radians(_rounded(get["azimuth_std_deg"], get["azimuth_step_deg"]))
     return RadarModel(
         name=name,
-        position=(get["position"][0], get["position"][1]),
-        yaw=math.radians(get["yaw_deg"]),
+        position=tuple(get["position"]) if site is None else site.position,
+        yaw=math.radians(get["yaw_deg"]) if site is None else site.yaw,
         range_std=range_std,
         azimuth_std=azimuth_std,
         visibility=_visibility(get),
@@ -395,7 +422,7 @@ def _sector(begin_deg: float, end_deg: float, compass: bool) -> Coverage:
     return Coverage(math.radians(start), min(math.radians(width), FULL_TURN))
 
 
-def _input(values: Mapping[str, Any], name: str) -> RadarInput:
+def _input(values: Mapping[str, Any], name: str, site: Site | None) -> RadarInput:
     get = {member.name: values[f"{name}.{member.name}"] for member in RADAR}
     return RadarInput(
         name=name,
@@ -416,7 +443,10 @@ def _input(values: Mapping[str, Any], name: str) -> RadarInput:
         time_since_epoch=get["time_reference"] == "epoch",
         sector_field=get["fields.sector"],
         height_field=get["fields.height"],
-        height=get["height"],
+        height=get["height"] if site is None else site.geodetic[2] - values["world_origin"][2],
+        datum=values["world_origin"][2] if values["world_origin"] else 0.0,
+        site=site,
+        assumed_height=get["assumed_height"][0] if get["assumed_height"] else math.nan,
         code_field=get["fields.code"],
         address_field=get["fields.address"],
         range_std_field=get["fields.range_std"],

@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from .. import ellipsoid
 from ..arrays import FloatArray
 from ..models import amplitude_density
 from ..models.modes import markov_generator
-from .parameters import GROUPS, RADAR, TOP
+from ..site import MOST_FROM_ORIGIN
+from .parameters import GROUPS, RADAR, REFERENCE, TOP
 
 # The value of a radar's parameter `pose` for one that stands.
 FIXED = "fixed"
@@ -285,6 +287,65 @@ def _check_range_rates(values: Mapping[str, Any]) -> list[str]:
     return faults
 
 
+def _check_places(values: Mapping[str, Any]) -> list[str]:
+    """Return a fault for each place on the earth that is none, or that does not go with others."""
+    origin = values["world_origin"]
+    faults = _place_faults("world_origin", origin)
+    for radar in values["radars"]:
+        key, place = f"{radar}.geodetic", values[f"{radar}.geodetic"]
+        wrong = _place_faults(key, place)
+        if values[f"{radar}.assumed_height"][1:]:
+            wrong.append(
+                f"{radar}.assumed_height: {values[f'{radar}.assumed_height']} given, must be empty "
+                "or one height"
+            )
+        elif values[f"{radar}.assumed_height"] and not place:
+            wrong.append(f"{radar}.assumed_height: given without geodetic, must be empty")
+        faults += wrong
+        if not place or wrong:
+            continue
+        if not origin:
+            faults.append(f"world_origin: [] given, must be a place on the earth, as {key} is one")
+        elif not faults:
+            faults += _distance_faults(key, place, origin)
+        default = REFERENCE.get(f"{radar}.position", [0.0, 0.0])
+        if values[f"{radar}.position"] != default:
+            faults.append(f"{radar}.position: given beside geodetic, must be one of the two")
+        if values[f"{radar}.height"]:
+            faults.append(
+                f"{radar}.height: {values[f'{radar}.height']:g} given, must be 0 with geodetic, "
+                "whose third number is the height"
+            )
+        if values[f"{radar}.pose"] != FIXED:
+            faults.append(
+                f"{radar}.pose: {values[f'{radar}.pose']!r} given, must be {FIXED} with geodetic; "
+                "a radar that moves is where its platform's poses in world_frame are"
+            )
+    return faults
+
+
+def _place_faults(key: str, place: list[float]) -> list[str]:
+    """Return the fault of a latitude, a longitude and a height, if they have one."""
+    if not place or (len(place) == 3 and abs(place[0]) <= 90.0 and abs(place[1]) <= 360.0):
+        return []
+    return [
+        f"{key}: {place} given, must be empty or a latitude from -90 to 90 degrees, a longitude "
+        "from -360 to 360 degrees and a height in metres"
+    ]
+
+
+def _distance_faults(key: str, place: list[float], origin: list[float]) -> list[str]:
+    """Return the fault of a radar too far from the origin, if it is."""
+    apart = ellipsoid.to_cartesian(*place) - ellipsoid.to_cartesian(*origin)
+    distance = float(np.sqrt((apart**2).sum()))
+    if distance <= MOST_FROM_ORIGIN:
+        return []
+    return [
+        f"{key}: {place} given, is {distance / 1e3:.0f} km from world_origin, must be at most "
+        f"{MOST_FROM_ORIGIN / 1e3:.0f} km"
+    ]
+
+
 CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_names,
     _check_classes,
@@ -297,6 +358,7 @@ CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_radars,
     _check_range_rates,
     _check_poses,
+    _check_places,
 )
 
 

@@ -27,6 +27,15 @@ AUTO = "auto"
 TOP = (
     Parameter("world_frame", "map", "Frame of the estimates (ENU, metres)."),
     Parameter(
+        "world_origin",
+        [],
+        "Latitude and longitude, degrees (WGS84), of the world frame's zero, and the height, m, of "
+        "its z = 0; x and y are then in the stereographic plane about it. Empty: the world is a "
+        "plane anywhere.",
+        -1e4,
+        1e4,
+    ),
+    Parameter(
         "radars",
         ["radar_1", "radar_2"],
         "Names of the radars, in the order of updates.",
@@ -284,9 +293,19 @@ RADAR = (
         "position", [0.0, 0.0], "Position of the radar in the world frame, x and y, m.", length=2
     ),
     Parameter(
+        "geodetic",
+        [],
+        "Latitude and longitude of the radar, degrees (WGS84), and height of its antenna, m, "
+        "instead of position and height; needs world_origin. Its ranges are then slant ranges over "
+        "the round earth, and its azimuths are from true north. Empty: position says where it is.",
+        -1e4,
+        1e4,
+    ),
+    Parameter(
         "yaw_deg",
         0.0,
-        "Direction of the radar's x axis in the world frame, counter-clockwise from x, degrees.",
+        "Direction of the radar's x axis in the world frame, counter-clockwise from x, degrees; "
+        "with geodetic from true east.",
         -360.0,
         360.0,
     ),
@@ -535,6 +554,14 @@ RADAR = (
         "bits, 0 or 4294967295 if it is unknown; empty if it has none.",
     ),
     Parameter("height", 0.0, "Height of the antenna above the world's zero, m.", -1e4, 1e5),
+    Parameter(
+        "assumed_height",
+        [],
+        "Height of targets whose height is not known, m, counted as those of world_origin; only "
+        "with geodetic. Empty: that of the antenna.",
+        -1e4,
+        1e5,
+    ),
     Parameter(
         "fields.range_std",
         "",

@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..site import Site
+
 
 @dataclass(frozen=True)
 class RadarInput:
@@ -43,6 +45,14 @@ class RadarInput:
         is none. Where there is one, ranges are slant ranges.
     height : float
         Of the antenna above the world's zero, metres.
+    datum : float
+        Height of the world's zero, as messages count heights, metres.
+    site : Site or None
+        Where it stands on the round earth; None if it measures over a plane. Its heights are as
+        messages count them.
+    assumed_height : float
+        Of targets whose height is not known, as messages count heights, metres; NaN for that of
+        the antenna. Only with a site.
     code_field, address_field : str
         Names of the fields with each detection's Mode A code and Mode S address; empty if there are
         none.
@@ -89,6 +99,9 @@ class RadarInput:
     sector_field: str = ""
     height_field: str = ""
     height: float = 0.0
+    datum: float = 0.0
+    site: Site | None = None
+    assumed_height: float = math.nan
     code_field: str = ""
     address_field: str = ""
     range_std_field: str = ""

@@ -15,6 +15,8 @@ from typing import Any
 from .checks import name_or
 from .parameters import RADAR
 
+# What the whole scene has.
+OF_ALL = ("world_origin",)
 # The lists that name the scene's parts, and the parameters of each part that belong to it.
 PARTS: dict[str, tuple[str, ...]] = {
     "radars": tuple(parameter.name for parameter in RADAR),
@@ -42,7 +44,11 @@ def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[s
         A line per parameter: its name, the recorded and the given value. Parameters that `given`
         does not have are not compared, and neither are birth places with births at detections.
     """
-    found = []
+    found = [
+        f"{name}: {_text(recorded[name])} recorded, {_text(given[name])} given"
+        for name in OF_ALL
+        if given.get(name, recorded[name]) != recorded[name]
+    ]
     for group, members in PARTS.items():
         if group == "births" and given.get(_ANYWHERE):
             continue

@@ -59,6 +59,8 @@ class Flight:
         At the start, world frame, metres and metres per second.
     legs : tuple of Leg
         One after the other.
+    height : float
+        Above the world's zero, metres.
     """
 
     class_id: int
@@ -67,6 +69,7 @@ class Flight:
     position: tuple[float, float]
     velocity: tuple[float, float]
     legs: tuple[Leg, ...]
+    height: float = 0.0
 
     def __post_init__(self) -> None:
         slowest = self._marks[:, 2].min()

@@ -64,6 +64,8 @@ class TargetScript:
         First and last scan in which it exists.
     turns : tuple of Turn
         One after the other, not before its first scan.
+    height : float
+        Above the world's zero, metres.
     """
 
     class_id: int
@@ -73,6 +75,7 @@ class TargetScript:
     first_scan: int
     last_scan: int
     turns: tuple[Turn, ...] = ()
+    height: float = 0.0
 
     def __post_init__(self) -> None:
         edges = [self.first_scan, *(e for t in self.turns for e in (t.first_scan, t.last_scan))]
@@ -126,6 +129,7 @@ class TargetScript:
             self.position,
             self.velocity,
             tuple(legs) or (Leg(ROUNDING_S),),
+            self.height,
         )
 
 
@@ -280,6 +284,18 @@ class Scenario:
             target if isinstance(target, Flight) else target.flight(self.interval_s)
             for target in self.targets
         )
+
+    def height(self, number: int, time_s: FloatArray) -> FloatArray:
+        """Return a target's heights above the world's zero, metres, shape (N,).
+
+        Parameters
+        ----------
+        number : int
+            Of the target, from 1.
+        time_s : array of shape (N,)
+            After scan 0, seconds.
+        """
+        return np.full(len(time_s), self.flights[number - 1].height)
 
     def stamp_ns(self, scan: int) -> int:
         """Return the stamp of a scan in nanoseconds."""

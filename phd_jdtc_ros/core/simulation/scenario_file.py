@@ -35,6 +35,7 @@ TIMING = (
         1000,
     ),
 )
+HEIGHT = Parameter("height", 0.0, "Height above the world's zero, m.", -1e4, 3e4)
 TARGET = (
     Parameter("class_id", 0, "Class, from 0.", 0, 1000),
     Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0),
@@ -42,6 +43,7 @@ TARGET = (
     Parameter("velocity", [0.0, 0.0], "Velocity at its first scan, world frame, m/s.", length=2),
     Parameter("first_scan", 0, "First scan in which it exists.", 0, 10**6),
     Parameter("last_scan", 0, "Last scan in which it exists.", 0, 10**6),
+    HEIGHT,
 )
 FLIGHT = (
     Parameter("class_id", 0, "Class, from 0.", 0, 1000),
@@ -49,6 +51,7 @@ FLIGHT = (
     Parameter("start_s", 0.0, "When it appears, s after scan 0.", 0.0, 1e7),
     Parameter("position", [0.0, 0.0], "Position at its start, world frame, m.", length=2),
     Parameter("velocity", [0.0, 0.0], "Velocity at its start, world frame, m/s.", length=2),
+    HEIGHT,
 )
 LEG = (
     Parameter("duration_s", 0.0, "Length of the leg, s.", SMALL, 1e7),
@@ -101,8 +104,8 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         and ``manoeuvres`` stand for many targets, see `generators`. ``antennas`` has the keys of
         `ANTENNA` by name of the radar, ``clutter`` the law of its amplitudes, see
         `clutter_law`, and ``echoes`` how targets answer to it more than once, see `echoes`.
-        ``world_origin`` is the latitude and longitude of the
-        world's zero, and ``sites`` has those of radars by name. ``reflectors`` is a list of
+        ``world_origin`` is the latitude and longitude of the world's zero, and ``sites`` has those
+        of radars by name, see `site_parameters`. ``reflectors`` is a list of
         mappings, see `reflectors`, and ``platform`` what carries radars, with ``legs``.
         ``parameters`` are those of the tracker and the radars, and are ignored here, as are
         ``sites``.
@@ -145,8 +148,11 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     )
 
 
-def site_positions(document: Mapping[str, Any]) -> dict[str, list[float]]:
-    """Return the position of each radar that ``sites`` has, metres, by its name.
+def site_parameters(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters that ``world_origin`` and ``sites`` stand for, by dotted name.
+
+    Of an origin with a height they are ``world_origin`` and each radar's ``geodetic``, on the round
+    earth, and are not checked here; else each radar's ``position``, in a plane.
 
     Raises
     ------
@@ -154,9 +160,15 @@ def site_positions(document: Mapping[str, Any]) -> dict[str, list[float]]:
         If a latitude or longitude is wrong.
     """
     faults: list[str] = []
+    if _has_height(document):
+        sites = mapping(document, "sites", faults)
+        if faults:
+            raise ConfigError(faults)
+        found = {f"{name}.geodetic": given for name, given in sites.items()}
+        return {"world_origin": document["world_origin"], **found}
     origin = _origin(document, faults)
     positions = {
-        str(name): list(east_north(place(given, f"sites.{name}", faults), origin))
+        f"{name}.position": list(east_north(place(given, f"sites.{name}", faults), origin))
         for name, given in mapping(document, "sites", faults).items()
     }
     if faults:
@@ -165,7 +177,14 @@ def site_positions(document: Mapping[str, Any]) -> dict[str, list[float]]:
 
 
 def _origin(document: Mapping[str, Any], faults: list[str]) -> tuple[float, float]:
-    return place(document.get("world_origin", [0.0, 0.0]), "world_origin", faults)
+    given = document.get("world_origin", [0.0, 0.0])
+    return place(given[:2] if _has_height(document) else given, "world_origin", faults)
+
+
+def _has_height(document: Mapping[str, Any]) -> bool:
+    """Return whether the world's origin has a height, so that the world is on the round earth."""
+    origin = document.get("world_origin")
+    return isinstance(origin, list) and len(origin) == 3
 
 
 def _antennas(
@@ -204,7 +223,7 @@ def _targets(document: Mapping[str, Any], faults: list[str]) -> list[Target]:
 def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight | None:
     """Return a checked flight; add its faults to `faults` and return None if there are any."""
     found: list[str] = []
-    values = take(FLIGHT, script, prefix, found, ("snr_db", "start_s"), ("legs",))
+    values = take(FLIGHT, script, prefix, found, ("snr_db", "start_s", "height"), ("legs",))
     legs = _legs(script, prefix, found)
     if not found:
         try:
@@ -215,6 +234,7 @@ def _flight(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Flight
                 position=tuple(values["position"]),
                 velocity=tuple(values["velocity"]),
                 legs=legs,
+                height=values["height"],
             )
         except ValueError as error:
             found.append(f"{prefix}{error}")
@@ -246,7 +266,7 @@ def _legs(script: Mapping[str, Any], prefix: str, faults: list[str]) -> tuple[Le
 def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> TargetScript | None:
     """Return a checked target; add its faults to `faults` and return None if there are any."""
     found: list[str] = []
-    target = take(TARGET, script, prefix, found, (), ("turns",))
+    target = take(TARGET, script, prefix, found, ("height",), ("turns",))
     turns = [
         take(TURN, turn, f"{prefix}turns[{index}].", found)
         for index, turn in enumerate(mappings(script, "turns", prefix, found))
@@ -266,6 +286,7 @@ def _target(script: Mapping[str, Any], prefix: str, faults: list[str]) -> Target
             Turn(turn["first_scan"], turn["last_scan"], math.radians(turn["turn_rate_deg_s"]))
             for turn in turns
         ),
+        height=target["height"],
     )
 
 

@@ -10,6 +10,7 @@
       |  detection, noise, clutter               plots_of
     Plots of a radar, in the order of time
       |  by turn or by sector                    reports_of
+      |  slant ranges to the plane               placed
     Report: stamp, detections, sources
 
 The plots of a seed do not depend on how they are reported.
@@ -26,6 +27,7 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..configuration.radar_input import RadarInput
 from ..models.radar import RadarModel, wrap_angle
+from ..sited_plots import over_ground
 from ..types import FULL_TURN, Coverage, Detections
 from .flight import Flight, Leg
 from .platform import MovingPlatform
@@ -68,6 +70,7 @@ class Plots(NamedTuple):
     turns : array of shape (M,)
         Turns of the antenna from scan 0's turn until it points at the measured azimuth, ascending.
     measurement : array of shape (M, 2)
+        Of a radar with a site slant ranges, and azimuths from true east.
     amplitude : array of shape (M,)
     source : int array of shape (M,)
         The track_id of each plot's target; 0 for clutter.
@@ -97,7 +100,8 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
         # Each radar has a generator of its own, so that it does not depend on the others.
         rng = np.random.default_rng([seed, index])
         if radar.rotation_s > 0.0:
-            reports += reports_of(scenario, index, plots_of(scenario, index, rng), layout)
+            plots = plots_of(scenario, index, rng, layout)
+            reports += reports_of(scenario, index, plots, layout)
         else:
             reports += _still_reports(scenario, index, layout, rng)
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
@@ -150,8 +154,13 @@ def passes(
     return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]
 
 
-def plots_of(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
-    """Return the plots of one radar, with clutter, in the order of time."""
+def plots_of(
+    scenario: Scenario, index: int, rng: np.random.Generator, layout: RadarInput | None = None
+) -> Plots:
+    """Return the plots of one radar, with clutter, in the order of time.
+
+    Its `layout` says where it stands on the round earth; None if it measures over a plane.
+    """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     offset = antenna.bearing / FULL_TURN
     exact, turns, snr, source = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)], []
@@ -160,7 +169,12 @@ def plots_of(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
         time = passes(flight, radar, antenna, scenario.duration_s, scenario.carrier(index))
         time = time[_among_nearest(scenario, index, flight, time)]
         state.append(flight.states(time))
-        exact.append(scenario.measured(index, state[-1], time))
+        measured = scenario.measured(index, state[-1], time)
+        if layout is not None and layout.site is not None:
+            height = scenario.height(number, time) + layout.datum
+            distance, azimuth = layout.site.to_slant(measured[:, 0], measured[:, 1], height)
+            measured = np.stack([distance, wrap_angle(azimuth)], axis=1)
+        exact.append(measured)
         turns.append(time / radar.rotation_s + offset)
         snr.append(np.full(len(time), flight.snr))
         source += [number] * len(time)
@@ -265,6 +279,9 @@ def reports_of(scenario: Scenario, index: int, plots: Plots, layout: RadarInput)
         time_s = (plots.turns[rows] - (number + 1) / parts) * radar.rotation_s
         coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
         detections = _reported(plots, rows, time_s, coverage, layout)
+        if layout.height_field and layout.site is not None:
+            detections = replace(detections, height=_heights(scenario, plots, rows, radar, offset))
+        detections = placed(detections, layout)
         reports.append(Report(index, scenario.ns_after(end_s), detections, plots.source[rows]))
     return reports
 
@@ -279,6 +296,39 @@ def _reported(
         time_s=time_s if layout.time_field else None,
         coverage=coverage,
         range_rate=None if plots.range_rate is None else plots.range_rate[rows],
+    )
+
+
+def _heights(
+    scenario: Scenario, plots: Plots, rows: slice, radar: RadarModel, offset: float
+) -> FloatArray:
+    """Return the heights of the targets of some plots, metres; NaN for clutter."""
+    time_s = (plots.turns[rows] - offset) * radar.rotation_s
+    source = plots.source[rows]
+    height = np.full(len(source), np.nan)
+    for number in np.unique(source[source > 0]).tolist():
+        own = source == number
+        height[own] = scenario.height(number, time_s[own])
+    return height
+
+
+def placed(found: Detections, layout: RadarInput) -> Detections:
+    """Return detections with the ranges and azimuths in the plane that a reader makes of them.
+
+    Parameters
+    ----------
+    found : Detections
+        Of a radar with a site, with slant ranges and azimuths from true east. Those of another are
+        returned as they are.
+    layout : RadarInput
+    """
+    if layout.site is None:
+        return found
+    height = None if found.height is None else found.height + layout.datum
+    distance, azimuth = found.measurement.T
+    ground = over_ground(layout.site, layout.assumed_height, distance, azimuth, height)
+    return replace(
+        found, measurement=np.stack([ground.distance, wrap_angle(ground.azimuth)], axis=1)
     )
 
 

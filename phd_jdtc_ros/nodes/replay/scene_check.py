@@ -14,6 +14,7 @@ from msg_adapters import names
 from phd_jdtc_ros.core.configuration import scene
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.earth import SystemPlane
 
 from ..common import bag_parameters
 from ..common.tracker_parameters import TrackerParameters
@@ -30,7 +31,7 @@ def begin(node: Node, bag: Path, estimates_topic: str) -> None:
         recorded = bag_parameters.read(bag)
         if recorded is None or not found:
             return
-        expected = resolve(recorded).values
+        expected = resolve(recorded, SystemPlane).values
     except ConfigError as error:
         # The bag can be played all the same.
         node.get_logger().warning(f"the parameters beside the bag are not compared: {error}")

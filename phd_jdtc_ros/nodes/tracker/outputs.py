@@ -15,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rclpy.lifecycle import LifecycleNode
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import NavSatFix, PointCloud2
 from std_msgs.msg import Float64
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -24,7 +24,9 @@ from msg_adapters import (
     detections_in_map,
     diagnostics,
     estimates,
+    geo_json,
     markers,
+    navsat,
     plots,
     poses,
     quantities,
@@ -79,6 +81,12 @@ class Trails:
         self._trails, self._unseen = {}, {}
 
 
+def _geojson_types() -> tuple[Any] | None:
+    """Return the class of GeoJSON messages; None if it is not installed."""
+    kind = geo_json.installed()
+    return None if kind is None else (kind,)
+
+
 class Outputs:
     """The tracker's publishers; silent while the node is not active.
 
@@ -98,6 +106,7 @@ class Outputs:
     def __init__(self, node: LifecycleNode, settings: Settings, health: OutputHealth) -> None:
         self._node = node
         self._frame = settings.config.world_frame
+        self._plane = settings.config.plane
         self._radars = settings.config.model.radars
         self._class_names = tuple(c.name for c in settings.config.model.modes.classes)
         self._trails = Trails(settings.node["path_length"])
@@ -136,6 +145,10 @@ class Outputs:
             self._path = make(Path, "~/tracks/path") if settings.node["publish_path"] else None
             self._odometry = (
                 make(Odometry, "~/odometry") if settings.node["publish_odometry"] else None
+            )
+            self._navsat = make(NavSatFix, "~/navsat") if settings.node["publish_navsat"] else None
+            self._geojson = self._make_optional(
+                make, _geojson_types, "~/tracks/geojson", "publish_geojson", settings
             )
             self._radar_tracks = self._make_optional(
                 make, radar_tracks.installed, "~/radar_tracks", "publish_radar_tracks", settings
@@ -210,12 +223,30 @@ class Outputs:
         if self._detections_3d is not None:
             publisher, types = self._detections_3d
             publisher.publish(vision.to_msg(found, self._frame, self._class_names, types))
-        if self._path is not None:
-            for trail in self._trails.add(found):
-                self._path.publish(tracks.to_path(trail, self._frame))
+        self._publish_trails(found)
         if self._odometry is not None:
             for message in tracks.to_odometry(found, self._frame):
                 self._odometry.publish(message)
+
+    def _publish_trails(self, found: Estimates) -> None:
+        """Publish what shows where tracks were, and where on the earth they are."""
+        if self._path is not None or self._geojson is not None:
+            trails = self._trails.add(found)
+            if self._path is not None:
+                for trail in trails:
+                    self._path.publish(tracks.to_path(trail, self._frame))
+            if self._geojson is not None:
+                publisher, (kind,) = self._geojson
+                ways = {
+                    track: np.array([point.state for point in trail])[:, list(found.space.position)]
+                    for (track, _), trail in zip(tracks.labelled(found), trails, strict=True)
+                }
+                publisher.publish(
+                    geo_json.to_msg(found, self._plane, self._class_names, ways, kind)
+                )
+        if self._navsat is not None:
+            for message in navsat.to_msgs(found, self._plane):
+                self._navsat.publish(message)
 
     def publish_clutter(self, stamp_ns: int, engine: Engine) -> None:
         """Publish where clutter comes from, if that is learned and was not published lately."""

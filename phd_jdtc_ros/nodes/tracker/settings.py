@@ -18,6 +18,7 @@ from phd_jdtc_ros.core.configuration import build
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.parameters import schema
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.earth import SystemPlane
 
 from ..common.parameters import check
 
@@ -53,6 +54,17 @@ TABLE = (
         "publish_detections_3d", False, "Publish ~/detections_3d (vision_msgs/Detection3DArray)."
     ),
     Parameter(
+        "publish_navsat",
+        False,
+        "Publish ~/navsat (sensor_msgs/NavSatFix), one message per track; needs world_origin.",
+    ),
+    Parameter(
+        "publish_geojson",
+        False,
+        "Publish ~/tracks/geojson (foxglove_msgs/GeoJSON), all tracks with where they were; needs "
+        "world_origin.",
+    ),
+    Parameter(
         "checkpoint.path",
         "",
         "File in which the tracker's state is stored, for a warm restart; empty for none.",
@@ -66,7 +78,13 @@ TABLE = (
         0.0,
         86400.0,
     ),
-    Parameter("path_length", 100, "Number of positions in a path.", 2, 10**5),
+    Parameter(
+        "path_length",
+        100,
+        "Number of positions of a track in ~/tracks/path and ~/tracks/geojson.",
+        2,
+        10**5,
+    ),
     Parameter(
         "silent_after_scans",
         2.0,
@@ -84,6 +102,8 @@ TABLE = (
         mutable=True,
     ),
 )
+# What is published by latitude and longitude.
+ON_THE_EARTH = ("publish_navsat", "publish_geojson")
 NAMES = frozenset(parameter.name for parameter in TABLE)
 
 
@@ -128,9 +148,11 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     of_tracker = {name: value for name, value in given.items() if name not in NAMES}
     node, faults = check(TABLE, of_node)
     try:
-        tracker = build.resolve(of_tracker)
+        tracker = build.resolve(of_tracker, SystemPlane)
     except ConfigError as error:
         raise ConfigError([*faults, *error.faults]) from error
+    if tracker.plane is None:
+        faults += [f"{name}: true given, needs world_origin" for name in ON_THE_EARTH if node[name]]
     if faults:
         raise ConfigError(faults)
     return Settings(_table(of_tracker), tracker, node)

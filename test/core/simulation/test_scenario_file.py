@@ -406,11 +406,30 @@ def test_resolve_refuses_a_wrong_origin(place):
 
 def test_sites_are_positions_in_the_plane_about_the_origin():
     document = {"world_origin": [52.0, 7.0], "sites": {"mast": [52.0, 7.0], "hill": [53.0, 7.0]}}
-    found = scenario_file.site_positions(document)
-    assert found["mast"] == [0.0, 0.0]
-    np.testing.assert_allclose(found["hill"], [0.0, 111195.0], atol=1.0)
+    found = scenario_file.site_parameters(document)
+    assert found["mast.position"] == [0.0, 0.0]
+    np.testing.assert_allclose(found["hill.position"], [0.0, 111195.0], atol=1.0)
     with pytest.raises(ConfigError, match=r"sites\.mast: \[52\.0\] given"):
-        scenario_file.site_positions({"sites": {"mast": [52.0]}})
+        scenario_file.site_parameters({"sites": {"mast": [52.0]}})
+
+
+def test_an_origin_with_a_height_puts_sites_on_the_round_earth():
+    mast = [52.5, 7.0, 40.0]
+    document = {"world_origin": [52.0, 7.0, 10.0], "sites": {"mast": mast}}
+    assert scenario_file.site_parameters(document) == {
+        "world_origin": [52.0, 7.0, 10.0],
+        "mast.geodetic": mast,
+    }
+    assert resolve(world_origin=[52.0, 7.0, 10.0]).targets == ()
+    with pytest.raises(ConfigError, match="sites: must be a mapping"):
+        scenario_file.site_parameters({**document, "sites": [mast]})
+
+
+def test_targets_have_heights():
+    low, high = resolve(targets=[TARGET, {**TARGET, "height": 9000.0}]).flights
+    assert (low.height, high.height) == (0.0, 9000.0)
+    (wrong,) = faults({"targets": [{**TARGET, "height": 90e3}]})
+    assert wrong.startswith("targets[0].height: 90000.0 given, must be a finite number")
 
 
 def test_resolve_reads_antennas_by_radar():

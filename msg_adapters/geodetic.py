@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Where on the earth estimates are: latitude, longitude, height, and course from true north."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.site import Plane
+from phd_jdtc_ros.core.types import Estimates
+
+# Metres per second; slower targets have no course.
+LEAST_SPEED = 1e-3
+
+
+class Places(NamedTuple):
+    """Places on the earth, arrays of shape (T,).
+
+    Parameters
+    ----------
+    latitude, longitude : array
+        Degrees (WGS84), longitudes from -180 to 180.
+    height : array
+        Metres, as those of the plane's origin; NaN where it is unknown.
+    speed : array
+        Over ground, metres per second. In the plane it is too large by the plane's scale, at most
+        0.15 % where the radars are.
+    course : array
+        Degrees from true north, clockwise, from 0 to 360; NaN at rest.
+    convergence : array
+        Direction of true north, radians counter-clockwise from the plane's y axis.
+    """
+
+    latitude: FloatArray
+    longitude: FloatArray
+    height: FloatArray
+    speed: FloatArray
+    course: FloatArray
+    convergence: FloatArray
+
+
+def of(estimates: Estimates, plane: Plane) -> Places:
+    """Return where the targets of estimates are."""
+    (x, y), (east, north) = estimates.position.T, estimates.velocity.T
+    latitude, longitude = plane.to_geodetic(x, y)
+    convergence = plane.convergence(latitude, longitude)
+    speed = np.hypot(east, north)
+    course = np.degrees(np.arctan2(east, north) + convergence) % 360.0
+    return Places(
+        latitude,
+        longitude,
+        heights(estimates) + plane.origin[2],
+        speed,
+        np.where(speed < LEAST_SPEED, np.nan, course),
+        convergence,
+    )
+
+
+def heights(estimates: Estimates) -> FloatArray:
+    """Return the estimated heights above the world's zero, metres, (T,); NaN where unknown."""
+    attributes = getattr(estimates, "attributes", None)
+    if attributes is None:
+        return np.full(len(estimates), np.nan)
+    found: FloatArray = attributes.height[:, 0]
+    return found

@@ -1,0 +1,52 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tracks as ``sensor_msgs/NavSatFix``, for viewers with a map of the earth."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from sensor_msgs.msg import NavSatFix, NavSatStatus
+
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.site import Plane
+from phd_jdtc_ros.core.types import Estimates
+
+from . import geodetic, stamps
+from .tracks import UNKNOWN_VARIANCE, child_frame, labelled
+
+
+def to_msgs(estimates: Estimates, plane: Plane) -> list[NavSatFix]:
+    """Return a message per labelled estimate, by ascending track.
+
+    The frame is ``track_NUMBER``, as in odometry. The covariance is to the true east and north and
+    up. A height that is not known is NaN, with the variance `UNKNOWN_VARIANCE`.
+    """
+    places = geodetic.of(estimates, plane)
+    return [
+        NavSatFix(
+            header=stamps.header(estimates.stamp_ns, child_frame(track)),
+            # Viewers leave out what has no fix.
+            status=NavSatStatus(status=NavSatStatus.STATUS_FIX, service=0),
+            latitude=float(places.latitude[row]),
+            longitude=float(places.longitude[row]),
+            altitude=float(places.height[row]),
+            position_covariance=_covariance(
+                estimates.position_covariance[row], float(places.convergence[row])
+            ),
+            position_covariance_type=NavSatFix.COVARIANCE_TYPE_KNOWN,
+        )
+        for track, row in labelled(estimates)
+    ]
+
+
+def _covariance(planar: FloatArray, convergence: float) -> FloatArray:
+    """Return a covariance to the east, to the north and up, shape (9,), from that in the plane."""
+    cos, sin = math.cos(convergence), math.sin(convergence)
+    turned = np.array([[cos, sin], [-sin, cos]])
+    found = np.zeros((3, 3))
+    found[:2, :2] = turned @ planar @ turned.T
+    found[2, 2] = UNKNOWN_VARIANCE
+    return found.ravel()

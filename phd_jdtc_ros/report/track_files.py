@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The tracks of a run as GeoJSON and as CSV, by latitude and longitude."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msg_adapters import geo_json, geodetic
+from phd_jdtc_ros.core.site import Plane
+from phd_jdtc_ros.core.types import UNKNOWN, Estimates
+
+HEADER = (
+    *("time", "number", "latitude", "longitude", "height", "speed", "course", "class", "state"),
+    *("code", "address"),
+)
+
+
+class Fix(NamedTuple):
+    """One track at one time.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    number : int
+    latitude, longitude : float
+        Degrees.
+    height, speed, course : float
+        Metres, metres per second and degrees from true north; NaN where unknown.
+    class_name, state : str
+    code, address : str
+        Four octal and six hexadecimal digits; empty where unknown.
+    """
+
+    stamp_ns: int
+    number: int
+    latitude: float
+    longitude: float
+    height: float
+    speed: float
+    course: float
+    class_name: str
+    state: str
+    code: str
+    address: str
+
+
+def fixes(run: Sequence[Estimates], plane: Plane, class_names: Sequence[str]) -> Iterator[Fix]:
+    """Yield every labelled estimate of a run, in the order of time and then of number.
+
+    Parameters
+    ----------
+    run : sequence of Estimates
+        Ordered by stamp.
+    plane : Plane
+    class_names : sequence of str
+        By class id.
+    """
+    for found in run:
+        places = geodetic.of(found, plane)
+        identities = getattr(found, "attributes", None)
+        for row in np.argsort(found.track_id, kind="stable").tolist():
+            number = int(found.track_id[row])
+            if not number:
+                continue
+            code = UNKNOWN if identities is None else int(identities.code[row])
+            address = UNKNOWN if identities is None else int(identities.address[row])
+            yield Fix(
+                found.stamp_ns,
+                number,
+                *(float(column[row]) for column in places[:5]),
+                class_name=class_names[int(found.class_id[row])],
+                state=geo_json.STATES[int(found.track_state[row])],
+                code="" if code == UNKNOWN else f"{code:04o}",
+                address="" if address == UNKNOWN else f"{address:06X}",
+            )
+
+
+def to_csv(rows: Sequence[Fix]) -> str:
+    """Return fixes as comma-separated values with a header; unknown ones are empty.
+
+    Times are seconds since the zero of the stamps.
+    """
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(HEADER)
+    for row in rows:
+        writer.writerow(
+            [
+                _seconds(row.stamp_ns),
+                row.number,
+                f"{row.latitude:.{geo_json.DEGREE_DIGITS}f}",
+                f"{row.longitude:.{geo_json.DEGREE_DIGITS}f}",
+                *(_number(value, digits) for value, digits in _measures(row)),
+                *row[7:],
+            ]
+        )
+    return out.getvalue()
+
+
+def to_geojson(rows: Sequence[Fix]) -> str:
+    """Return fixes as GeoJSON: a line for each track, or a point for one that has one fix.
+
+    Properties of a track are ``number``, ``name``, ``class``, ``code`` and ``address`` where they
+    are known, the most frequent ones, and ``times``, seconds, one per position.
+    """
+    tracks: dict[int, list[Fix]] = {}
+    for row in rows:
+        tracks.setdefault(row.number, []).append(row)
+    return geo_json.text(
+        geo_json.collection([_feature(tracks[number]) for number in sorted(tracks)])
+    )
+
+
+def _feature(rows: Sequence[Fix]) -> dict[str, Any]:
+    latitude, longitude, height = (np.array([row[k] for row in rows]) for k in (2, 3, 4))
+    # RFC 7946 has no position without a height among others with one.
+    if np.isnan(height).any():
+        height = np.full(len(rows), np.nan)
+    way = geo_json.positions(latitude, longitude, height)
+    geometry = geo_json.line_of(way) if len(way) > 1 else {"type": "Point", "coordinates": way[0]}
+    properties = {
+        "number": rows[0].number,
+        "name": f"{rows[0].number}",
+        "class": _usual(row.class_name for row in rows),
+        "times": [row.stamp_ns / 1e9 for row in rows],
+    }
+    for name in ("code", "address"):
+        known = [getattr(row, name) for row in rows if getattr(row, name)]
+        if known:
+            properties[name] = _usual(known)
+    return geo_json.feature(geometry, properties)
+
+
+def _usual(values: Any) -> str:
+    """Return the most frequent value, the first one of equals."""
+    return str(Counter(values).most_common(1)[0][0])
+
+
+def _measures(row: Fix) -> tuple[tuple[float, int], ...]:
+    return (row.height, 1), (row.speed, 2), (row.course, 2)
+
+
+def _number(value: float, digits: int) -> str:
+    return "" if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def _seconds(stamp_ns: int) -> str:
+    return f"{stamp_ns // 10**9}.{stamp_ns % 10**9:09d}"

@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Estimates by latitude and longitude: places, NavSatFix and GeoJSON."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pyproj import Geod
+from samples import STAMP_NS, estimates, nothing
+
+from msg_adapters import geo_json, geodetic, navsat, stamps
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE
+from phd_jdtc_ros.earth import SystemPlane
+
+PLANE = SystemPlane((52.3, 4.8, 5.0))
+GEOD = Geod(ellps="WGS84")
+NAMES = ("small", "large")
+
+
+class Message:
+    """Stands for foxglove_msgs/GeoJSON, a message of one string."""
+
+    def __init__(self, geojson):
+        self.geojson = geojson
+
+
+def at(*states, **changes):
+    """Return estimates of (x, vx, y, vy) rows, with track numbers from 1."""
+    given = estimates(len(states))
+    state = np.zeros((len(states), 5))
+    state[:, :4] = states
+    return replace(given, state=state, track_id=np.arange(1, len(states) + 1), **changes)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (200e3, 250e3), (-300e3, 100e3), (50e3, -350e3)])
+@pytest.mark.parametrize("bearing", [0.0, 70.0, 200.0, 359.0])
+def test_courses_are_from_true_north(place, bearing):
+    latitude, longitude = map(float, PLANE.to_geodetic(*place))
+    east, north, _ = GEOD.fwd(longitude, latitude, bearing, 1.0)
+    (x,), (y,) = PLANE.to_plane([north], [east])
+    given = at((place[0], 200.0 * (x - place[0]), place[1], 200.0 * (y - place[1])))
+    found = geodetic.of(given, PLANE)
+    assert found.latitude[0] == pytest.approx(latitude, abs=1e-12)
+    assert found.longitude[0] == pytest.approx(longitude, abs=1e-12)
+    apart = (found.course[0] - bearing + 180.0) % 360.0 - 180.0
+    assert apart == pytest.approx(0.0, abs=1e-4)
+    assert found.speed[0] == pytest.approx(200.0, rel=1.5e-3)
+
+
+def test_a_target_at_rest_has_no_course():
+    found = geodetic.of(at((1e3, 0.0, 2e3, 0.0)), PLANE)
+    assert np.isnan(found.course[0])
+    assert found.speed[0] == 0.0
+
+
+def test_a_height_that_is_not_estimated_is_not_known():
+    assert np.isnan(geodetic.of(estimates(3), PLANE).height).all()
+
+
+def test_of_nothing_there_are_no_places():
+    assert all(column.shape == (0,) for column in geodetic.of(nothing(), PLANE))
+    assert navsat.to_msgs(nothing(), PLANE) == []
+    assert geo_json.of_scan(nothing(), PLANE, NAMES, {})["features"] == []
+
+
+def test_fixes_are_of_the_labelled_tracks_in_order():
+    given = replace(estimates(), track_id=np.array([12, 0, 5]))
+    first, second = navsat.to_msgs(given, PLANE)
+    assert [first.header.frame_id, second.header.frame_id] == ["track_5", "track_12"]
+    assert {stamps.to_ns(message.header.stamp) for message in (first, second)} == {STAMP_NS}
+    places = geodetic.of(given, PLANE)
+    assert (first.latitude, first.longitude) == (places.latitude[2], places.longitude[2])
+    assert math.isnan(first.altitude)
+    assert first.status.status == first.status.STATUS_FIX
+    assert first.position_covariance_type == first.COVARIANCE_TYPE_KNOWN
+
+
+def test_covariances_of_fixes_are_to_true_east_and_north():
+    x, y = 300e3, 150e3
+    yaw = float(PLANE.convergence(*PLANE.to_geodetic(x, y)))
+    assert abs(yaw) > math.radians(2.0)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    # A long ellipse to the true east, whose axes in the plane are turned by the convergence.
+    axes = np.array([[cos, -sin], [sin, cos]])
+    covariance = np.zeros((1, 5, 5))
+    covariance[0][np.ix_([0, 2], [0, 2])] = axes @ np.diag([400.0, 25.0]) @ axes.T
+    (message,) = navsat.to_msgs(at((x, 10.0, y, 0.0), covariance=covariance), PLANE)
+    found = np.reshape(message.position_covariance, (3, 3))
+    np.testing.assert_allclose(found[:2, :2], np.diag([400.0, 25.0]), rtol=0.0, atol=1e-9)
+    assert found[2, 2] == 1e6
+
+
+def test_geojson_has_a_point_and_a_line_for_each_track():
+    given = at((0.0, 100.0, 0.0, 0.0), (10e3, 0.0, 20e3, -50.0))
+    given = replace(given, class_id=np.array([0, 1]), track_state=np.array([CONFIRMED, COASTING]))
+    trails = {1: np.array([[-1e3, 0.0], [0.0, 0.0]]), 2: np.array([[10e3, 20e3]])}
+    message = geo_json.to_msg(given, PLANE, NAMES, trails, Message)
+    document = json.loads(message.geojson)
+    assert document["type"] == "FeatureCollection"
+    point, line, other = document["features"]
+    assert point["geometry"] == {"type": "Point", "coordinates": [4.8, 52.3]}
+    assert line["geometry"]["type"] == "LineString"
+    assert line["geometry"]["coordinates"][1] == [4.8, 52.3]
+    assert line["geometry"]["coordinates"][0][0] == pytest.approx(4.8 - 0.01466, abs=1e-4)
+    assert point["properties"]["name"] == "1"
+    assert point["properties"]["course"] == pytest.approx(90.0)
+    assert point["properties"]["height"] is None
+    assert other["properties"]["class"] == "large"
+    assert other["properties"]["state"] == "coasting"
+    assert other["properties"]["style"]["color"] != point["properties"]["style"]["color"]
+
+
+def test_geojson_names_every_state():
+    assert set(geo_json.STATES) == {TENTATIVE, CONFIRMED, COASTING}
+
+
+def test_lines_are_cut_at_the_antimeridian():
+    way = [[179.0, 10.0], [179.5, 10.0], [-179.5, 11.0], [-179.0, 11.0]]
+    found = geo_json.line_of(way)
+    assert found["type"] == "MultiLineString"
+    first, second = found["coordinates"]
+    assert first == [[179.0, 10.0], [179.5, 10.0], [180.0, 10.5]]
+    assert second == [[-180.0, 10.5], [-179.5, 11.0], [-179.0, 11.0]]
+    back = geo_json.line_of(way[::-1])["coordinates"]
+    assert back == [part[::-1] for part in (second, first)]
+
+
+def test_positions_are_longitude_latitude_and_height():
+    found = geo_json.positions(
+        np.array([52.123456789, 53.0]), np.array([4.0, 5.0]), np.array([math.nan, 1000.04])
+    )
+    assert found == [[4.0, 52.1234568], [5.0, 53.0, 1000.0]]

@@ -1,0 +1,233 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Plots of radars that stand on the round earth."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from pyproj import Geod, Transformer
+from samples import FRAME, STAMP_NS, cloud, radar
+from sensor_msgs.msg import PointField
+
+from msg_adapters import detections as adapter
+from msg_adapters import doubts, radar_scan
+from phd_jdtc_ros.core.site import Site
+from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.earth import SystemPlane
+
+ORIGIN, PLACE = (52.3, 4.8, 5.0), (53.1, 6.9, 40.0)
+PLANE = SystemPlane(ORIGIN)
+SITE = Site(PLACE, PLANE)
+TOPOCENTRIC = Transformer.from_pipeline(
+    "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
+    "+step +proj=cart +ellps=WGS84 "
+    f"+step +proj=topocentric +ellps=WGS84 +lat_0={PLACE[0]} +lon_0={PLACE[1]} +h_0={PLACE[2]}"
+)
+F8 = PointField.FLOAT64
+NAN = np.nan
+
+
+def sited(**changes):
+    """Return the input of a radar on the earth, whose clouds have heights and compass degrees."""
+    given = {
+        "amplitude_field": "",
+        "compass": True,
+        "azimuth_in_degrees": True,
+        "height_field": "height",
+        "site": SITE,
+        "height": PLACE[2] - ORIGIN[2],
+        "datum": ORIGIN[2],
+        "max_range": 450e3,
+    }
+    return radar(**{**given, **changes})
+
+
+def read(points, names=("range", "azimuth", "height"), **changes):
+    return adapter.from_msg(cloud([(name, F8) for name in names], points), sited(**changes))
+
+
+def around(distance, height):
+    """Return the places of targets in 24 directions: latitude, longitude; and their plots."""
+    bearing = np.arange(0.0, 360.0, 15.0)
+    count = len(bearing)
+    longitude, latitude, _ = Geod(ellps="WGS84").fwd(
+        np.full(count, PLACE[1]), np.full(count, PLACE[0]), bearing, np.full(count, distance)
+    )
+    east, north, up = TOPOCENTRIC.transform(longitude, latitude, np.full(count, height))
+    slant = np.sqrt(east**2 + north**2 + up**2)
+    compass = np.degrees(np.arctan2(east, north)) % 360.0
+    return latitude, longitude, slant, compass, np.degrees(np.arcsin(up / slant))
+
+
+def in_plane(detections):
+    """Return where detections are in the plane, shape (M, 2)."""
+    distance, azimuth = detections.measurement.T
+    bearing = azimuth + SITE.yaw
+    return np.add(
+        SITE.position, np.stack([distance * np.cos(bearing), distance * np.sin(bearing)], axis=1)
+    )
+
+
+@pytest.mark.parametrize("distance", [20e3, 150e3, 400e3])
+@pytest.mark.parametrize("height", [-300.0, 1000.0, 11e3])
+def test_plots_with_heights_are_where_the_targets_are(distance, height):
+    latitude, longitude, slant, compass, _ = around(distance, height)
+    report = read([(*plot, height) for plot in zip(slant, compass, strict=True)])
+    assert not report.dropped
+    assert not report.doubts
+    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
+    assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
+    # Heights are above the world's zero, that of the origin.
+    assert_allclose(report.detections.height, height - ORIGIN[2])
+
+
+def test_a_flat_earth_would_be_wrong_by_hundreds_of_metres():
+    latitude, longitude, slant, compass, _ = around(400e3, 11e3)
+    plots = [(*plot, 11e3) for plot in zip(slant, compass, strict=True)]
+    flat = read(plots, site=None).detections
+    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
+    assert np.hypot(*(in_plane(flat) - expected).T).max() > 200.0
+
+
+def test_plots_with_elevations_are_where_the_targets_are():
+    latitude, longitude, slant, compass, elevation = around(150e3, 6000.0)
+    names = ("range", "azimuth", "elevation")
+    plots = [
+        (distance, math.radians(90.0 - azimuth), math.radians(up))
+        for distance, azimuth, up in zip(slant, compass, elevation, strict=True)
+    ]
+    report = read(
+        plots,
+        names,
+        height_field="",
+        elevation_field="elevation",
+        compass=False,
+        azimuth_in_degrees=False,
+    )
+    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
+    assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
+
+
+def test_an_elevation_beyond_the_zenith_is_out_of_range():
+    report = read(
+        [(50e3, 0.0, 1.7), (50e3, 0.0, 0.1)],
+        ("range", "azimuth", "elevation"),
+        height_field="",
+        elevation_field="elevation",
+    )
+    assert report.dropped == {"range": 1}
+    assert len(report.detections) == 1
+
+
+def test_a_height_that_is_not_known_is_the_antennas():
+    latitude, longitude, slant, compass, _ = around(80e3, PLACE[2])
+    report = read([(*plot, NAN) for plot in zip(slant, compass, strict=True)])
+    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
+    assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
+    assert report.doubts == {"heights_unknown": 24}
+    (text,) = doubts.of(sited(), report.doubts)
+    assert "they count as at the antenna's height, set radar_1.assumed_height" in text
+
+
+def test_a_height_that_is_not_known_is_the_assumed_one():
+    latitude, longitude, slant, compass, _ = around(80e3, 6000.0)
+    plots = list(zip(slant, compass, strict=True))
+    report = read(plots, ("range", "azimuth"), height_field="", assumed_height=6000.0)
+    expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
+    assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
+    assert report.detections.height is None
+
+
+def test_an_assumed_height_is_below_30_degrees_near_the_radar():
+    found = read([(5e3, 90.0)], ("range", "azimuth"), height_field="", assumed_height=6000.0)
+    ((ground, _),) = found.detections.measurement
+    assert ground == pytest.approx(5e3 * math.cos(math.radians(30.0)), rel=1e-3)
+
+
+def test_impossible_points_are_dropped_by_reason():
+    report = read(
+        [
+            (9e3, 10.0, 12e3),  # higher than it is far away
+            (90e3, 10.0, 40e3),  # nothing flies so high
+            (90e3, 10.0, 1e300),
+            (460e3, 10.0, 9e3),  # beyond the maximum range
+            (1e300, 10.0, 9e3),
+            (-90e3, 10.0, 9e3),
+            (NAN, 10.0, 9e3),
+            (90e3, NAN, 9e3),
+            (90e3, 10.0, 9e3),
+        ]
+    )
+    assert report.dropped == {"height": 3, "range": 3, "not_finite": 2}
+    assert len(report.detections) == 1
+
+
+def test_a_plot_at_the_radar_itself_is_kept():
+    report = read([(0.0, 10.0, NAN)])
+    assert_allclose(report.detections.measurement[:, 0], 0.0, atol=0.01)
+
+
+def test_an_empty_cloud_has_no_detections():
+    assert len(read([]).detections) == 0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"height_field": ""},
+        {"height_field": "", "assumed_height": 6000.0},
+        {"assumed_height": 9000.0},
+    ],
+)
+def test_clouds_of_a_sited_radar_are_read_back(changes):
+    rng = np.random.default_rng(3)
+    ground = np.append(rng.uniform(0.0, 400e3, 200), [300.0, 8e3, 11e3])
+    azimuth = rng.uniform(-np.pi, np.pi, len(ground))
+    height = None
+    if changes.get("height_field", "height"):
+        height = rng.uniform(-300.0, 13e3, len(ground))
+        height[::5] = np.nan
+    given = Detections(np.stack([ground, azimuth], axis=1), None, height=height)
+    layout = sited(**changes)
+    back = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout).detections
+    assert len(back) == len(given)
+    # The cloud has single precision: 0.02 m of range and 1e-5 degrees; near the zenith it is more.
+    assert_allclose(back.measurement[:, 0], ground, rtol=0.0, atol=2.0)
+    apart = (back.measurement[:, 1] - azimuth + np.pi) % (2.0 * np.pi) - np.pi
+    assert_allclose(apart, 0.0, rtol=0.0, atol=1e-6)
+    far = ground > 20e3
+    assert_allclose(back.measurement[far, 0], ground[far], rtol=0.0, atol=0.05)
+    if height is not None:
+        assert_allclose(back.height, height, rtol=0.0, atol=1e-3)
+
+
+def test_scans_of_a_sited_radar_are_read_back():
+    rng = np.random.default_rng(4)
+    ground = rng.uniform(0.0, 300e3, 50)
+    azimuth = rng.uniform(-np.pi, np.pi, 50)
+    layout = sited(message="radar_scan", height_field="", compass=False, azimuth_in_degrees=False)
+    given = Detections(np.stack([ground, azimuth], axis=1), None)
+    back = radar_scan.from_cdr(radar_scan.to_cdr(given, STAMP_NS, layout), layout).detections
+    assert_allclose(back.measurement[:, 0], ground, rtol=0.0, atol=0.05)
+    assert_allclose(back.measurement[:, 1], azimuth, rtol=0.0, atol=1e-6)
+
+
+def test_points_are_read_alike_alone_and_together():
+    # Live and offline cut reports differently.
+    rng = np.random.default_rng(5)
+    plots = [
+        (distance, azimuth, height)
+        for distance, azimuth, height in zip(
+            rng.uniform(15e3, 400e3, 30),
+            rng.uniform(0.0, 360.0, 30),
+            rng.uniform(0.0, 12e3, 30),
+            strict=True,
+        )
+    ]
+    together = read(plots).detections.measurement
+    alone = np.concatenate([read([plot]).detections.measurement for plot in plots])
+    assert_array_equal(alone, together)
