@@ -74,6 +74,8 @@ class TrackerConfig:
         Number of the newest scans that are held back for late reports.
     reorder_s : float
         Longest time that scans are held back for radars that are behind, seconds.
+    late_reports : str
+        One of `late_reports.LATE_REPORTS`.
     """
 
     values: dict[str, Any]
@@ -88,6 +90,7 @@ class TrackerConfig:
     max_gap_s: float
     reorder_scans: int
     reorder_s: float = 0.0
+    late_reports: str = "drop"
 
     @property
     def reset_threshold_s(self) -> float:
@@ -226,6 +229,7 @@ def _build(values: dict[str, Any]) -> TrackerConfig:
         max_gap_s=values["max_gap_scans"] * _slowest_s(values),
         reorder_scans=values["reorder_scans"],
         reorder_s=values["reorder_s"],
+        late_reports=values["late_reports"],
     )
 
 
