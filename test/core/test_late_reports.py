@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.late_reports import EARNED, SAVED, Budget
 from phd_jdtc_ros.core.pipeline import LATE_REWORKED, Stepped, new_pipeline
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.types import FULL_TURN, Detections, Estimates
+from phd_jdtc_ros.core.types import Estimates
 
 ENGINES = pytest.mark.parametrize("engine", ["particles", "gaussian"])
 SCANS = [scan for _, scan in simulate(short_scenario(16), 0)]
@@ -276,32 +276,8 @@ def test_rework_needs_a_lag():
         config("gaussian", {"lag": 0})
 
 
-TURNS, CLUTTER = 6, 3
+TURNS = 6
 TURNING = {"late_reports": "rework", "lag_s": 2 * sweep.ROTATION_S, "radar.clutter_rate": 48.0}
-
-
-def sector_reports(timed, seed=5):
-    """Return the reports of a radar's sectors, with the targets of `sweep` and clutter."""
-    table = sweep.plots(TURNS, seed)
-    rng = np.random.default_rng(seed)
-    length = sweep.ROTATION_S / sweep.SECTORS
-    reports = []
-    for index in range(TURNS * sweep.SECTORS):
-        begin, end = length * index, length * (index + 1)
-        inside = table[(table[:, 0] >= begin) & (table[:, 0] < end)]
-        time_s = rng.uniform(begin, end, CLUTTER)
-        false = np.stack(
-            [time_s, rng.uniform(5e3, 90e3, CLUTTER), sweep.azimuth_at(time_s)], axis=1
-        )
-        plots = np.concatenate([inside, false])
-        plots = plots[np.argsort(plots[:, 0])]
-        azimuth = np.mod(plots[:, 2] + np.pi, FULL_TURN) - np.pi
-        detections = Detections(
-            np.stack([plots[:, 1], azimuth], axis=1), None, plots[:, 0] - end if timed else None
-        )
-        number = sweep.SECTORS - 1 - index % sweep.SECTORS
-        reports.append((0, sweep.START_NS + round(end * 1e9), detections, number))
-    return reports
 
 
 @pytest.mark.parametrize(
@@ -315,7 +291,7 @@ def sector_reports(timed, seed=5):
 )
 def test_a_late_sector_changes_nothing_that_is_still_to_come(engine, timed, period_s):
     given = {**TURNING, "engine": engine, "estimates_period_s": period_s}
-    reports = sector_reports(timed)
+    reports = sweep.sector_reports(TURNS, timed)
     # A sector of the fourth turn comes six sectors late.
     index = 3 * sweep.SECTORS + 3
     run = Run(sweep.configuration(given)).feed(late(reports, [index], 6)).finished()
@@ -326,7 +302,7 @@ def test_a_late_sector_changes_nothing_that_is_still_to_come(engine, timed, peri
 
 
 def test_a_sector_that_comes_twice_or_before_all_is_refused():
-    reports = sector_reports(timed=True)
+    reports = sweep.sector_reports(TURNS, timed=True)
     run = Run(sweep.configuration({**TURNING, "engine": "gaussian"}))
     run.feed(reports[:80]).feed([reports[76], reports[40]])
     assert run.refused == [Rejection.DUPLICATE, Rejection.LATE]
