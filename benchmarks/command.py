@@ -18,6 +18,7 @@ from rich.console import Console
 from . import (
     goals,
     growth,
+    late,
     live,
     machine,
     messages,
@@ -36,6 +37,7 @@ PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "live": live.measure,
     "turning": turning.measure,
     "messages": messages.measure,
+    "late": late.measure,
     "peers": peers.measure,
     "steps": steps.measure,
     "step_growth": step_growth.measure,

@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
-from . import backends
+from . import backends, late
 from .backends import NUMBA, NUMPY
 from .recursion import GAUSSIAN, PARTICLES
 from .step_growth import MEMORY_TARGETS
@@ -143,10 +144,24 @@ def _goals() -> list[Goal]:
     return [
         *goals,
         Goal("node, 1000 detections and 200 estimates, ms", 2.0, True, _messages, "messages"),
+        *(
+            Goal(
+                f"{engine}: step ready for late reports, against dropping them, times",
+                1.1,
+                True,
+                partial(_late, engine=engine, name=late.READY),
+                "late",
+            )
+            for engine in late.ENGINES
+        ),
         Goal("latency over DDS beyond the step, p99, ms", 10.0, True, _latency, "live"),
         *_of_turning_radars(),
         *_of_gaussian(),
     ]
+
+
+def _late(summary: Mapping[str, Any], engine: str, name: str) -> float:
+    return late.ratio(summary["late"], engine, name)
 
 
 def _of_gaussian() -> list[Goal]:

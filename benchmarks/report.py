@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from . import late
 from .recursion import GAUSSIAN, PARTICLES, PARTS
 from .turning import ONE_CLOUD
 
@@ -49,6 +50,8 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
             yield _live(engine, found)
     if "turning" in summary:
         yield from _turning(summary["turning"])
+    if "late" in summary:
+        yield _late(summary["late"])
     yield _goals(summary["figures"])
 
 
@@ -253,6 +256,29 @@ def _turning(found: Mapping[str, Any]) -> Iterator[Table]:
             cells.append(f"{_ms(median)} ({_number(median / of_forms[ONE_CLOUD]['median_ms'])}x)")
         table.add_row(form, *cells)
     yield table
+
+
+def _late(found: Mapping[str, Any]) -> Table:
+    memory = ", ".join(
+        f"{engine} {_number(of_engine['peak_MB'][late.NOT_READY])} and "
+        f"{_number(of_engine['peak_MB'][late.READY])} MB"
+        for engine, of_engine in found.items()
+    )
+    table = _table(
+        "a scan of the reference scenario, CPU medians",
+        "late reports",
+        *found,
+        caption="steps that work a report in, or all where none is late; in brackets, as a "
+        f"multiple of where they are dropped. Most memory of both: {memory}",
+    )
+    for name in next(iter(found.values()))["steps"]:
+        cells = [
+            f"{_ms(of_engine['steps'][name]['median_ms'])} "
+            f"({_number(late.ratio(found, engine, name))}x)"
+            for engine, of_engine in found.items()
+        ]
+        table.add_row(name, *cells)
+    return table
 
 
 def _sector_latency(engine: str, found: Mapping[str, Any]) -> Table:

@@ -129,6 +129,10 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
         f"{count} parts of turns came after their scans were closed; set reorder_s to the longest "
         "rotation_s of the radars"
     ),
+    "late_reworked": lambda radar, count: (
+        f"{count} clouds, or parts of turns, came after their scans were closed and were worked "
+        "in; if many do, hold scans back with reorder_scans or reorder_s"
+    ),
     "poses_extrapolated": lambda radar, count: (
         f"{count} clouds, or parts of turns, were later than the poses on {radar.pose_topic}; the "
         "platform is extrapolated with its last velocity"

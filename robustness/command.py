@@ -23,6 +23,7 @@ from . import (
     decoders,
     engines,
     forgeries,
+    late_sectors,
     moving,
     network,
     numerics,
@@ -59,6 +60,7 @@ ELSEWHERE = (
 OF_ENGINES: tuple[Measure, ...] = (
     bad_scans.measure,
     turning.measure,
+    late_sectors.measure,
     moving.measure,
     numerics.measure,
     forgeries.measure,
@@ -88,6 +90,7 @@ def every_fault() -> Iterator[Measure]:
     yield bad_scans.measure
     yield turning.measure
     yield turning.measure_refused
+    yield late_sectors.measure
     yield moving.measure
     yield bags.measure_recovery
     yield bags.measure_bomb

@@ -158,7 +158,7 @@ def faults() -> list[Fault]:
 
 
 @dataclass
-class _Antenna:
+class Antenna:
     """The radar's side: makes the clouds of one sector after the other."""
 
     rng: np.random.Generator
@@ -204,18 +204,19 @@ def measure() -> Figure:
     return measured_or_why(NAME, GOAL, _measure)
 
 
-def _settings(**changes: object) -> list[str]:
+def settings(**changes: object) -> list[str]:
+    """Return the arguments of a tracker of this radar, with other parameters changed."""
     given = {**PARAMETERS, **changes}
     return [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
 
 
 def _measure() -> tuple[str, bool, Mapping[str, Any]]:
     with Rig() as rig:
-        tracker = rig.tracker(*_settings())
+        tracker = rig.tracker(*settings())
         radars = rig.radars
         radars.node.destroy_publisher(radars.outputs.pop())
         radars.connected()
-        antenna = _Antenna(np.random.default_rng(1))
+        antenna = Antenna(np.random.default_rng(1))
         wanted, lost, away = Counter[str](), [], []
         left = faults()
         for sector in range(TURNS * SECTORS):
@@ -225,16 +226,16 @@ def _measure() -> tuple[str, bool, Mapping[str, Any]]:
                 antenna.next()  # it is not sent
                 wanted["clouds_missing"] += 1
             cloud = antenna.next(None if fault is None else fault.change)
-            answered = _send(radars, cloud)
+            answered = send(radars, cloud)
             if sector == 13 * SECTORS:
                 cloud.header.stamp.nanosec += 1
-                answered &= _send(radars, cloud)
+                answered &= send(radars, cloud)
                 wanted["sectors_repeated"] += 1
             lost += [] if answered else [name]
             if fault is not None:
                 wanted[fault.counted] += fault.count
             if sector > WARM_UP * SECTORS:
-                away.append(_away(radars, antenna.time_s))
+                away.append(how_far(radars, antenna.time_s))
             if not tracker.alive:
                 raise RuntimeError(f"{name}: the tracker ended:\n{tracker.text[-2000:]}")
         counted = radars.values("radar_1")
@@ -252,14 +253,14 @@ def _measure() -> tuple[str, bool, Mapping[str, Any]]:
     return text, reached, {"counted": found, "wanted": dict(wanted), "tracked": tracked}
 
 
-def _send(radars: Radars, cloud: PointCloud2) -> bool:
+def send(radars: Radars, cloud: PointCloud2) -> bool:
     """Send a cloud and wait for an estimate; return whether one came."""
     before = len(radars.filtered)
     radars.outputs[0].publish(cloud)
     return radars.spin_until(lambda: len(radars.filtered) > before, REPLY_S)
 
 
-def _away(radars: Radars, time_s: float) -> float:
+def how_far(radars: Radars, time_s: float) -> float:
     """Return how far the nearest of the latest estimates is from the target, m."""
     stamp_ns, _ = radars.filtered[-1]
     found = radars.found[stamp_ns]
@@ -280,10 +281,10 @@ def _refused() -> tuple[str, bool, Mapping[str, Any]]:
     with Rig() as rig:
         for value in (1.0, 1.5, -0.1):
             name = "radar_1.detection_probability"
-            node = rig.start("tracker", "--ros-args", *_settings(**{name: value}))
+            node = rig.start("tracker", "--ros-args", *settings(**{name: value}))
             status = node.process.wait(30.0)
             said = f"{name}: {value} given, must be a finite number, at least 0, at most 0.999"
             found[str(value)] = status if said in node.text else f"{status}, not said why"
-        rig.tracker(*_settings(**{"radar_1.detection_probability": 0.0}))
+        rig.tracker(*settings(**{"radar_1.detection_probability": 0.0}))
     text = ", ".join(f"{value}: status {status}" for value, status in found.items())
     return f"{text}; 0 starts", set(found.values()) == {2}, found

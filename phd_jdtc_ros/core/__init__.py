@@ -6,10 +6,11 @@
 The data's path, with the room or module of each step::
 
     reports (radar, stamp, Detections)         types
-      |  cut turns into slices, coverage       turns, antenna
+      |  cut turns into slices, coverage       turns, antenna, turn_history
       |  poses of radars that move             posed_reports, poses
       |  group by stamp, gaps, resets          scans
     Scan                                       pipeline: turns -> posed_reports -> scans -> engine
+      |  late reports: scans stepped again     late_reports, renumbering
       |  predict, update with every radar      an engine: smc (particles), gaussian
       |    motion, radars, amplitudes, births    models
       |    gating                              pair_search

@@ -20,7 +20,7 @@ been missed, against how often a target of its class is expected to be.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -383,6 +383,14 @@ class TrackStates:
         states = dict(zip(label.tolist(), state.tolist(), strict=True))
         known = [states.get(n, TENTATIVE if n else CONFIRMED) for n in found.track_id.tolist()]
         return replace(found, track_state=np.array(known, dtype=np.int64))
+
+    def hold(self) -> dict[str, Any]:
+        """Return the states, for `recall`."""
+        return {"records": self._records, "noted": dict(self._noted)}
+
+    def recall(self, held: Mapping[str, Any]) -> None:
+        """Return to states that were held."""
+        self._records, self._noted = held["records"], dict(held["noted"])
 
     def put(self, into: Snapshot) -> None:
         """Store the states in a snapshot."""

@@ -5,9 +5,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
 
 from .arrays import FloatArray
 from .confirmation import ReportingRule
@@ -45,6 +45,47 @@ class Step:
         return sum(map(len, self.filtered))
 
 
+@dataclass(frozen=True)
+class Held:
+    """What an engine held before a scan, to return to.
+
+    Its sets are those of the engine itself and are never changed, so that it costs some references.
+    Unlike a `Snapshot` it cannot be stored.
+
+    Parameters
+    ----------
+    stamp_ns : int or None
+        Of the scan before; None if there was none.
+    model : TrackerModel
+    rule : ReportingRule
+        With the model, what the next scan was stepped with.
+    state : mapping of name to value
+        The engine's own.
+    """
+
+    stamp_ns: int | None
+    model: TrackerModel
+    rule: ReportingRule
+    state: Mapping[str, Any] = field(default_factory=dict, repr=False)
+
+
+@dataclass(frozen=True)
+class Reworked:
+    """The result of stepping scans again.
+
+    Parameters
+    ----------
+    held : tuple of Held
+        What the engine held before each of them.
+    filtered, smoothed : tuples of Estimates
+        Those that have become due and had not been given out before.
+    """
+
+    held: tuple[Held, ...]
+    filtered: tuple[Estimates, ...]
+    smoothed: tuple[Estimates, ...]
+
+
 class Engine(Protocol):
     """A filter and a smoother behind one interface."""
 
@@ -80,6 +121,25 @@ class Engine(Protocol):
 
     def reset(self) -> None:
         """Return to the initial state."""
+        ...
+
+    def hold(self) -> Held:
+        """Return what the engine holds, to step later scans again from there."""
+        ...
+
+    def rework(self, scans: Sequence[tuple[Held, Scan]]) -> Reworked:
+        """Step scans again, with others between them or with more reports in them.
+
+        The engine is then in the state in which it would be had it stepped these scans at once.
+        Only track numbers are those that have been given out: a target keeps its own, and no number
+        is used for another target.
+
+        Parameters
+        ----------
+        scans : sequence of (Held, Scan)
+            By ascending stamp: every scan from some stamp on. The engine returns to the first
+            `Held`; of the others only the model and the rule are used.
+        """
         ...
 
     def snapshot(self) -> Snapshot:

@@ -8,21 +8,21 @@ from __future__ import annotations
 import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic
 
 import numpy as np
 
-from . import window_snapshot
+from . import renumbering, window_snapshot
 from .arrays import IntArray
 from .confirmation import ReportingRule, TrackStates
-from .engine import Lag, Step
+from .engine import Held, Lag, Reworked, Step
 from .forward import MOST_SCANS, Filtered, ForwardFilter
 from .models.clutter_raster import ClutterRaster, raster
 from .models.tracker_model import TrackerModel
 from .reporting import Schedule, at_stamp, chosen, joined, none, predicted
 from .snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, whole
-from .track_numbers import TrackNumbers
+from .track_numbers import NoNumbers, TrackNumbers
 from .types import Estimates, Scan
 from .window import Entry, LinkT, RowsT
 
@@ -75,6 +75,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     # The filtered targets of each scan with rows that no later one has touched, by stamp.
     _filtered: dict[int, Estimates] = field(init=False, repr=False)
     _stamps: list[int] = field(init=False, repr=False)  # whose smoothed estimates are to come
+    # Stamps of the latest filtered and smoothed estimates; -1 before the first.
+    _given_ns: tuple[int, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.reset()
@@ -128,6 +130,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self.forward.reset()
         self._tracks, self._states = TrackNumbers(), TrackStates(self.rule)
         self._window, self._filtered, self._stamps = [], {}, []
+        self._given_ns = -1, -1
 
     def step(self, scan: Scan) -> Step:
         """Filter one scan and smooth the stamps whose lag is reached; see `Engine.step`."""
@@ -144,6 +147,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
         self._stamps += [estimates.stamp_ns for estimates in filtered]
+        if filtered:
+            self._given_ns = filtered[-1].stamp_ns, self._given_ns[1]
         smoothed = []
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
@@ -178,6 +183,60 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self.reset()
         self._tracks = TrackNumbers(count=count)
         return rest
+
+    def hold(self) -> Held:
+        """Return what the engine holds; see `Engine.hold`."""
+        return Held(self.forward.stamp_ns, self.forward.model, self.rule, self._state())
+
+    def rework(self, scans: Sequence[tuple[Held, Scan]]) -> Reworked:
+        """Step scans again; see `Engine.rework`.
+
+        Filtered estimates of a stamp that comes late have no place between those that are out.
+        """
+        before, now = self.hold(), self._reported()
+        numbers, given = self._tracks, self._given_ns
+        self._recall(scans[0][0].state)
+        first, earlier = self.forward.scan_index, self._tracks.in_use
+        self._tracks = NoNumbers()
+        held, steps = [], []
+        for tuned, scan in scans:
+            self.retune(tuned.model, tuned.rule)
+            held.append(self.hold())
+            steps.append(self.step(scan))
+        self.retune(before.model, before.rule)
+        known = renumbering.continued(earlier, numbers.in_use, now, self._reported(), first)
+        self._tracks = TrackNumbers(known, numbers.count)
+        filtered, smoothed = [], []
+        for step in steps:
+            if self.schedule.period_ns:
+                due = [found for found in step.filtered if found.stamp_ns > given[0]]
+                filtered += [self._tracks.numbered(found) for found in due]
+            due = [found for found in step.smoothed if found.stamp_ns > given[1]]
+            smoothed += [self._tracks.numbered(found) for found in due]
+        own = {"numbers": self._tracks.in_use}
+        held = [replace(each, state={**each.state, **own}) for each in held]
+        self._tracks.forget_all_but([entry.stored.label for entry in self._window])
+        return Reworked(tuple(held), tuple(filtered), tuple(smoothed))
+
+    def _state(self) -> dict[str, Any]:
+        """Return what is the engine's own, for `_recall`; see `Held`."""
+        return {
+            "filter": self.forward.hold(),
+            "tracks": self._states.hold(),
+            "numbers": self._tracks.in_use,
+            "window": tuple(self._window),
+            "filtered": dict(self._filtered),
+            "stamps": tuple(self._stamps),
+            "given": self._given_ns,
+        }
+
+    def _recall(self, state: Mapping[str, Any]) -> None:
+        """Return to a state that was held."""
+        self.forward.recall(state["filter"])
+        self._states.recall(state["tracks"])
+        self._tracks = TrackNumbers(dict(state["numbers"]))
+        self._window, self._stamps = list(state["window"]), list(state["stamps"])
+        self._filtered, self._given_ns = dict(state["filtered"]), state["given"]
 
     def snapshot(self) -> Snapshot:
         """Return all that the engine holds; see `Engine.snapshot`."""
@@ -239,7 +298,20 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._filtered = {stamp: kept for stamp, kept in self._filtered.items() if stamp in current}
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
-        """Return the targets as known now, predicted to a stamp."""
+        """Return the targets that go out for a stamp."""
+        whole = self._predicted(stamp_ns)
+        self._states.note(whole)
+        return self._tracks.numbered(whole)
+
+    def _reported(self) -> Estimates:
+        """Return the targets as known now, at the stamp of the last scan; tracks are labels."""
+        stamp_ns = self.forward.stamp_ns
+        return (
+            none(self.forward.model.modes, 0, 0) if stamp_ns is None else self._predicted(stamp_ns)
+        )
+
+    def _predicted(self, stamp_ns: int) -> Estimates:
+        """Return the targets as known now, predicted to a stamp; tracks are labels."""
         parts = []
         for rows in self.forward.current:
             targets = self._filtered[rows.entry.stamp_ns]
@@ -248,9 +320,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
                 targets = chosen(targets, np.flatnonzero(alive))
             parts.append(targets)
         found, time_ns = joined(parts, 0)
-        whole = predicted(found, time_ns, stamp_ns, self.forward.model.modes)
-        self._states.note(whole)
-        return self._tracks.numbered(whole)
+        return predicted(found, time_ns, stamp_ns, self.forward.model.modes)
 
     def _smooth_rest(self) -> tuple[Estimates, ...]:
         """Smooth all stamps that are held back with the scans that the window holds."""
@@ -280,6 +350,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         else:
             found = none(modes, stamp_ns, lag)
         found = self._states.smoothed(found)
+        self._given_ns = self._given_ns[0], stamp_ns
         del self._stamps[0]
         self._trim()
         return self._tracks.numbered(found)

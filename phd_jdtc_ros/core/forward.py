@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Generic
+from typing import Any, Generic
 
 from . import window_snapshot
 from .clutter_snapshot import put_clutter, take_clutter
@@ -69,6 +69,11 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     def __post_init__(self) -> None:
         self.reset()
 
+    @property
+    def scan_index(self) -> int:
+        """Index of the next scan; see `origins`."""
+        return self._scan_index
+
     @abstractmethod
     def step(self, scan: Scan, linked: bool) -> Filtered[RowsT, LinkT]:
         """Predict and update with every radar; if `linked`, link the new set to earlier ones.
@@ -86,6 +91,22 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         """Return to the initial state."""
         self.current, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
         self.clutter = ClutterMemory()
+
+    def hold(self) -> dict[str, Any]:
+        """Return the filter's state, for `recall`; the sets are not copied."""
+        return {
+            "current": tuple(self.current),
+            "stamp_ns": self.stamp_ns,
+            "born_ns": dict(self._born_ns),
+            "scan_index": self._scan_index,
+            "clutter": self.clutter.copy(),
+        }
+
+    def recall(self, held: Mapping[str, Any]) -> None:
+        """Return to a state that was held."""
+        self.current, self.stamp_ns = list(held["current"]), held["stamp_ns"]
+        self._born_ns, self._scan_index = dict(held["born_ns"]), held["scan_index"]
+        self.clutter = held["clutter"].copy()
 
     def start_from(self, stamp_ns: int, stored: RowsT) -> None:
         """Use `stored` as the set of an earlier scan."""

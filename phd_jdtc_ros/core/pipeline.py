@@ -13,16 +13,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TypeAlias
 
 from .configuration.build import TrackerConfig
 from .engine import Engine, Step
 from .engines import new_engine
+from .late_reports import LATE_REPORTS, Dropped, LateReports
 from .posed_reports import PosedReports
 from .poses import Platform, PoseFault
 from .scans import Rejection, Reset, ScanGrouper
+from .turn_history import Recut, TurnHistory
 from .turns import Turns
 from .types import Detections, Estimates, Pose, Scan
 from .watch import ReportWatch, ResultWatch
@@ -63,6 +66,8 @@ class RunEnded:
 
 # Why a report of a moving radar is not used: where the radar was is not known.
 POSE_MISSING = "pose_missing"
+# Of what is counted as bridged: reports, or parts of turns, of closed scans that were worked in.
+LATE_REWORKED = "late_reworked"
 
 Event: TypeAlias = "Stepped | RunEnded"
 
@@ -93,6 +98,10 @@ class Pipeline:
     platforms : sequence of (Platform or None)
         What carries each radar, in the configured order, None for one that stands; empty if none
         of them moves.
+    late : LateReports or None
+        What becomes of reports of closed scans, with the same engine; None to drop them.
+    histories : mapping of int to TurnHistory
+        Of the radars whose late reports are cut in their places, by index; with their `turns`.
     """
 
     def __init__(
@@ -104,12 +113,16 @@ class Pipeline:
         watches: Sequence[ReportWatch] = (),
         results: ResultWatch | None = None,
         platforms: Sequence[Platform | None] = (),
+        late: LateReports | None = None,
+        histories: Mapping[int, TurnHistory] = MappingProxyType({}),
     ) -> None:
         self.engine = engine
         self._turns = tuple(turns) or tuple(Turns() for _ in range(grouper.radars))
         self._watches = tuple(watches) or tuple(ReportWatch() for _ in range(grouper.radars))
         self._results = results or ResultWatch(math.inf)
         self._grouper = grouper
+        self._late = late or Dropped(engine, grouper.radars)
+        self._histories = histories
         self._posed = PosedReports(platforms)
         self._drops: list[Counter[str]] = [Counter() for _ in range(grouper.radars)]
         self._begin = begin
@@ -142,7 +155,14 @@ class Pipeline:
         """
         turns = self._turns[radar]
         turns.doubts += self._watches[radar].add(detections)
-        pieces = turns.split(stamp_ns, detections, sector)
+        history = self._histories.get(radar)
+        if history is None:
+            pieces = turns.split(stamp_ns, detections, sector)
+        elif turns.behind(stamp_ns) and self._late.since_ns() is not None:
+            rejected_late = self._insert(radar, stamp_ns, detections, sector)
+            return self._events([]) if rejected_late is None else rejected_late
+        else:
+            pieces = history.split(stamp_ns, detections, sector)
         if isinstance(pieces, Rejection):
             return pieces
         if self._posed.moving:
@@ -151,7 +171,7 @@ class Pipeline:
         closed: list[Scan | Reset] = []
         rejected = []
         for piece_ns, piece in pieces:
-            found = self._grouper.add(radar, piece_ns, piece)
+            found = self._group(radar, piece_ns, piece)
             if isinstance(found, Rejection):
                 rejected.append(found)
             else:
@@ -160,6 +180,48 @@ class Pipeline:
             return rejected[0]
         turns.doubts["slices_late"] += len(rejected)
         return self._events(closed)
+
+    def _group(
+        self, radar: int, stamp_ns: int, detections: Detections
+    ) -> list[Scan | Reset] | Rejection:
+        """Put a report, or a part of one, in its scan; return what that closes."""
+        found = self._grouper.add(radar, stamp_ns, detections)
+        if found is not Rejection.LATE:
+            return found
+        since_ns, closed_ns = self._late.since_ns(), self._grouper.closed_ns
+        if since_ns is None or closed_ns is None or not since_ns < stamp_ns <= closed_ns:
+            return Rejection.LATE
+        if self._late.reported(radar, stamp_ns):
+            return Rejection.DUPLICATE
+        if not self._late.afford(stamp_ns, 0):
+            return Rejection.LATE_BURST
+        self._late.place(radar, (), [(stamp_ns, detections)])
+        self._turns[radar].doubts[LATE_REWORKED] += 1
+        return []
+
+    def _insert(
+        self, radar: int, stamp_ns: int, detections: Detections, sector: int | None
+    ) -> Rejection | None:
+        """Cut a report in its place among those of its turning radar; return why not, or None."""
+        turns, history = self._turns[radar], self._histories[radar]
+        since_ns, closed_ns = self._late.since_ns(), self._grouper.closed_ns
+        if since_ns is None or closed_ns is None or stamp_ns <= since_ns:
+            return Rejection.LATE
+        longest_ns = round(turns.rotation_s / max(turns.sectors, 1) * 1e9)
+        if not self._late.afford(stamp_ns - longest_ns, history.later(stamp_ns)):
+            return Rejection.LATE_BURST
+        recut = history.insert(stamp_ns, detections, sector)
+        if isinstance(recut, Rejection):
+            return recut
+        self._replace(radar, recut, since_ns, closed_ns)
+        turns.doubts[LATE_REWORKED] += 1
+        return None
+
+    def _replace(self, radar: int, recut: Recut, since_ns: int, closed_ns: int) -> None:
+        """Put parts of turns in their scans, in place of those that were cut without the late."""
+        self._grouper.replace(radar, recut.stamps_ns, recut.pieces)
+        inside = [piece for piece in recut.pieces if since_ns < piece[0] <= closed_ns]
+        self._late.place(radar, recut.stamps_ns, inside)
 
     def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:
         """Add a pose of what carries a radar.
@@ -198,7 +260,7 @@ class Pipeline:
                 continue
             if report.extrapolated:
                 self._turns[report.radar].doubts["poses_extrapolated"] += 1
-            found = self._grouper.add(report.radar, report.stamp_ns, report.detections)
+            found = self._group(report.radar, report.stamp_ns, report.detections)
             if isinstance(found, Rejection):
                 self._drops[report.radar][found.value] += 1
             else:
@@ -225,6 +287,7 @@ class Pipeline:
     def reset(self) -> None:
         """Discard all scans and return the engine to its initial state."""
         self._forget_stamps()
+        self._late.forget()
         self.engine.reset()
         self._begun = False
 
@@ -233,6 +296,8 @@ class Pipeline:
         self._posed.forget()
         for turns in self._turns:
             turns.reset()
+        for history in self._histories.values():
+            history.clear()
 
     def _events(self, closed: Sequence[Scan | Reset]) -> Iterator[Event]:
         for event in closed:
@@ -242,28 +307,39 @@ class Pipeline:
             if not self._begun:
                 self._begin(self.engine, event.stamp_ns)
                 self._begun = True
-            step = self.engine.step(event)
+            step = self._late.step(event)
+            since_ns = self._late.since_ns()
+            for history in self._histories.values():
+                history.forget_before(event.stamp_ns if since_ns is None else since_ns)
             overdue = self._results.stepped(event, step)
             yield Stepped(event, step, self._results.scans if overdue else 0)
 
     def _end(self, reset: Reset | None) -> RunEnded:
         """End the run; after a jump ahead, no track number is used a second time."""
         ahead = reset is not None and reset.ahead
+        due = self._late.finish()
         rest = self.engine.interrupt() if ahead else self.engine.flush()
+        self._late.forget()
         self._begun = False
-        return RunEnded(reset, rest)
+        return RunEnded(reset, (*due, *rest))
 
 
 def new_pipeline(
     config: TrackerConfig, begin: Callable[[Engine, int], None] = _start_cold
 ) -> Pipeline:
     """Return a pipeline with a new engine; `begin` is that of `Pipeline`."""
+    engine, turns, platforms = new_engine(config), config.turns(), config.platforms()
+    histories = {}
+    if config.late_reports == "rework" and not any(platforms):
+        histories = {index: TurnHistory(own) for index, own in enumerate(turns) if own.cutting}
     return Pipeline(
         config.grouper(),
-        new_engine(config),
+        engine,
         begin,
-        config.turns(),
+        turns,
         config.watches(),
         ResultWatch(config.model.modes.interval_s),
-        config.platforms(),
+        platforms,
+        LATE_REPORTS[config.late_reports](engine, len(turns)),
+        histories,
     )

@@ -21,6 +21,7 @@ a later one, or the newest stamp is later by more than that time.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -34,6 +35,7 @@ class Rejection(Enum):
 
     DUPLICATE = "duplicate"
     LATE = "late"
+    LATE_BURST = "late_burst"
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,11 @@ class ScanGrouper:
         self._overtaken = {}
 
     @property
+    def closed_ns(self) -> int | None:
+        """Stamp of the newest closed scan; None before the first."""
+        return self._closed_ns
+
+    @property
     def waiting(self) -> bool:
         """Whether a report is held back until its scan is complete."""
         return bool(self._pending)
@@ -146,6 +153,32 @@ class ScanGrouper:
             self._first_stamp = stamp_ns
         self._pending.setdefault(stamp_ns, {})[radar] = detections
         return events + self._close_complete()
+
+    def replace(
+        self, radar: int, stamps_ns: Sequence[int], reports: Sequence[tuple[int, Detections]]
+    ) -> None:
+        """Replace reports of a radar in the scans that are not closed.
+
+        Parameters
+        ----------
+        radar : int
+            Index in the configured order.
+        stamps_ns : sequence of int
+            Of those that are replaced; those of closed scans are ignored.
+        reports : sequence of (stamp in nanoseconds, Detections)
+            Those that replace them, by ascending stamp, at least one; those that belong to closed
+            scans are ignored.
+        """
+        closed_ns = -1 if self._closed_ns is None else self._closed_ns
+        for stamp_ns in stamps_ns:
+            others = self._pending.get(stamp_ns, {})
+            others.pop(radar, None)
+            if not others:
+                self._pending.pop(stamp_ns, None)
+        for stamp_ns, detections in reports:
+            if stamp_ns > closed_ns:
+                self._pending.setdefault(stamp_ns, {})[radar] = detections
+        self._last_stamp[radar] = reports[-1][0]
 
     def _unreported(self, newest: int) -> dict[int, tuple[int, int]]:
         """Return the interval of each radar's stamps that may still be on their way.

@@ -41,6 +41,11 @@ class TrackNumbers:
         return self._number[label]
 
     @property
+    def in_use(self) -> dict[int, int]:
+        """The number of each label; a copy."""
+        return dict(self._number)
+
+    @property
     def facts(self) -> dict[str, Any]:
         """The state for a snapshot: the arguments that make an equal one."""
         return {"number": [list(pair) for pair in self._number.items()], "count": self.count}
@@ -49,3 +54,14 @@ class TrackNumbers:
         """Drop the numbers of targets that can no longer be reported."""
         alive = set((np.concatenate(labels) + 1).tolist())
         self._number = {label: n for label, n in self._number.items() if label in alive}
+
+
+class NoNumbers(TrackNumbers):
+    """Leaves labels as they are, while it is not known yet which of them have a number."""
+
+    def numbered(self, estimates: Estimates) -> Estimates:
+        """Return the estimates as they are."""
+        return estimates
+
+    def forget_all_but(self, labels: list[IntArray]) -> None:
+        """Do nothing."""

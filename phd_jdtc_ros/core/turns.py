@@ -15,9 +15,12 @@ its detections have times of their own: cut in pieces, none of them could say wh
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -136,6 +139,32 @@ class Turns:
         self._step = 0
         self._reported_s: dict[int, float] = {}
         self._estimators: dict[bool, AntennaEstimator] = {}
+
+    def hold(self) -> dict[str, Any]:
+        """Return what is known of the antenna and its reports, for `recall`."""
+        return {
+            **vars(self),
+            "_reported_s": dict(self._reported_s),
+            "_estimators": {key: copy.copy(own) for key, own in self._estimators.items()},
+        }
+
+    def recall(self, held: Mapping[str, Any]) -> None:
+        """Return to what was held; what was counted since stays counted."""
+        doubts = self.doubts
+        vars(self).update(held)
+        self._reported_s, self.doubts = dict(held["_reported_s"]), doubts
+        self._estimators = {key: copy.copy(one) for key, one in held["_estimators"].items()}
+
+    def behind(self, stamp_ns: int) -> bool:
+        """Return whether a report is older than the latest of this run, and its place matters."""
+        if not self.cutting or self._zero_ns is None:
+            return False
+        return self._last_ns - self.reset_threshold_s * 1e9 <= stamp_ns < self._last_ns
+
+    @property
+    def cutting(self) -> bool:
+        """Whether a report's parts may depend on the reports before it."""
+        return self.rotation_s > 0.0
 
     @property
     def _per_turn(self) -> int:

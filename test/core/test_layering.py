@@ -43,6 +43,9 @@ ROOMS = {
     "sectors": ("arrays", "types"),
     "antenna": ("arrays", "types"),
     "turns": ("antenna", "arrays", "scans", "sectors", "types"),
+    "turn_history": ("scans", "turns", "types"),
+    "late_reports": ("engine", "scans", "types"),
+    "renumbering": ("arrays", "origins", "reporting", "types"),
     "watch": ("arrays", "engine", "sectors", "types"),
     "association": (*BASE, *KERNELS),
     "pair_search": (*BASE, *KERNELS),
@@ -63,7 +66,7 @@ ROOMS = {
     ),
     "fixed_lag": (
         *("arrays", "track_numbers", "types"),
-        *("confirmation", "engine", "forward", "models", "reporting", "snapshot"),
+        *("confirmation", "engine", "forward", "models", "renumbering", "reporting", "snapshot"),
         *("window", "window_snapshot"),
     ),
     "smc": (*ENGINE, "association", "models", "pair_search"),
@@ -78,8 +81,8 @@ ROOMS = {
     "tuning": (*BASE, "configuration", "models", "sectors"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (
-        *("configuration", "engine", "engines", "posed_reports", "poses", "scans", "turns"),
-        *("types", "watch"),
+        *("configuration", "engine", "engines", "late_reports", "posed_reports", "poses", "scans"),
+        *("turn_history", "turns", "types", "watch"),
     ),
 }
 # What each part of the project may import of the others.

@@ -104,5 +104,25 @@ def scans(turns, seed=0, missed=0.0, sectors=SECTORS):
     return found
 
 
+def sector_reports(turns, timed, seed=5, clutter=3):
+    """Return (radar, stamp, detections, sector) of every sector, with some false ones in each."""
+    table = plots(turns, seed)
+    rng = np.random.default_rng(seed)
+    length = ROTATION_S / SECTORS
+    reports = []
+    for index in range(turns * SECTORS):
+        begin, end = length * index, length * (index + 1)
+        inside = table[(table[:, 0] >= begin) & (table[:, 0] < end)]
+        time_s = rng.uniform(begin, end, clutter)
+        false = [time_s, rng.uniform(5e3, 90e3, clutter), azimuth_at(time_s)]
+        found = np.concatenate([inside, np.stack(false, axis=1)])
+        found = found[np.argsort(found[:, 0])]
+        found[:, 2] = np.mod(found[:, 2] + np.pi, FULL_TURN) - np.pi
+        detections = Detections(found[:, 1:], None, found[:, 0] - end if timed else None)
+        number = SECTORS - 1 - index % SECTORS
+        reports.append((0, START_NS + round(end * 1e9), detections, number))
+    return reports
+
+
 def seconds_of(stamp_ns):
     return (stamp_ns - START_NS) * 1e-9

@@ -137,7 +137,27 @@ def test_a_turning_radar_is_tracked_live_as_offline(tracker, peer, per_turn):
         output.publish(cloud)
         assert peer.spin_until(lambda before=before: len(found) > before)
     assert peer.spin_until(lambda: len(found) >= len(expected))
+    assert_alike(found, expected)
 
+
+def test_a_late_sector_is_worked_in_live_as_offline(tracker, peer):
+    config, output, found, log = tracker(late_reports="rework", engine="gaussian")
+    sent = clouds(config, 16)[: 5 * 16]
+    late = sent.pop(50)
+    expected = offline(config, [*sent[:53], late, *sent[53:]])
+    for index, cloud in enumerate(sent):
+        before = len(found)
+        if index == 53:
+            output.publish(late)
+        output.publish(cloud)
+        assert peer.spin_until(lambda before=before: len(found) > before)
+    assert peer.spin_until(lambda: "came after their scans were closed" in log.read_text())
+    assert peer.spin_until(lambda: len(found) >= len(expected))
+    assert_alike(found, expected)
+
+
+def assert_alike(found, expected):
+    """Check that live estimates are those of the same reports offline, and true."""
     heard = [estimates.from_msg(cloud) for cloud in found]
     assert [one.stamp_ns for one in heard] == [one.stamp_ns for one in expected]
     for one, other in zip(heard, expected, strict=True):

@@ -8,6 +8,7 @@ import pytest
 from robustness import (
     bad_scans,
     engines,
+    late_sectors,
     moving,
     publishers,
     raw_bytes,
@@ -66,6 +67,12 @@ def test_second_publisher_is_an_error_and_a_restarted_driver_is_none():
 def test_tracker_bridges_and_counts_the_faults_of_a_turning_radar_and_keeps_its_target(engine):
     with engines.using(engine):
         figure = turning.measure()
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_tracker_works_in_late_sectors_and_bounds_a_burst_of_them():
+    with engines.using(engines.GAUSSIAN):
+        figure = late_sectors.measure()
     assert figure.reached, (figure.measured, figure.details)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from rich.console import Console
+from scenes import no_detections
 from scipy.spatial import cKDTree
 
 from benchmarks import (
@@ -18,6 +19,7 @@ from benchmarks import (
     command,
     forms,
     goals,
+    late,
     limit,
     plots,
     recursion,
@@ -328,6 +330,14 @@ def test_latency_by_sectors_may_be_longer_by_a_step(cost):
     assert of_gaussian["value"] == by_sectors["median_ms"]
 
 
+def test_late_reports_are_moved_behind_the_scans_that_they_are_late_by():
+    reports = [(radar, scan, no_detections()) for scan in range(10) for radar in (0, 1)]
+    order = [report[:2] for report in late.delayed(reports, 1)]
+    # That of the fifth scan comes after the first of the seventh, which closes the sixth.
+    assert order.index((1, 4)) == order.index((0, 6)) - 1 == order.index((1, 5)) + 1
+    assert sorted(order) == sorted(report[:2] for report in reports)
+
+
 def test_tables_show_latency_by_sectors_and_every_form_of_a_turn(cost):
     latency = {
         "sectors": 160,
@@ -360,7 +370,7 @@ def summary():
 def test_summary_holds_every_figure(summary):
     names = [figure["name"] for figure in summary["figures"]]
 
-    assert len(names) == len(set(names)) == 32
+    assert len(names) == len(set(names)) == 34
     for figure in summary["figures"]:
         keys = {"name", "value", "goal", "at_most", "reached"}
         if figure["value"] is None:

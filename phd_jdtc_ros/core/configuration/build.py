@@ -78,6 +78,8 @@ class TrackerConfig:
         Longest time that scans are held back for radars that are behind, seconds.
     plane : Plane or None
         The map of the earth that the world frame is; None if it is a plane anywhere.
+    late_reports : str
+        One of `late_reports.LATE_REPORTS`.
     """
 
     values: dict[str, Any]
@@ -93,6 +95,7 @@ class TrackerConfig:
     reorder_scans: int
     reorder_s: float = 0.0
     plane: Plane | None = None
+    late_reports: str = "drop"
 
     @property
     def reset_threshold_s(self) -> float:
@@ -241,6 +244,7 @@ def _build(values: dict[str, Any], plane: Plane | None) -> TrackerConfig:
         reorder_scans=values["reorder_scans"],
         reorder_s=values["reorder_s"],
         plane=plane,
+        late_reports=values["late_reports"],
     )
 
 

@@ -103,6 +103,8 @@ def _check_spawn(values: Mapping[str, Any]) -> list[str]:
 
 def _check_rest(values: Mapping[str, Any]) -> list[str]:
     faults = []
+    if values["late_reports"] == "rework" and not (values["lag"] or values["lag_s"]):
+        faults.append("late_reports: 'rework' given with lag 0, needs a lag or lag_s above 0")
     for name in ("particles_per_birth", "detection_births.particles"):
         count = values[name]
         if count & (count - 1):

@@ -87,6 +87,14 @@ TOP = (
         1e3,
     ),
     Parameter(
+        "late_reports",
+        "drop",
+        "What becomes of reports of closed scans. drop: they are dropped and counted; rework: as "
+        "long as smoothed estimates of their time are to come, the scans since are stepped again "
+        "with them.",
+        choices=("drop", "rework"),
+    ),
+    Parameter(
         "estimates_period_s",
         0.0,
         "Time between estimates, s: all targets are predicted to one stamp. 0: estimates with "

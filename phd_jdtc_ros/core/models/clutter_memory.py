@@ -38,6 +38,10 @@ class ClutterMemory:
     counts: dict[str, ClutterCount] = field(default_factory=dict)
     _informed: dict[str, RadarModel] = field(default_factory=dict, init=False, repr=False)
 
+    def copy(self) -> ClutterMemory:
+        """Return a memory that learns by itself; what has been learned is shared."""
+        return ClutterMemory(dict(self.laws), dict(self.maps), dict(self.counts))
+
     def informed(self, radar: RadarModel) -> RadarModel:
         """Return a radar with what has been learned of its clutter."""
         law, places = self.laws.get(radar.name), self.maps.get(radar.name)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -56,6 +57,13 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
         super().reset()
         # A generator of its own, so that the filter's draws do not depend on the extraction.
         self._rng = np.random.default_rng([self.forward.seed, EXTRACTION_STREAM])
+
+    def _state(self) -> dict[str, Any]:
+        return {**super()._state(), "rng": self._rng.bit_generator.state}
+
+    def _recall(self, state: Mapping[str, Any]) -> None:
+        super()._recall(state)
+        self._rng.bit_generator.state = state["rng"]
 
     def snapshot(self) -> Snapshot:
         """Return all that the engine holds; see `Engine.snapshot`."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -102,6 +103,15 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         if not self.current:
             return ParticleSet.empty(len(self.model.modes.space))
         return self.current[-1].entry.stored
+
+    def hold(self) -> dict[str, Any]:
+        """Return the filter's state; see `ForwardFilter.hold`."""
+        return {**super().hold(), "rng": self._rng.bit_generator.state}
+
+    def recall(self, held: Mapping[str, Any]) -> None:
+        """Return to a state that was held."""
+        super().recall(held)
+        self._rng.bit_generator.state = held["rng"]
 
     def put(self, into: Snapshot) -> None:
         """Store the filter's state, except for the sets themselves, in a snapshot."""

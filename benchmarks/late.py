@@ -1,0 +1,112 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The cost of late reports: of being ready for them, and of working one in."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.pipeline import LATE_REWORKED, Stepped, new_pipeline
+from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.simulation.scenario import paper_scenario
+from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.core.types import Detections
+
+from .recursion import GAUSSIAN, PARTICLES
+from .timing import peak_bytes, spread
+
+ENGINES = (PARTICLES, GAUSSIAN)
+NOT_READY, READY = "late reports are dropped", "late reports are worked in, none is late"
+# So many later scans have been closed when the late report comes.
+LATE_BY = {"one is a scan late": 1, "one is three scans late": 3}
+# Every so many scans one report is late.
+EVERY = 8
+SCANS, QUICK = 80, 24
+
+Report = tuple[int, int, Detections]
+
+
+def measure(quick: bool) -> dict[str, Any]:
+    """Return the cost of a step, by engine and what is late, and the memory of a run."""
+    count = QUICK if quick else SCANS
+    return {engine: _of_engine(engine, count) for engine in ENGINES}
+
+
+def _of_engine(engine: str, count: int) -> dict[str, Any]:
+    dropping = resolve({"engine": engine})
+    working = resolve({"engine": engine, "late_reports": "rework"})
+    scene = replace(paper_scenario(dropping.model.radars), scans=count)
+    reports = [
+        (radar, scan.stamp_ns, found)
+        for _, scan in simulate(scene, seed=0)
+        for radar, found in enumerate(scan.detections)
+        if found is not None
+    ]
+    cases: dict[str, tuple[TrackerConfig, list[Report]]] = {
+        NOT_READY: (dropping, reports),
+        READY: (working, reports),
+        **{name: (working, delayed(reports, by)) for name, by in LATE_BY.items()},
+    }
+    list(_steps(working, reports[:QUICK]))  # what is cached once is not counted
+    memory = {
+        name: peak_bytes(lambda config=config: list(_steps(config, reports[:QUICK]))) / 1e6
+        for name, config in ((NOT_READY, dropping), (READY, working))
+    }
+    # They take turns, scan by scan.
+    rounds = zip(*(_steps(*case) for case in cases.values()), strict=True)
+    steps = dict(zip(cases, zip(*rounds, strict=True), strict=True))
+    settling = dropping.lag.scans
+    return {
+        "steps": {name: _median(of_case, settling) for name, of_case in steps.items()},
+        "peak_MB": memory,
+    }
+
+
+def delayed(reports: Sequence[Report], by: int) -> list[Report]:
+    """Return reports of two radars of which some come when so many later scans are closed."""
+    ordered: list[tuple[float, Report]] = []
+    for index, report in enumerate(reports):
+        late = index % 2 == 1 and index // 2 % EVERY == EVERY // 2
+        # Behind both reports of the last of those scans.
+        ordered.append((index + 2.0 * by + 0.5 if late else index, report))
+    return [report for _, report in sorted(ordered, key=lambda entry: entry[0])]
+
+
+def _steps(config: TrackerConfig, reports: Sequence[Report]) -> Iterator[tuple[float, bool]]:
+    """Yield the CPU milliseconds of each step, and whether it worked a late report in.
+
+    Raises
+    ------
+    RuntimeError
+        If a report was not used.
+    """
+    pipeline, waiting = new_pipeline(config), False
+    for radar, stamp_ns, found in reports:
+        begin = time.process_time()
+        events = pipeline.add(radar, stamp_ns, found)
+        if isinstance(events, Rejection):
+            raise RuntimeError(f"a report at {stamp_ns} ns was not used: {events.value}")
+        stepped = sum(isinstance(event, Stepped) for event in events) > 0  # all of them
+        taken = 1e3 * (time.process_time() - begin)
+        if stepped:
+            yield taken, waiting
+            waiting = False
+        waiting |= pipeline.take_doubts(radar)[LATE_REWORKED] > 0
+
+
+def _median(steps: Sequence[tuple[float, bool]], settling: int) -> dict[str, float]:
+    """Return the times of the steps that worked reports in; of all if none did."""
+    worked = [taken for taken, late in steps[settling:] if late]
+    return spread(worked or [taken for taken, _ in steps[settling:]])
+
+
+def ratio(found: Mapping[str, Any], engine: str, name: str) -> float:
+    """Return the step with late reports as a multiple of that where they are dropped."""
+    steps = found[engine]["steps"]
+    value: float = steps[name]["median_ms"] / steps[NOT_READY]["median_ms"]
+    return value

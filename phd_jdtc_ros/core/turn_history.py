@@ -1,0 +1,137 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The latest reports of a turning radar, so that one that comes late is cut in its place.
+
+What a report covers follows from those before it, and when the antenna was where from all of them.
+With a late report the later ones are cut again, and become what they would have been.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from .scans import Rejection
+from .turns import Piece, Turns
+from .types import Detections
+
+
+class _Record(NamedTuple):
+    """A report, what was known before it, and its parts."""
+
+    stamp_ns: int
+    detections: Detections
+    sector: int | None
+    before: Mapping[str, Any]
+    pieces: tuple[Piece, ...]
+
+
+@dataclass(frozen=True)
+class Recut:
+    """What a late report changes.
+
+    Parameters
+    ----------
+    stamps_ns : tuple of int
+        Of the parts of later reports as they were cut first.
+    pieces : tuple of (stamp in nanoseconds, Detections)
+        The parts of the late report and of all later ones, by ascending stamp.
+    """
+
+    stamps_ns: tuple[int, ...]
+    pieces: tuple[Piece, ...]
+
+
+class TurnHistory:
+    """Cuts the reports of one turning radar, and can do so again with a late one.
+
+    Parameters
+    ----------
+    turns : Turns
+    """
+
+    def __init__(self, turns: Turns) -> None:
+        self._turns = turns
+        self._records: list[_Record] = []
+        self._undo: tuple[Mapping[str, Any], list[_Record]] | None = None
+
+    def split(
+        self, stamp_ns: int, detections: Detections, sector: int | None
+    ) -> list[Piece] | Rejection:
+        """Return the parts of a report that is not late; see `Turns.split`."""
+        if self._records and stamp_ns < self._records[-1].stamp_ns:
+            self._records = []  # of another run
+        before = self._turns.hold()
+        pieces = self._turns.split(stamp_ns, detections, sector)
+        if not isinstance(pieces, Rejection):
+            record = _Record(stamp_ns, detections, sector, before, tuple(pieces))
+            self._records.append(record)
+        return pieces
+
+    def later(self, stamp_ns: int) -> int:
+        """Return the number of reports after a stamp."""
+        return len(self._records) - self._place(stamp_ns)
+
+    def insert(
+        self, stamp_ns: int, detections: Detections, sector: int | None
+    ) -> Recut | Rejection:
+        """Cut a late report and all later ones; `withdraw` takes it back.
+
+        Parameters
+        ----------
+        stamp_ns, detections, sector
+            See `Turns.split`.
+
+        Returns
+        -------
+        Recut
+        Rejection
+            If the report has come before, or belongs before all that are kept.
+        """
+        place = self._place(stamp_ns)
+        if place and self._records[place - 1].stamp_ns == stamp_ns:
+            return Rejection.DUPLICATE
+        later = self._records[place:]
+        if not later or later[0].before["_zero_ns"] is None:
+            return Rejection.LATE
+        if later[0].before["_last_ns"] >= stamp_ns:
+            return Rejection.LATE
+        self._undo = self._turns.hold(), list(self._records)
+        doubts = Counter(self._turns.doubts)
+        del self._records[place:]
+        self._turns.recall(later[0].before)
+        reports = [(stamp_ns, detections, sector), *(own[:3] for own in later)]
+        cut = [self.split(*report) for report in reports]
+        # What is odd about the later ones was counted when they came.
+        self._turns.doubts.clear()
+        self._turns.doubts.update(doubts)
+        if any(isinstance(pieces, Rejection) for pieces in cut):
+            self.withdraw()
+            return Rejection.LATE
+        return Recut(
+            tuple(own_ns for record in later for own_ns, _ in record.pieces),
+            tuple(piece for record in self._records[place:] for piece in record.pieces),
+        )
+
+    def withdraw(self) -> None:
+        """Take back the last `insert`."""
+        if self._undo is not None:
+            self._turns.recall(self._undo[0])
+            self._records, self._undo = self._undo[1], None
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Forget reports at a stamp or before it."""
+        del self._records[: self._place(stamp_ns)]
+        self._undo = None
+
+    def clear(self) -> None:
+        """Forget all reports."""
+        self._records, self._undo = [], None
+
+    def _place(self, stamp_ns: int) -> int:
+        """Return the number of reports at a stamp or before it."""
+        return bisect_right([record.stamp_ns for record in self._records], stamp_ns)

@@ -1,0 +1,109 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Sectors that come late, are lost, or come late in a burst, to a tracker that works them in."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import stamps
+
+from . import scans
+from .figures import Figure, measured_or_why
+from .radars import Radars
+from .rig import Rig
+from .turning import NEAR_M, ROTATION_S, SECTORS, Antenna, how_far, send, settings
+
+NAME = "late sectors: 5 sectors late, lost, in a burst"
+GOAL = "0 exits, 0 NaN; every one worked in and counted, a burst bounded; the target tracked"
+WARM_UP, TURNS = 4, 8
+# Every so many sectors one is late by so many others; prime to the sectors of a turn.
+EVERY, LATE_BY = 11, 5
+LOST = 6 * SECTORS + 6
+# Late clouds of stamps between those of sectors, without a sector between them.
+BURST = 150
+# What a late cloud is counted as; in a burst the queue overflows.
+COUNTED = ("late_reworked", "dropped_late_burst", "gaps")
+# Of a burst at most so many are worked in: two windows of 32 sectors pay for them.
+MOST = 2 * (2 * SECTORS + 1)
+ROTATION_NS = round(ROTATION_S * 1e9)
+# Within this, the next sector's estimates come after a burst.
+ANSWER_S = 5.0
+
+
+def measure() -> Figure:
+    """Send sectors late, leave one out, send a burst of late ones, and count what happens."""
+    return measured_or_why(NAME, GOAL, _measure)
+
+
+def _measure() -> tuple[str, bool, Mapping[str, Any]]:
+    given = {"late_reports": "rework", "lag": 5, "lag_s": 2.0 * ROTATION_S}
+    with Rig() as rig:
+        tracker = rig.tracker(*settings(**given))
+        radars = rig.radars
+        radars.node.destroy_publisher(radars.outputs.pop())
+        radars.connected()
+        antenna = Antenna(np.random.default_rng(2))
+        late, lost, apart = _send_all(radars, antenna)
+        before = _counted(radars)
+        answered = _burst(radars, antenna)
+        after = _counted(radars)
+        alive, not_finite = tracker.alive, radars.not_finite
+    worked_in = before["late_reworked"]
+    tracked = float(np.mean(np.array(apart) < NEAR_M))
+    in_burst = {key: after[key] - before[key] for key in COUNTED}
+    text = (
+        f"{'0' if alive else '1'} exits, {not_finite} with NaN; {worked_in} of {late} late sectors "
+        f"worked in, {lost} without an answer; the target is within {NEAR_M:g} m in "
+        f"{100.0 * tracked:.1f} % of the estimates; of a burst of {BURST} {in_burst} and the next "
+        f"sector {'is' if answered else 'is not'} answered within {ANSWER_S:g} s"
+    )
+    bounded = answered and sum(in_burst.values()) == BURST and in_burst["late_reworked"] < MOST
+    reached = alive and not not_finite and worked_in == late and not lost and bounded
+    details = {"late": late, "worked_in": worked_in, "tracked": tracked, "burst": in_burst}
+    return text, reached and tracked > 0.98, details
+
+
+def _send_all(radars: Radars, antenna: Antenna) -> tuple[int, int, list[float]]:
+    """Send all sectors; return how many were late and not answered, and how far the target was."""
+    held: dict[int, PointCloud2] = {}
+    late = lost = 0
+    apart = []
+    for sector in range(TURNS * SECTORS):
+        cloud = antenna.next()
+        if sector == LOST:
+            continue
+        if sector > WARM_UP * SECTORS and sector % EVERY == 0:
+            held[sector + LATE_BY] = cloud
+            continue
+        if sector in held:
+            radars.outputs[0].publish(held.pop(sector))
+            late += 1
+        lost += not send(radars, cloud)
+        if sector > WARM_UP * SECTORS:
+            apart.append(how_far(radars, antenna.time_s))
+    return late, lost, apart
+
+
+def _burst(radars: Radars, antenna: Antenna) -> bool:
+    """Send many late clouds at once, and a sector; return whether it is answered in time."""
+    cloud = antenna.next()
+    stamp_ns = scans.START_NS + round(antenna.time_s * 1e9)
+    for index in range(BURST):
+        old = copy.deepcopy(cloud)
+        old.header.stamp = stamps.from_ns(stamp_ns - ROTATION_NS - 1000 * (index + 1))
+        radars.outputs[0].publish(old)
+    before = len(radars.filtered)
+    radars.outputs[0].publish(cloud)
+    return radars.spin_until(lambda: len(radars.filtered) > before, ANSWER_S)
+
+
+def _counted(radars: Radars) -> dict[str, int]:
+    values = radars.values("radar_1")
+    return {key: int(values.get(key, 0)) for key in COUNTED}
