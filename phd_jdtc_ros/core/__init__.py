@@ -30,6 +30,9 @@ What engines are built from knows no particles, only rows, each of one origin::
     window                 what is kept of one scan: rows, sources, link
     window_snapshot        its storage; snapshot has checked arrays and numbers
 
+`site`, `sited_plots` and `ellipsoid` place the plots of radars that stand on the round earth in the
+plane that targets are tracked in.
+
 `engine` is the interface of all engines, and `engines` creates one by its name. `configuration`
 turns parameters into models and settings. `simulation` makes scans with known truth, and
 `evaluation` compares estimates with it.

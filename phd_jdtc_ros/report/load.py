@@ -95,13 +95,14 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         classes=classes or len(config.model.modes.classes),
         step_ms=np.array(parts["step_ms"], dtype=float),
         radars=tuple(
-            RadarSite(radar.name, radar.position)
+            RadarSite(radar.name, radar.position, source.height)
             for radar, source in zip(config.model.radars, config.inputs, strict=True)
             if not source.pose_topic
         ),
         damage=intact.damage,
         clutter=next(iter(parts["clutter"]), None),
         class_names=tuple(kind.name for kind in config.model.modes.classes),
+        plane=config.plane,
     )
 
 
@@ -166,6 +167,7 @@ def _plots(report: PosedReport, model: RadarModel) -> Iterator[Plot]:
         position=model.at(found.pose).to_world(found.measurement),
         amplitude=unknown if found.amplitude is None else found.amplitude,
         sensor=None if found.pose is None else found.pose.position,
+        height=found.height,
     )
 
 

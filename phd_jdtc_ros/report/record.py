@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
+from phd_jdtc_ros.core.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
 
 from .sets import Sets
@@ -32,6 +34,8 @@ class Plot:
         Linear envelope; NaN where the radar reports none.
     sensor : tuple of two floats, or None
         Where a radar that moves was, metres; None for one that stands.
+    height : array of shape (M,) or None
+        Above the world's zero, metres; NaN where it is unknown. None where the radar reports none.
     """
 
     stamp_ns: int
@@ -39,14 +43,16 @@ class Plot:
     position: FloatArray
     amplitude: FloatArray
     sensor: tuple[float, float] | None = None
+    height: FloatArray | None = None
 
 
 @dataclass(frozen=True)
 class RadarSite:
-    """The name of a radar and its position in the world frame, metres."""
+    """The name of a radar, its position in the world frame and its antenna's height, metres."""
 
     name: str
     position: tuple[float, float]
+    height: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,8 @@ class Record:
         As configured; empty if they are not known.
     clutter : ClutterRaster or None
         Where clutter came from, as learned in the end; None if that was not recorded.
+    plane : Plane or None
+        The map of the earth that the world frame is; None if it is a plane anywhere.
     """
 
     truth: tuple[Truth, ...]
@@ -83,6 +91,7 @@ class Record:
     damage: BagError | None = None
     class_names: tuple[str, ...] = ()
     clutter: ClutterRaster | None = None
+    plane: Plane | None = None
 
     @cached_property
     def sets(self) -> Sets:

@@ -7,6 +7,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from pyproj import Geod, Transformer
 from samples import FRAME, STAMP_NS, cloud, radar
@@ -32,7 +34,7 @@ NAN = np.nan
 
 def sited(**changes):
     """Return the input of a radar on the earth, whose clouds have heights and compass degrees."""
-    given = {
+    usual = {
         "amplitude_field": "",
         "compass": True,
         "azimuth_in_degrees": True,
@@ -42,7 +44,7 @@ def sited(**changes):
         "datum": ORIGIN[2],
         "max_range": 450e3,
     }
-    return radar(**{**given, **changes})
+    return radar(**{**usual, **changes})
 
 
 def read(points, names=("range", "azimuth", "height"), **changes):
@@ -191,10 +193,10 @@ def test_clouds_of_a_sited_radar_are_read_back(changes):
     if changes.get("height_field", "height"):
         height = rng.uniform(-300.0, 13e3, len(ground))
         height[::5] = np.nan
-    given = Detections(np.stack([ground, azimuth], axis=1), None, height=height)
+    sent = Detections(np.stack([ground, azimuth], axis=1), None, height=height)
     layout = sited(**changes)
-    back = adapter.from_msg(adapter.to_msg(given, STAMP_NS, FRAME, layout), layout).detections
-    assert len(back) == len(given)
+    back = adapter.from_msg(adapter.to_msg(sent, STAMP_NS, FRAME, layout), layout).detections
+    assert len(back) == len(sent)
     # The cloud has single precision: 0.02 m of range and 1e-5 degrees; near the zenith it is more.
     assert_allclose(back.measurement[:, 0], ground, rtol=0.0, atol=2.0)
     apart = (back.measurement[:, 1] - azimuth + np.pi) % (2.0 * np.pi) - np.pi
@@ -210,8 +212,8 @@ def test_scans_of_a_sited_radar_are_read_back():
     ground = rng.uniform(0.0, 300e3, 50)
     azimuth = rng.uniform(-np.pi, np.pi, 50)
     layout = sited(message="radar_scan", height_field="", compass=False, azimuth_in_degrees=False)
-    given = Detections(np.stack([ground, azimuth], axis=1), None)
-    back = radar_scan.from_cdr(radar_scan.to_cdr(given, STAMP_NS, layout), layout).detections
+    sent = Detections(np.stack([ground, azimuth], axis=1), None)
+    back = radar_scan.from_cdr(radar_scan.to_cdr(sent, STAMP_NS, layout), layout).detections
     assert_allclose(back.measurement[:, 0], ground, rtol=0.0, atol=0.05)
     assert_allclose(back.measurement[:, 1], azimuth, rtol=0.0, atol=1e-6)
 
@@ -231,3 +233,23 @@ def test_points_are_read_alike_alone_and_together():
     together = read(plots).detections.measurement
     alone = np.concatenate([read([plot]).detections.measurement for plot in plots])
     assert_array_equal(alone, together)
+
+
+ANY = st.floats(width=32, allow_nan=True, allow_infinity=True)
+LAYOUTS = [
+    (("range", "azimuth", "height"), {}),
+    (("range", "azimuth", "elevation"), {"height_field": "", "elevation_field": "elevation"}),
+    (("range", "azimuth", "height"), {"assumed_height": 9000.0}),
+]
+
+
+@given(points=st.lists(st.tuples(ANY, ANY, ANY), max_size=8), layout=st.sampled_from(LAYOUTS))
+@settings(max_examples=200, deadline=None, derandomize=True)
+def test_whatever_numbers_a_cloud_has_its_detections_are_possible(points, layout):
+    names, changes = layout
+    report = read(points, names, **changes)
+    found = report.detections.measurement
+    assert np.isfinite(found).all()
+    assert ((found[:, 0] >= 0.0) & (found[:, 0] <= 450e3)).all()
+    assert (np.abs(found[:, 1]) <= np.pi).all()
+    assert len(found) + sum(report.dropped.values()) == len(points)

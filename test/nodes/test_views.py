@@ -27,6 +27,7 @@ ROOT = Path(__file__).parents[2]
 BAG = ROOT / "bags" / "paper_scenario"
 RVIZ = yaml.safe_load((ROOT / "rviz" / "demo.rviz").read_text())
 LAYOUT = json.loads((ROOT / "foxglove" / "layout.json").read_text())
+EARTH = json.loads((ROOT / "foxglove" / "earth.json").read_text())
 
 MAP = LAYOUT["configById"]["3D!map"]
 PANELS = LAYOUT["configById"]
@@ -254,13 +255,24 @@ def test_foxglove_shows_every_topic_and_plots_what_there_is():
     assert {series["timestampMethod"] for _, series in SERIES.values()} == {"headerStamp"}
 
 
-def test_foxglove_lays_out_every_panel_once():
+@pytest.mark.parametrize("layout", [LAYOUT, EARTH], ids=["layout", "earth"])
+def test_foxglove_lays_out_every_panel_once(layout):
     def leaves(node):
         return [node] if isinstance(node, str) else leaves(node["first"]) + leaves(node["second"])
 
-    placed = leaves(LAYOUT["layout"])
+    placed = leaves(layout["layout"])
 
-    assert sorted(placed) == sorted(PANELS)
+    assert sorted(placed) == sorted(layout["configById"])
+
+
+def test_foxglove_layout_of_the_earth_shows_geojson_beside_panels_of_the_other():
+    panels = dict(EARTH["configById"])
+    earth = panels.pop("map!earth")
+
+    # A map panel shows all topics that it can, but for these; both would show a target twice.
+    fixes = {topic for topic, kind in names.optional().items() if kind == names.FIX}
+    assert set(earth["disabledTopics"]) == fixes
+    assert all(panel == PANELS[name] for name, panel in panels.items())
 
 
 @pytest.mark.parametrize("pattern", ["rviz/*.rviz", "foxglove/*.json"])

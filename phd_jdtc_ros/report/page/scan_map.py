@@ -18,7 +18,9 @@ from plotly.basedatatypes import BaseTraceType
 from plotly.graph_objects import Figure, Scatter
 
 from msg_adapters.ellipse import RADIUS_95, outline
+from msg_adapters.geodetic import heights
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.site import Plane
 from phd_jdtc_ros.core.types import SMOOTHED, Estimates, Truth
 
 from ..lengths import MapScale, places_of
@@ -28,9 +30,11 @@ from ..tracks import true_tracks
 from .amplitude_scale import colour_axis, is_known, log_amplitude
 from .chart import INK, NEUTRAL, SOURCE_ORDER, Chart, class_dash, class_symbol, lay_out
 from .clutter_layer import clutter_layer
+from .earth_layer import earth_layer, place_texts, ring_layer
 from .scan_list import Scan, scans_of
 
 HEIGHT = 760
+_NOWHERE = np.zeros((0, 2))
 # The least extent that is shown, in the map's unit.
 LEAST_EXTENT = 0.1
 RADAR_SYMBOLS = ("circle", "x-thin-open", "cross-thin-open", "square-open", "diamond-open")
@@ -41,8 +45,9 @@ CAPTION = (
     "entry of the legend to hide it. Small marks are detections{coloured}. Open "
     "symbols are filtered estimates and filled ones smoothed estimates, with ellipses of 95 % "
     "probability. Plus signs and lines are the truth. The trail of dots is the smoothed estimates "
-    "up to this scan{classes}{clutter}."
+    "up to this scan{classes}{clutter}{earth}."
 )
+EARTH = "; thin lines are latitudes and longitudes, and dotted circles ranges of the radars"
 CLUTTER = "; brown squares are where false detections come from, as learned in the end"
 WRONG_CLASS = "; a dot in the colour of another class is a wrong class"
 
@@ -60,7 +65,9 @@ def scan_map(record: Record) -> Chart:
     amplitudes = np.concatenate([np.zeros(0), *(plot.amplitude for plot in record.plots)])
     amplitudes = amplitudes[is_known(amplitudes)]
     scale = MapScale.of(record)
+    x, y = _view(record, scale)
     layers = [
+        *_earth(record, x, y, scale),
         *_clutter(record, scale),
         *_true_lines(record, scale),
         *_detections(record, scans, scale),
@@ -70,7 +77,6 @@ def scan_map(record: Record) -> Chart:
         *_true_positions(record, scans, scale),
     ]
     figure = Figure([layer.trace for layer in layers])
-    x, y = _view(record, scale)
     lay_out(
         figure,
         HEIGHT,
@@ -85,6 +91,10 @@ def scan_map(record: Record) -> Chart:
             "constrain": "range",
         },
     )
+    if record.plane is not None:
+        # The graticule takes the place of the grid.
+        figure.update_xaxes(showgrid=False)
+        figure.update_yaxes(showgrid=False)
     moving = [
         {"trace": index, **layer.moving} for index, layer in enumerate(layers) if layer.moving
     ]
@@ -92,11 +102,23 @@ def scan_map(record: Record) -> Chart:
         coloured=", coloured by amplitude" if len(amplitudes) else "",
         classes="" if record.sets.one_class else WRONG_CLASS,
         clutter="" if record.clutter is None else CLUTTER,
+        earth="" if record.plane is None else EARTH,
     )
     return Chart("map", "Scan by scan", caption, figure, moving)
 
 
 # --- layers ---------------------------------------------------------------------------------------
+
+
+def _earth(
+    record: Record, x: Sequence[float], y: Sequence[float], scale: MapScale
+) -> Iterable[Layer]:
+    if record.plane is not None:
+        for trace in (
+            *earth_layer(record.plane, x, y, scale),
+            *ring_layer(record.radars, x, y, scale),
+        ):
+            yield Layer(trace, {})
 
 
 def _clutter(record: Record, scale: MapScale) -> Iterable[Layer]:
@@ -139,7 +161,10 @@ def _detections(record: Record, scans: Sequence[Scan], scale: MapScale) -> Itera
             axis: [[] if p is None else _on_axis(p.position[:, k], scale) for p in seen]
             for k, axis in enumerate("xy")
         }
-        hover = f"{radar}<br>{_place_text(scale)}"
+        places |= _texts(
+            record, [(_NOWHERE, None) if p is None else (p.position, p.height) for p in seen]
+        )
+        hover = f"{radar}<br>{_place_text(record, scale)}"
         if not any(is_known(plot.amplitude).any() for plot in seen if plot is not None):
             marker["color"] = DETECTION
             yield Layer(
@@ -165,17 +190,20 @@ def _detections(record: Record, scans: Sequence[Scan], scale: MapScale) -> Itera
 
 def _radars(record: Record, scale: MapScale) -> Iterable[Layer]:
     if record.radars:
-        east, north = zip(*(radar.position for radar in record.radars), strict=True)
+        position = np.array([radar.position for radar in record.radars])
+        east, north = position.T
+        sites = _texts(record, [(position, np.array([r.height for r in record.radars]))])
         yield Layer(
             Scatter(
-                x=_on_axis(np.array(east), scale),
-                y=_on_axis(np.array(north), scale),
-                text=[radar.name for radar in record.radars],
+                x=_on_axis(east, scale),
+                y=_on_axis(north, scale),
+                customdata=[radar.name for radar in record.radars],
                 mode="markers",
                 name="radars",
                 meta=INK,
                 marker={"symbol": "star-triangle-up", "size": 10, "color": NEUTRAL},
-                hovertemplate=f"%{{text}}<br>{_place_text(scale)}<extra></extra>",
+                hovertemplate=f"%{{customdata}}<br>{_place_text(record, scale)}<extra></extra>",
+                **{key: texts for key, (texts,) in sites.items()},
             ),
             {},
         )
@@ -204,13 +232,14 @@ def _moving_radars(record: Record, scans: Sequence[Scan], scale: MapScale) -> It
             Scatter(
                 mode="markers",
                 marker={"symbol": "star-triangle-up", "size": 10, "color": NEUTRAL},
-                hovertemplate=f"{name}<br>{_place_text(scale)}<extra></extra>",
+                hovertemplate=f"{name}<br>{_place_text(record, scale)}<extra></extra>",
                 **shared,
             ),
             {
                 axis: [_on_axis(np.array([at[k] for at in place]), scale) for place in places]
                 for k, axis in enumerate("xy")
-            },
+            }
+            | _texts(record, [(np.reshape(place, (-1, 2)), None) for place in places]),
         )
 
 
@@ -249,12 +278,16 @@ def _estimates(
                     "color": colour,
                     "line": {"width": 0 if source == SMOOTHED else 1.6, "color": colour},
                 },
-                hovertemplate=f"{label} (%{{customdata[0]}} %)<br>{_place_text(scale)}<br>"
+                hovertemplate=f"{label} (%{{customdata[0]}} %)<br>{_place_text(record, scale)}<br>"
                 "%{customdata[1]} m/s, course %{customdata[2]}&deg;<br>"
                 "weight %{customdata[3]}%{customdata[4]}<extra></extra>",
                 **shared,
             ),
-            {**_positions(rows, scale), "customdata": [_details(row, class_id) for row in rows]},
+            {
+                **_positions(rows, scale),
+                **_texts(record, [(_place(r), None if r is None else heights(r)) for r in rows]),
+                "customdata": [_details(row, class_id, record.plane) for row in rows],
+            },
         )
 
 
@@ -299,12 +332,13 @@ def _true_positions(record: Record, scans: Sequence[Scan], scale: MapScale) -> I
                     "line": {"width": 1.8, "color": class_colour(class_id)},
                 },
                 hovertemplate=f"target %{{customdata}}, {title}<br>"
-                f"{_place_text(scale)}<extra></extra>",
+                f"{_place_text(record, scale)}<extra></extra>",
             ),
             {
                 "x": [_on_axis(place[:, 0], scale) for place, _ in rows],
                 "y": [_on_axis(place[:, 1], scale) for place, _ in rows],
                 "customdata": [number.tolist() for _, number in rows],
+                **_texts(record, [(place, None) for place, _ in rows]),
             },
         )
 
@@ -336,7 +370,29 @@ def _true_places(truth: Truth | None, class_id: int) -> tuple[FloatArray, IntArr
 
 
 def _place(row: Estimates | None) -> FloatArray:
-    return np.zeros((0, 2)) if row is None else row.position
+    return _NOWHERE if row is None else row.position
+
+
+def _texts(
+    record: Record, places: Sequence[tuple[FloatArray, FloatArray | None]]
+) -> dict[str, list[Any]]:
+    """Return the places' latitudes, longitudes and heights by scan; nothing without a plane.
+
+    Parameters
+    ----------
+    record : Record
+    places : sequence of (positions of shape (N, 2), heights of shape (N,) or None), metres
+    """
+    if record.plane is None:
+        return {}
+    return {
+        "text": [
+            place_texts(
+                record.plane, place, np.full(len(place), np.nan) if height is None else height
+            )
+            for place, height in places
+        ]
+    }
 
 
 def _positions(rows: Sequence[Estimates | None], scale: MapScale) -> dict[str, list[Any]]:
@@ -356,18 +412,21 @@ def _outlines(row: Estimates | None, scale: MapScale) -> tuple[list[Any], list[A
     return x, y
 
 
-def _details(row: Estimates | None, class_id: int) -> list[list[Any]]:
+def _details(row: Estimates | None, class_id: int, plane: Plane | None) -> list[list[Any]]:
     """Return per estimate: class probability (%), speed (m/s), course, weight and track number.
 
-    The course is in degrees clockwise from y.
+    The course is in degrees clockwise from y, or with a plane from true north.
     """
     if row is None:
         return []
     vx, vy = row.velocity.T
+    course = np.degrees(np.arctan2(vx, vy))
+    if plane is not None:
+        course = course + np.degrees(plane.convergence(*plane.to_geodetic(*row.position.T)))
     columns = (
         np.round(100.0 * row.class_probability[:, class_id], 1),
         np.round(np.hypot(vx, vy), 1),
-        np.round(np.degrees(np.arctan2(vx, vy)) % 360.0),
+        np.round(course % 360.0),
         np.round(row.weight, 2),
     )
     numbers = [f", track {number}" if number else "" for number in row.track_id.tolist()]
@@ -380,10 +439,14 @@ def _on_axis(metres: FloatArray, scale: MapScale) -> list[float]:
     return rounded
 
 
-def _place_text(scale: MapScale) -> str:
-    """Return plotly's template of a point's place: to a metre, or to a decimetre on short maps."""
+def _place_text(record: Record, scale: MapScale) -> str:
+    """Return plotly's template of a point's place: to a metre, or to a decimetre on short maps.
+
+    With a plane its latitude, longitude and height follow, which are the point's text.
+    """
     digits = scale.decimals - 1
-    return f"%{{x:.{digits}f}}, %{{y:.{digits}f}} {scale.unit}"
+    text = f"%{{x:.{digits}f}}, %{{y:.{digits}f}} {scale.unit}"
+    return text if record.plane is None else f"{text}<br>%{{text}}"
 
 
 def _significant(values: FloatArray) -> list[float | str]:
