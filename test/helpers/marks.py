@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.forward import Filtered, ForwardFilter
 from phd_jdtc_ros.core.reporting import chosen
 from phd_jdtc_ros.core.touch import parted
 from phd_jdtc_ros.core.types import Estimates
-from phd_jdtc_ros.core.window import Entry, Extents
+from phd_jdtc_ros.core.window import Current, Entry, Extents
 
 MODEL = configuration().model
 # Four targets 50 km away: to the east, north, west and south.
@@ -78,8 +78,10 @@ class MarkFilter(ForwardFilter):
         if linked and touched:
             link = np.where(np.isin(earlier, origin), np.searchsorted(origin, earlier), -1)
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)
-        self._keep(entry, others)
-        return Filtered(stored, entry, tuple(self._noted(rows) for rows in touched))
+        noted = {rows.entry.stamp_ns: self._noted(rows) for rows in touched}
+        left = [noted.get(rows.entry.stamp_ns, rows.entry) for rows in others]
+        self._keep(entry, list(map(Current, left, (rows.rows for rows in others))))
+        return Filtered(stored, entry, tuple(noted.values()))
 
     def _noted(self, rows):
         mark = rows.entry.stored.mark.copy()
