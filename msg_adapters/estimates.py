@@ -5,18 +5,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 from geometry_msgs.msg import Quaternion
 from sensor_msgs.msg import PointCloud2
 
+from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Estimates
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes, Estimates
 
-from . import point_cloud, stamps
+from . import identities, point_cloud, stamps
 from .errors import RejectedMessageError
 
 _UPPER = tuple(zip(*np.triu_indices(len(PLANAR)), strict=True))
 _COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
+# Of the height, the height and the climb rate, and the climb rate.
+_VERTICAL = {"cov_zz": (0, 0), "cov_zvz": (0, 1), "cov_vzvz": (1, 1)}
+_IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
 _STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
 
 
@@ -27,15 +35,19 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
     ``p_class_0 ...`` and the 15 terms ``cov_00 cov_01 ... cov_44`` of the covariance's upper
     triangle in the order x, vx, y, vy, omega (FLOAT32), and ``state`` (UINT32): 0 tentative,
     1 confirmed, 2 coasting.
+
+    Estimates with attributes have FLOAT32 ``cov_zz cov_zvz cov_vzvz`` and UINT32 ``code address``
+    behind these. Unknown heights are 0 with covariances NaN; unknown identities are 4294967295.
     """
-    state, zero = estimates.state, np.zeros(len(estimates))
+    state, known = estimates.state, estimates.attributes
+    height = np.zeros((len(estimates), 2)) if known is None else np.nan_to_num(known.height)
     columns = {
         "x": state[:, X],
         "y": state[:, Y],
-        "z": zero,
+        "z": height[:, 0],
         "vx": state[:, VX],
         "vy": state[:, VY],
-        "vz": zero,
+        "vz": height[:, 1],
         "omega": state[:, OMEGA],
         "weight": estimates.weight,
         "track_id": estimates.track_id,
@@ -48,6 +60,11 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
         columns[name] = estimates.covariance[:, row, column]
     # At the end, so that what reads the other fields by their offsets goes on to do so.
     columns["state"] = estimates.track_state
+    if known is not None:
+        for name, (one, other) in _VERTICAL.items():
+            columns[name] = known.height_covariance[:, one, other]
+        columns["code"] = identities.sent(known.code, len(estimates))
+        columns["address"] = identities.sent(known.address, len(estimates))
     return point_cloud.encode(estimates.stamp_ns, frame, columns)
 
 
@@ -74,11 +91,18 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     # Clouds that were recorded before there was such a field are of confirmed tracks alone.
     if "state" in point_cloud.field_names(cloud):
         whole.append("state")
+    attributed = "code" in point_cloud.field_names(cloud)
+    if attributed:
+        floats += ["z", "vz", *_VERTICAL]
+        whole += _IDENTITIES
     columns = point_cloud.decode(
         cloud,
         dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED),
     )
-    point_cloud.require_finite(columns)
+    known = _attributes(columns) if attributed else None
+    point_cloud.require_finite(
+        {name: column for name, column in columns.items() if name not in _VERTICAL}
+    )
     size = len(columns["x"])
     track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
     if (track_state > COASTING).any():
@@ -101,7 +125,26 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         class_id=columns["class_id"].astype(np.int64),
         track_id=columns["track_id"].astype(np.int64),
         track_state=track_state,
+        attributes=known,
     )
+
+
+def _attributes(columns: Mapping[str, npt.NDArray[Any]]) -> Attributes:
+    """Return the heights and identities of a cloud's columns; where one is not, it is unknown."""
+    height = np.stack([columns["z"], columns["vz"]], axis=1).astype(np.float64)
+    covariance = np.zeros((len(height), 2, 2))
+    for name, (row, column) in _VERTICAL.items():
+        covariance[:, row, column] = covariance[:, column, row] = columns[name]
+    unknown = ~np.isfinite(covariance).all(axis=(1, 2))
+    height[unknown], covariance[unknown] = np.nan, np.nan
+    code, address = (_identity(columns[name], part) for name, part in _IDENTITIES.items())
+    return Attributes(height, covariance, code, address)
+
+
+def _identity(column: npt.NDArray[Any], numbers: tuple[int, tuple[int, ...]]) -> IntArray:
+    every = np.ones(len(column), dtype=np.bool_)
+    found, _ = identities.read(column.astype(np.float64), every, numbers)
+    return np.full(len(column), UNKNOWN) if found is None else found
 
 
 def heading(vx: float, vy: float) -> Quaternion:

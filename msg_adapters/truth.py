@@ -19,17 +19,17 @@ _IDS = ("track_id", "class_id")
 
 def to_msg(truth: Truth, frame: str) -> PointCloud2:
     """Return the cloud of the targets at one stamp: ``x y z vx vy vz track_id class_id``."""
-    zero = np.zeros(len(truth.state))
+    height = np.zeros((len(truth.state), 2)) if truth.height is None else truth.height
     return point_cloud.encode(
         truth.stamp_ns,
         frame,
         {
             "x": truth.state[:, X],
             "y": truth.state[:, Y],
-            "z": zero,
+            "z": height[:, 0],
             "vx": truth.state[:, VX],
             "vy": truth.state[:, VY],
-            "vz": zero,
+            "vz": height[:, 1],
             "track_id": truth.track_id,
             "class_id": truth.class_id,
         },
@@ -50,9 +50,11 @@ def from_msg(cloud: PointCloud2) -> Truth:
     state = np.zeros((len(columns["x"]), len(PLANAR)))
     for index, name in ((X, "x"), (VX, "vx"), (Y, "y"), (VY, "vy")):
         state[:, index] = columns[name]
+    height = np.stack([columns["z"], columns["vz"]], axis=1).astype(np.float64)
     return Truth(
         stamp_ns=stamps.to_ns(cloud.header.stamp),
         state=state,
         track_id=columns["track_id"].astype(np.int64),
         class_id=columns["class_id"].astype(np.int64),
+        height=height if height.any() else None,
     )

@@ -15,6 +15,7 @@ The data's path, with the room or module of each step::
       |    motion, radars, amplitudes, births    models
       |    gating                              pair_search
       |    association probabilities           association
+      |    identities and heights              attributes
       |------------- extract ---------------> Estimates (filtered), of the tracks that confirmation
       |                                        reports, numbered by track_numbers and brought to
       |                                        one stamp by reporting
@@ -40,6 +41,7 @@ turns parameters into models and settings. `simulation` makes scans with known t
 Packages import in one direction only::
 
     pipeline -> engines -> configuration -> smc, gaussian -> association, models, pair_search
+    models, forward -> attributes
     smc, gaussian -> fixed_lag -> forward -> touch, window_snapshot -> window
     fixed_lag, configuration -> confirmation -> models
     smc, gaussian -> backward -> window

@@ -18,6 +18,8 @@ SparseArray = Any
 # values up to which it does not pay to look.
 SHORT_RUN = 4
 FEW_VALUES = 64
+# Up to this many cells an entry, a table of all cells is faster than a sort of the entries.
+CELLS_AN_ENTRY = 8
 
 
 def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
@@ -70,3 +72,19 @@ def add_by_row(total: FloatArray | IntArray, row: IntArray, weight: FloatArray |
     if len(row):
         part = np.bincount(row - row[0], weights=weight)
         total[row[0] : row[0] + len(part)] += part
+
+
+def distinct_cells(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
+    """Return the distinct cells, ascending, and the index of each entry's cell among them.
+
+    A table of all cells replaces the sort of `numpy.unique` where the pairs are many, as those of
+    particles are: there the sort takes half of the time of an update.
+    """
+    if cells > CELLS_AN_ENTRY * len(cell):
+        found, place = np.unique(cell, return_inverse=True)
+        return found, place.ravel()
+    table = np.zeros(cells, dtype=np.int64)
+    table[cell] = 1
+    distinct: IntArray = np.flatnonzero(table)
+    table[distinct] = np.arange(len(distinct))
+    return distinct, table.take(cell)

@@ -152,7 +152,11 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         smoothed = []
         while self.lag.reached(self._stamps):
             smoothed.append(self._smooth_oldest())
-        self._tracks.forget_all_but([entry.stored.label for entry in self._window])
+        labels = [entry.stored.label for entry in self._window]
+        self._tracks.forget_all_but(labels)
+        if self.forward.attributes is not None:
+            oldest_ns = self._stamps[0] if self._stamps else scan.stamp_ns
+            self.forward.attributes.forget_all_but(labels, oldest_ns)
         classes = modes.class_of, len(modes.classes)
         mass = [rows.class_mass(*classes) for rows in self.forward.current[:-1]]
         mass.append(step.updated.class_mass(*classes))
@@ -169,6 +173,8 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         The stored sets and the links between them stay as the previous model made them.
         """
         self.forward.model = model
+        if self.forward.attributes is not None and model.attributes is not None:
+            self.forward.attributes.model = model.attributes
         self.rule = self._states.rule = rule
 
     def flush(self) -> tuple[Estimates, ...]:
@@ -301,7 +307,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """Return the targets that go out for a stamp."""
         whole = self._predicted(stamp_ns)
         self._states.note(whole)
-        return self._tracks.numbered(whole)
+        return self._published(whole, smoothed=False)
 
     def _reported(self) -> Estimates:
         """Return the targets as known now, at the stamp of the last scan; tracks are labels."""
@@ -321,6 +327,12 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             parts.append(targets)
         found, time_ns = joined(parts, 0)
         return predicted(found, time_ns, stamp_ns, self.forward.model.modes)
+
+    def _published(self, found: Estimates, smoothed: bool) -> Estimates:
+        """Return targets with what is known of them besides, and with track numbers for labels."""
+        if self.forward.attributes is not None:
+            found = self.forward.attributes.told(found, smoothed)
+        return self._tracks.numbered(found)
 
     def _smooth_rest(self) -> tuple[Estimates, ...]:
         """Smooth all stamps that are held back with the scans that the window holds."""
@@ -353,7 +365,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._given_ns = self._given_ns[0], stamp_ns
         del self._stamps[0]
         self._trim()
-        return self._tracks.numbered(found)
+        return self._published(found, smoothed=True)
 
     def _alive_at(self, stamp_ns: int) -> dict[int, IntArray | None]:
         """Return the entries that hold the targets at a stamp, with the rows that do.

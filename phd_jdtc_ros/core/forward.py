@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any, Generic
 
 from . import window_snapshot
+from .attributes.memory import AttributeMemory
+from .attributes.stored import put_attributes, take_attributes
 from .clutter_snapshot import put_clutter, take_clutter
 from .models.clutter_memory import ClutterMemory
 from .models.tracker_model import TrackerModel
@@ -65,6 +67,8 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
     _born_ns: dict[int, int] = field(init=False, repr=False)
     _scan_index: int = field(init=False, repr=False)
     clutter: ClutterMemory = field(init=False, repr=False)
+    # None where no radar reports identities or heights.
+    attributes: AttributeMemory | None = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.reset()
@@ -91,6 +95,8 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         """Return to the initial state."""
         self.current, self.stamp_ns, self._born_ns, self._scan_index = [], None, {}, 0
         self.clutter = ClutterMemory()
+        known = self.model.attributes
+        self.attributes = None if known is None else AttributeMemory(known)
 
     def hold(self) -> dict[str, Any]:
         """Return the filter's state, for `recall`; the sets are not copied."""
@@ -100,6 +106,7 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             "born_ns": dict(self._born_ns),
             "scan_index": self._scan_index,
             "clutter": self.clutter.copy(),
+            "attributes": None if self.attributes is None else self.attributes.copy(),
         }
 
     def recall(self, held: Mapping[str, Any]) -> None:
@@ -107,6 +114,8 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         self.current, self.stamp_ns = list(held["current"]), held["stamp_ns"]
         self._born_ns, self._scan_index = dict(held["born_ns"]), held["scan_index"]
         self.clutter = held["clutter"].copy()
+        known = held["attributes"]
+        self.attributes = None if known is None else known.copy()
 
     def start_from(self, stamp_ns: int, stored: RowsT) -> None:
         """Use `stored` as the set of an earlier scan."""
@@ -122,6 +131,8 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         for rows in self.current:
             window_snapshot.put_current(into, rows)
         put_clutter(into, self.clutter, self.model.radars)
+        if self.attributes is not None:
+            put_attributes(into, self.attributes)
 
     def take(self, stored: Snapshot, entries: Mapping[int, Entry[RowsT, LinkT]]) -> None:
         """Restore the filter's state from a snapshot.
@@ -154,8 +165,11 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
             for term, stamp in facts["born_ns"]
         }
         clutter = take_clutter(stored, self.model.radars)
+        attributes = None
+        if self.model.attributes is not None:
+            attributes = take_attributes(stored, self.model.attributes)
         self.current, self.stamp_ns, self._scan_index = current, latest, index
-        self.clutter = clutter
+        self.clutter, self.attributes = clutter, attributes
         self._born_ns = born
 
     def _interval(self, scan: Scan) -> float:

@@ -88,6 +88,7 @@ def chosen(estimates: Estimates, rows: IntArray) -> Estimates:
         class_id=estimates.class_id[rows],
         track_id=estimates.track_id[rows],
         track_state=estimates.track_state[rows],
+        attributes=None if estimates.attributes is None else estimates.attributes.take(rows),
     )
 
 

@@ -171,6 +171,38 @@ class Scan:
 
 
 @dataclass(frozen=True)
+class Attributes:
+    """What is known of targets beside their states.
+
+    Parameters
+    ----------
+    height : array of shape (T, 2)
+        Above the world's zero and climb rate, metres and metres per second; NaN where unknown.
+    height_covariance : array of shape (T, 2, 2)
+        NaN where unknown.
+    code, address : int arrays of shape (T,)
+        Mode A code and Mode S address; `UNKNOWN` where there is none or none is probable enough.
+    """
+
+    height: FloatArray
+    height_covariance: FloatArray
+    code: IntArray
+    address: IntArray
+
+    def __post_init__(self) -> None:
+        for name in ("height", "height_covariance"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        for name in _IDENTITIES:
+            object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+
+    def take(self, rows: IntArray) -> Attributes:
+        """Return those of some targets."""
+        return Attributes(
+            self.height[rows], self.height_covariance[rows], self.code[rows], self.address[rows]
+        )
+
+
+@dataclass(frozen=True)
 class Estimates:
     """Targets extracted from an intensity.
 
@@ -195,6 +227,8 @@ class Estimates:
         What the axes of the states are.
     track_state : int array of shape (T,)
         `TENTATIVE`, `CONFIRMED` or `COASTING`; all are confirmed if it is not given.
+    attributes : Attributes or None
+        Heights and identities; None where no radar reports any.
     """
 
     stamp_ns: int
@@ -207,6 +241,7 @@ class Estimates:
     track_id: IntArray
     space: StateSpace = PLANAR
     track_state: IntArray = field(default_factory=lambda: _NOT_GIVEN)
+    attributes: Attributes | None = None
 
     @property
     def position(self) -> FloatArray:
@@ -257,6 +292,8 @@ class Truth:
     class_id : int array of shape (T,)
     space : StateSpace
         What the axes of the states are.
+    height : array of shape (T, 2) or None
+        Height and climb rate, metres and metres per second; None if they are not known.
     """
 
     stamp_ns: int
@@ -264,6 +301,7 @@ class Truth:
     track_id: IntArray
     class_id: IntArray
     space: StateSpace = PLANAR
+    height: FloatArray | None = None
 
     @property
     def position(self) -> FloatArray:
@@ -277,5 +315,7 @@ class Truth:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "state", read_only(self.state))
+        if self.height is not None:
+            object.__setattr__(self, "height", read_only(self.height))
         for name in ("track_id", "class_id"):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))

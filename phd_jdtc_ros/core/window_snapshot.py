@@ -125,7 +125,7 @@ def take_estimates(snapshot: Snapshot, name: str, stamp_ns: int, modes: ModeSpac
     ValueError
         If they are none of these modes' tracker.
     """
-    parts = {part: snapshot.array(f"{name}.{part}") for part in ESTIMATES}
+    parts: dict[str, Any] = {part: snapshot.array(f"{name}.{part}") for part in ESTIMATES}
     count, size, classes = len(parts["track_id"]), len(modes.space), len(modes.classes)
     shapes = {
         "state": (count, size),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -49,8 +50,12 @@ def turning_run(scenario: Scenario, seed: int, ignored: Ignored = TAXIING) -> Si
 
 def _scored(truth: Truth, ignored: Ignored) -> Truth:
     rows = np.flatnonzero(np.hypot(*truth.velocity.T) >= ignored.below)
-    return Truth(
-        truth.stamp_ns, truth.state[rows], truth.track_id[rows], truth.class_id[rows], truth.space
+    return replace(
+        truth,
+        state=truth.state[rows],
+        track_id=truth.track_id[rows],
+        class_id=truth.class_id[rows],
+        height=None if truth.height is None else truth.height[rows],
     )
 
 

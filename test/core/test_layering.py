@@ -22,7 +22,7 @@ KERNELS = ("backend", "compiled")
 # What an engine is built from, beside the models and the searches.
 ENGINE = (
     *BASE,
-    *("backward", "engine", "fixed_lag", "forward", "reporting", "snapshot", "touch"),
+    *("attributes", "backward", "engine", "fixed_lag", "forward", "reporting", "snapshot", "touch"),
     *("window", "window_snapshot"),
 )
 # What each room of the core, or module beside the rooms, may import of the others.
@@ -49,7 +49,8 @@ ROOMS = {
     "watch": ("arrays", "engine", "sectors", "types"),
     "association": (*BASE, *KERNELS),
     "pair_search": (*BASE, *KERNELS),
-    "models": (*BASE, "pair_search"),
+    "attributes": ("arrays", "snapshot", "types"),
+    "models": (*BASE, "attributes", "pair_search"),
     "reporting": (*BASE, "models"),
     "confirmation": (*BASE, "models", "reporting", "snapshot"),
     "engine": (*BASE, "confirmation", "models", "snapshot"),
@@ -61,7 +62,7 @@ ROOMS = {
     "window_snapshot": ("arrays", "models", "snapshot", "types", "window"),
     "clutter_snapshot": ("models", "snapshot"),
     "forward": (
-        *("clutter_snapshot", "models", "snapshot", "touch", "types"),
+        *("attributes", "clutter_snapshot", "models", "snapshot", "touch", "types"),
         *("window", "window_snapshot"),
     ),
     "fixed_lag": (
@@ -73,7 +74,7 @@ ROOMS = {
     "gaussian": (*ENGINE, *KERNELS, "association", "models", "pair_search"),
     "evaluation": BASE,
     "configuration": (
-        *BASE,
+        *(*BASE, "attributes"),
         *("confirmation", "engine", "models", "poses", "quoting", "reporting", "scans", "smc"),
         *("ellipsoid", "site", "turns", "watch"),
     ),

@@ -12,7 +12,7 @@ from sensor_msgs.msg import PointField
 from msg_adapters import estimates as adapter
 from msg_adapters import stamps
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Attributes
 
 F4, U4 = PointField.FLOAT32, PointField.UINT32
 COVARIANCE = [
@@ -144,6 +144,35 @@ def test_state_of_a_track_survives_the_message_and_is_its_last_field():
     assert message.fields[-1].name == "state"
     assert_array_equal(column(message, "state"), [0, 1, 2])
     assert_array_equal(adapter.from_msg(message).track_state, given.track_state)
+
+
+def with_attributes(classes=2):
+    """Return estimates of which the first target's height and identities are known."""
+    sample = estimates(classes)
+    count = len(sample)
+    height, covariance = np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan)
+    height[0], covariance[0] = [3048.0, -7.5], [[60.0, 2.0], [2.0, 1.5]]
+    code, address = np.full(count, UNKNOWN), np.full(count, UNKNOWN)
+    code[0], address[0] = 0o7700, 0x3C6444
+    return replace(sample, attributes=Attributes(height, covariance, code, address))
+
+
+def test_heights_and_identities_are_the_last_fields_and_survive_the_message():
+    sample = with_attributes()
+    message = adapter.to_msg(sample, "map")
+    names = [field.name for field in message.fields]
+    assert names[-6:] == ["state", "cov_zz", "cov_zvz", "cov_vzvz", "code", "address"]
+    assert column(message, "z")[0] == 3048.0
+    assert column(message, "code")[1] == 2**32 - 1
+    found = adapter.from_msg(message).attributes
+    for name in ("height", "height_covariance", "code", "address"):
+        assert_array_equal(getattr(found, name), getattr(sample.attributes, name))
+
+
+def test_cloud_without_attributes_has_none():
+    message = adapter.to_msg(estimates(2), "map")
+    assert [field.name for field in message.fields][-1] == "state"
+    assert adapter.from_msg(message).attributes is None
 
 
 def test_cloud_of_an_earlier_version_is_of_confirmed_tracks():

@@ -15,14 +15,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import FloatArray, IntArray, sum_by
+from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
 from .marginals import marginals
 
 BoolArray = npt.NDArray[np.bool_]
 # Lower bound of the probability that a target is missed; odds are divided by it.
 LEAST_MISSED = 1e-6
-# Up to this many cells a pair, a table of all cells is faster than a sort of the pairs.
-CELLS_A_PAIR = 8
 
 
 @dataclass(frozen=True)
@@ -117,7 +115,9 @@ def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims
     detected = sum_by(target, prior * claims.detection_probability, targets)
     missed = np.maximum(1.0 - detected, LEAST_MISSED)
 
-    edge, edge_of_pair = _edges((target * size).take(claims.row) + claims.column, targets * size)
+    edge, edge_of_pair = distinct_cells(
+        (target * size).take(claims.row) + claims.column, targets * size
+    )
     edge_target, column = edge // max(size, 1), edge % max(size, 1)
     explained = sum_by(edge_of_pair, claims.mass, len(edge)) / excess[edge_target]
     odds = explained / missed[edge_target]
@@ -126,19 +126,3 @@ def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims
     scale = probability / np.where(explained > 0.0, explained, 1.0) / excess[edge_target]
     claimed = np.minimum(sum_by(column, probability, size), 1.0)
     return Shares(prior, none / missed, scale.take(edge_of_pair), claimed, approximate)
-
-
-def _edges(cell: IntArray, cells: int) -> tuple[IntArray, IntArray]:
-    """Return the distinct cells, ascending, and the index of each entry's cell among them.
-
-    A table of all cells replaces the sort of `numpy.unique` where the pairs are many, as those of
-    particles are: there the sort takes half of the time of an update.
-    """
-    if cells > CELLS_A_PAIR * len(cell):
-        found, place = np.unique(cell, return_inverse=True)
-        return found, place.ravel()
-    table = np.zeros(cells, dtype=np.int64)
-    table[cell] = 1
-    distinct: IntArray = np.flatnonzero(table)
-    table[distinct] = np.arange(len(distinct))
-    return distinct, table.take(cell)

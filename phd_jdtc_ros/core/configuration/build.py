@@ -16,6 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from ..attributes.height import HeightModel
+from ..attributes.identity import ADDRESSES, CODES, IdentityModel
+from ..attributes.memory import AttributeModel
 from ..confirmation import ReportingRule, rule_of
 from ..engine import Lag
 from ..models import amplitude_density
@@ -47,6 +50,8 @@ from .radar_input import RadarInput
 from .schema import ConfigError
 
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# An address stays with its aircraft; but a track may have taken over another's.
+ADDRESS_KEPT_S = 1e6
 # A jump of the stamps back by more than this begins a new run.
 RESET_THRESHOLD_SCANS = 3.0
 
@@ -223,6 +228,7 @@ def _build(values: dict[str, Any], plane: Plane | None) -> TrackerConfig:
         spawn=_spawn(values, modes),
         amplitudes=_amplitudes(values),
         radars=tuple(map(_radar, repeat(values), values["radars"], sites)),
+        attributes=_attributes(values),
     )
     return TrackerConfig(
         values=values,
@@ -259,6 +265,39 @@ def _slowest_s(values: Mapping[str, Any]) -> float:
     """Return the nominal interval or the longest turn, seconds: until all has been seen again."""
     turns = [values[f"{name}.rotation_s"] for name in values["radars"]]
     return float(max([values["interval_s"], *turns]))
+
+
+def _attributes(values: Mapping[str, Any]) -> AttributeModel | None:
+    """Return the model of identities and heights; None where no radar reports any."""
+    fields_ = ("fields.code", "fields.address", "fields.height")
+    if not any(values[f"{name}.{member}"] for name in values["radars"] for member in fields_):
+        return None
+    if not CORRECTORS[values["corrector"]].labelled:
+        return None
+    common = {
+        "equipped": values["equipped_probability"],
+        "reply": values["reply_probability"],
+        "garbled": values["code_garbled"],
+    }
+    shared = tuple(int(code, 8) for code in values["shared_codes"])
+    return AttributeModel(
+        code=IdentityModel(
+            CODES,
+            kept_s=values["code_kept_s"],
+            shared=shared,
+            shared_probability=values["shared_code_probability"] if shared else 0.0,
+            **common,
+        ),
+        address=IdentityModel(ADDRESSES, kept_s=ADDRESS_KEPT_S, **common),
+        height=HeightModel(
+            std=values["height_std"],
+            noise_density=values["height_noise_density"],
+            climb_std=values["height_climb_std"],
+            garbled=values["height_garbled"],
+            evidence=values["height_evidence"],
+        ),
+        clutter_reply=values["clutter_reply_probability"],
+    )
 
 
 def _platform(radar: RadarInput, model: RadarModel, reset_threshold_s: float) -> Platform | None:

@@ -348,6 +348,14 @@ def _distance_faults(key: str, place: list[float], origin: list[float]) -> list[
     ]
 
 
+def _check_identities(values: Mapping[str, Any]) -> list[str]:
+    return [
+        f"shared_codes: {code[:10]!r} given, must be four octal digits"
+        for code in values["shared_codes"]
+        if len(code) != 4 or set(code) - set("01234567")
+    ]
+
+
 CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_names,
     _check_classes,
@@ -361,6 +369,7 @@ CHECKS: tuple[Callable[[Mapping[str, Any]], list[str]], ...] = (
     _check_range_rates,
     _check_poses,
     _check_places,
+    _check_identities,
 )
 
 

@@ -63,7 +63,8 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         self.done("predict")
         survived = len(parts[0]) if earlier else 0
         branched, self.approximate = update_scan(
-            predicted, survived, scan, dynamics, self.bounds, dt, index, self.clutter
+            *(predicted, survived, scan, dynamics, self.bounds, dt, index, self.clutter),
+            self.attributes,
         )
         self.done("update")
         stored, ancestry, self.floored = reduced(branched, self.bounds)

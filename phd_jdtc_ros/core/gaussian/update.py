@@ -10,8 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from .. import origins
-from ..arrays import FloatArray, IntArray
+from ..arrays import FloatArray, IntArray, sum_by
 from ..association.bernoulli import Claims, bernoulli
+from ..attributes.memory import AttributeMemory, AttributesAt, Evidence
 from ..models.clutter_memory import ClutterMemory
 from ..models.detection_birth import Newborn
 from ..models.other_sources import OtherSources, other_sources
@@ -39,6 +40,7 @@ def update(
     dt: float,
     clutter: ClutterMemory | None = None,
     earlier: Sequence[Newborn] = (),
+    attributes: AttributesAt | None = None,
 ) -> tuple[Branched, Newborn | None, int]:
     """Update the hypotheses with one radar's detections.
 
@@ -57,6 +59,8 @@ def update(
         radar model alone.
     earlier : sequence of Newborn
         Targets born at the detections of the scan's earlier radars.
+    attributes : AttributesAt or None
+        What is known of identities and heights, to use and to learn; None to leave them out.
 
     Returns
     -------
@@ -87,16 +91,24 @@ def update(
     rates = radar.rates_of(detections)
     if rates is not None:
         rough = rough + rough_rates(mixture, row, column, rates, radar)
+    evidence = None
+    if attributes is not None:
+        evidence = attributes.evidence(mixture.label, mixture.target[row], column, detections)
+    if evidence is not None:
+        rough = rough + evidence.log_factor[:, None]
     log_mass = rough[..., None] + amplitudes[column][:, None, :]
-    others = _others(log_mass, column, detections, radar, model, dt, earlier)
+    others = _others(log_mass, column, detections, radar, model, dt, earlier, evidence)
     weight = weighed(mixture, row, column, log_mass, others)
     counted = likely(mixture, row, column, weight, missed, others)
     row, column = row[counted], column[counted]
+    evidence = None if evidence is None else evidence.take(counted)
 
     found = located(mixture, row, column, detections, radar, rates)
     log_mass = found.log_likelihood.reshape(-1, mixture.mean.shape[1], 1)
     log_mass = log_mass + amplitudes[column][:, None, :]
-    others = _others(log_mass, column, detections, radar, model, dt, earlier)
+    if evidence is not None:
+        log_mass = log_mass + evidence.log_factor[:, None, None]
+    others = _others(log_mass, column, detections, radar, model, dt, earlier, evidence)
     weight = weighed(mixture, row, column, log_mass, others)
     prior = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
     claims = Claims(
@@ -112,6 +124,10 @@ def update(
     factor = shares.missed[mixture.target] * shares.prior / prior
     weight = np.concatenate([missed * factor[:, None, None], weight * shares.pair[:, None, None]])
     source = np.concatenate([np.arange(len(mixture)), row])
+    if attributes is not None and evidence is not None:
+        mass = summed(weight)
+        existence = sum_by(mixture.target[source], mass, len(mixture.label))
+        attributes.learn(evidence, mass[len(mixture) :], existence)
     branched = _branched(predicted, source, weight, found, bounds)
     newborn = others.newborn(shares.claimed, radar, detections, model, share)
     return branched, newborn, shares.approximate
@@ -125,10 +141,12 @@ def _others(
     model: TrackerModel,
     dt: float,
     earlier: Sequence[Newborn],
+    evidence: Evidence | None,
 ) -> OtherSources:
     """Return the other sources of the detections, given log p_D L_z of the pairs, (P, R, S)."""
     largest = log_mass.max(axis=(1, 2), initial=-np.inf)
-    return other_sources(detections, radar, model, dt, column, largest, earlier)
+    log_clutter = 0.0 if evidence is None else evidence.log_clutter
+    return other_sources(detections, radar, model, dt, column, largest, earlier, log_clutter)
 
 
 def _branched(
@@ -168,6 +186,7 @@ def update_scan(
     dt: float,
     scan_index: int,
     clutter: ClutterMemory | None = None,
+    attributes: AttributeMemory | None = None,
 ) -> tuple[Branched, int]:
     """Update with every radar that reported, in the configured order.
 
@@ -188,6 +207,8 @@ def update_scan(
         Determines the origins of births.
     clutter : ClutterMemory or None
         See `update`.
+    attributes : AttributeMemory or None
+        What is known of identities and heights.
 
     Returns
     -------
@@ -199,15 +220,18 @@ def update_scan(
     row = np.arange(len(predicted))
     branched = Branched(predicted, np.where(row < survivors, row, -1))
     newborns: list[Newborn] = []
+    known = None if attributes is None else attributes.at(scan.stamp_ns)
     for radar, detections in dynamics.model.reports(scan):
         branched, newborn, clusters = update(
-            branched, detections, radar, dynamics, bounds, dt, clutter, newborns
+            branched, detections, radar, dynamics, bounds, dt, clutter, newborns, known
         )
         approximate += clusters
         if newborn is not None:
             newborns.append(newborn)
         if newborn is not None and len(newborn):
             branched = _joined(branched, newborn_mixture(newborn, dynamics, origin))
+            if known is not None:
+                known.born(origin, newborn.detections)
             origin += len(newborn)
     return branched, approximate
 

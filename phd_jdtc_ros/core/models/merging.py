@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..arrays import FloatArray, IntArray, sum_by
-from ..types import Detections
+from ..types import UNKNOWN, Detections
 from .radar import RadarModel, Rates, wrap_angle
 
 # Range rates agree if they differ by no more than so many deviations of their difference.
@@ -38,8 +38,8 @@ def merged(detections: Detections, radar: RadarModel) -> Detections:
 
     Notes
     -----
-    The amplitude is the largest of the group. Deviations stay those of one detection: the centre of
-    what answers moves about in the target.
+    The amplitude is the largest of the group, and the identity the first that is known. Deviations
+    stay those of one detection: the centre of what answers moves about in the target.
     """
     if not radar.cluster_distance or len(detections) < 2:
         return detections
@@ -52,7 +52,7 @@ def merged(detections: Detections, radar: RadarModel) -> Detections:
     x, y = (_mean(group, axis, count) for axis in position.T)
     measurement = np.stack([np.hypot(x, y), wrap_angle(np.arctan2(y, x))], axis=1)
     std, rate_std = detections.noise_std, detections.range_rate_std
-    time_s = detections.time_s
+    time_s, height = detections.time_s, detections.height
     return replace(
         detections,
         measurement=measurement,
@@ -61,6 +61,9 @@ def merged(detections: Detections, radar: RadarModel) -> Detections:
         noise_std=None if std is None else np.stack([_mean(group, s, count) for s in std.T], 1),
         range_rate=_mean_rate(group, detections, rates, count),
         range_rate_std=None if rate_std is None else _mean(group, rate_std, count),
+        height=None if height is None else _mean(group, height, count),
+        code=_first(group, detections.code, count),
+        address=_first(group, detections.address, count),
     )
 
 
@@ -131,6 +134,16 @@ def _largest(group: IntArray, value: FloatArray | None, count: int) -> FloatArra
     largest = np.full(count, np.nan)
     np.fmax.at(largest, group, value)
     return largest
+
+
+def _first(group: IntArray, value: IntArray | None, count: int) -> IntArray | None:
+    """Return the first known identity of each group, `UNKNOWN` where there is none."""
+    if value is None:
+        return None
+    known = np.flatnonzero(value != UNKNOWN)[::-1]
+    first = np.full(count, UNKNOWN)
+    first[group[known]] = value[known]
+    return first
 
 
 def _mean_rate(

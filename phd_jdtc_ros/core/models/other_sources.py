@@ -80,6 +80,7 @@ def other_sources(
     column: IntArray,
     log_likelihood: FloatArray,
     earlier: Sequence[Newborn] = (),
+    log_clutter: FloatArray | float = 0.0,
 ) -> OtherSources:
     """Return the other sources of one radar's detections.
 
@@ -96,8 +97,10 @@ def other_sources(
         Log p_D L_z of each pair.
     earlier : sequence of Newborn
         Targets born at the detections of the scan's earlier radars.
+    log_clutter : array of shape (M,) or float
+        Log of what the intensity of clutter at each detection is multiplied by.
     """
-    log_other = radar.log_clutter_intensity(detections)[None]
+    log_other = radar.log_clutter_intensity(detections)[None] + log_clutter
     if model.detection_births.enabled:
         log_birth = model.detection_births.log_intensity(
             detections, radar, model.modes, dt, earlier

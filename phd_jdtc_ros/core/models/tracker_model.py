@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..attributes.memory import AttributeModel
 from ..types import Detections, Scan
 from .amplitude_model import AmplitudeModel
 from .birth import BirthTerm
@@ -36,6 +37,8 @@ class TrackerModel:
     amplitudes : AmplitudeModel
     radars : tuple of RadarModel
         In the order in which their detections are taken in.
+    attributes : AttributeModel or None
+        Of identities and heights; None where no radar reports any.
     """
 
     modes: ModeSpace
@@ -44,6 +47,7 @@ class TrackerModel:
     spawn: SpawnModel
     amplitudes: AmplitudeModel
     radars: tuple[RadarModel, ...]
+    attributes: AttributeModel | None = None
 
     def reports(self, scan: Scan) -> list[tuple[RadarModel, Detections]]:
         """Return the radars that reported in a scan, each where it was then, with what they saw.

@@ -7,23 +7,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, IntArray
 from ..configuration.schema import ConfigError
 from ..models.amplitude_density import snr_from_db
 from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
-from ..types import FULL_TURN, Pose, Truth
+from ..types import FULL_TURN, Detections, Pose, Truth
 from .clutter_law import NOISE, ClutterLaw
 from .echoes import Echoes
 from .flight import ROUNDING_S, Flight, Leg
 from .platform import MovingPlatform
 from .reflectors import Reflectors
+from .transponder import STREAM, Card, Transponders
 
 # True targets follow this model's mean; turn rate 0 is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
@@ -194,6 +195,8 @@ class Scenario:
         What answers all radars and is no target.
     platform : MovingPlatform or None
         What carries radars; the positions and directions of these are in its frame.
+    transponders : Transponders or None
+        What targets answer; None if they have none.
     """
 
     start_ns: int
@@ -207,6 +210,7 @@ class Scenario:
     echoes: tuple[Echoes | None, ...] = ()
     reflectors: tuple[Reflectors, ...] = ()
     platform: MovingPlatform | None = None
+    transponders: Transponders | None = None
 
     def __post_init__(self) -> None:
         learning = [radar.name for radar in self.radars if radar.clutter_count is not None]
@@ -295,7 +299,30 @@ class Scenario:
         time_s : array of shape (N,)
             After scan 0, seconds.
         """
+        if self.transponders is not None:
+            return self.cards[number].height(time_s)[:, 0]
         return np.full(len(time_s), self.flights[number - 1].height)
+
+    @cached_property
+    def cards(self) -> dict[int, Card]:
+        """What each target answers, by its number from 1; empty without transponders."""
+        if self.transponders is None:
+            return {}
+        return {
+            number: self.transponders.card(
+                number, float(np.hypot(*flight.velocity)), self.duration_s, flight.height
+            )
+            for number, flight in enumerate(self.flights, start=1)
+        }
+
+    def answered(
+        self, found: Detections, source: IntArray, time_s: FloatArray, seed: Sequence[int]
+    ) -> Detections:
+        """Return detections with what their targets answer; see `Transponders.answered`."""
+        if self.transponders is None:
+            return found
+        rng = np.random.default_rng([*seed, STREAM])
+        return self.transponders.answered(found, source, time_s, self.cards, rng)
 
     def stamp_ns(self, scan: int) -> int:
         """Return the stamp of a scan in nanoseconds."""
@@ -308,12 +335,15 @@ class Scenario:
 
 def truth_at(scenario: Scenario, scan: int) -> Truth:
     """Return the scenario's targets at a scan."""
-    return _truth(scenario.targets, scan, scenario.interval_s, scenario.stamp_ns(scan))
+    stamp_ns, interval_s = scenario.stamp_ns(scan), scenario.interval_s
+    found = _truth(scenario.targets, scan, interval_s, stamp_ns)
+    return _with_heights(found, scenario, scan * interval_s)
 
 
 def truth_after(scenario: Scenario, elapsed_s: float) -> Truth:
     """Return the scenario's targets at any time after scan 0, seconds."""
-    return _truth(scenario.flights, 1, elapsed_s, scenario.ns_after(elapsed_s))
+    found = _truth(scenario.flights, 1, elapsed_s, scenario.ns_after(elapsed_s))
+    return _with_heights(found, scenario, elapsed_s)
 
 
 def _truth(targets: Sequence[Target], scan: int, interval_s: float, stamp_ns: int) -> Truth:
@@ -331,6 +361,14 @@ def _truth(targets: Sequence[Target], scan: int, interval_s: float, stamp_ns: in
         track_id=np.array([number for number, _ in alive], dtype=np.int64),
         class_id=np.array([target.class_id for _, target in alive], dtype=np.int64),
     )
+
+
+def _with_heights(found: Truth, scenario: Scenario, elapsed_s: float) -> Truth:
+    if scenario.transponders is None:
+        return found
+    now = np.array([elapsed_s])
+    each = [scenario.cards[number].height(now)[0] for number in found.track_id.tolist()]
+    return replace(found, height=np.reshape(each, (-1, 2)))
 
 
 def paper_scenario(radars: tuple[RadarModel, ...]) -> Scenario:

@@ -19,6 +19,7 @@ from .geodesy import east_north
 from .platform import platform
 from .reflectors import reflectors
 from .scenario import Antenna, Scenario, Target, TargetScript, Turn, usual_antenna
+from .transponder import transponders
 
 # Stamps count seconds in signed 32-bit integers.
 END_OF_TIME_S = 2**31
@@ -89,6 +90,7 @@ OTHER_KEYS = (
     "sites",
     "reflectors",
     "platform",
+    "transponders",
 )
 
 
@@ -107,6 +109,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         ``world_origin`` is the latitude and longitude of the world's zero, and ``sites`` has those
         of radars by name, see `site_parameters`. ``reflectors`` is a list of
         mappings, see `reflectors`, and ``platform`` what carries radars, with ``legs``.
+        ``transponders`` says what targets answer, see `transponder`.
         ``parameters`` are those of the tracker and the radars, and are ignored here, as are
         ``sites``.
     radars : tuple of RadarModel
@@ -126,6 +129,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     answers = echoes.of_radars(document, radars, faults)
     carrier = platform(document, radars, _legs, faults)
     still = reflectors(document, radars, faults)
+    replies = transponders(document, faults)
     duration_s = 0.0 if faults else (timing["scans"] - 1) * timing["interval_s"]
     targets += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
     given = mapping(document, "manoeuvres", faults)
@@ -145,6 +149,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         echoes=answers,
         reflectors=still,
         platform=carrier,
+        transponders=replies,
     )
 
 

@@ -209,6 +209,12 @@ def simulate_with_sources(
             )
             for number in range(len(scenario.radars))
         ]
-        scan = Scan(truth.stamp_ns, tuple(detections for detections, _ in reports))
+        found = (
+            scenario.answered(
+                *(detections, source, np.full(len(source), elapsed_s)), (seed, index, number)
+            )
+            for number, (detections, source) in enumerate(reports)
+        )
+        scan = Scan(truth.stamp_ns, tuple(found))
         run.append((truth, scan, tuple(source for _, source in reports)))
     return run

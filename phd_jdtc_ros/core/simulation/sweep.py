@@ -101,9 +101,9 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
         rng = np.random.default_rng([seed, index])
         if radar.rotation_s > 0.0:
             plots = plots_of(scenario, index, rng, layout)
-            reports += reports_of(scenario, index, plots, layout)
+            reports += reports_of(scenario, index, plots, layout, seed)
         else:
-            reports += _still_reports(scenario, index, layout, rng)
+            reports += _still_reports(scenario, index, layout, rng, seed)
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
 
 
@@ -260,13 +260,17 @@ def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
     )
 
 
-def reports_of(scenario: Scenario, index: int, plots: Plots, layout: RadarInput) -> list[Report]:
+def reports_of(
+    scenario: Scenario, index: int, plots: Plots, layout: RadarInput, seed: int = 0
+) -> list[Report]:
     """Return the plots of one radar by turn, or by sector; also those without plots.
 
-    Turns that had begun before scan 0, or had not ended at the last scan, are left out.
+    Turns that had begun before scan 0, or had not ended at the last scan, are left out. `seed` is
+    that of what targets answer.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     offset = antenna.bearing / FULL_TURN
+    answers = _answers(scenario, index, plots, seed)
     parts = max(layout.sectors, 1)
     first = int(np.ceil(offset)) * parts
     end_turn = scenario.duration_s / radar.rotation_s + offset
@@ -279,7 +283,10 @@ def reports_of(scenario: Scenario, index: int, plots: Plots, layout: RadarInput)
         time_s = (plots.turns[rows] - (number + 1) / parts) * radar.rotation_s
         coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
         detections = _reported(plots, rows, time_s, coverage, layout)
-        if layout.height_field and layout.site is not None:
+        if scenario.transponders is not None:
+            own = answers.take(np.arange(len(plots.turns))[rows])
+            detections = _with_answers(detections, own, layout)
+        elif layout.height_field and layout.site is not None:
             detections = replace(detections, height=_heights(scenario, plots, rows, radar, offset))
         detections = placed(detections, layout)
         reports.append(Report(index, scenario.ns_after(end_s), detections, plots.source[rows]))
@@ -332,6 +339,24 @@ def placed(found: Detections, layout: RadarInput) -> Detections:
     )
 
 
+def _answers(scenario: Scenario, index: int, plots: Plots, seed: int) -> Detections:
+    """Return all plots with what their targets answer, however they are reported."""
+    found = Detections(plots.measurement, None)
+    offset = scenario.antennas[index].bearing / FULL_TURN
+    time_s = (plots.turns - offset) * scenario.radars[index].rotation_s
+    return scenario.answered(found, plots.source, time_s, (seed, index))
+
+
+def _with_answers(found: Detections, answers: Detections, layout: RadarInput) -> Detections:
+    """Return detections with those of their answers that the radar's messages have."""
+    return replace(
+        found,
+        code=answers.code if layout.code_field else None,
+        address=answers.address if layout.address_field else None,
+        height=answers.height if layout.height_field else None,
+    )
+
+
 def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:
     """Return the azimuths of a sector, counted from the y axis in the antenna's sense."""
     width = FULL_TURN / sectors
@@ -340,7 +365,7 @@ def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:
 
 
 def _still_reports(
-    scenario: Scenario, index: int, layout: RadarInput, rng: np.random.Generator
+    scenario: Scenario, index: int, layout: RadarInput, rng: np.random.Generator, seed: int
 ) -> list[Report]:
     """Return the reports of a radar that does not turn: one at every scan."""
     snr_of = np.array([target.snr for target in scenario.targets])
@@ -353,5 +378,8 @@ def _still_reports(
         found, source = detect(truth, snr, radar, rng, *laws, scenario.reflectors)
         if not layout.amplitude_field:
             found = replace(found, amplitude=None)
+        time_s = np.full(len(source), scan * scenario.interval_s)
+        answers = scenario.answered(found, source, time_s, (seed, scan, index))
+        found = _with_answers(found, answers, layout)
         reports.append(Report(index, truth.stamp_ns, found, source))
     return reports

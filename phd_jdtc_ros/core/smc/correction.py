@@ -13,7 +13,7 @@ and a missed detection scales it down by 1 - p_D.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy import sparse
@@ -23,11 +23,28 @@ from ..association.bernoulli import Claims, bernoulli
 from .particle_set import ParticleSet
 
 
+class Corrected(NamedTuple):
+    """The intensity after one radar's detections.
+
+    Parameters
+    ----------
+    particles : ParticleSet
+    claimed : array of shape (M,)
+        Share of each detection that targets claim.
+    pair : array of shape (P,)
+        Weight of each pair: of its particle, with its detection.
+    """
+
+    particles: ParticleSet
+    claimed: FloatArray
+    pair: FloatArray
+
+
 class Correction(Protocol):
     """The rule by which one radar's detections change the intensity."""
 
-    def __call__(self, particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, FloatArray]:
-        """Return the corrected intensity, and the claimed share of each detection, (M,)."""
+    def __call__(self, particles: ParticleSet, claims: Claims) -> Corrected:
+        """Return the corrected intensity, given how well each pair explains its detection."""
         ...
 
 
@@ -46,7 +63,7 @@ class Corrector:
     labelled: bool
 
 
-def _poisson(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, FloatArray]:
+def _poisson(particles: ParticleSet, claims: Claims) -> Corrected:
     """Correct as the PHD filter does; every detection has a component.
 
     Earlier components are multiplied by 1 - p_D, and M new ones are added.
@@ -59,8 +76,9 @@ def _poisson(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, Float
     claimed = sum_by(claims.column, claims.mass, size)
     total = claims.other + claimed
     total = np.where(total > 0.0, total, 1.0)
+    pair = claims.mass / total.take(claims.column)
     part = sparse.csr_array(
-        (claims.mass / total.take(claims.column), (claims.row, claims.column)),
+        (pair, (claims.row, claims.column)),
         shape=(len(particles), size),
     )
     missed = 1.0 - claims.detection_probability
@@ -70,10 +88,10 @@ def _poisson(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, Float
         components=sparse.hstack([scale_rows(particles.components, missed), part], format="csr"),
         label=np.concatenate([particles.label, np.full(size, -1)]),
     )
-    return corrected, claimed / total
+    return Corrected(corrected, claimed / total, pair)
 
 
-def _bernoulli(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, FloatArray]:
+def _bernoulli(particles: ParticleSet, claims: Claims) -> Corrected:
     """Correct every origin as at most one target; every origin is a component.
 
     Notes
@@ -84,7 +102,8 @@ def _bernoulli(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, Flo
     origins, target = factorize(particles.origin)
     shares = bernoulli(target, len(origins), particles.weight, claims)
     weight = shares.prior * (1.0 - claims.detection_probability) * shares.missed.take(target)
-    weight += sum_by(claims.row, claims.mass * shares.pair, len(particles))
+    pair = claims.mass * shares.pair
+    weight += sum_by(claims.row, pair, len(particles))
     corrected = replace(
         particles,
         poisson=np.zeros(len(particles)),
@@ -93,7 +112,7 @@ def _bernoulli(particles: ParticleSet, claims: Claims) -> tuple[ParticleSet, Flo
         ),
         label=origins,
     )
-    return corrected, shares.claimed
+    return Corrected(corrected, shares.claimed, pair)
 
 
 def scale_rows(matrix: sparse.csr_array, factor: FloatArray) -> sparse.csr_array:

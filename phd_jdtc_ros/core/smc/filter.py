@@ -80,7 +80,8 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.done("predict")
         updated, born_here = update_scan(
-            predicted, scan, model, corrector, dt, index, rng, self.clutter
+            *(predicted, scan, model, corrector, dt, index, rng, self.clutter),
+            self.attributes if corrector.labelled else None,
         )
         self.done("update")
         young_from = index if corrector.labelled else None

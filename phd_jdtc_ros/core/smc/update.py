@@ -15,7 +15,9 @@ import numpy as np
 from scipy import sparse
 
 from .. import origins
+from ..arrays import factorize, sum_by
 from ..association.bernoulli import Claims
+from ..attributes.memory import AttributeMemory, AttributesAt
 from ..models import detection_birth
 from ..models.clutter_memory import ClutterMemory
 from ..models.detection_birth import Newborn
@@ -37,6 +39,7 @@ def update(
     dt: float,
     clutter: ClutterMemory | None = None,
     earlier: Sequence[Newborn] = (),
+    attributes: AttributesAt | None = None,
 ) -> tuple[ParticleSet, Newborn | None]:
     """Update the intensity with one radar's detections.
 
@@ -55,6 +58,8 @@ def update(
         radar model alone.
     earlier : sequence of Newborn
         Targets born at the detections of the scan's earlier radars.
+    attributes : AttributesAt or None
+        What is known of identities and heights, to use and to learn; None to leave them out.
 
     Returns
     -------
@@ -80,7 +85,16 @@ def update(
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
     )
-    others = other_sources(detections, radar, model, dt, column, log_likelihood, earlier)
+    evidence = None
+    if attributes is not None:
+        origin, target = factorize(particles.origin)
+        evidence = attributes.evidence(origin, target.take(row), column, detections)
+    if evidence is not None:
+        log_likelihood += evidence.log_factor
+    others = other_sources(
+        *(detections, radar, model, dt, column, log_likelihood, earlier),
+        0.0 if evidence is None else evidence.log_clutter,
+    )
 
     claims = Claims(
         row=row,
@@ -93,7 +107,10 @@ def update(
             particles.mode, particles.log_snr, predicted[:, 0], radar, model.modes
         ),
     )
-    corrected, claimed = corrector.correct(particles, claims)
+    corrected, claimed, pair = corrector.correct(particles, claims)
+    if attributes is not None and evidence is not None:
+        existence = sum_by(target, corrected.weight, len(origin))
+        attributes.learn(evidence, pair, existence)
     if clutter is not None and clutter.learns(radar):
         velocity = particles.state[:, list(radar.space.velocity)]
         still = np.hypot(velocity[:, 0], velocity[:, 1]) < radar.clutter_map_speed
@@ -110,6 +127,7 @@ def update_scan(
     scan_index: int,
     rng: np.random.Generator,
     clutter: ClutterMemory | None = None,
+    attributes: AttributeMemory | None = None,
 ) -> tuple[ParticleSet, tuple[Newborn, ...]]:
     """Update with every radar that reported, in the configured order.
 
@@ -123,14 +141,17 @@ def update_scan(
         Targets born at detections, by radar.
     """
     origin = origins.first_detected(scan_index)
+    known = None if attributes is None else attributes.at(scan.stamp_ns)
     newborns: list[Newborn] = []
     for radar, detections in model.reports(scan):
         particles, newborn = update(
-            particles, detections, radar, model, corrector, dt, clutter, newborns
+            particles, detections, radar, model, corrector, dt, clutter, newborns, known
         )
         if newborn is not None:
             newborn, count = detection_birth.affordable(newborn, model.detection_births)
             particles = _with_newborn(particles, newborn, count, model, corrector, origin, rng)
+            if known is not None:
+                known.born(origin, newborn.detections)
             origin += len(newborn)
             newborns.append(newborn)
     return particles, tuple(newborns)

@@ -22,7 +22,8 @@ def claims(likelihood, weight, other, p_d=0.9):
 def corrected(likelihood, weight, other, p_d=0.9, origin=None, corrector=BERNOULLI):
     weight = np.asarray(weight, dtype=float)
     phd = intensity(np.zeros((len(weight), 5)), weight, origin=origin)
-    return corrector.correct(phd, claims(np.asarray(likelihood, dtype=float), weight, other, p_d))
+    likelihood = np.asarray(likelihood, dtype=float)
+    return corrector.correct(phd, claims(likelihood, weight, other, p_d))[:2]
 
 
 @pytest.mark.parametrize("existence", [0.01, 0.5, 0.99, 1.0])

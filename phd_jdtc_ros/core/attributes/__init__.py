@@ -1,0 +1,18 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What transponders tell: identities and heights of targets, beside their states.
+
+::
+
+    origins, their pairs with detections
+      |  what an identity, a height is worth as evidence       identity, height
+    log factor of each pair, and of clutter: memory.AttributeMemory.evidence
+      |  (the engine associates)
+    probability of each pair: memory.AttributeMemory.learn
+      |  beliefs of each origin
+    code, address, z, vz of estimates: memory.AttributeMemory.told
+
+Both engines use `memory.AttributeMemory` and nothing else here. Beliefs are of an origin, whatever
+represents its state.
+"""

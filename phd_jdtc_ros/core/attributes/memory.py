@@ -1,0 +1,396 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is known of each origin beside its state, and what that is worth in the association."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
+from ..types import UNKNOWN, Attributes, Detections, Estimates
+from . import height, identity
+from .height import HeightModel, Heights
+from .history import History
+from .identity import Belief, IdentityModel
+
+# Below this share of its target, a pair tells nothing.
+LEAST = 1e-12
+
+
+@dataclass(frozen=True)
+class AttributeModel:
+    """What detections tell of targets beside where they are.
+
+    Parameters
+    ----------
+    code, address : IdentityModel
+    height : HeightModel
+    clutter_reply : float
+        Probability that a false detection has an answer.
+    """
+
+    code: IdentityModel
+    address: IdentityModel
+    height: HeightModel
+    clutter_reply: float = 0.05
+
+
+class Records(NamedTuple):
+    """What is known of T origins.
+
+    Parameters
+    ----------
+    origin : int array of shape (T,)
+        Ascending.
+    stamp_ns : int array of shape (T,)
+        When it is.
+    code, code_weight : arrays of shape (T, K) and (T, K + 2)
+        See `identity.Belief`.
+    address, address_weight : arrays of shape (T, K) and (T, K + 2)
+    height_known, height, height_covariance : arrays of shape (T,), (T, 2) and (T, 2, 2)
+        See `height.Heights`.
+    """
+
+    origin: IntArray
+    stamp_ns: IntArray
+    code: IntArray
+    code_weight: FloatArray
+    address: IntArray
+    address_weight: FloatArray
+    height_known: FloatArray
+    height: FloatArray
+    height_covariance: FloatArray
+
+    @staticmethod
+    def of(origin: IntArray, stamp_ns: int, known: Known) -> Records:
+        """Return what is known of some origins."""
+        stamps = np.full(len(origin), stamp_ns, dtype=np.int64)
+        return Records(origin, stamps, *known.code, *known.address, *known.heights)
+
+    @property
+    def known(self) -> Known:
+        """The same without origins and stamps."""
+        return Known(Belief(*self[2:4]), Belief(*self[4:6]), Heights(*self[6:9]))
+
+    def take(self, rows: IntArray) -> Records:
+        """Return the records of these rows."""
+        columns: list[Any] = [column[rows] for column in self]
+        return Records(*columns)
+
+    def joined(self, other: Records) -> Records:
+        """Return these and others, which replace those of the same origins."""
+        old = self.take(np.flatnonzero(~np.isin(self.origin, other.origin)))
+        columns: list[Any] = [np.concatenate(pair) for pair in zip(old, other, strict=True)]
+        return Records(*columns).take(np.argsort(columns[0], kind="stable"))
+
+
+class Known(NamedTuple):
+    """Beliefs about T targets."""
+
+    code: Belief
+    address: Belief
+    heights: Heights
+
+    @staticmethod
+    def fresh(targets: int, model: AttributeModel) -> Known:
+        """Return the beliefs about targets that nothing is known of."""
+        return Known(
+            Belief.fresh(targets, model.code),
+            Belief.fresh(targets, model.address),
+            Heights.fresh(targets),
+        )
+
+    def moved(self, dt: FloatArray, model: AttributeModel) -> Known:
+        """Return the beliefs `dt` seconds later, (T,); identities are not taken back in time."""
+        return Known(
+            self.code.moved(np.maximum(dt, 0.0), model.code),
+            self.address.moved(np.maximum(dt, 0.0), model.address),
+            self.heights.moved(dt, model.height),
+        )
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What one radar's detections tell of identities and heights.
+
+    Parameters
+    ----------
+    log_factor : array of shape (P,)
+        Of each pair: what the likelihood that the engine computes from the state is multiplied by.
+    log_clutter : array of shape (M,)
+        Of each detection: what the intensity of clutter is multiplied by. Unknown targets keep
+        theirs.
+    """
+
+    log_factor: FloatArray
+    log_clutter: FloatArray
+    _edge_of_pair: IntArray
+    # By edge: the target's place in `_target`.
+    _edge_target: IntArray
+    # By target with a pair: its index in the engine's, and its origin.
+    _target: IntArray
+    _origin: IntArray
+    _told: _Told
+
+    def take(self, pairs: IntArray) -> Evidence:
+        """Return that of these pairs; the others are none of their targets' any more."""
+        return replace(
+            self, log_factor=self.log_factor[pairs], _edge_of_pair=self._edge_of_pair[pairs]
+        )
+
+
+class _Told(NamedTuple):
+    """Each belief, compared with what the edges' detections tell; None where they tell nothing."""
+
+    before: Known
+    code: identity.Shown | None
+    address: identity.Shown | None
+    height: height.Measured | None
+
+    def after(self, target: IntArray, own: FloatArray, none: FloatArray) -> Known:
+        """Return the beliefs after an association; see `identity.learned`."""
+        edges = target, own, none
+        before = self.before
+        return Known(
+            before.code if self.code is None else identity.learned(self.code, *edges),
+            before.address if self.address is None else identity.learned(self.address, *edges),
+            before.heights if self.height is None else height.learned(self.height, *edges),
+        )
+
+
+class AttributeMemory:
+    """What is known of every origin, scan by scan.
+
+    Parameters
+    ----------
+    model : AttributeModel
+    """
+
+    def __init__(self, model: AttributeModel) -> None:
+        self.model = model
+        self.records = Records.of(np.zeros(0, dtype=np.int64), 0, Known.fresh(0, model))
+        self.history = History.empty()
+
+    def evidence(
+        self,
+        origin: IntArray,
+        target: IntArray,
+        column: IntArray,
+        detections: Detections,
+        stamp_ns: int,
+    ) -> Evidence | None:
+        """Return what one radar's detections are worth as evidence.
+
+        Parameters
+        ----------
+        origin : int array of shape (T,)
+            Of the engine's targets.
+        target, column : int arrays of shape (P,)
+            The target and the detection of each pair.
+        detections : Detections
+        stamp_ns : int
+            Of the scan.
+
+        Returns
+        -------
+        Evidence or None
+            None if the radar reports neither identities nor heights.
+        """
+        given = detections.code, detections.address, detections.height
+        if all(part is None for part in given):
+            return None
+        size = len(detections)
+        edge, edge_of_pair = distinct_cells(target * size + column, len(origin) * size)
+        edge_column = edge % max(size, 1)
+        own, place = np.unique(edge // max(size, 1), return_inverse=True)
+        place = place.ravel()
+        told = self._told(self._at(origin[own], stamp_ns).known, place, edge_column, detections)
+        log_factor = np.zeros(len(edge))
+        for part in (told.code, told.address, told.height):
+            if part is not None:
+                log_factor += part.log_factor
+        log_clutter = self._log_clutter(detections)
+        return Evidence(
+            log_factor[edge_of_pair], log_clutter, edge_of_pair, place, own, origin[own], told
+        )
+
+    def learn(
+        self, evidence: Evidence, mass: FloatArray, existence: FloatArray, stamp_ns: int
+    ) -> None:
+        """Take in the probabilities of an association.
+
+        Parameters
+        ----------
+        evidence : Evidence
+        mass : array of shape (P,)
+            Probability that each pair's target exists, is described by its row and has its
+            detection.
+        existence : array of shape (T,)
+            Probability of each target after the update.
+        stamp_ns : int
+            Of the scan.
+        """
+        edges, targets = len(evidence._edge_target), len(evidence._target)
+        exists = np.maximum(existence[evidence._target], np.finfo(float).tiny)
+        own = sum_by(evidence._edge_of_pair, mass, edges) / exists[evidence._edge_target]
+        total = sum_by(evidence._edge_target, own, targets)
+        own = own / np.maximum(total, 1.0)[evidence._edge_target]
+        none = np.maximum(1.0 - total, 0.0)
+        if not targets:
+            return
+        known = evidence._told.after(evidence._edge_target, own, none)
+        told = np.flatnonzero(total > LEAST)
+        self._note(Records.of(evidence._origin, stamp_ns, known).take(told), stamp_ns)
+
+    def born(self, origin: int, detections: Detections, stamp_ns: int) -> None:
+        """Take in that a target is born at each detection, with origins from a number on.
+
+        The identity and the height of a target are those that its detection tells.
+        """
+        count = len(detections)
+        if not count:
+            return
+        place = np.arange(count)
+        told = self._told(Known.fresh(count, self.model), place, place, detections)
+        known = told.after(place, np.ones(count), np.zeros(count))
+        self._note(Records.of(origin + place, stamp_ns, known), stamp_ns)
+
+    def told(self, estimates: Estimates, smoothed: bool) -> Estimates:
+        """Return estimates with what is known of their targets, whose tracks are labels.
+
+        Parameters
+        ----------
+        estimates : Estimates
+        smoothed : bool
+            Whether later scans are to tell the heights, too. Identities are always those of now.
+        """
+        origin = estimates.track_id - 1
+        known = self._at(origin, estimates.stamp_ns).known
+        heights = known.heights
+        sure = heights.known > 0.5
+        if smoothed:
+            heights = self.history.smoothed(origin, estimates.stamp_ns, self.model.height)
+            sure &= heights.known > 0.5
+        return replace(
+            estimates,
+            attributes=Attributes(
+                height=np.where(sure[:, None], heights.mean, np.nan),
+                height_covariance=np.where(sure[:, None, None], heights.covariance, np.nan),
+                code=known.code.reported(),
+                address=known.address.reported(),
+            ),
+        )
+
+    def copy(self) -> AttributeMemory:
+        """Return another memory of the same; what it learns, this one does not."""
+        other = AttributeMemory(self.model)
+        other.records, other.history = self.records, self.history
+        return other
+
+    def at(self, stamp_ns: int) -> AttributesAt:
+        """Return the memory at a scan's stamp, for the engine's update."""
+        return AttributesAt(self, stamp_ns)
+
+    def forget_all_but(self, labels: Sequence[IntArray], stamp_ns: int) -> None:
+        """Forget origins that are gone, and heights that no stamp from this one on needs."""
+        alive = np.concatenate(labels)
+        self.records = self.records.take(np.flatnonzero(np.isin(self.records.origin, alive)))
+        self.history = self.history.since(stamp_ns, alive)
+
+    def _at(self, origin: IntArray, stamp_ns: int) -> Records:
+        """Return the records of origins, moved to a stamp; fresh ones where there are none."""
+        found = Records.of(origin, stamp_ns, Known.fresh(len(origin), self.model))
+        place = np.searchsorted(self.records.origin, origin)
+        inside = np.flatnonzero(place < len(self.records.origin))
+        row = inside[self.records.origin[place[inside]] == origin[inside]]
+        kept = self.records.take(place[row])
+        dt = (stamp_ns - kept.stamp_ns).astype(np.float64) * 1e-9
+        moved = Records.of(kept.origin, stamp_ns, kept.known.moved(dt, self.model))
+        for column, value in zip(found[2:], moved[2:], strict=True):
+            column[row] = value
+        return found
+
+    def _told(
+        self, before: Known, target: IntArray, column: IntArray, detections: Detections
+    ) -> _Told:
+        """Return what the detections of edges tell of targets."""
+        code, address, heights = detections.code, _addresses(detections), detections.height
+        since = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
+        model = self.model
+        return _Told(
+            before,
+            None
+            if code is None
+            else identity.compared(before.code, target, code[column], model.code),
+            None
+            if address is None
+            else identity.compared(before.address, target, address[column], model.address),
+            None
+            if heights is None
+            else height.compared(
+                before.heights, target, heights[column], since[column], model.height
+            ),
+        )
+
+    def _log_clutter(self, detections: Detections) -> FloatArray:
+        """Return the log factor of the clutter at each detection, (M,).
+
+        Clutter that answers shows what unknown targets would show.
+        """
+        shown = [part for part in (detections.code, detections.address) if part is not None]
+        if not shown:
+            return np.zeros(len(detections))
+        answered = np.stack([part != UNKNOWN for part in shown]).any(axis=0)
+        model, code = self.model, self.model.code
+        reply = code.equipped * code.reply
+        odds = np.array([(1.0 - model.clutter_reply) / (1.0 - reply), model.clutter_reply / reply])
+        factor: FloatArray = np.log(odds)[answered.astype(np.int64)]
+        return factor
+
+    def _note(self, new: Records, stamp_ns: int) -> None:
+        self.records = self.records.joined(new)
+        tall = np.flatnonzero(new.height_known > 0.5)
+        if len(tall):
+            self.history = self.history.noted(
+                new.origin[tall], stamp_ns, new.known.heights.take(tall)
+            )
+
+
+class AttributesAt(NamedTuple):
+    """The memory at a scan: what an engine's update uses.
+
+    Parameters
+    ----------
+    memory : AttributeMemory
+    stamp_ns : int
+    """
+
+    memory: AttributeMemory
+    stamp_ns: int
+
+    def evidence(
+        self, origin: IntArray, target: IntArray, column: IntArray, detections: Detections
+    ) -> Evidence | None:
+        """Return what detections are worth as evidence; see `AttributeMemory.evidence`."""
+        return self.memory.evidence(origin, target, column, detections, self.stamp_ns)
+
+    def learn(self, evidence: Evidence, mass: FloatArray, existence: FloatArray) -> None:
+        """Take in the probabilities of an association; see `AttributeMemory.learn`."""
+        self.memory.learn(evidence, mass, existence, self.stamp_ns)
+
+    def born(self, origin: int, detections: Detections) -> None:
+        """Take in that targets are born at detections; see `AttributeMemory.born`."""
+        self.memory.born(origin, detections, self.stamp_ns)
+
+
+def _addresses(detections: Detections) -> IntArray | None:
+    """Return the addresses; where codes say that nothing answered, a missing one says no more."""
+    if detections.address is None or detections.code is None:
+        return detections.address
+    silent = (detections.code == UNKNOWN) & (detections.address == UNKNOWN)
+    return np.where(silent, identity.NOTHING, detections.address)

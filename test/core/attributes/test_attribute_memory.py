@@ -1,0 +1,232 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What both engines make of identities: two aircraft that cross at a small angle."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from held import equal, stored_and_read
+from lone import lone, scan_at
+
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.models.merging import merged
+from phd_jdtc_ros.core.snapshot import Snapshot
+from phd_jdtc_ros.core.types import UNKNOWN, Detections
+
+ENGINES = ("gaussian", "particles")
+SCANS, PERIOD = 24, 4.0
+CODES, ADDRESSES = np.array([0o1234, 0o4567]), np.array([0x3C6444, 0x4CA123])
+GIVEN = {
+    "interval_s": PERIOD,
+    "births": [],
+    "detection_births.rates": [0.05],
+    "detection_births.velocity_std": 100.0,
+    "detection_births.particles": 256,
+    "particles_per_target": 400,
+    "least_particles": 100,
+    "lag": 3,
+    "radar.position": [0.0, 0.0],
+    "radar.yaw_deg": 0.0,
+    "radar.range_std": 60.0,
+    "radar.azimuth_std_deg": 0.3,
+    "radar.detection_probability": 0.95,
+    "radar.clutter_rate": 2.0,
+    "radar.clutter_max_range": 5e4,
+    "cv.noise_density": 3.0,
+}
+FIELDS = {"radar.fields.code": "code", "radar.fields.address": "address"}
+
+
+def truth(time_s):
+    """Return the positions of both: they cross at 48 s at a small angle."""
+    along, side = 2e4 + 120.0 * time_s, 12.0 * (time_s - 48.0)
+    return np.array([[along, side], [along, -side]])
+
+
+def scans(seed=9000, columns=("code", "address"), codes=CODES, addresses=ADDRESSES):
+    """Return scans of both targets, each with what its transponder says."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for number in range(SCANS):
+        position = truth(number * PERIOD)
+        exact = np.stack([np.hypot(*position.T), np.arctan2(position[:, 1], position[:, 0])], 1)
+        noisy = exact + rng.standard_normal((2, 2)) * [60.0, np.radians(0.3)]
+        order = rng.permutation(2)
+        own = {"code": codes, "address": addresses}
+        more = {name: own[name][order] for name in columns}
+        found.append(scan_at(number * PERIOD + PERIOD, noisy[order], **more))
+    return found
+
+
+def run(engine, given=None, steps=None):
+    """Return the filtered and smoothed estimates of an engine, and the engine."""
+    tracker = new_engine(lone({**GIVEN, "engine": engine, **FIELDS, **(given or {})}))
+    filtered, smoothed = [], []
+    for scan in scans() if steps is None else steps:
+        step = tracker.step(scan)
+        filtered += step.filtered
+        smoothed += step.smoothed
+    return filtered, smoothed, tracker
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_tracks_that_cross_keep_their_identities(engine):
+    filtered, smoothed, _ = run(engine)
+    for estimates in (*filtered[6:], *smoothed[4:]):
+        assert sorted(estimates.attributes.code.tolist()) == sorted(CODES.tolist())
+        seconds = (estimates.stamp_ns - filtered[0].stamp_ns) * 1e-9
+        place = dict(zip(CODES.tolist(), truth(seconds), strict=True))
+        apart = estimates.position - [place[code] for code in estimates.attributes.code.tolist()]
+        assert np.hypot(*apart.T).max() < 400.0
+    first, last = filtered[8], filtered[-1]
+    numbers = [
+        dict(zip(e.attributes.code.tolist(), e.track_id.tolist(), strict=True))
+        for e in (first, last)
+    ]
+    assert numbers[0] == numbers[1]
+    assert set(numbers[0]) == set(CODES.tolist())
+    assert sorted(last.attributes.address.tolist()) == sorted(ADDRESSES.tolist())
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_swapped_fields_show_no_identity_of_the_wrong_kind(engine):
+    # Addresses do not fit a code's field; whoever reads messages drops them, see `identities`.
+    steps = scans(codes=np.array([UNKNOWN, UNKNOWN]), addresses=CODES)
+    filtered, _, _ = run(engine, steps=steps)
+    assert (filtered[-1].attributes.code == UNKNOWN).all()
+    assert sorted(filtered[-1].attributes.address.tolist()) == sorted(CODES.tolist())
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("code", [0, 0o7777])
+def test_code_that_all_share_is_reported_and_tracks_stay_two(engine, code):
+    steps = scans(columns=("code",), codes=np.array([code, code]))
+    filtered, _, _ = run(engine, steps=steps)
+    assert filtered[-1].attributes.code.tolist() == [code, code]
+    assert (filtered[-1].attributes.address == UNKNOWN).all()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_estimates_without_fields_are_the_same_bit_by_bit(engine):
+    none = {"radar.fields.code": "", "radar.fields.address": ""}
+    plain, plain_smoothed, tracker = run(engine, none, scans(columns=()))
+    ignored, ignored_smoothed, _ = run(engine, none)
+    # The fields are configured, but the radar's clouds have none.
+    lacking, lacking_smoothed, _ = run(engine, steps=scans(columns=()))
+    assert "attributes" not in tracker.snapshot().facts
+    for a, b, c in zip(plain, ignored, lacking, strict=True):
+        assert equal(a, b)
+        assert equal(a, c)
+        assert a.attributes is None
+        assert b.attributes is None
+        assert (c.attributes.code == UNKNOWN).all()
+    for a, b, c in zip(plain_smoothed, ignored_smoothed, lacking_smoothed, strict=True):
+        assert equal(a, b)
+        assert equal(a, c)
+
+
+def same(a, b):
+    return equal(a, b) and all(
+        np.array_equal(getattr(a.attributes, name), getattr(b.attributes, name), equal_nan=True)
+        for name in ("height", "height_covariance", "code", "address")
+    )
+
+
+def with_heights(steps):
+    return [
+        replace(scan, detections=(replace(scan.detections[0], height=np.array([914.4, 3048.0])),))
+        for scan in steps
+    ]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_restored_engine_goes_on_with_what_it_knew(engine):
+    given = {"radar.fields.height": "height"}
+    steps = with_heights(scans())
+    _, _, first = run(engine, given, steps[:10])
+    second = new_engine(lone({**GIVEN, "engine": engine, **FIELDS, **given}))
+    second.restore(stored_and_read(first.snapshot()))
+    for scan in steps[10:]:
+        one, other = first.step(scan), second.step(scan)
+        assert same(one.filtered[0], other.filtered[0])
+        assert all(same(a, b) for a, b in zip(one.smoothed, other.smoothed, strict=True))
+    assert all(same(a, b) for a, b in zip(first.flush(), second.flush(), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("record.code", 4096),
+        ("record.address", -2),
+        ("record.code_weight", 0.7),
+        ("record.code_weight", np.nan),
+        ("record.origin", -1),
+        ("record.stamp_ns", -5),
+        ("record.height_known", 1.5),
+        ("record.height", np.inf),
+        ("history.mean", np.nan),
+        ("history.covariance", -1.0),
+        ("history.origin", 1 << 59),
+    ],
+)
+def test_forged_snapshot_is_refused(name, value):
+    given = {"radar.fields.height": "height"}
+    _, _, tracker = run("gaussian", given, with_heights(scans())[:4])
+    held = tracker.snapshot()
+    forged = Snapshot(held.stamp_ns, dict(held.arrays), json.loads(json.dumps(held.facts)))
+    array = forged.arrays[f"attributes.{name}"].copy()
+    array[0] = value
+    forged.arrays[f"attributes.{name}"] = array
+    with pytest.raises(ValueError, match="attributes"):
+        tracker.restore(forged)
+
+
+def test_memory_forgets_targets_that_are_gone():
+    _, _, tracker = run("gaussian")
+    empty = scan_at(1000.0, np.zeros((0, 2)), code=np.zeros(0, int), address=np.zeros(0, int))
+    for seconds in np.arange(104.0, 300.0, PERIOD):
+        tracker.step(replace(empty, stamp_ns=10**12 + round(seconds * 1e9)))
+    alive = np.concatenate([rows.origin for rows in tracker.forward.current])
+    assert set(tracker.forward.attributes.records.origin) <= set(alive.tolist())
+
+
+def test_merged_detections_have_the_first_known_identity_and_the_mean_height():
+    radar = replace(lone().model.radars[0], cluster_distance=50.0, range_std=1.0)
+    detections = Detections(
+        np.array([[5000.0, 0.1], [5001.0, 0.1], [9000.0, 1.0]]),
+        None,
+        height=np.array([1000.0, 1010.0, np.nan]),
+        code=np.array([UNKNOWN, 5, UNKNOWN]),
+        address=np.array([7, 8, UNKNOWN]),
+    )
+    one = merged(detections, radar)
+    assert one.code.tolist() == [5, UNKNOWN]
+    assert one.address.tolist() == [7, UNKNOWN]
+    np.testing.assert_array_equal(one.height, [1005.0, np.nan])
+
+
+@pytest.mark.parametrize("code", ["7a00", "8000", "700", "70000"])
+def test_shared_code_that_is_none_is_refused(code):
+    with pytest.raises(ConfigError, match="four octal digits"):
+        lone({"shared_codes": [code]})
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_scans_that_are_worked_in_again_leave_the_same_knowledge(engine):
+    steps = with_heights(scans())
+    given = {"radar.fields.height": "height"}
+    _, _, plain = run(engine, given, steps[:12])
+    reworked = new_engine(lone({**GIVEN, "engine": engine, **FIELDS, **given}))
+    held = []
+    for scan in steps[:12]:
+        held.append(reworked.hold())
+        reworked.step(scan)
+    reworked.rework(list(zip(held, steps[:12], strict=True))[-2:])
+    for scan in steps[12:16]:
+        one, other = plain.step(scan), reworked.step(scan)
+        assert same(one.filtered[0], other.filtered[0])
+        assert all(same(a, b) for a, b in zip(one.smoothed, other.smoothed, strict=True))

@@ -1,0 +1,217 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Heights: the filter and its smoother against textbook matrices, one target at a time."""
+
+import numpy as np
+import pytest
+from lone import lone, scan_at
+
+from phd_jdtc_ros.core.attributes import height
+from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
+from phd_jdtc_ros.core.attributes.history import History
+from phd_jdtc_ros.core.engines import new_engine
+
+# Next to no garbled heights, none that are given up, so that what is known stays Gaussian.
+MODEL = HeightModel(std=8.0, noise_density=0.5, climb_std=12.0, garbled=1e-12, kept_s=1e15)
+FIRST = np.zeros(1, dtype=np.int64)
+ROW = np.array([[1.0, 0.0]])
+
+
+def matrices(dt, model=MODEL):
+    move = np.array([[1.0, dt], [0.0, 1.0]])
+    noise = model.noise_density * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+    return move, noise
+
+
+def textbook(times, measured, model=MODEL):
+    """Return filtered and smoothed means and covariances at the times of the measurements."""
+    mean = np.array([measured[0], 0.0])
+    covariance = np.diag([model.std**2, model.climb_std**2])
+    filtered, predicted = [(mean, covariance)], []
+    for dt, value in zip(np.diff(times), measured[1:], strict=True):
+        move, noise = matrices(dt, model)
+        before = move @ mean, move @ covariance @ move.T + noise
+        spread = ROW @ before[1] @ ROW.T + model.std**2
+        gain = before[1] @ ROW.T / spread
+        mean = before[0] + gain[:, 0] * (value - before[0][0])
+        covariance = before[1] - gain @ ROW @ before[1]
+        predicted.append(before)
+        filtered.append((mean, covariance))
+    smoothed = [filtered[-1]]
+    for k in range(len(times) - 2, -1, -1):
+        move, _ = matrices(times[k + 1] - times[k], model)
+        gain = filtered[k][1] @ move.T @ np.linalg.inv(predicted[k][1])
+        later, ahead = smoothed[0], predicted[k]
+        smoothed.insert(
+            0,
+            (
+                filtered[k][0] + gain @ (later[0] - ahead[0]),
+                filtered[k][1] + gain @ (later[1] - ahead[1]) @ gain.T,
+            ),
+        )
+    return filtered, smoothed
+
+
+def updated(heights, value, since=0.0, model=MODEL):
+    told = height.compared(heights, FIRST, np.array([value]), np.array([since]), model)
+    return height.learned(told, FIRST, np.ones(1), np.zeros(1))
+
+
+@pytest.fixture
+def record():
+    rng = np.random.default_rng(3)
+    times = np.cumsum([0.0, 4.0, 4.0, 8.0, 4.0, 3.0])
+    return times, 3000.0 + 6.0 * times + 8.0 * rng.standard_normal(len(times))
+
+
+def test_filter_is_the_kalman_filter_and_history_smooths_as_rauch_tung_and_striebel(record):
+    times, measured = record
+    filtered, smoothed = textbook(times, measured)
+    heights, history = Heights.fresh(1), History.empty()
+    stamps = (1e9 * times).astype(np.int64) + 10**12
+    for k, value in enumerate(measured):
+        if k:
+            heights = heights.moved(np.array([times[k] - times[k - 1]]), MODEL)
+        heights = updated(heights, value)
+        np.testing.assert_allclose(heights.mean[0], filtered[k][0], rtol=1e-6)
+        np.testing.assert_allclose(heights.covariance[0], filtered[k][1], rtol=1e-4, atol=1e-6)
+        history = history.noted(np.array([7]), int(stamps[k]), heights)
+    for k, stamp in enumerate(stamps.tolist()):
+        found = history.smoothed(np.array([7]), stamp, MODEL)
+        np.testing.assert_allclose(found.mean[0], smoothed[k][0], rtol=1e-5)
+        np.testing.assert_allclose(found.covariance[0], smoothed[k][1], rtol=1e-3, atol=1e-4)
+
+
+def test_smoothed_height_between_two_scans_is_that_of_a_step_of_its_own(record):
+    times, measured = record
+    # A measurement that says nothing, at 10 s, makes that time one of the textbook's.
+    filtered, _ = textbook(times, measured)
+    between = 10.0
+    before = int(np.searchsorted(times, between)) - 1
+    move, noise = matrices(between - times[before])
+    start = move @ filtered[before][0], move @ filtered[before][1] @ move.T + noise
+    move, noise = matrices(times[before + 1] - between)
+    ahead = move @ start[0], move @ start[1] @ move.T + noise
+    _, smoothed = textbook(times, measured)
+    later = smoothed[before + 1]
+    gain = start[1] @ move.T @ np.linalg.inv(ahead[1])
+    expected = start[0] + gain @ (later[0] - ahead[0])
+    history, heights = History.empty(), Heights.fresh(2)
+    for k, (mean, covariance) in enumerate(filtered):
+        heights = Heights(np.ones(1), mean[None], covariance[None])
+        history = history.noted(np.array([7]), int(times[k] * 1e9), heights)
+        other = Heights(np.ones(1), mean[None] + np.array([500.0, 0.0]), covariance[None])
+        history = history.noted(np.array([3]), int(times[k] * 1e9), other)
+    found = history.smoothed(np.array([7, 3, 5]), int(between * 1e9), MODEL)
+    np.testing.assert_allclose(found.mean[0], expected, rtol=1e-9)
+    np.testing.assert_allclose(found.mean[1], expected + np.array([500.0, 0.0]), rtol=1e-9)
+    assert found.known.tolist() == [1.0, 1.0, 0.0]
+
+
+def test_history_keeps_what_a_stamp_needs():
+    history, one = History.empty(), Heights(np.ones(1), np.ones((1, 2)), np.eye(2)[None])
+    for stamp in (10, 20, 30, 40):
+        history = history.noted(np.array([7]), stamp, one)
+    history = history.noted(np.array([8]), 10, one).noted(np.array([9]), 40, one)
+    kept = history.since(25, np.array([7, 8]))
+    assert list(zip(kept.origin.tolist(), kept.stamp_ns.tolist(), strict=True)) == [
+        *((7, 20), (7, 30), (7, 40)),
+        (8, 10),
+    ]
+
+
+def test_height_of_a_detection_is_at_its_own_time():
+    heights = Heights(np.ones(1), np.array([[1000.0, 10.0]]), np.diag([25.0, 4.0])[None])
+    found = updated(heights, 1020.0, since=2.0)
+    np.testing.assert_allclose(found.mean[0], [1000.0, 10.0])
+    row = np.array([1.0, 2.0])
+    cov = heights.covariance[0]
+    spread = row @ cov @ row + MODEL.std**2
+    expected = cov - np.outer(cov @ row, row @ cov) / spread
+    np.testing.assert_allclose(found.covariance[0], expected, rtol=1e-6)
+
+
+def test_soft_association_matches_the_mixture_of_what_may_be_so():
+    heights = Heights(np.ones(1), np.array([[1000.0, 0.0]]), np.diag([100.0, 4.0])[None])
+    target, values = np.zeros(2, dtype=np.int64), np.array([1010.0, 980.0])
+    own, none = np.array([0.5, 0.2]), np.array([0.3])
+    told = height.compared(heights, target, values, np.zeros(2), MODEL)
+    found = height.learned(told, target, own, none)
+    gain = np.array([100.0, 0.0]) / (100.0 + MODEL.std**2)
+    each = [heights.mean[0], *(heights.mean[0] + gain * (value - 1000.0) for value in values)]
+    share = np.array([0.3, 0.5, 0.2])
+    mean = share @ np.array(each)
+    np.testing.assert_allclose(found.mean[0], mean, rtol=1e-9)
+    after = heights.covariance[0] - np.outer(gain, [100.0, 0.0])
+    covariance = 0.3 * heights.covariance[0] + 0.7 * after
+    covariance += sum(s * np.outer(m - mean, m - mean) for s, m in zip(share, each, strict=True))
+    np.testing.assert_allclose(found.covariance[0], covariance, rtol=1e-9)
+
+
+def test_garbled_height_does_not_move_a_target_and_costs_a_factor_of_its_probability():
+    model = HeightModel(garbled=0.01)
+    heights = Heights(np.ones(1), np.array([[3000.0, 0.0]]), np.diag([30.0, 1.0])[None])
+    told = height.compared(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
+    assert np.exp(told.log_factor[0]) == pytest.approx(0.01)
+    found = height.learned(told, FIRST, np.ones(1), np.zeros(1))
+    np.testing.assert_allclose(found.mean, heights.mean)
+    np.testing.assert_allclose(found.covariance, heights.covariance)
+
+
+def test_target_whose_height_began_wrong_finds_the_right_one():
+    model = HeightModel()
+    heights = updated(Heights.fresh(1), 12e3, model=model)
+    for _ in range(6):
+        heights = updated(heights.moved(np.array([4.0]), model), 3048.0, model=model)
+    assert heights.known[0] > 0.9
+    assert heights.mean[0, 0] == pytest.approx(3048.0, abs=10.0)
+
+
+def test_unknown_height_tells_nothing_and_is_worth_nothing():
+    heights = Heights(np.full(1, 0.8), np.array([[3000.0, 2.0]]), np.diag([30.0, 1.0])[None])
+    told = height.compared(heights, FIRST, np.array([np.nan]), np.zeros(1), HeightModel())
+    found = height.learned(told, FIRST, np.ones(1), np.zeros(1))
+    assert told.log_factor[0] == 0.0
+    for one, other in zip(found, heights, strict=True):
+        np.testing.assert_allclose(one, other)
+
+
+@pytest.mark.parametrize("engine", ["gaussian", "particles"])
+@pytest.mark.parametrize("level", [-304.8, 3048.0])
+def test_both_engines_publish_filtered_and_smoothed_heights(engine, level):
+    given = {
+        "engine": engine,
+        "interval_s": 4.0,
+        "lag": 3,
+        "births": [],
+        "detection_births.rates": [0.05],
+        "detection_births.velocity_std": 100.0,
+        "particles_per_target": 300,
+        "radar.fields.height": "height",
+        "radar.detection_probability": 0.95,
+        "radar.clutter_rate": 1.0,
+    }
+    config = lone(given)
+    tracker, radar = new_engine(config), config.model.radars[0]
+    measured, published, smoothed = [], [], []
+    rng = np.random.default_rng(5)
+    for k in range(12):
+        state = np.array([[8e3 + 480.0 * k, 120.0, 9e3, 0.0, 0.0]])
+        value = 30.48 * np.round((level + 24.0 * k) / 30.48)
+        noisy = radar.measure(state) + rng.standard_normal((1, 2)) * radar.noise_std
+        measured.append(value)
+        step = tracker.step(scan_at(4.0 * k + 4.0, noisy, height=np.array([value])))
+        published += step.filtered
+        smoothed += step.smoothed
+    smoothed += tracker.flush()
+    filtered, hindsight = textbook(4.0 * np.arange(12), measured, HeightModel())
+    for k in range(5, 12):
+        known = published[k].attributes
+        np.testing.assert_allclose(known.height[0], filtered[k][0], atol=1.0)
+        np.testing.assert_allclose(known.height_covariance[0], filtered[k][1], rtol=0.1, atol=1.0)
+    # The others are smoothed with fewer scans than are known at last.
+    for k in range(8, 12):
+        known = smoothed[k].attributes
+        np.testing.assert_allclose(known.height[0], hindsight[k][0], atol=1.0)
+        np.testing.assert_allclose(known.height_covariance[0], hindsight[k][1], rtol=0.1, atol=1.0)

@@ -1,0 +1,215 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Identities as evidence: beliefs and associations against the sum over all that could be so."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import textbook
+from lone import MEAN, START_NS, STD, UNREDUCED, lone, mixture_of, scan_at
+
+from phd_jdtc_ros.core.attributes import identity
+from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
+from phd_jdtc_ros.core.attributes.identity import Belief, IdentityModel
+from phd_jdtc_ros.core.attributes.memory import AttributeModel, Known, Records
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.types import UNKNOWN
+
+# Few codes, so that all can be summed over; code 0 is one that many share.
+SIZE = 6
+MODEL = IdentityModel(
+    SIZE, equipped=0.8, reply=0.9, garbled=0.05, kept_s=500.0, shared=(0,), shared_probability=0.4
+)
+STATES = [*range(SIZE), UNKNOWN]
+
+
+def prior_of(code):
+    return 0.4 if code == 0 else 0.6 / (SIZE - 1)
+
+
+def shows(shown, own):
+    """Return the probability that a target with a code, or without one, shows something."""
+    if own == UNKNOWN:
+        return 1.0 - MODEL.garbled if shown == UNKNOWN else MODEL.garbled * prior_of(shown)
+    if shown == UNKNOWN:
+        return 1.0 - MODEL.reply
+    return MODEL.reply * ((1.0 - MODEL.garbled) * (shown == own) + MODEL.garbled / SIZE)
+
+
+def full(belief):
+    """Return a belief by state of a target, one row for each target."""
+    rows = []
+    for candidates, weight in zip(belief.candidate.tolist(), belief.weight, strict=True):
+        left = sum(prior_of(code) for code in range(SIZE) if code not in candidates)
+        known = dict(zip(candidates, weight, strict=False))
+        rest = weight[identity.REST]
+        codes = [known.get(c, rest * prior_of(c) / left if left else 0.0) for c in range(SIZE)]
+        rows.append([*codes, weight[identity.ABSENT]])
+    return np.array(rows)
+
+
+def belief_of(*rows):
+    """Return a belief, of ({code: weight}, rest, absent) each."""
+    candidate = np.full((len(rows), identity.CANDIDATES), UNKNOWN)
+    weight = np.zeros((len(rows), identity.CANDIDATES + 2))
+    for row, (known, rest, absent) in enumerate(rows):
+        for place, (code, share) in enumerate(known.items()):
+            candidate[row, place], weight[row, place] = code, share
+        weight[row, identity.REST], weight[row, identity.ABSENT] = rest, absent
+    return Belief(candidate, weight)
+
+
+def test_fresh_belief_says_what_nobody_in_particular_does():
+    shown = np.array([0, 3, 5, UNKNOWN])
+    fresh = Belief.fresh(4, MODEL)
+    np.testing.assert_allclose(
+        identity.compared(fresh, np.arange(4), shown, MODEL).log_factor, 0.0, atol=1e-12
+    )
+    total = MODEL.nobodys(np.array(STATES)).sum()
+    assert total == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("shown", STATES)
+def test_certain_detection_gives_the_posterior_of_bayes_rule(shown):
+    belief = belief_of(({2: 0.5, 0: 0.1}, 0.3, 0.1))
+    target = np.zeros(1, dtype=np.int64)
+    seen = identity.compared(belief, target, np.array([shown]), MODEL)
+    found = identity.learned(seen, target, np.ones(1), np.zeros(1))
+    expected = full(belief)[0] * [shows(shown, own) for own in STATES]
+    evidence = expected.sum()
+    np.testing.assert_allclose(full(found)[0], expected / evidence, rtol=1e-12)
+    nobodys = MODEL.nobodys(np.array([shown]))[0]
+    assert np.exp(seen.log_factor[0]) == pytest.approx(evidence / nobodys)
+
+
+def test_detection_that_says_nothing_tells_nothing():
+    belief, target = belief_of(({2: 0.5}, 0.3, 0.2)), np.zeros(1, dtype=np.int64)
+    seen = identity.compared(belief, target, np.array([identity.NOTHING]), MODEL)
+    assert seen.log_factor[0] == 0.0
+    after = identity.learned(seen, target, np.ones(1), np.zeros(1))
+    np.testing.assert_allclose(after.weight, belief.weight)
+
+
+def test_improbable_candidates_go_back_to_the_rest():
+    model = replace(MODEL, size=4096)
+    belief, target = Belief.fresh(1, model), np.zeros(1, dtype=np.int64)
+    for shown in range(1, 12):
+        seen = identity.compared(belief, target, np.array([shown]), model)
+        belief = identity.learned(seen, target, np.ones(1), np.zeros(1))
+    assert belief.candidate.shape == (1, identity.CANDIDATES)
+    assert belief.weight.sum() == pytest.approx(1.0)
+    assert (belief.weight >= 0.0).all()
+
+
+def test_new_code_replaces_the_old_one_after_a_few_answers():
+    model = replace(MODEL, size=4096, garbled=0.01, kept_s=1800.0)
+    belief, target = Belief.fresh(1, model), np.zeros(1, dtype=np.int64)
+    reported = []
+    for shown in [1234] * 20 + [2345] * 4:
+        seen = identity.compared(
+            belief.moved(np.array([4.0]), model), target, np.array([shown]), model
+        )
+        belief = identity.learned(seen, target, np.ones(1), np.zeros(1))
+        reported.append(belief.reported()[0])
+    assert reported[1:20] == [1234] * 19
+    assert reported[-1] == 2345
+
+
+def enumerated(belief, existence, kinematic, shown, missed, clutter):
+    """Return each target's posterior by state and none, summed over all that could have happened.
+
+    Parameters
+    ----------
+    belief : array of shape (T, 7)
+    existence : sequence of T numbers
+    kinematic : array of shape (T, M)
+        Of the detection probability times the density of each detection.
+    shown : sequence of M codes
+    missed : float
+        Probability that a target is missed.
+    clutter : array of shape (M,)
+        Density of each detection, with what it shows, as clutter.
+    """
+    targets, count = kinematic.shape
+    weight = np.zeros((targets, len(STATES)))
+    nothing = np.zeros(targets)
+    options = ["absent", None, *range(count)]
+    for events in itertools.product(options, repeat=targets):
+        claimed = [event for event in events if isinstance(event, int)]
+        if len(set(claimed)) < len(claimed):
+            continue
+        base = np.prod([clutter[j] for j in range(count) if j not in claimed])
+        factors = []
+        for t, event in enumerate(events):
+            if event == "absent":
+                factors.append(np.append(np.zeros(len(STATES)), 1.0 - existence[t]))
+            elif event is None:
+                factors.append(np.append(existence[t] * missed * belief[t], 0.0))
+            else:
+                said = np.array([shows(shown[event], own) for own in STATES])
+                factors.append(np.append(existence[t] * kinematic[t, event] * belief[t] * said, 0))
+        for t in range(targets):
+            others = np.prod([f.sum() for k, f in enumerate(factors) if k != t])
+            weight[t] += base * others * factors[t][:-1]
+            nothing[t] += base * others * factors[t][-1]
+    total = weight.sum(axis=1) + nothing
+    return weight / total[:, None], nothing / total
+
+
+@pytest.mark.parametrize("shown", [(2, 3), (3, UNKNOWN), (0, 0), (5, 2)])
+def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
+    detection, rate = 0.8, 3.0
+    config = lone(
+        {
+            **UNREDUCED,
+            "radar.detection_probability": detection,
+            "radar.clutter_rate": rate,
+            "radar.clutter_max_range": 2e4,
+            "radar.fields.code": "code",
+        }
+    )
+    attributes = AttributeModel(
+        code=MODEL,
+        address=IdentityModel(identity.ADDRESSES),
+        height=HeightModel(),
+        clutter_reply=0.1,
+    )
+    model = replace(config.model, attributes=attributes)
+    config = replace(config, model=model)
+    engine = new_engine(config)
+    means = [MEAN, MEAN + np.array([150.0, 0.0, -100.0, 0.0, 0.0])]
+    existence = [0.9, 0.7]
+    stored = mixture_of(
+        engine.forward.dynamics, [(r, m, STD) for r, m in zip(existence, means, strict=True)]
+    )
+    engine.forward.start_from(START_NS, stored)
+    belief = belief_of(({2: 0.6, 4: 0.1}, 0.2, 0.1), ({3: 0.5}, 0.2, 0.3))
+    known = Known(belief, Belief.fresh(2, attributes.address), Heights.fresh(2))
+    engine.forward.attributes.records = Records.of(stored.label, START_NS, known)
+    radar = model.radars[0]
+    measurement = radar.measure(np.array(means)) + np.array([[100.0, 0.01], [-150.0, 0.004]])
+    seconds = 6.0
+    engine.step(scan_at(seconds, measurement, code=np.array(shown)))
+
+    moved = belief.moved(np.full(2, seconds), MODEL)
+    kinematic = np.zeros((2, 2))
+    for t, mean in enumerate(means):
+        motion = model.modes.motions[0]
+        axes = np.isin(np.arange(5), motion.support)
+        start = textbook.Normal(mean * axes, np.diag(STD**2 * axes))
+        prior, _ = textbook.predict(start, motion, seconds)
+        for j in range(2):
+            kinematic[t, j] = detection * np.exp(textbook.update(prior, radar, measurement[j])[1])
+    reply = MODEL.equipped * MODEL.reply
+    odds = [0.9 / (1.0 - reply) if c == UNKNOWN else 0.1 / reply for c in shown]
+    clutter = rate / (2.0 * np.pi * 2e4) * MODEL.nobodys(np.array(shown)) * odds
+    weight, nothing = enumerated(full(moved), existence, kinematic, shown, 1 - detection, clutter)
+
+    stored = engine.forward.current[-1].entry.stored
+    np.testing.assert_allclose(stored.existence, 1.0 - nothing, rtol=1e-3)
+    records = engine.forward.attributes.records
+    found = full(Belief(records.code, records.code_weight))
+    np.testing.assert_allclose(found, weight / weight.sum(axis=1)[:, None], rtol=2e-3, atol=1e-9)
