@@ -24,6 +24,10 @@ EXECUTABLES = {
     "evaluator": ("phd_jdtc_ros.nodes.evaluator.node", "compares estimates with truth, live"),
     "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
     "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
+    "asterix_bridge": (
+        "phd_jdtc_ros.tools.asterix_bridge",
+        "recordings of ASTERIX to bags; without arguments the node",
+    ),
     "tune": ("phd_jdtc_ros.tools.tune", "proposes a configuration from a recording"),
     "report": ("phd_jdtc_ros.tools.report", "a bag with estimates to a page and pictures"),
     "monte_carlo": (
@@ -114,6 +118,7 @@ tracker = partial(run, "tracker")
 evaluator = partial(run, "evaluator")
 track_bag = partial(run, "track_bag")
 simulate = partial(run, "simulate")
+asterix_bridge = partial(run, "asterix_bridge")
 tune = partial(run, "tune")
 report = partial(run, "report")
 monte_carlo = partial(run, "monte_carlo")

@@ -82,6 +82,7 @@ ROOMS = {
 # What each part of the project may import of the others.
 PARTS = {
     "core": (),
+    "asterix": (),
     "msg_adapters": ("core",),
     "bags": ("core", "msg_adapters"),
     "exit_status": ("bags", "core"),
@@ -90,11 +91,12 @@ PARTS = {
     "report": ("bags", "core", "msg_adapters"),
     "study": ("core", "report"),
     "nodes": (
-        *("bags", "core", "exit_status", "msg_adapters", "report", "resources", "yaml_files"),
+        *("asterix", "bags", "core", "exit_status", "msg_adapters", "report", "resources"),
+        "yaml_files",
     ),
     "tools": (
-        *("bags", "core", "exit_status", "msg_adapters", "nodes", "report", "resources"),
-        *("study", "yaml_files"),
+        *("asterix", "bags", "core", "exit_status", "msg_adapters", "nodes", "report"),
+        *("resources", "study", "yaml_files"),
     ),
 }
 
