@@ -83,19 +83,20 @@ ROOMS = {
 PARTS = {
     "core": (),
     "asterix": (),
-    "msg_adapters": ("core",),
-    "bags": ("core", "msg_adapters"),
+    "earth": ("core",),
+    "msg_adapters": ("core", "earth"),
+    "bags": ("core", "earth", "msg_adapters"),
     "exit_status": ("bags", "core"),
     "yaml_files": ("core",),
     "resources": ("bags", "core"),
-    "report": ("bags", "core", "msg_adapters"),
+    "report": ("bags", "core", "earth", "msg_adapters"),
     "study": ("core", "report"),
     "nodes": (
-        *("asterix", "bags", "core", "exit_status", "msg_adapters", "report", "resources"),
-        "yaml_files",
+        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "report"),
+        *("resources", "yaml_files"),
     ),
     "tools": (
-        *("asterix", "bags", "core", "exit_status", "msg_adapters", "nodes", "report"),
+        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "nodes", "report"),
         *("resources", "study", "yaml_files"),
     ),
 }
