@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings of ASTERIX to bags. Without arguments: the node, UDP to clouds."""
+"""Recordings of ASTERIX to bags, and bags to ASTERIX. Without arguments: the node, with UDP."""
 
 from __future__ import annotations
 
@@ -11,11 +11,16 @@ from collections.abc import Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 
+from msg_adapters import names
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.nodes.asterix import settings
+from phd_jdtc_ros.nodes.common import bag_parameters
 
-from . import asterix_in, command, params_file
+from . import asterix_in, asterix_out, command, params_file, tracker_params
 
 NAME = "asterix_bridge"
 
@@ -25,26 +30,71 @@ def main(argv: Sequence[str]) -> int:
     arguments = _parser().parse_args(argv)
 
     def work() -> int:
-        source: Path = arguments.source
         if arguments.out.exists():
             raise BagError(f"{arguments.out}: already exists, is not overwritten")
         given = params_file.from_arguments(arguments.params_file, arguments.assignments, NAME)
-        bridge = settings.resolve(given)
-        done = asterix_in.convert(source, arguments.out, bridge, arguments.date, arguments.port)
-        print(f"{arguments.out}: {done.clouds} clouds, {done.plots} plots")
-        for line in done.lines():
-            print(line)
-        if not done.clouds:
-            print(f"{NAME}: {source}: no sector of any radar is complete", file=sys.stderr)
+        path = Path(arguments.source)
+        if path.is_file() and path.suffix != ".mcap":
+            _to_bag(path, arguments, settings.resolve(given))
+        else:
+            _to_asterix(resources.bag(arguments.source), arguments, given)
         return OK
 
     return command.guarded(NAME, work)
 
 
+def _to_bag(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) -> None:
+    done = asterix_in.convert(path, arguments.out, bridge, arguments.date, arguments.port)
+    print(f"{arguments.out}: {done.clouds} clouds, {done.plots} plots")
+    for line in done.lines():
+        print(line)
+    if not done.clouds:
+        print(f"{NAME}: {path}: no sector of any radar is complete", file=sys.stderr)
+
+
+def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, object]) -> None:
+    bag = BagReader(path)
+    recorded = bag_parameters.read(path) or {}
+    config = tracker_params.config(recorded)
+    if arguments.plots:
+        bridge = settings.resolve(given)
+        done = asterix_out.write_plots(bag, arguments.out, config, bridge)
+    else:
+        # Where the map is on the earth is the tracker's to say.
+        origin = {name: recorded[name] for name in ("world_origin",) if name in recorded}
+        bridge = settings.resolve({**origin, **given})
+        topic = names.estimates(arguments.estimates)
+        alone = len(config.inputs) == 1
+        done = asterix_out.write_tracks(bag, arguments.out, bridge, topic, alone)
+    dropped = ", ".join(f"{reason} {count}" for reason, count in sorted(done.dropped.items()))
+    print(
+        f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
+        f"{done.clouds} clouds; dropped: {dropped or 'none'}"
+    )
+
+
 def _parser() -> ArgumentParser:
     parser = ArgumentParser(NAME, description=__doc__)
-    parser.add_argument("source", type=Path, help="recording: ASTERIX, final, pcap or pcapng")
-    parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
+    parser.add_argument(
+        "source", help=f"recording: ASTERIX, final, pcap or pcapng; or a {command.BAG}"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        help="directory of the new bag, or file of the new data blocks",
+    )
+    parser.add_argument(
+        "--plots",
+        action="store_true",
+        help="of a bag: its detections as CAT048 and CAT034, and not its estimates as CAT062",
+    )
+    parser.add_argument(
+        "--estimates",
+        choices=SOURCES,
+        default=FILTERED,
+        help="of a bag: which estimates become CAT062 (%(default)s)",
+    )
     parser.add_argument(
         "--date",
         type=_midnight,

@@ -4,12 +4,16 @@
 import asterix_records as made
 import numpy as np
 import pytest
+from asterix_reference import decoded, value
 
-from msg_adapters import interfaces, names
+from msg_adapters import estimates, interfaces, names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.types import SOURCES, Estimates
+from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.common import bag_parameters
 
 TOPIC = "/radar_1_2/detections"
@@ -174,3 +178,153 @@ def test_existing_bag_is_not_overwritten(bridge, tmp_path):
     status, _, said = bridge(b"".join(made.turns(1)))
     assert status == 2
     assert "already exists" in said.err
+
+
+@pytest.fixture(scope="module")
+def by_sector(tmp_path_factory):
+    """Return a simulated bag of a radar that turns, of two aircraft and three turns."""
+    scenario = tmp_path_factory.mktemp("turning") / "scenario.yaml"
+    scenario.write_text(
+        """
+parameters:
+  radars: [approach]
+  approach:
+    rotation_s: 4.0
+    sectors: 16
+    yaw_deg: 30.0
+    fields: {time: time, amplitude: ""}
+    range_std: 45.0
+    azimuth_std_deg: 0.08
+    max_range: 110000.0
+    detection_probability: 0.99
+    clutter_rate: 4.0
+    clutter_max_range: 110000.0
+  interval_s: 4.0
+  lag_s: 8.0
+  engine: gaussian
+  classes: [aircraft]
+  aircraft: {mode_transition: [0.95, 0.05, 0.1, 0.9]}
+  births: []
+  detection_births: {rates: [0.2], velocity_std: 100.0}
+  spawn: {rate: 0.0, class_transition: []}
+start_s: 1000.0
+interval_s: 1.0
+scans: 41
+targets:
+  - {class_id: 0, snr_db: 30.0, position: [-10000.0, 10000.0], velocity: [200.0, 50.0],
+     first_scan: 0, last_scan: 40}
+  - {class_id: 0, snr_db: 30.0, position: [20000.0, -5000.0], velocity: [0.0, 200.0],
+     first_scan: 0, last_scan: 40}
+"""
+    )
+    out = scenario.parent / "bag"
+    assert run("simulate", ["--scenario", str(scenario), "--out", str(out)]) == 0
+    return out
+
+
+# Position and velocity of two aircraft at 1000 s.
+TRUE = {1: (-10e3, 10e3, 200.0, 50.0), 2: (20e3, -5e3, 0.0, 200.0)}
+
+
+@pytest.fixture(scope="module")
+def with_estimates(by_sector):
+    """Return a bag with estimates of two aircraft every 4 s, 2 m off in x."""
+    out = by_sector.parent / "tracked"
+    with BagWriter(out) as bag:
+        for source in SOURCES:
+            bag.add_topic(Topic(names.estimates(source), names.CLOUD))
+        for time_s in range(1000, 1044, 4):
+            since_s = time_s - 1000.0
+            state = [
+                [x + vx * since_s + 2.0, vx, y + vy * since_s, vy, 0.0]
+                for x, y, vx, vy in TRUE.values()
+            ]
+            found = Estimates(
+                time_s * 10**9,
+                0,
+                np.array(state),
+                np.tile(np.diag([900.0, 4.0, 400.0, 1.0, 1e-6]), (2, 1, 1)),
+                np.ones(2),
+                np.ones((2, 1)),
+                np.zeros(2, dtype=np.int64),
+                np.array([*TRUE]),
+            )
+            data = interfaces.encode(estimates.to_msg(found, "map"))
+            for source in SOURCES:
+                bag.write(names.estimates(source), data, found.stamp_ns)
+    (out / "parameters.yaml").write_bytes((by_sector / "parameters.yaml").read_bytes())
+    return out
+
+
+def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys):
+    recording, again = tmp_path / "plots.ast", tmp_path / "again"
+    assert run("asterix_bridge", [str(by_sector), "--plots", "--out", str(recording)]) == 0
+    assert run("asterix_bridge", [str(recording), "--out", str(again), "-p", "sectors:=16"]) == 0
+    said = capsys.readouterr().out
+    assert "dropped: none" in said
+
+    def places(bag):
+        config = resolve(bag_parameters.read(bag))
+        (radar,) = config.inputs
+        yaw = config.model.radars[0].yaw
+        found = []
+        for entry in BagReader(bag).messages([radar.topic]):
+            report = reader_of(radar).from_cdr(entry.data, radar)
+            distance, azimuth = report.detections.measurement.T
+            time = report.stamp_ns * 1e-9 + report.detections.time_s
+            place = distance * np.cos(azimuth + yaw), distance * np.sin(azimuth + yaw)
+            found.append(np.stack([time, *place], axis=1))
+        return np.concatenate(found)
+
+    before, after = places(by_sector), places(again)
+    # The bag knows only where the antenna is from the first sectors on.
+    assert len(before) - 5 <= len(after) <= len(before)
+    nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
+    np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)
+    np.testing.assert_allclose(after[:, 1:], before[nearest, 1:], atol=15.0)
+
+
+def test_estimates_of_a_bag_become_tracks_that_another_decoder_reads(
+    with_estimates, tmp_path, capsys
+):
+    out = tmp_path / "tracks.ast"
+    capsys.readouterr()
+    given = ["-p", "world_origin:=[52.0, 4.5, 0.0]", "-p", "output_sac:=25"]
+    assert run("asterix_bridge", [str(with_estimates), "--out", str(out), *given]) == 0
+    assert "dropped: none" in capsys.readouterr().out
+    records = decoded(out.read_bytes())
+    ends = [r for r in records if r["category"] == 65 and value(r, "I000", "Typ") == 2]
+    assert [value(record, "I020", "BTN") for record in ends] == [*range(len(ends))]
+    times = [value(record, "I030", "ToD") for record in ends]
+    np.testing.assert_array_equal(np.diff(times), 1.0)
+    tracks = [record for record in records if record["category"] == 62]
+    assert {value(record, "I010", "SAC") for record in tracks} == {25}
+    assert {value(record, "I080", "MON") for record in tracks} == {1}
+    plane = SystemPlane([52.0, 4.5, 0.0])
+    assert len(tracks) == 2 * len(ends)
+    for record in tracks:
+        x, y = value(record, "I100", "X"), value(record, "I100", "Y")
+        lat, lon = value(record, "I105", "Lat"), value(record, "I105", "Lon")
+        np.testing.assert_allclose(plane.to_plane(lat, lon), (x, y), atol=1.0)
+        x_0, y_0, vx, vy = TRUE[value(record, "I040", "TrkN")]
+        since_s = value(record, "I070", "ToT") - 1000.0
+        np.testing.assert_allclose(
+            (x - 2.0, y), (x_0 + vx * since_s, y_0 + vy * since_s), atol=0.26
+        )
+        assert value(record, "I500", "APC", "APC_X") == 30.0
+        assert value(record, "I500", "ATV", "ATV_X") == 2.0
+
+
+def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):
+    out = tmp_path / "tracks.ast"
+    given = ["-p", "output_period_s:=0.0", "--estimates", "smoothed"]
+    assert run("asterix_bridge", [str(with_estimates), "--out", str(out), *given]) == 0
+    topic = names.estimates("smoothed")
+    count = BagReader(with_estimates).counts[topic]
+    ends = [r for r in decoded(out.read_bytes()) if value(r, "I000", "Typ") == 2]
+    assert len(ends) == count
+
+
+def test_bag_without_estimates_is_refused(by_sector, tmp_path, capsys):
+    assert run("asterix_bridge", [str(by_sector), "--out", str(tmp_path / "tracks.ast")]) == 2
+    assert "/tracker/filtered/estimates is missing" in capsys.readouterr().err

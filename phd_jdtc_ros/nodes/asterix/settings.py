@@ -12,9 +12,12 @@ from typing import Any
 from msg_adapters import names
 from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import RadarSettings
+from phd_jdtc_ros.asterix.tracks_out import Source
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.earth import SystemPlane
 
 from ..common.parameters import check
+from .tracks import TrackOutput
 
 # What each radar may have of its own; the same without a radar's name is for all.
 OF_ANY_RADAR = (
@@ -81,6 +84,41 @@ IN = (
         86400.0,
     ),
 )
+OUT = (
+    Parameter(
+        "output_period_s",
+        1.0,
+        "Time between outputs of all tracks, predicted to the time of output, s; 0 for one with "
+        "each cloud of estimates.",
+        0.0,
+        60.0,
+    ),
+    Parameter("output_sac", 0, "System area code of the tracker.", 0, 255),
+    Parameter("output_sic", 1, "System identification code of the tracker.", 0, 255),
+    Parameter("output_service", 1, "Number of the service (I062/015).", 0, 255),
+    Parameter(
+        "world_origin",
+        [],
+        "Latitude (degrees), longitude (degrees) and height (m) of the map's zero, as the tracker "
+        "has it; empty for tracks without latitudes and longitudes.",
+    ),
+    Parameter(
+        "output_heights",
+        "pressure",
+        "What heights of tracks are. pressure: of the standard atmosphere, as flight levels are "
+        "(I062/136 and 135); geometric: I062/130.",
+        choices=("pressure", "geometric"),
+    ),
+    Parameter(
+        "max_prediction_s",
+        10.0,
+        "Longest time for which estimates are predicted, s; without newer ones the tracks then "
+        "end.",
+        0.1,
+        3600.0,
+    ),
+)
+TABLE = (*IN, *OUT)
 
 
 @dataclass(frozen=True)
@@ -118,14 +156,29 @@ class Bridge:
         return Amplitudes(get[f"{own}amplitude"], -get[f"{own}amplitude_offset_db"])
 
 
-def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = IN) -> Bridge:
+def output_of(bridge: Bridge, monosensor: bool) -> TrackOutput:
+    """Return what makes ASTERIX of estimates."""
+    get = bridge.values
+    origin = get["world_origin"]
+    source = Source(
+        get["output_sac"],
+        get["output_sic"],
+        get["output_service"],
+        monosensor,
+        get["output_heights"] == "geometric",
+    )
+    plane = SystemPlane(origin) if origin else None
+    return TrackOutput(source, plane, get["max_prediction_s"])
+
+
+def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = TABLE) -> Bridge:
     """Check parameters; those of a radar that are not given are those of all.
 
     Parameters
     ----------
     given : mapping of dotted name to value
     top : tuple of Parameter
-        With `IN`.
+        With those of `TABLE`.
 
     Raises
     ------
@@ -165,7 +218,17 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
         if other != name:
             sac, sic = values[f"{name}.sac"], values[f"{name}.sic"]
             faults.append(f"{name}.sic: {sac}/{sic} given, is that of {other} too")
-    return faults
+    return faults + _origin_faults(values["world_origin"])
+
+
+def _origin_faults(origin: list[float]) -> list[str]:
+    if not origin:
+        return []
+    try:
+        SystemPlane(origin)
+    except ValueError as error:
+        return [f"world_{error}"]
+    return []
 
 
 def _number(values: Mapping[str, Any], name: str) -> int:
