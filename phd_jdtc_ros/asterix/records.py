@@ -316,6 +316,12 @@ class Service(RecordReader):
         return ServiceMessage(radar, _time_of_day(data, at030), kind, azimuth, turn or math.nan)
 
 
+def prepare() -> None:
+    """Read the specifications of the usual categories, which takes a second."""
+    for category in (34, 48, 62, 65):
+        layouts(category)
+
+
 @cache
 def reader(category: int) -> RecordReader | None:
     """Return what reads a category, None for a category that is not read."""

@@ -67,7 +67,7 @@ def test_every_page_is_in_the_sites_navigation():
     assert {*PAGES} == listed
 
 
-@pytest.mark.parametrize("name", ["tracker", "sensor_replay", "evaluator"])
+@pytest.mark.parametrize("name", ["tracker", "sensor_replay", "evaluator", "asterix_bridge"])
 def test_a_nodes_page_has_the_usual_sections(name):
     text = (ROOT / "docs" / "nodes" / f"{name}.md").read_text()
 

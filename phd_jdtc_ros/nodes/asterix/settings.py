@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from msg_adapters import names
+from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import RadarSettings
 from phd_jdtc_ros.asterix.tracks_out import Source
@@ -118,7 +119,28 @@ OUT = (
         3600.0,
     ),
 )
-TABLE = (*IN, *OUT)
+OF_FILES = (*IN, *OUT)
+OF_NODE = (
+    Parameter("autostart", True, "Configure and activate the node by itself at the start."),
+    Parameter(
+        "inputs",
+        ["127.0.0.1:8600"],
+        "What to receive: addresses of this machine or of multicast groups, with ports; empty for "
+        "nothing.",
+        element=str,
+    ),
+    Parameter(
+        "interface",
+        "",
+        "Address of the network interface for multicast groups, in and out; empty for the "
+        "system's choice.",
+    ),
+    Parameter(
+        "output", "", "Where to send tracks: an address or a group, with a port; empty for nowhere."
+    ),
+    Parameter("estimates_topic", names.estimates("filtered"), "Topic of the estimates to send."),
+)
+TABLE = (*OF_FILES, *OF_NODE)
 
 
 @dataclass(frozen=True)
@@ -171,14 +193,14 @@ def output_of(bridge: Bridge, monosensor: bool) -> TrackOutput:
     return TrackOutput(source, plane, get["max_prediction_s"])
 
 
-def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = TABLE) -> Bridge:
+def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> Bridge:
     """Check parameters; those of a radar that are not given are those of all.
 
     Parameters
     ----------
     given : mapping of dotted name to value
     top : tuple of Parameter
-        With those of `TABLE`.
+        `OF_FILES`, or `TABLE` for the node.
 
     Raises
     ------
@@ -199,7 +221,7 @@ def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = TABLE) -> Bri
             table[full] = replace(parameter, name=full, default=default)
     values, faults = check(table.values(), given)
     if not faults:
-        faults = _faults(values)
+        faults = [*_faults(values), *_address_faults(values)]
     if faults:
         raise ConfigError(faults)
     radars = {_number(values, name): _radar(values, name) for name in values["radars"]}
@@ -219,6 +241,27 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
             sac, sic = values[f"{name}.sac"], values[f"{name}.sic"]
             faults.append(f"{name}.sic: {sac}/{sic} given, is that of {other} too")
     return faults + _origin_faults(values["world_origin"])
+
+
+def _address_faults(values: Mapping[str, Any]) -> list[str]:
+    """Return what is wrong with the addresses of a node."""
+    faults = []
+    output = values.get("output", "")
+    for name, given in (
+        *(("inputs", text) for text in values.get("inputs", [])),
+        *([("output", output)] if output else []),
+    ):
+        try:
+            udp.address(given)
+        except ValueError as error:
+            faults.append(f"{name}: {error}")
+    interface = values.get("interface", "")
+    if interface:
+        try:
+            udp.address(f"{interface}:1")
+        except ValueError:
+            faults.append(f"interface: {interface} given, must be an IPv4 address")
+    return faults
 
 
 def _origin_faults(origin: list[float]) -> list[str]:
