@@ -12,6 +12,7 @@ EXECUTABLES = (
     "evaluator",
     "track_bag",
     "simulate",
+    "asterix_bridge",
     "tune",
     "report",
     "monte_carlo",

@@ -47,14 +47,11 @@ def encode(
     stamp_ns : int
     frame : str
     columns : mapping of field name to array of shape (M,)
-        In order; float arrays become FLOAT32, integer ones UINT32.
+        In order; float arrays become FLOAT32, integer ones UINT32, and those of bytes UINT8.
     wide : collection of str
         Names of the float arrays that become FLOAT64.
     """
-    codes = [
-        ("f8" if name in wide else "f4") if array.dtype.kind == "f" else "u4"
-        for name, array in columns.items()
-    ]
+    codes = [_code(array, name in wide) for name, array in columns.items()]
     width = len(next(iter(columns.values())))
     points = np.zeros(width, dtype=[(n, "<" + c) for n, c in zip(columns, codes, strict=True)])
     for name, array in columns.items():
@@ -75,6 +72,13 @@ def encode(
         data=points.tobytes(),
         is_dense=True,
     )
+
+
+def _code(array: npt.NDArray[Any], wide: bool) -> str:
+    """Return the type code of a column."""
+    if array.dtype.kind == "f":
+        return "f8" if wide else "f4"
+    return "u1" if array.dtype == np.uint8 else "u4"
 
 
 def _offsets(layout: np.dtype[np.void]) -> list[int]:

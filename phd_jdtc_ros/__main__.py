@@ -24,6 +24,10 @@ EXECUTABLES = {
     "evaluator": ("phd_jdtc_ros.nodes.evaluator.node", "compares estimates with truth, live"),
     "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
     "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
+    "asterix_bridge": (
+        "phd_jdtc_ros.tools.asterix_bridge",
+        "recordings of ASTERIX to bags; without arguments the node",
+    ),
     "tune": ("phd_jdtc_ros.tools.tune", "proposes a configuration from a recording"),
     "report": ("phd_jdtc_ros.tools.report", "a bag with estimates to a page and pictures"),
     "monte_carlo": (
@@ -34,6 +38,9 @@ EXECUTABLES = {
     "autoferry": ("phd_jdtc_ros.tools.autoferry", "the Autoferry dataset: bags and figures"),
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
+
+# Nodes that are started in the place of an executable that is given ROS arguments only, or none.
+NODES = {"asterix_bridge": "phd_jdtc_ros.nodes.asterix.node"}
 
 # What a ROS installation has, and the extra `ros` installs.
 ROS_PACKAGES = frozenset(
@@ -57,8 +64,12 @@ ROS_PACKAGES = frozenset(
 
 def run(name: str, argv: Sequence[str] | None = None) -> int:
     """Run an executable and return its exit status; `argv` without its name."""
+    arguments = sys.argv[1:] if argv is None else argv
+    path = EXECUTABLES[name][0]
+    if name in NODES and (not arguments or arguments[0] == "--ros-args"):
+        path = NODES[name]
     try:
-        module = _module(name)
+        module = _module(path)
     except ModuleNotFoundError as error:
         missing = (error.name or "").split(".")[0]
         if missing not in ROS_PACKAGES:
@@ -69,16 +80,15 @@ def run(name: str, argv: Sequence[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 2
-    status: int = module.main(sys.argv[1:] if argv is None else argv)
+    status: int = module.main(arguments)
     return status
 
 
-def _module(name: str) -> ModuleType:
+def _module(path: str) -> ModuleType:
     """Import an executable's module, which takes a second; a signal ends it without a word.
 
     A node handles signals by itself once it runs, and is asked to stop by SIGTERM too.
     """
-    path = EXECUTABLES[name][0]
     node = path.startswith("phd_jdtc_ros.nodes.")
     # Nothing has begun, so there is nothing to finish. The numbers are those of `exit_status`.
     status = 0 if node else 128 + signal.SIGINT
@@ -114,6 +124,7 @@ tracker = partial(run, "tracker")
 evaluator = partial(run, "evaluator")
 track_bag = partial(run, "track_bag")
 simulate = partial(run, "simulate")
+asterix_bridge = partial(run, "asterix_bridge")
 tune = partial(run, "tune")
 report = partial(run, "report")
 monte_carlo = partial(run, "monte_carlo")

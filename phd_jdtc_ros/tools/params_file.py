@@ -17,33 +17,39 @@ from phd_jdtc_ros.nodes.common import parameter_files
 _NODE = "tracker"
 
 
-def load(path: Path) -> dict[str, Any]:
-    """Return the tracker's parameters in a ROS parameter file, by dotted name.
+def load(path: Path, node: str = _NODE) -> dict[str, Any]:
+    """Return a node's parameters in a ROS parameter file, by dotted name.
 
     As in ROS, a section is for all nodes whose name it matches (``*`` matches one part of a name,
-    ``**`` any number of parts), and a later value overrides an earlier one. The tracker may be in
-    any namespace.
+    ``**`` any number of parts), and a later value overrides an earlier one. The node may be in any
+    namespace.
+
+    Parameters
+    ----------
+    path : Path
+    node : str
+        Without its namespace.
 
     Raises
     ------
     ConfigError
-        If it is not such a file, or has sections for trackers in several namespaces.
+        If it is not such a file, or has sections for such nodes in several namespaces.
     """
     file = parameter_files.read(path)
     names = [name for name, _ in file.sections]
-    trackers = {name for name in names if name.endswith(f"/{_NODE}") and "*" not in name}
-    if len(trackers) > 1:
-        listed = ", ".join(sorted(trackers))
-        raise ConfigError([f"{path}: has sections of several trackers, {listed}: must be one"])
-    if trackers:
-        return file.values(trackers.pop())
+    nodes = {name for name in names if name.endswith(f"/{node}") and "*" not in name}
+    if len(nodes) > 1:
+        listed = ", ".join(sorted(nodes))
+        raise ConfigError([f"{path}: has sections of several {node}s, {listed}: must be one"])
+    if nodes:
+        return file.values(nodes.pop())
     found: dict[str, Any] = {}
     for name, given in file.sections:
-        if name.rpartition("/")[2] in (_NODE, "*", "**"):
+        if name.rpartition("/")[2] in (node, "*", "**"):
             found |= given
     if not found:
         raise ConfigError(
-            [f"{path}: has no ros__parameters under {_NODE}, /NAMESPACE/{_NODE} or /**"]
+            [f"{path}: has no ros__parameters under {node}, /NAMESPACE/{node} or /**"]
         )
     return found
 
@@ -70,13 +76,15 @@ def scenario_parameters(document: Any) -> dict[str, Any]:
     return scenario_file.site_parameters(document) | dict(flatten(given))
 
 
-def from_arguments(paths: Sequence[Path], assignments: Sequence[str]) -> dict[str, Any]:
-    """Return parameters from files and ``name:=value`` assignments; later values override."""
+def from_arguments(
+    paths: Sequence[Path], assignments: Sequence[str], node: str = _NODE
+) -> dict[str, Any]:
+    """Return a node's parameters from files and assignments; later values override."""
     found: dict[str, Any] = {}
     faults: list[str] = []
     for path in paths:
         try:
-            found.update(load(path))
+            found.update(load(path, node))
         except ConfigError as error:
             faults += error.faults
     for assignment in assignments:

@@ -19,6 +19,7 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     PUBLISHED,
     TERMS,
 )
+from phd_jdtc_ros.nodes.asterix import settings as bridge
 from phd_jdtc_ros.nodes.evaluator import node
 from phd_jdtc_ros.nodes.replay import replay_parameters
 from phd_jdtc_ros.nodes.tracker import settings
@@ -57,6 +58,12 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         replay_parameters.TABLE,
     ),
     ("evaluator", "", node.TABLE),
+    (
+        "asterix_bridge",
+        "The offline tool has those of what it does.",
+        bridge.TABLE,
+    ),
+    ("asterix_bridge, for every name in `radars`", "Without a value: that of all.", bridge.RADAR),
 )
 
 

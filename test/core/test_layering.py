@@ -89,6 +89,7 @@ ROOMS = {
 # What each part of the project may import of the others.
 PARTS = {
     "core": (),
+    "asterix": (),
     "earth": ("core",),
     "msg_adapters": ("core", "earth"),
     "bags": ("core", "earth", "msg_adapters"),
@@ -98,12 +99,12 @@ PARTS = {
     "report": ("bags", "core", "earth", "msg_adapters"),
     "study": ("core", "report"),
     "nodes": (
-        *("bags", "core", "earth", "exit_status", "msg_adapters", "report", "resources"),
-        "yaml_files",
+        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "report"),
+        *("resources", "yaml_files"),
     ),
     "tools": (
-        *("bags", "core", "earth", "exit_status", "msg_adapters", "nodes", "report", "resources"),
-        *("study", "yaml_files"),
+        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "nodes", "report"),
+        *("resources", "study", "yaml_files"),
     ),
 }
 

@@ -33,6 +33,10 @@ ARGUMENTS = {
         *("--ros-args", "-p", "radar_1.clutter_map:=true", "-p", "world_origin:=[52.0, 4.0, 0.0]"),
         *(w for name in SWITCHES for w in ("-p", f"{name}:=true")),
     ),
+    "asterix_bridge": (
+        *("--ros-args", "-p", "radars:=[radar_1, radar_2]", "-p", "radar_2.sic:=1"),
+        *("-p", "inputs:=[]", "-p", "output:='127.0.0.1:9'"),
+    ),
     "evaluator": ("--ros-args", "-p", "record:={directory}/bag"),
     "sensor_replay": (
         *(BAG, "--rate", "0", "--ros-args", "-p", "start_paused:=true"),

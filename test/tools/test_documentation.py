@@ -15,6 +15,7 @@ from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.tools import params_file
 
 ROOT = Path(__file__).parents[2]
@@ -27,7 +28,8 @@ EXAMPLES = [
     for match in re.finditer(r"^```ya?ml\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
 ]
 SCENES = [(name, text) for name, text in EXAMPLES if name.startswith("docs/scenarios.md")]
-EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
+BRIDGES = [(name, text) for name, text in EXAMPLES if name.startswith("docs/nodes/asterix_bridge")]
+EXAMPLES = [example for example in EXAMPLES if example not in [*SCENES, *BRIDGES]]
 
 
 def test_the_radar_page_has_its_examples():
@@ -41,6 +43,14 @@ def test_every_example_is_a_parameter_file_that_resolves(tmp_path, name, text):
     path.write_text(text)
 
     assert resolve(params_file.load(path), SystemPlane).inputs
+
+
+@pytest.mark.parametrize(("name", "text"), BRIDGES, ids=[name for name, _ in BRIDGES])
+def test_every_example_of_the_bridge_is_a_parameter_file_that_resolves(tmp_path, name, text):
+    path = tmp_path / "example.yaml"
+    path.write_text(text)
+
+    assert settings.resolve(params_file.load(path, "asterix_bridge")).radars
 
 
 @pytest.mark.parametrize(("name", "text"), SCENES, ids=[name for name, _ in SCENES])
@@ -68,7 +78,7 @@ def test_every_page_is_in_the_sites_navigation():
     assert {*PAGES} == listed
 
 
-@pytest.mark.parametrize("name", ["tracker", "sensor_replay", "evaluator"])
+@pytest.mark.parametrize("name", ["tracker", "sensor_replay", "evaluator", "asterix_bridge"])
 def test_a_nodes_page_has_the_usual_sections(name):
     text = (ROOT / "docs" / "nodes" / f"{name}.md").read_text()
 

@@ -8,6 +8,7 @@ import pytest
 import rclpy
 
 from phd_jdtc_ros.core.evaluation.metric_table import METRICS
+from phd_jdtc_ros.nodes.asterix.node import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.tracker.node import Tracker
@@ -15,11 +16,13 @@ from phd_jdtc_ros.tools.reference_pages import PAGES, main, metrics, parameters
 
 ROOT = Path(__file__).parents[2]
 BAG = str(ROOT / "bags" / "paper_scenario")
+NAMED = ["-p", "radars:=[north]", "-p", "autostart:=false"]
 NODES = {
     # Configured: before that every parameter may change.
     "tracker": (Tracker, []),
     "sensor_replay": (lambda: SensorReplay({"bag": BAG}), []),
     "evaluator": (Evaluator, []),
+    "asterix_bridge": (AsterixBridge, NAMED),
 }
 # What every node of rclpy declares for itself.
 OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")

@@ -24,7 +24,7 @@ from msg_adapters import diagnostics, names
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import USAGE, faults_of
 
-from ..common import arguments, parameters, runtime
+from ..common import arguments, parameters, runtime, transitions
 from ..common.parameter_files import ParameterFile
 from . import endpoints, manager_bond, settings
 from .live import LiveTracker
@@ -70,7 +70,7 @@ class Tracker(LifecycleNode):
         # By the wall clock, because a paused replay stops simulated time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(WATCH_PERIOD_S, self._watch, clock=steady)
-        self._guard_transitions()
+        transitions.guard(self)
         if self._settings.node["autostart"]:
             self._start()
         else:
@@ -89,21 +89,6 @@ class Tracker(LifecycleNode):
         if self._fault is not None:
             raise self._fault
         self.trigger_activate()
-
-    def _guard_transitions(self) -> None:
-        """Refuse transitions that the present state does not have; rclpy would end the node."""
-        service = self._service_change_state
-        change = service.callback
-
-        def guarded(request: Any, response: Any) -> Any:
-            try:
-                return change(request, response)
-            except Exception as error:  # rclpy's own type for this is private
-                self.get_logger().error(f"transition refused: {error}")
-                response.success = False
-                return response
-
-        service.callback = guarded
 
     def close(self) -> None:
         """Log a summary of the run, and write a checkpoint if one is configured.

@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Times of day to times since the epoch.
+
+A message has no date. Its day is the one that brings it nearest to when it was received or, in a
+recording that does not say that, to the radar's time before; so midnight is passed as often as
+need be.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from .messages import DAY, NONE, TICKS_PER_S
+
+NS_PER_TICK = 10**9 // TICKS_PER_S
+NS_PER_DAY = DAY * NS_PER_TICK
+# So many messages after each other must say that a clock is off, because a single one may be old.
+LEAST_OFF = 3
+
+
+@dataclass
+class StreamClock:
+    """The times of all radars of a stream.
+
+    Parameters
+    ----------
+    midnight_ns : int
+        Begin of the day of the first message where it is not known when that was received.
+    max_offset_s : float
+        A radar whose times differ by more from those of the receipts has a wrong clock. Its times
+        are then shifted by the difference.
+
+    Attributes
+    ----------
+    offset_s : dict of radar to float
+        How much later each radar's last message was received than it says, before any shift.
+    shift_ns : dict of radar to int
+        What is added to the times of radars with wrong clocks.
+    """
+
+    midnight_ns: int = 0
+    max_offset_s: float = 10.0
+    offset_s: dict[int, float] = field(init=False, default_factory=dict)
+    shift_ns: dict[int, int] = field(init=False, default_factory=dict)
+    _last_ns: dict[int, int] = field(init=False, default_factory=dict)
+    _latest_ns: int | None = field(init=False, default=None)
+    _off: Counter[int] = field(init=False, default_factory=Counter)
+
+    def time_ns(
+        self,
+        radar: int,
+        time_of_day: int,
+        period: int,
+        received_ns: int | None,
+        judged: bool,
+        counts: Counter[str],
+    ) -> int:
+        """Return the time of a message, nanoseconds since the epoch.
+
+        Parameters
+        ----------
+        radar : int
+        time_of_day : int
+            1/128 s modulo `period`; `NONE` if it is not known.
+        period : int
+        received_ns : int or None
+        judged : bool
+            Whether the message shows if the radar's clock is right.
+        counts : Counter
+            Gains ``no_time`` for a message without a time or with an impossible one, which counts
+            as of its receipt or of the radar's message before, and ``clock_off`` when a shift
+            changes.
+        """
+        if time_of_day == NONE or time_of_day >= period:
+            counts["no_time"] += 1
+            known = self._last_ns.get(radar, self._latest_ns)
+            return received_ns if received_ns is not None else known or self.midnight_ns
+        time_ns = self._nearest(radar, time_of_day, period, received_ns)
+        self._last_ns[radar] = self._latest_ns = time_ns
+        if received_ns is None:
+            return time_ns
+        if judged:
+            self._judge(radar, received_ns - time_ns, counts)
+        return time_ns + self.shift_ns.get(radar, 0)
+
+    def _nearest(self, radar: int, time_of_day: int, period: int, received_ns: int | None) -> int:
+        """Return the time that is nearest to the best that is known of it."""
+        near_ns = received_ns
+        if near_ns is None:
+            near_ns = self._last_ns.get(radar, self._latest_ns)
+        if near_ns is None:
+            return self.midnight_ns + time_of_day * NS_PER_TICK
+        length = period * NS_PER_TICK
+        # Shorter periods do not divide the day, and begin again at midnight.
+        since_midnight_ns = near_ns % NS_PER_DAY
+        begin_ns = near_ns - since_midnight_ns % length
+        time_ns = begin_ns + time_of_day * NS_PER_TICK
+        if time_ns - near_ns > length // 2:
+            return time_ns - length
+        return time_ns + length if near_ns - time_ns > length // 2 else time_ns
+
+    def _judge(self, radar: int, offset_ns: int, counts: Counter[str]) -> None:
+        """Shift the radar's times if they keep differing from those of the receipts."""
+        self.offset_s[radar] = offset_ns * 1e-9
+        limit_ns = self.max_offset_s * 1e9
+        shift_ns = self.shift_ns.get(radar, 0)
+        if abs(offset_ns - shift_ns) <= limit_ns:
+            self._off[radar] = 0
+            return
+        self._off[radar] += 1
+        if self._off[radar] < LEAST_OFF:
+            return
+        self._off[radar] = 0
+        self.shift_ns[radar] = offset_ns if abs(offset_ns) > limit_ns else 0
+        counts["clock_off"] += 1

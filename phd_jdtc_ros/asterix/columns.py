@@ -1,0 +1,97 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A sector's plots as columns, in the conventions of the package's clouds."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .assembly import SectorReport
+from .messages import NONE, Plot
+
+# Where an amplitude comes from, by the name of the choice: the echo's, the replies', or either.
+AMPLITUDES = ("any", "primary", "secondary")
+# A code or an address that is not known, in clouds.
+UNKNOWN = 2**32 - 1
+
+
+def columns(
+    report: SectorReport, sectors: int, noise_dbm: float, amplitude: str
+) -> dict[str, npt.NDArray[Any]]:
+    """Return the columns of a cloud in order, arrays of shape (M,).
+
+    Parameters
+    ----------
+    report : SectorReport
+    sectors : int
+        To a turn, a multiple of 4.
+    noise_dbm : float
+        Level of the receiver's noise; an amplitude of s dBm becomes an envelope of
+        ``sqrt(2 * 10^((s - noise_dbm) / 10))`` in units of the noise's deviation per quadrature.
+    amplitude : str
+        One of `AMPLITUDES`.
+
+    Returns
+    -------
+    dict of name to array
+        ``x y z`` in the frame of the radar, whose x axis is east; ``range`` (slant, m),
+        ``azimuth`` (rad counter-clockwise from the x axis), ``elevation`` (0), ``amplitude`` (NaN
+        if unknown), ``time`` (s relative to the stamp), ``height`` (m, NaN if unknown), ``code``
+        and ``address`` (`UNKNOWN`
+        if unknown), ``kind`` (the TYP of I048/020) and, if it is known, ``sector``, counted
+        counter-clockwise from the x axis as azimuths are.
+    """
+    plots = report.plots
+    fields = dict(zip(Plot._fields, zip(*plots, strict=True), strict=True)) if plots else {}
+
+    def column(name: str) -> npt.NDArray[np.float64]:
+        return np.array(fields.get(name, ()), dtype=np.float64)
+
+    distance, compass = column("distance"), column("azimuth")
+    azimuth = math.pi - np.remainder(compass + 0.5 * math.pi, 2.0 * math.pi)
+    zero = np.zeros(len(plots))
+    times = np.array([time - report.stamp_ns for time in report.times_ns], dtype=np.float64)
+    found: dict[str, npt.NDArray[Any]] = {
+        "x": distance * np.cos(azimuth),
+        "y": distance * np.sin(azimuth),
+        "z": zero,
+        "range": distance,
+        "azimuth": azimuth,
+        "elevation": zero,
+        "amplitude": _amplitude(
+            column("primary_dbm"), column("secondary_dbm"), noise_dbm, amplitude
+        ),
+        "time": times * 1e-9,
+        "height": column("height"),
+        "code": _identity(column("code")),
+        "address": _identity(column("address")),
+        "kind": column("kind").astype(np.uint8),
+    }
+    if report.sector is not None:
+        own = (sectors // 4 - 1 - report.sector) % sectors
+        found["sector"] = np.full(len(plots), own, dtype=np.uint32)
+    return found
+
+
+def _amplitude(
+    primary: npt.NDArray[np.float64],
+    secondary: npt.NDArray[np.float64],
+    noise_dbm: float,
+    choice: str,
+) -> npt.NDArray[np.float64]:
+    level = {
+        "primary": primary,
+        "secondary": secondary,
+        "any": np.where(np.isnan(primary), secondary, primary),
+    }[choice]
+    envelope: npt.NDArray[np.float64] = np.sqrt(2.0 * 10.0 ** ((level - noise_dbm) / 10.0))
+    return envelope
+
+
+def _identity(given: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:
+    return np.where(given == NONE, UNKNOWN, given).astype(np.uint32)

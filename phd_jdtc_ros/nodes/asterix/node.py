@@ -1,0 +1,248 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The live bridge: radars' UDP to clouds, estimates to UDP.
+
+A managed node. While it is active, a thread receives datagrams and wakes the node, which publishes
+the sectors that are complete by them; a timer sends the tracks.
+"""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+
+from msg_adapters import diagnostics, names
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.asterix import records, udp
+from phd_jdtc_ros.asterix.assembly import SectorReport
+from phd_jdtc_ros.asterix.clocks import StreamClock
+from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
+from phd_jdtc_ros.asterix.udp import Receiver
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.exit_status import faults_of
+
+from ..common import arguments, overridable, parameters, runtime, transitions
+from ..common.parameter_files import ParameterFile
+from ..common.runtime import WARNING_PERIOD_S
+from ..common.throttled import ThrottledWarnings
+from . import clouds, health, settings
+from .tracks import TrackOutput
+
+HEALTH_PERIOD_S = 1.0
+DEPTH = 50
+INPUT_DEPTH = 10
+
+
+class AsterixBridge(LifecycleNode):
+    """The bridge as a lifecycle node.
+
+    Active it receives and sends. Its parameters are fixed at the start.
+    """
+
+    def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
+        super().__init__("asterix_bridge")
+        self.exit_status: int | None = None
+        given = parameters.given(self, files)
+        self._bridge = settings.resolve(given, settings.TABLE)
+        self._values = self._bridge.values
+        parameters.declare(self, self._bridge.table, self._values)
+        self._warnings = ThrottledWarnings(self.get_logger(), WARNING_PERIOD_S)
+        self._stream = self._new_stream()
+        self._receiver: Receiver | None = None
+        self._sender: socket.socket | None = None
+        self._output: TrackOutput | None = None
+        self._taken_s = 0.0
+        self._outputs: dict[str, Any] = {}
+        self._dropped: Counter[str] = Counter()
+        self._sent: Counter[str] = Counter()
+        self._fault: Exception | None = None
+        self._seen = health.Seen()
+        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", _qos(INPUT_DEPTH))
+        self._arrived = self.create_guard_condition(self._take)
+        # Those of other radars are made when they are heard.
+        for name in self._values["radars"]:
+            self._add_output(name)
+        if self._values["output"]:
+            topic = self._values["estimates_topic"]
+            overridable.subscribe(self, PointCloud2, topic, self._on_estimates, INPUT_DEPTH)
+        # By the wall clock, because radars and displays do not follow simulated time.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(HEALTH_PERIOD_S, self._publish_health, clock=steady)
+        period_s = self._values["output_period_s"]
+        if self._values["output"] and period_s:
+            self.create_timer(period_s, self._send, clock=steady)
+        transitions.guard(self)
+        if self._values["autostart"]:
+            self.trigger_configure()
+            self.trigger_activate()
+            if self._fault is not None:
+                raise self._fault
+        else:
+            self.get_logger().info("unconfigured; waiting for a transition")
+
+    def _new_stream(self) -> PlotStream:
+        clock = StreamClock(0, self._values["max_clock_offset_s"])
+        return PlotStream(self._bridge.radars, self._bridge.others, clock)
+
+    def close(self) -> None:
+        """Stop receiving, and log what was done."""
+        self._stop()
+        radars = [
+            f"{state.settings.name} {state.plots} plots in {state.reports} clouds"
+            for state in self._stream.radars.values()
+        ]
+        self.get_logger().info(
+            f"stopped; {', '.join(radars) or 'no radar heard'}; {self._sent['tracks']} tracks sent"
+        )
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin with no radars heard and no tracks sent."""
+        records.prepare()
+        self._stream = self._new_stream()
+        self._output = None
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Receive and send from now on; stay inactive if an address cannot be used."""
+        self._fault = None
+        try:
+            self._start()
+        except OSError as error:
+            where = error.filename or self._values["output"]
+            self._fault = ConfigError([f"{where}: {error.strerror}"])
+            self._stop()
+            self.get_logger().error("not activated: " + "\n".join(faults_of(self._fault)))
+            return TransitionCallbackReturn.FAILURE
+        done = super().on_activate(state)
+        inputs = ", ".join(self._values["inputs"]) or "nothing"
+        output = self._values["output"]
+        self.get_logger().info(f"receiving {inputs}" + (f", sending to {output}" if output else ""))
+        return done
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop receiving and sending."""
+        self._stop()
+        return super().on_deactivate(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop receiving and sending."""
+        self._stop()
+        return super().on_shutdown(state)
+
+    def _start(self) -> None:
+        interface = self._values["interface"]
+        if self._values["output"]:
+            self._sender = udp.sender(udp.address(self._values["output"]), interface)
+        inputs = [udp.address(text) for text in self._values["inputs"]]
+        if inputs:
+            self._receiver = Receiver(inputs, interface, self._arrived.trigger)
+
+    def _stop(self) -> None:
+        if self._receiver is not None:
+            self._receiver.close()
+            self._dropped["lost"] += self._receiver.lost
+            self._receiver = None
+        if self._sender is not None:
+            self._sender.close()
+            self._sender = None
+
+    def _take(self) -> None:
+        """Publish the sectors that are complete by what was received."""
+        if self._receiver is None:
+            return
+        for received in self._receiver.take():
+            for state, report in self._stream.feed(*received):
+                self._publish(state, report)
+
+    def _publish(self, state: RadarState, report: SectorReport) -> None:
+        name = state.settings.name
+        if name not in self._outputs:
+            self._add_output(name)
+        sectors, amplitudes = state.settings.sectors, self._bridge.amplitudes(name)
+        self._outputs[name].publish(clouds.cloud(report, name, sectors, amplitudes))
+
+    def _add_output(self, name: str) -> None:
+        topic = settings.topic_of(name)
+        self._outputs[name] = self.create_publisher(PointCloud2, topic, _qos(DEPTH))
+        self.get_logger().info(f"{name}: publishing on {self._outputs[name].topic_name}")
+
+    def _on_estimates(self, cloud: PointCloud2) -> None:
+        if self._sender is None:
+            return
+        if self._output is None:
+            alone = len(self._stream.radars) == 1
+            self._output = settings.output_of(self._bridge, alone)
+        try:
+            self._output.take(cloud)
+        except RejectedMessageError as error:
+            self._dropped[error.reason] += 1
+            topic = self._values["estimates_topic"]
+            self._warnings.warn(topic, f"{topic}: {error}")
+            return
+        self._taken_s = time.monotonic()
+        if not self._values["output_period_s"]:
+            self._send()
+
+    def _send(self) -> None:
+        """Send all tracks, predicted to now.
+
+        Where estimates are of another time than now, as in a replay, their own time goes on.
+        """
+        if self._sender is None or self._output is None:
+            return
+        now_ns, stamp_ns = time.time_ns(), self._output.stamp_ns
+        if abs(now_ns - stamp_ns) > self._values["max_prediction_s"] * 1e9:
+            now_ns = stamp_ns + round((time.monotonic() - self._taken_s) * 1e9)
+        if not self._values["output_period_s"]:
+            now_ns = stamp_ns
+        for block in self._output.datagrams(now_ns):
+            try:
+                self._sender.send(block)
+                self._sent["datagrams"] += 1
+            except OSError as error:
+                # Such as that nobody listens, which is no fault of the sender's.
+                self._dropped["not_sent"] += 1
+                self._warnings.warn("output", f"{self._values['output']}: {error.strerror}")
+        self._sent["tracks"] = self._output.tracks
+
+    def _publish_health(self) -> None:
+        statuses = self._statuses()
+        for status in statuses:
+            if status.level == DiagnosticStatus.WARN:
+                self._warnings.warn(status.name, f"{status.name}: {status.message}")
+        stamp_ns = self.get_clock().now().nanoseconds
+        self._health.publish(diagnostics.array(stamp_ns, statuses))
+
+    def _statuses(self) -> list[DiagnosticStatus]:
+        node = self.get_fully_qualified_name()
+        lost = self._receiver.lost if self._receiver is not None else 0
+        active = self._receiver is not None or self._sender is not None
+        found = [
+            health.of_input(node, self._stream, lost + self._dropped["lost"], active, self._seen),
+            health.of_output(node, self._values["output"], self._sent, self._dropped, self._seen),
+        ]
+        clock = self._stream.clock
+        for number, state in self._stream.radars.items():
+            name = names.health(state.settings.name, node)
+            found.append(health.of_radar(name, number, state, clock, self._seen))
+        return found
+
+
+def _qos(depth: int) -> QoSProfile:
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the bridge's node."""
+    files = arguments.check("asterix_bridge", __doc__, argv)
+    return runtime.run("asterix_bridge", lambda: AsterixBridge(files), argv)

@@ -1,0 +1,213 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bags to ASTERIX: estimates as CAT062 and CAT065, or detections as CAT048 and CAT034."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msg_adapters import interfaces, names
+from msg_adapters.errors import RejectedMessageError
+from msg_adapters.readers import reader_of
+from phd_jdtc_ros.asterix import plots_out
+from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.turns import NOTHING, Turns
+from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Detections
+from phd_jdtc_ros.nodes.asterix import settings
+from phd_jdtc_ros.nodes.asterix.settings import Bridge
+
+# SAC of radars that have no name in the bridge's parameters; their SIC is their place, from 1.
+OWN_SAC = 1
+
+
+@dataclass
+class Written:
+    """What became of a bag.
+
+    Parameters
+    ----------
+    what : str
+        Of the records, in the plural.
+    records, blocks, clouds : int
+    dropped : Counter
+        Clouds that were left out, by reason.
+    """
+
+    what: str
+    records: int = 0
+    blocks: int = 0
+    clouds: int = 0
+    dropped: Counter[str] = field(default_factory=Counter)
+
+
+def write_tracks(
+    bag: BagReader, out: Path, bridge: Bridge, topic: str, monosensor: bool
+) -> Written:
+    """Write the estimates of a bag as CAT062 and CAT065, each period those of its end.
+
+    Raises
+    ------
+    BagError
+        If the bag has no estimates on the topic.
+    """
+    bag.require({topic: names.CLOUD})
+    output = settings.output_of(bridge, monosensor)
+    period_ns = round(bridge.values["output_period_s"] * 1e9)
+    done = Written("tracks")
+    due_ns: int | None = None
+    with out.open("wb") as stream:
+
+        def put(time_ns: int) -> None:
+            found = output.datagrams(time_ns)
+            done.blocks += len(found)
+            stream.writelines(found)
+
+        for entry in bag.messages([topic]):
+            # The estimates before this one's time are those to predict.
+            while due_ns is not None and due_ns < entry.stamp_ns:
+                put(due_ns)
+                due_ns += period_ns
+            try:
+                output.take(interfaces.decode(entry.data, names.CLOUD))
+            except RejectedMessageError as error:
+                done.dropped[error.reason] += 1
+                continue
+            done.clouds += 1
+            if not period_ns:
+                put(entry.stamp_ns)
+            elif due_ns is None:
+                due_ns = -(-entry.stamp_ns // period_ns) * period_ns
+        if due_ns is not None:
+            put(due_ns)
+    done.records = output.tracks
+    return done
+
+
+def write_plots(bag: BagReader, out: Path, config: TrackerConfig, bridge: Bridge) -> Written:
+    """Write the detections of a bag as CAT048, and how the antennas turn as CAT034.
+
+    Raises
+    ------
+    BagError
+        If the bag lacks a radar's topic.
+    """
+    bag.require({radar.topic: reader_of(radar).type_name for radar in config.inputs})
+    done = Written("plots")
+    numbers = {settings.name: number for number, settings in bridge.radars.items()}
+    radars = [
+        _Radar(
+            config,
+            index,
+            numbers.get(radar.name, OWN_SAC << 8 | index + 1),
+            bridge.amplitudes(radar.name if radar.name in numbers else "").noise_dbm,
+        )
+        for index, radar in enumerate(config.inputs)
+    ]
+    with out.open("wb") as stream:
+        parts = [_ordered(radar.blocks(bag, done)) for radar in radars]
+        for _, block in heapq.merge(*parts, key=lambda part: part[0]):
+            stream.write(block)
+            done.blocks += 1
+    return done
+
+
+def _ordered(parts: Iterable[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+    """Yield blocks with times that do not fall, so that they can be merged."""
+    latest = 0
+    for time_ns, block in parts:
+        latest = max(latest, time_ns)
+        yield latest, block
+
+
+class _Radar:
+    """The detections of a radar as data blocks."""
+
+    def __init__(self, config: TrackerConfig, index: int, number: int, noise_dbm: float) -> None:
+        self._input = config.inputs[index]
+        self._yaw = config.model.radars[index].yaw
+        self._turns: Turns = config.turns()[index]
+        self._number = number
+        self._noise_dbm = noise_dbm
+
+    def blocks(self, bag: BagReader, done: Written) -> Iterator[tuple[int, bytes]]:
+        """Yield time and bytes of data blocks, in the order in which the radar would send them."""
+        for entry in bag.messages([self._input.topic]):
+            try:
+                report = reader_of(self._input).from_cdr(entry.data, self._input)
+            except RejectedMessageError as error:
+                done.dropped[error.reason] += 1
+                continue
+            done.clouds += 1
+            pieces = self._turns.split(report.stamp_ns, report.detections, report.sector)
+            if isinstance(pieces, Rejection):
+                done.dropped[pieces.value] += 1
+                continue
+            for stamp_ns, piece in pieces:
+                done.records += len(piece)
+                yield from self._of_piece(stamp_ns, piece)
+
+    def _of_piece(self, stamp_ns: int, piece: Detections) -> Iterator[tuple[int, bytes]]:
+        plots = self._plots(stamp_ns, piece)
+        end_ns, azimuth = stamp_ns, 0.0
+        coverage = piece.coverage
+        if coverage is not None:
+            # Clockwise, as radars turn, an antenna leaves a sector where it begins here.
+            azimuth = 0.5 * math.pi - coverage.start - self._yaw
+            part = 0.5 * coverage.width / FULL_TURN
+            end_ns += round(part * self._input.rotation_s * 1e9)
+        for block in plots_out.plot_blocks(plots):
+            yield end_ns, block
+        if coverage is None or coverage.width > NOTHING.width:
+            turn_s = self._input.rotation_s
+            yield end_ns, plots_out.service_block(self._number, end_ns, azimuth, turn_s)
+
+    def _plots(self, stamp_ns: int, found: Detections) -> list[tuple[int, Plot]]:
+        count = len(found)
+
+        def column(values: Any, unknown: float) -> list[Any]:
+            return list(np.full(count, unknown) if values is None else values)
+
+        distance, azimuth = found.measurement.T
+        height = np.array(column(found.height, math.nan))
+        slant = np.hypot(distance, np.nan_to_num(height - self._input.height))
+        plots = []
+        for row, (time_s, level, code, address) in enumerate(
+            zip(
+                column(found.time_s, 0.0),
+                column(found.amplitude, math.nan),
+                column(found.code, UNKNOWN),
+                column(found.address, UNKNOWN),
+                strict=True,
+            )
+        ):
+            answered = code != UNKNOWN or address != UNKNOWN
+            dbm = math.nan
+            if level > 0.0:
+                dbm = 20.0 * math.log10(level / math.sqrt(2.0)) + self._noise_dbm
+            plot = Plot(
+                self._number,
+                NONE,
+                DAY,
+                float(slant[row]),
+                0.5 * math.pi - float(azimuth[row]) - self._yaw,
+                float(height[row]),
+                NONE if code == UNKNOWN else int(code),
+                NONE if address == UNKNOWN else int(address),
+                COMBINED if answered else PRIMARY,
+                dbm,
+                math.nan,
+            )
+            plots.append((stamp_ns + round(time_s * 1e9), plot))
+        return plots

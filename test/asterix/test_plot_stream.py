@@ -1,0 +1,151 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import math
+
+import asterix_records as made
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.asterix.assembly import SectorReport
+from phd_jdtc_ros.asterix.columns import UNKNOWN, columns
+from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
+from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
+from phd_jdtc_ros.core.sectors import coverage_of
+
+NS = 10**9
+SEEN = [(10.0, 20.0), (100.0, 30.0), (190.0, 40.0), (350.0, 50.0)]
+
+
+def plot(azimuth_deg=0.0, **changes):
+    azimuth = math.radians(azimuth_deg)
+    base = Plot(1, 0, DAY, 1000.0, azimuth, math.nan, NONE, NONE, 3, math.nan, math.nan)
+    return base._replace(**changes)
+
+
+def of(*plots, sector=0, sectors=32, amplitude="any", noise_dbm=-100.0):
+    report = SectorReport(1000, sector, [1000] * len(plots), list(plots))
+    return columns(report, sectors, noise_dbm, amplitude)
+
+
+def fed(stream, datagrams, source=None, received_s=None):
+    received_ns = None if received_s is None else round(received_s * NS)
+    return [
+        (state.settings.name, report)
+        for data in datagrams
+        for state, report in stream.feed(data, received_ns, source)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("compass", "azimuth"),
+    [(0.0, 90.0), (90.0, 0.0), (180.0, -90.0), (270.0, 180.0), (359.0, 91.0), (271.0, 179.0)],
+)
+def test_azimuth_is_counter_clockwise_from_east(compass, azimuth):
+    found = of(plot(compass))
+    assert math.degrees(found["azimuth"][0]) == pytest.approx(azimuth)
+    east, north = math.sin(math.radians(compass)), math.cos(math.radians(compass))
+    assert (found["x"][0], found["y"][0]) == pytest.approx((1000.0 * east, 1000.0 * north))
+
+
+@pytest.mark.parametrize("sectors", [4, 16, 32])
+def test_sector_is_that_of_the_same_azimuths_counted_from_east(sectors):
+    for number in range(sectors):
+        middle = (number + 0.5) * 360.0 / sectors
+        found = of(plot(middle), sector=number, sectors=sectors)
+        coverage = coverage_of(int(found["sector"][0]), sectors, compass=False)
+        ahead = (found["azimuth"][0] - coverage.start) % (2.0 * math.pi)
+        assert ahead == pytest.approx(0.5 * coverage.width)
+
+
+def test_amplitude_is_the_envelope_over_the_noise():
+    # 20 dB over the noise: a = sqrt(2 * 100).
+    known = plot(primary_dbm=-80.0, secondary_dbm=-50.0)
+    replies = plot(secondary_dbm=-70.0)
+    expected = {
+        "any": [math.sqrt(200.0), math.sqrt(2000.0), math.nan],
+        "primary": [math.sqrt(200.0), math.nan, math.nan],
+        "secondary": [math.sqrt(2e5), math.sqrt(2000.0), math.nan],
+    }
+    for choice, values in expected.items():
+        found = of(known, replies, plot(), amplitude=choice)
+        np.testing.assert_allclose(found["amplitude"], values, rtol=1e-12)
+
+
+def test_what_is_not_known_is_said_to_be():
+    found = of(plot(), plot(code=0, address=1, height=-304.8))
+    assert found["code"].tolist() == [UNKNOWN, 0]
+    assert found["address"].tolist() == [UNKNOWN, 1]
+    np.testing.assert_array_equal(found["height"], [math.nan, -304.8])
+    assert found["kind"].dtype == np.uint8
+
+
+def test_radars_on_one_stream_have_sectors_of_their_own():
+    one = [*made.turns(2, seen=SEEN, sic=1)]
+    other = [*made.turns(2, sectors=16, rotation_s=5.0, seen=SEEN[:2], sic=2)]
+    stream = PlotStream({0x101: RadarSettings("a"), 0x102: RadarSettings("b", sectors=16)})
+    mixed = [data for pair in zip(one, other, strict=False) for data in pair]
+    found = fed(stream, [*mixed, *one[len(other) :]])
+    for name, data, sectors, count in (("a", one, 32, 8), ("b", other, 16, 4)):
+        own = [report for each, report in found if each == name]
+        alone = fed(PlotStream({}, RadarSettings("", sectors=sectors)), data)
+        assert own == [report for _, report in alone]
+        assert sum(len(report.plots) for report in own) == count
+
+
+def test_radars_that_are_not_named_are_left_out_or_named_by_their_number():
+    data = [*made.turns(1, sac=25, sic=13)]
+    stream = PlotStream({0x101: RadarSettings("a")})
+    assert fed(stream, data) == []
+    assert stream.counts == {"unknown_radar": 33}
+    stream = PlotStream({})
+    assert {name for name, _ in fed(stream, data)} == {"radar_25_13"}
+
+
+def test_number_of_unnamed_radars_is_bounded():
+    stream = PlotStream({})
+    for number in range(MAX_RADARS + 20):
+        stream.feed(made.north(5.0, sac=number // 256, sic=number % 256))
+    assert len(stream.radars) == MAX_RADARS
+    assert stream.counts == {"too_many_radars": 20}
+
+
+def test_second_source_of_a_radar_is_left_out_while_the_first_sends():
+    data = [*made.turns(2, seen=SEEN)]
+    alone = fed(PlotStream({}), data, "a", 1000.0)
+    stream = PlotStream({})
+    both = []
+    for each in data:
+        both += fed(stream, [each], "a", 1000.0)
+        both += fed(stream, [each], "b", 1000.0)
+    assert both == alone
+    (state,) = stream.radars.values()
+    assert state.counts["second_source"] == len(data)
+    assert state.other_source == "b"
+
+
+def test_second_source_takes_over_when_the_first_is_silent():
+    stream = PlotStream({})
+    fed(stream, made.turns(1, start_s=1000.0), "a", 1000.0)
+    fed(stream, made.turns(1, start_s=1020.0), "b", 1020.0)
+    (state,) = stream.radars.values()
+    assert state.counts["source_changed"] == 1
+    assert state.counts["second_source"] == 0
+    assert set(state.sources.values()) == {"b"}
+
+
+def test_plots_and_crossings_may_come_from_different_sources():
+    stream = PlotStream({})
+    found = []
+    for data in made.turns(2, seen=SEEN):
+        found += fed(stream, [data], "plots" if data[0] == 48 else "service", 1000.0)
+    assert sum(len(report.plots) for _, report in found) == 8
+    assert len(found) == 64
+
+
+def test_times_go_on_over_midnight():
+    stream = PlotStream({})
+    data = made.turns(6, start_s=86_400.0 - 12.0, seen=SEEN)
+    stamps = [report.stamp_ns for _, report in fed(stream, data)]
+    np.testing.assert_array_equal(np.diff(stamps), NS // 8)
+    assert stamps[-1] == (86_400 + 12) * NS

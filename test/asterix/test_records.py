@@ -1,0 +1,228 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import math
+from collections import Counter
+
+import asterix_records as made
+import asterix_reference
+import pytest
+from asterix_reference import value
+
+from phd_jdtc_ros.asterix import blocks, framing
+from phd_jdtc_ros.asterix.messages import DAY, NONE, TRUNCATED, Plot, ServiceMessage
+
+FOOT = 0.3048
+
+
+def read(data):
+    """Return the messages of data blocks, and what was left out."""
+    counts = Counter()
+    return blocks.messages(data, counts), +counts
+
+
+def one(**items):
+    (found,), counts = read(made.plots(made.plot(10.0, 5.0, **items)))
+    assert not counts
+    return found
+
+
+def assert_same(found, record):
+    """Compare a plot of ours with the record of the other decoder."""
+    assert found.radar == value(record, "I010", "SAC") * 256 + value(record, "I010", "SIC")
+    assert found.time_of_day / 128.0 == value(record, "I140", "ToD")
+    assert found.distance == value(record, "I040", "RHO") * 1852.0
+    assert found.azimuth == pytest.approx(math.radians(value(record, "I040", "THETA")), abs=1e-12)
+    assert found.kind == (value(record, "I020", "TYP") or 0)
+    address = value(record, "I220", "ACAddr")
+    assert found.address == (NONE if address is None else int(address, 16))
+    known = "I070" in record and not value(record, "I070", "V") and not value(record, "I070", "G")
+    assert found.code == (int(value(record, "I070", "Mode3A"), 8) if known else NONE)
+    usable = "I090" in record and not value(record, "I090", "V") and not value(record, "I090", "G")
+    level = value(record, "I090", "FL") if usable else None
+    feet = value(record, "I110", "3D_Height") if level is None else 100.0 * level
+    assert found.height == pytest.approx(math.nan if feet is None else feet * FOOT, nan_ok=True)
+    for dbm, names in (
+        (found.primary_dbm, ("PAMP", "PAM")),
+        (found.secondary_dbm, ("SAMP", "SAM")),
+    ):
+        known = value(record, "I130", *names)
+        assert dbm == pytest.approx(math.nan if known is None else known, nan_ok=True)
+
+
+def test_plots_are_those_that_another_decoder_reads():
+    rng = made.rng(48)
+    records = []
+    for _ in range(150):
+        items = {
+            "020": ((int(rng.integers(1, 8)), 0, 0, 0, 0, None),),
+            "070": int(rng.integers(2**16)) & 0xEFFF,
+            "090": int(rng.integers(2**16)),
+            "110": int(rng.integers(2**14)),
+            "130": {name: int(rng.integers(256)) for name in ("SRL", "SRR", "SAM", "PRL", "PAM")},
+            "220": int(rng.integers(1, 2**24)),
+        }
+        kept = {name: item for name, item in items.items() if rng.random() < 0.7}
+        far, azimuth = float(rng.integers(2**16)) / 256.0, float(rng.uniform(0.0, 359.9))
+        record = made.plot(
+            azimuth, float(rng.uniform(0.0, 86399.0)), far, sic=int(rng.integers(256))
+        )
+        records.append({**record, **{f"{k}": v for k, v in kept.items()}})
+    data = b"".join(made.plots(*records[k : k + 7]) for k in range(0, len(records), 7))
+    found, counts = read(data)
+    assert not counts
+    assert len(found) == 150
+    for plot, record in zip(found, asterix_reference.decoded(data), strict=True):
+        assert_same(plot, record)
+
+
+def test_a_real_capture_has_the_plots_that_another_decoder_reads():
+    data = (asterix_reference.SAMPLES / "cat_034_048.pcap").read_bytes()
+    plots = services = 0
+    for received in framing.datagrams(data, None, Counter()):
+        found, _ = read(received.data)
+        records = asterix_reference.decoded(received.data)
+        records = [r for r in records if r["category"] == 34 or value(r, "I020", "TYP")]
+        for record, message in zip(records, found, strict=True):
+            if record["category"] == 48:
+                assert_same(message, record)
+                plots += 1
+            else:
+                assert message.kind == value(record, "I000", "MsgTyp")
+                assert message.time_of_day / 128.0 == value(record, "I030", "ToD")
+                azimuth = value(record, "I020", "Azi")
+                if azimuth is not None:
+                    assert math.degrees(message.azimuth) == pytest.approx(azimuth)
+                services += 1
+    assert (plots, services) == (126, 34)
+
+
+@pytest.mark.parametrize(
+    ("quarters", "feet"), [(-40, -1000.0), (0, 0.0), (1400, 35_000.0), (-8192, -204_800.0)]
+)
+def test_height_is_the_flight_level_below_zero_too(quarters, feet):
+    assert one(i090=(0, 0, quarters)).height == pytest.approx(feet * FOOT)
+
+
+def test_height_is_measured_where_the_level_is_not_usable():
+    for validity in ((1, 0), (0, 1)):
+        assert math.isnan(one(i090=(*validity, 400)).height)
+        assert one(i090=(*validity, 400), i110=(0, -40)).height == pytest.approx(-1000 * FOOT)
+    assert one(i090=(0, 0, 400), i110=(0, 100)).height == pytest.approx(10_000 * FOOT)
+
+
+@pytest.mark.parametrize("code", [0, 0o7777, 0o7700])
+def test_code_is_known_unless_garbled_or_not_validated(code):
+    # The last bit says that the code is the radar's own track's.
+    assert one(i070=(0, 0, 0, 0, code)).code == code
+    assert one(i070=(0, 0, 1, 0, code)).code == code
+    assert one(i070=(1, 0, 0, 0, code)).code == NONE
+    assert one(i070=(0, 1, 0, 0, code)).code == NONE
+
+
+def test_address_zero_is_unknown():
+    assert one(i220=0).address == NONE
+    assert one(i220=0xFFFFFF).address == 0xFFFFFF
+
+
+def test_position_is_from_the_plane_where_there_is_no_range():
+    record = made.plot(0.0, 5.0)
+    del record["040"]
+    (found,), counts = read(made.plots({**record, "042": (("X", -3.0), ("Y", -4.0))}))
+    assert not counts
+    assert found.distance == pytest.approx(5.0 * 1852.0)
+    assert math.degrees(found.azimuth) == pytest.approx(180.0 + math.degrees(math.atan2(3, 4)))
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"040": None}, "no_position"),
+        ({"010": None}, "no_radar"),
+        ({"020": ((0, 0, 0, 0, 0, None),)}, "no_detection"),
+        ({"020": ((3, 0, 0, 0, 1, None),)}, "field_monitor"),
+        ({"020": ((3, 0, 0, 0, 0, None), (1, 0, 0, 0, 0, 0, None))}, "test_target"),
+    ],
+)
+def test_what_is_no_targets_plot_is_counted(change, reason):
+    good = made.plot(20.0, 6.0)
+    found, counts = read(made.plots({**made.plot(10.0, 5.0), **change}, good))
+    assert [plot.time_of_day for plot in found] == [6 * 128]
+    assert counts == {reason: 1}
+
+
+def test_service_messages_say_where_the_antenna_is():
+    data = made.north(7.0, sac=3, sic=4, rotation_s=4.0) + made.sector(90.0, 8.0, sac=3, sic=4)
+    (mark, crossing), counts = read(data)
+    assert not counts
+    assert mark == ServiceMessage(0x0304, 7 * 128, 1, 0.0, 4.0)
+    assert crossing[:4] == (0x0304, 8 * 128, 2, math.pi / 2)
+
+
+@pytest.mark.parametrize("track", [False, True])
+def test_old_radars_have_truncated_times(track):
+    uap = made.category(1).cv_uap.spec("track" if track else "plot")
+    items = {
+        "010": 0x0506,
+        "020": ((int(track), 0, 3, 0, 0, 0, None),),
+        "040": (("RHO", 25.0), ("THETA", 2**14)),
+        "070": (0, 0, 0, 0, 0o1234),
+        "090": (0, 0, 40),
+        "131": 0xC8,
+        "141": 0xFFFE,
+        **({"161": 7} if track else {}),
+    }
+    record = uap.create(items).unparse().to_bytes()
+    (found,), counts = read(b"\x01" + (len(record) + 3).to_bytes(2, "big") + record)
+    assert not counts
+    expected = Plot(
+        0x0506, 0xFFFE, TRUNCATED, 46_300.0, math.pi / 2, 304.8, 0o1234, NONE, 3, -56.0, math.nan
+    )
+    assert found == pytest.approx(expected, nan_ok=True)
+
+
+def test_surface_radars_have_ranges_in_metres():
+    items = {
+        "010": 0x0708,
+        "000": 1,
+        "020": ((3, 0, 0, 0, 0, None),),
+        "140": 100,
+        "040": 1500 << 16 | 2**15,
+    }
+    found, counts = read(made.block(10, [items, {**items, "000": 2}]))
+    assert not counts
+    assert [(p.distance, p.azimuth, p.kind) for p in found] == [(1500.0, math.pi, 1)]
+    assert found[0].period == DAY
+
+
+def test_blocks_before_a_wrong_length_are_used():
+    good = made.plots(made.plot(10.0, 5.0))
+    for rest, reason in (
+        (b"\x30\x00\x03", "block_length"),
+        (b"\x30\x00\x00" + bytes(50), "block_length"),
+        (b"\x30\xff\xff" + bytes(50), "block_truncated"),
+        (b"\x30", "block_truncated"),
+    ):
+        found, counts = read(good + rest)
+        assert len(found) == 1
+        assert counts == {reason: 1}
+
+
+def test_records_before_a_malformed_one_and_other_blocks_are_used():
+    good = made.plots(made.plot(10.0, 5.0))
+    broken = good[3:] + b"\xff\xff\xff\xff\xff"
+    data = good + b"\x30" + (len(broken) + 3).to_bytes(2, "big") + broken + good
+    found, counts = read(data)
+    assert len(found) == 3
+    assert sum(counts.values()) == 1
+
+
+def test_other_categories_are_counted():
+    found, counts = read(b"\xff\x00\x05ab" + b"\x3e\x00\x05ab" + made.plots(made.plot(1.0, 5.0)))
+    assert len(found) == 1
+    assert counts == {"other_category": 2}
+
+
+def test_a_block_of_empty_records_is_refused_at_once():
+    found, counts = read(b"\x30\xff\xff" + bytes(65_532))
+    assert (found, counts) == ([], {"empty_record": 1})

@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Another decoder of ASTERIX, asterix_decoder, which tests compare with.
+
+`make test` installs it into a folder of its own, because it has the import name of libasterix. Its
+library is loaded by its path; what it knows of each category is in XML files beside it.
+"""
+
+import importlib.util
+import sys
+from functools import cache
+from pathlib import Path
+
+HOME = Path(sys.prefix) / "asterix_decoder"
+SAMPLES = HOME / "asterix" / "sample_data"
+
+
+@cache
+def _library():
+    (path,) = HOME.glob("_asterix*.so")
+    spec = importlib.util.spec_from_file_location("_asterix", path)
+    library = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(library)
+    for definition in sorted((HOME / "asterix" / "config").glob("*.xml")):
+        library.init(str(definition))
+    return library
+
+
+def decoded(data):
+    """Return the records of data blocks, each with its category and its items by name."""
+    return _library().parse(bytes(data), 0)
+
+
+def value(record, *names):
+    """Return a value of a record by its names, None if it is not there."""
+    found = record
+    for name in names:
+        if found is None:
+            return None
+        found = found.get(name)
+    return None if found is None else found["val"]

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import math
+
+import numpy as np
+import pytest
+from asterix_reference import decoded, value
+
+from msg_adapters import point_cloud
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.nodes.asterix.tracks import TrackOutput
+
+NS = 10**9
+T0 = 20_779 * 86_400 * NS
+ORIGIN = [52.0, 4.5, 0.0]
+
+
+def cloud(rows, stamp_ns=T0, heights=False):
+    """Return a cloud of estimates; rows are mappings of fields, the others are zero."""
+    names = ["x", "y", "z", "vx", "vy", "vz", "omega", "weight", "track_id", "state"]
+    names += [f"cov_{row}{column}" for row in range(5) for column in range(row, 5)]
+    if heights:
+        names += ["cov_zz", "cov_zvz", "cov_vzvz", "code", "address"]
+    unsigned = {"track_id", "state", "code", "address"}
+    defaults = {"track_id": 1, "state": 1, "code": 2**32 - 1, "address": 2**32 - 1}
+    columns = {
+        name: np.array(
+            [row.get(name, defaults.get(name, 0.0)) for row in rows],
+            dtype=np.uint32 if name in unsigned else np.float64,
+        )
+        for name in names
+    }
+    return point_cloud.encode(stamp_ns, "map", columns)
+
+
+def output(plane=None, max_prediction_s=10.0):
+    return TrackOutput(Source(1, 2), plane, max_prediction_s)
+
+
+def test_tracks_are_predicted_to_the_time_of_output():
+    made = output()
+    made.take(cloud([{"x": 1000.0, "y": -500.0, "vx": 100.0, "vy": -50.0}]))
+    (track,) = made.reports(T0 + 2 * NS)
+    assert track.position == pytest.approx((1200.0, -600.0))
+    assert track.velocity == pytest.approx((100.0, -50.0))
+
+
+@pytest.mark.parametrize("omega", [0.05, -0.08])
+def test_turning_tracks_are_predicted_along_their_circle(omega):
+    made = output()
+    made.take(cloud([{"vx": 200.0, "vy": 0.0, "omega": omega}]))
+    (track,) = made.reports(T0 + 4 * NS)
+    angle, radius = 4.0 * omega, 200.0 / omega
+    assert track.position == pytest.approx(
+        (radius * math.sin(angle), radius * (1.0 - math.cos(angle))), rel=1e-5
+    )
+    assert track.velocity == pytest.approx((200.0 * math.cos(angle), 200.0 * math.sin(angle)))
+    assert track.course == (2 if omega > 0.0 else 1)
+
+
+def test_course_is_straight_or_unknown_where_it_does_not_turn_for_sure():
+    made = output()
+    made.take(
+        cloud(
+            [
+                {"track_id": 1, "omega": 0.001},
+                {"track_id": 2, "omega": 0.05, "cov_44": 0.05**2},
+                {"track_id": 3, "omega": 0.05, "cov_44": 0.01**2},
+            ]
+        )
+    )
+    assert [track.course for track in made.reports(T0)] == [0, 3, 2]
+
+
+def test_places_on_earth_are_those_of_the_system_plane():
+    made = output(SystemPlane(ORIGIN))
+    made.take(cloud([{"x": 50e3, "y": 30e3}, {"track_id": 2}]))
+    (track, at_origin) = made.reports(T0)
+    x, y = SystemPlane(ORIGIN).to_plane(*track.geodetic)
+    assert (float(x), float(y)) == pytest.approx((50e3, 30e3), abs=1e-6)
+    assert at_origin.geodetic == pytest.approx((52.0, 4.5))
+    records = decoded(b"".join(made.datagrams(T0)))
+    assert value(records[1], "I105", "Lat") == pytest.approx(52.0, abs=90 / 2**25)
+
+
+def test_heights_codes_and_addresses_are_those_of_the_estimates():
+    known = {"z": 3048.0, "vz": -5.0, "cov_zz": 900.0, "cov_vzvz": 4.0, "code": 4032, "address": 7}
+    made = output()
+    made.take(cloud([known, {"track_id": 2, "cov_zz": math.nan}], heights=True))
+    first, second = made.reports(T0 + 2 * NS)
+    assert (first.height, first.climb) == pytest.approx((3038.0, -5.0))
+    assert (first.height_std, first.climb_std) == pytest.approx((30.0, 2.0))
+    assert (first.code, first.address, first.vertical) == (4032, 7, 2)
+    assert math.isnan(second.height)
+    assert (second.code, second.address, second.vertical) == (-1, -1, 3)
+
+
+def test_estimates_without_heights_have_none():
+    made = output()
+    made.take(cloud([{"z": 0.0, "vz": 0.0}]))
+    (track,) = made.reports(T0)
+    assert math.isnan(track.height)
+    assert track.vertical == 3
+
+
+def test_tentative_coasting_first_and_last_are_said():
+    made = output()
+    made.take(cloud([{"track_id": 1, "state": 0}, {"track_id": 2, "state": 1}]))
+    tentative, confirmed = made.reports(T0)
+    assert (tentative.confirmed, confirmed.confirmed) == (False, True)
+    assert tentative.first
+    assert confirmed.first
+    made.take(cloud([{"track_id": 2, "state": 2}], T0 + 4 * NS))
+    coasting, ended = made.reports(T0 + 5 * NS)
+    assert (coasting.number, coasting.coasting, coasting.first) == (2, True, False)
+    assert (coasting.age_s, coasting.since_s) == (5.0, 5.0)
+    assert (ended.number, ended.last) == (1, True)
+    assert [track.last for track in made.reports(T0 + 6 * NS)] == [False]
+
+
+def test_old_estimates_are_not_predicted_any_more():
+    made = output(max_prediction_s=5.0)
+    made.take(cloud([{"track_id": 9}]))
+    assert [track.last for track in made.reports(T0 + 5 * NS)] == [False]
+    assert [track.last for track in made.reports(T0 + 6 * NS)] == [True]
+    assert made.reports(T0 + 7 * NS) == []
+
+
+def test_unlabelled_estimates_are_no_tracks_and_large_numbers_fit():
+    made = output()
+    made.take(cloud([{"track_id": 0}, {"track_id": 65_535}, {"track_id": 65_536}, {"track_id": 7}]))
+    assert [track.number for track in made.reports(T0)] == [65_535, 1, 7]
+
+
+def test_every_output_ends_with_the_state_of_the_tracker():
+    made = output()
+    kinds = [[record["category"] for record in decoded(b"".join(made.datagrams(T0)))]]
+    made.take(cloud([{"track_id": 1}, {"track_id": 2}]))
+    kinds.append([record["category"] for record in decoded(b"".join(made.datagrams(T0)))])
+    assert kinds == [[65, 65], [62, 62, 65, 65]]
+    assert (made.batch, made.tracks) == (2, 2)
+
+
+def test_cloud_that_has_no_estimates_is_refused_and_changes_nothing():
+    made = output()
+    made.take(cloud([{"track_id": 5}]))
+    with pytest.raises(RejectedMessageError):
+        made.take(point_cloud.encode(T0, "map", {"x": np.zeros(1)}))
+    with pytest.raises(RejectedMessageError):
+        made.take(cloud([{"x": math.nan}]))
+    assert [track.number for track in made.reports(T0)] == [5]

@@ -1,0 +1,330 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import asterix_records as made
+import numpy as np
+import pytest
+from asterix_reference import decoded, value
+
+from msg_adapters import estimates, interfaces, names
+from msg_adapters.readers import reader_of
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.types import SOURCES, Estimates
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.nodes.common import bag_parameters
+
+TOPIC = "/radar_1_2/detections"
+DAY_NS = 20_779 * 86_400 * 10**9
+SEEN = [(10.0, 20.0), (100.0, 30.0), (190.0, 40.0), (350.0, 50.0)]
+
+
+@pytest.fixture
+def bridge(tmp_path, capsys):
+    """Return a function that bridges data into a new bag and returns status, bag and output."""
+
+    def start(data, *arguments, out="out"):
+        path = tmp_path / "recording.ast"
+        if data is not None:
+            path.write_bytes(data)
+        given = [str(path), "--out", str(tmp_path / out), *arguments]
+        status = run("asterix_bridge", given)
+        return status, tmp_path / out, capsys.readouterr()
+
+    return start
+
+
+def reports(bag, topic=TOPIC):
+    """Return what a tracker with the parameters beside the bag reads of it."""
+    config = resolve(bag_parameters.read(bag))
+    (radar,) = (each for each in config.inputs if each.topic == topic)
+    entries = BagReader(bag).messages([topic])
+    return [reader_of(radar).from_cdr(entry.data, radar) for entry in entries]
+
+
+def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
+    data = b"".join(made.turns(3, seen=SEEN))
+    status, out, said = bridge(data, "--date", "2026-11-22")
+    assert status == 0
+    assert said.err == ""
+    assert said.out.splitlines() == [
+        f"{out}: 96 clouds, 12 plots",
+        "radar_1_2: 12 plots, 97 service messages, 96 clouds, a turn of 4.00 s",
+        "left out: none",
+    ]
+    found = reports(out)
+    assert [report.stamp_ns - DAY_NS for report in found] == [
+        (1000 + (k + 1) / 8.0) * 10**9 for k in range(96)
+    ]
+    assert not any(report.dropped or report.doubts["sectors_unusable"] for report in found)
+    seen = [report for report in found if len(report.detections)]
+    assert [report.sector for report in seen] == [7, 31, 23, 8] * 3
+    distance, azimuth = np.concatenate([report.detections.measurement for report in seen]).T
+    np.testing.assert_allclose(distance, np.tile([20, 30, 40, 50], 3) * 1852.0, rtol=1e-6)
+    expected = np.tile([80.0, -10.0, -100.0, 100.0], 3)
+    np.testing.assert_allclose(np.degrees(azimuth), expected, atol=0.01)
+    times = [report.stamp_ns * 1e-9 + report.detections.time_s[0] for report in seen[:4]]
+    true = [DAY_NS * 1e-9 + 1000.0 + each / 90.0 for each, _ in SEEN]
+    np.testing.assert_allclose(times, true, atol=1 / 128)
+
+
+def test_identities_heights_and_kinds_are_in_the_clouds(bridge):
+    known = made.plot(5.0, 1000.06, i070=(0, 0, 0, 0, 0o7700), i090=(0, 0, -40), i220=0xABCDEF)
+    bare = made.plot(6.0, 1000.07)
+    parts = [*made.turns(1)]
+    status, out, _ = bridge(b"".join([parts[0], made.plots(known, bare), *parts[1:]]))
+    assert status == 0
+    found = reports(out)[0].detections
+    assert found.code.tolist() == [0o7700, -1]
+    assert found.address.tolist() == [0xABCDEF, -1]
+    np.testing.assert_allclose(found.height, [-304.8, np.nan], rtol=1e-6)
+    (first, *_) = BagReader(out).messages([TOPIC])
+    cloud = interfaces.decode(first.data, names.CLOUD)
+    kinds = [(field.offset, field.datatype) for field in cloud.fields if field.name == "kind"]
+    assert [bytes(cloud.data)[offset] for offset, _ in kinds] == [3]
+    assert [datatype for _, datatype in kinds] == [2]
+
+
+@pytest.mark.parametrize("kind", ["final", "pcap", "pcapng"])
+def test_framings_of_one_recording_give_the_same_bag(bridge, kind):
+    blocks = [*made.turns(2, seen=SEEN)]
+    _, plain, _ = bridge(b"".join(blocks), "--date", "2026-11-22", out="plain")
+    if kind == "final":
+        data = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in enumerate(blocks))
+    else:
+        times = [DAY_NS + round((1000.0 + k / 8.0) * 1e9) for k in range(len(blocks))]
+        data = getattr(made, kind)([*zip(times, map(made.packet, blocks), strict=True)])
+    status, out, said = bridge(data, "--date", "2026-11-22", out="plain_of_frames")
+    assert status == 0
+    assert "left out: none" in said.out
+    one, other = (
+        [(entry.topic, entry.log_time_ns, entry.data) for entry in BagReader(bag).messages()]
+        for bag in (plain, out)
+    )
+    assert one == other
+
+
+def test_radars_are_named_and_turned_as_parameters_say(bridge):
+    data = b"".join(
+        part
+        for pair in zip(made.turns(2, sic=1), made.turns(2, sic=9), strict=True)
+        for part in pair
+    )
+    given = ["-p", "radars:=[a, b]", "-p", "a.sac:=1", "-p", "a.sic:=1", "-p", "b.sac:=1"]
+    given += ["-p", "b.sic:=9", "-p", "b.sectors:=16"]
+    status, out, said = bridge(data, *given)
+    assert status == 0
+    assert "a: 0 plots, 65 service messages, 64 clouds" in said.out
+    assert BagReader(out).counts == {"/a/detections": 64, "/b/detections": 32}
+    assert [radar.sectors for radar in resolve(bag_parameters.read(out)).inputs] == [32, 16]
+
+
+def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
+    blocks = [*made.turns(1)]
+    packets = [(k * 10**8, made.packet(block)) for k, block in enumerate(blocks)]
+    packets += [(k * 10**8, made.packet(block, port=9)) for k, block in enumerate(blocks)]
+    status, out, said = bridge(made.pcap(sorted(packets)), "--port", "8600", "-p", "sectors:=8")
+    assert status == 0
+    assert "left out: other_port 33" in said.out
+    assert BagReader(out).counts == {TOPIC: 8}
+
+
+def test_wrong_clock_and_second_source_are_said(bridge):
+    blocks = [*made.turns(1, start_s=1000.0)]
+    packets = []
+    for k, block in enumerate(blocks):
+        time_ns = round((2000.0 + k / 8.0) * 1e9)
+        packets.append((time_ns, made.packet(block)))
+        packets.append((time_ns, made.packet(block, sender="10.0.0.2")))
+    status, _, said = bridge(made.pcap(packets))
+    assert status == 0
+    assert "radar_1_2: its clock is -1000.0 s off, and was shifted" in said.out
+    assert (
+        "radar_1_2: messages of two sources, 10.0.0.1 to 239.1.1.1:8600 and 10.0.0.2 to "
+        "239.1.1.1:8600: those of the second are left out"
+    ) in said.out
+
+
+def test_what_is_no_recording_is_refused(bridge):
+    status, out, said = bridge(b"not a recording")
+    assert status == 2
+    assert "recording.ast: is no recording of ASTERIX" in said.err
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["--date", "22.11.2026"], "22.11.2026 given, must be a date such as 2026-11-22"),
+        (["-p", "sectors:=30"], "sectors: 30 given, must be a multiple of 4"),
+        (["-p", "radars:=[a, b]"], "b.sic: 0/0 given, is that of a too"),
+        (["-p", "sektors:=30"], "sektors: unknown parameter"),
+    ],
+)
+def test_wrong_arguments_are_named(bridge, capsys, arguments, expected):
+    try:
+        status, _, said = bridge(b"", *arguments)
+        err = said.err
+    except SystemExit as end:
+        status, err = end.code, capsys.readouterr().err
+    assert status == 2
+    assert expected in err
+
+
+def test_existing_bag_is_not_overwritten(bridge, tmp_path):
+    (tmp_path / "out").mkdir()
+    status, _, said = bridge(b"".join(made.turns(1)))
+    assert status == 2
+    assert "already exists" in said.err
+
+
+@pytest.fixture(scope="module")
+def by_sector(tmp_path_factory):
+    """Return a simulated bag of a radar that turns, of two aircraft and three turns."""
+    scenario = tmp_path_factory.mktemp("turning") / "scenario.yaml"
+    scenario.write_text(
+        """
+parameters:
+  radars: [approach]
+  approach:
+    rotation_s: 4.0
+    sectors: 16
+    yaw_deg: 30.0
+    fields: {time: time, amplitude: ""}
+    range_std: 45.0
+    azimuth_std_deg: 0.08
+    max_range: 110000.0
+    detection_probability: 0.99
+    clutter_rate: 4.0
+    clutter_max_range: 110000.0
+  interval_s: 4.0
+  lag_s: 8.0
+  engine: gaussian
+  classes: [aircraft]
+  aircraft: {mode_transition: [0.95, 0.05, 0.1, 0.9]}
+  births: []
+  detection_births: {rates: [0.2], velocity_std: 100.0}
+  spawn: {rate: 0.0, class_transition: []}
+start_s: 1000.0
+interval_s: 1.0
+scans: 41
+targets:
+  - {class_id: 0, snr_db: 30.0, position: [-10000.0, 10000.0], velocity: [200.0, 50.0],
+     first_scan: 0, last_scan: 40}
+  - {class_id: 0, snr_db: 30.0, position: [20000.0, -5000.0], velocity: [0.0, 200.0],
+     first_scan: 0, last_scan: 40}
+"""
+    )
+    out = scenario.parent / "bag"
+    assert run("simulate", ["--scenario", str(scenario), "--out", str(out)]) == 0
+    return out
+
+
+# Position and velocity of two aircraft at 1000 s.
+TRUE = {1: (-10e3, 10e3, 200.0, 50.0), 2: (20e3, -5e3, 0.0, 200.0)}
+
+
+@pytest.fixture(scope="module")
+def with_estimates(by_sector):
+    """Return a bag with estimates of two aircraft every 4 s, 2 m off in x."""
+    out = by_sector.parent / "tracked"
+    with BagWriter(out) as bag:
+        for source in SOURCES:
+            bag.add_topic(Topic(names.estimates(source), names.CLOUD))
+        for time_s in range(1000, 1044, 4):
+            since_s = time_s - 1000.0
+            state = [
+                [x + vx * since_s + 2.0, vx, y + vy * since_s, vy, 0.0]
+                for x, y, vx, vy in TRUE.values()
+            ]
+            found = Estimates(
+                time_s * 10**9,
+                0,
+                np.array(state),
+                np.tile(np.diag([900.0, 4.0, 400.0, 1.0, 1e-6]), (2, 1, 1)),
+                np.ones(2),
+                np.ones((2, 1)),
+                np.zeros(2, dtype=np.int64),
+                np.array([*TRUE]),
+            )
+            data = interfaces.encode(estimates.to_msg(found, "map"))
+            for source in SOURCES:
+                bag.write(names.estimates(source), data, found.stamp_ns)
+    (out / "parameters.yaml").write_bytes((by_sector / "parameters.yaml").read_bytes())
+    return out
+
+
+def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys):
+    recording, again = tmp_path / "plots.ast", tmp_path / "again"
+    assert run("asterix_bridge", [str(by_sector), "--plots", "--out", str(recording)]) == 0
+    assert run("asterix_bridge", [str(recording), "--out", str(again), "-p", "sectors:=16"]) == 0
+    said = capsys.readouterr().out
+    assert "dropped: none" in said
+
+    def places(bag):
+        config = resolve(bag_parameters.read(bag))
+        (radar,) = config.inputs
+        yaw = config.model.radars[0].yaw
+        found = []
+        for entry in BagReader(bag).messages([radar.topic]):
+            report = reader_of(radar).from_cdr(entry.data, radar)
+            distance, azimuth = report.detections.measurement.T
+            time = report.stamp_ns * 1e-9 + report.detections.time_s
+            place = distance * np.cos(azimuth + yaw), distance * np.sin(azimuth + yaw)
+            found.append(np.stack([time, *place], axis=1))
+        return np.concatenate(found)
+
+    before, after = places(by_sector), places(again)
+    # The bag knows only where the antenna is from the first sectors on.
+    assert len(before) - 5 <= len(after) <= len(before)
+    nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
+    np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)
+    np.testing.assert_allclose(after[:, 1:], before[nearest, 1:], atol=15.0)
+
+
+def test_estimates_of_a_bag_become_tracks_that_another_decoder_reads(
+    with_estimates, tmp_path, capsys
+):
+    out = tmp_path / "tracks.ast"
+    capsys.readouterr()
+    given = ["-p", "world_origin:=[52.0, 4.5, 0.0]", "-p", "output_sac:=25"]
+    assert run("asterix_bridge", [str(with_estimates), "--out", str(out), *given]) == 0
+    assert "dropped: none" in capsys.readouterr().out
+    records = decoded(out.read_bytes())
+    ends = [r for r in records if r["category"] == 65 and value(r, "I000", "Typ") == 2]
+    assert [value(record, "I020", "BTN") for record in ends] == [*range(len(ends))]
+    times = [value(record, "I030", "ToD") for record in ends]
+    np.testing.assert_array_equal(np.diff(times), 1.0)
+    tracks = [record for record in records if record["category"] == 62]
+    assert {value(record, "I010", "SAC") for record in tracks} == {25}
+    assert {value(record, "I080", "MON") for record in tracks} == {1}
+    plane = SystemPlane([52.0, 4.5, 0.0])
+    assert len(tracks) == 2 * len(ends)
+    for record in tracks:
+        x, y = value(record, "I100", "X"), value(record, "I100", "Y")
+        lat, lon = value(record, "I105", "Lat"), value(record, "I105", "Lon")
+        np.testing.assert_allclose(plane.to_plane(lat, lon), (x, y), atol=1.0)
+        x_0, y_0, vx, vy = TRUE[value(record, "I040", "TrkN")]
+        since_s = value(record, "I070", "ToT") - 1000.0
+        np.testing.assert_allclose(
+            (x - 2.0, y), (x_0 + vx * since_s, y_0 + vy * since_s), atol=0.26
+        )
+        assert value(record, "I500", "APC", "APC_X") == 30.0
+        assert value(record, "I500", "ATV", "ATV_X") == 2.0
+
+
+def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):
+    out = tmp_path / "tracks.ast"
+    given = ["-p", "output_period_s:=0.0", "--estimates", "smoothed"]
+    assert run("asterix_bridge", [str(with_estimates), "--out", str(out), *given]) == 0
+    topic = names.estimates("smoothed")
+    count = BagReader(with_estimates).counts[topic]
+    ends = [r for r in decoded(out.read_bytes()) if value(r, "I000", "Typ") == 2]
+    assert len(ends) == count
+
+
+def test_bag_without_estimates_is_refused(by_sector, tmp_path, capsys):
+    assert run("asterix_bridge", [str(by_sector), "--out", str(tmp_path / "tracks.ast")]) == 2
+    assert "/tracker/filtered/estimates is missing" in capsys.readouterr().err
