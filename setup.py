@@ -13,9 +13,11 @@ EXECUTABLES = (
     "track_bag",
     "simulate",
     "tune",
+    "register",
     "report",
     "monte_carlo",
     "madap",
+    "registration",
     "autoferry",
     "demo",
 )

@@ -81,6 +81,7 @@ ROOMS = {
     ),
     "simulation": (*BASE, "biases", "configuration", "models", "site", "sited_plots"),
     "tuning": (*BASE, "configuration", "models", "sectors"),
+    "registration": (*BASE, "biases", "models", "tuning"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (
         *("configuration", "engine", "engines", "late_reports", "posed_reports", "poses", "scans"),

@@ -334,6 +334,15 @@ class Scenario:
         rng = np.random.default_rng([*seed, STREAM])
         return self.transponders.answered(found, source, time_s, self.cards, rng)
 
+    def until(self, elapsed_s: float) -> Scenario:
+        """Return the scenario up to a time after scan 0, seconds, with the targets until then."""
+        there = zip(self.targets, self.flights, strict=True)
+        return replace(
+            self,
+            scans=min(self.scans, int(elapsed_s / self.interval_s) + 1),
+            targets=tuple(target for target, flight in there if flight.start_s <= elapsed_s),
+        )
+
     def stamp_ns(self, scan: int) -> int:
         """Return the stamp of a scan in nanoseconds."""
         return self.ns_after(scan * self.interval_s)
