@@ -14,9 +14,11 @@ EXECUTABLES = (
     "simulate",
     "asterix_bridge",
     "tune",
+    "register",
     "report",
     "monte_carlo",
     "madap",
+    "registration",
     "autoferry",
     "demo",
 )

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.biases import NO_BIAS
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.models.radar import wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
@@ -47,6 +48,7 @@ class Report:
     Parameters
     ----------
     stamp_ns : int
+        Without the radar's time offset.
     detections : Detections
         `amplitude` is None where the message has no amplitudes.
     dropped : Counter
@@ -120,11 +122,20 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
     An amplitude, a height, a range rate or a deviation that is NaN is unknown, and its point is
     kept. So is a point whose range rate, code or address is impossible; that then counts as
     unknown.
+
+    The radar's systematic errors are removed first; a range that they exceed becomes 0.
     """
+    if radar.bias != NO_BIAS:
+        true = np.maximum(radar.bias.true_range(columns.distance), 0.0)
+        columns = replace(
+            columns, distance=np.where(columns.distance < 0.0, columns.distance, true)
+        )
     azimuth = np.radians(columns.azimuth) if radar.azimuth_in_degrees else columns.azimuth
     turns = np.abs(azimuth)
     if radar.compass:
         azimuth = np.pi / 2.0 - azimuth
+    if radar.bias.azimuth:
+        azimuth = azimuth - radar.bias.azimuth
     level, time = columns.level, None
     if columns.time is not None:
         time = plot_times.relative(columns.time, stamp_ns, radar)
@@ -171,7 +182,7 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
         identities_unusable=unusable_codes + unusable_addresses,
         **rate_doubts,
     )
-    return Report(stamp_ns, detections, dropped, +doubts, sector)
+    return Report(stamp_ns - radar.bias.offset_ns, detections, dropped, +doubts, sector)
 
 
 def _finite(columns: Columns, azimuth: FloatArray) -> BoolArray:

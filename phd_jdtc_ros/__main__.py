@@ -29,12 +29,20 @@ EXECUTABLES = {
         "recordings of ASTERIX to bags; without arguments the node",
     ),
     "tune": ("phd_jdtc_ros.tools.tune", "proposes a configuration from a recording"),
+    "register": (
+        "phd_jdtc_ros.tools.register",
+        "finds the systematic errors of radars in a recording",
+    ),
     "report": ("phd_jdtc_ros.tools.report", "a bag with estimates to a page and pictures"),
     "monte_carlo": (
         "phd_jdtc_ros.tools.monte_carlo",
         "many seeded runs to tables, figures and a summary",
     ),
     "madap": ("phd_jdtc_ros.tools.madap", "the MADAP benchmark of multi-radar trackers"),
+    "registration": (
+        "phd_jdtc_ros.tools.registration",
+        "the study of registration: three radars, one with errors",
+    ),
     "autoferry": ("phd_jdtc_ros.tools.autoferry", "the Autoferry dataset: bags and figures"),
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
@@ -126,9 +134,11 @@ track_bag = partial(run, "track_bag")
 simulate = partial(run, "simulate")
 asterix_bridge = partial(run, "asterix_bridge")
 tune = partial(run, "tune")
+register = partial(run, "register")
 report = partial(run, "report")
 monte_carlo = partial(run, "monte_carlo")
 madap = partial(run, "madap")
+registration = partial(run, "registration")
 autoferry = partial(run, "autoferry")
 demo = partial(run, "demo")
 

@@ -135,7 +135,8 @@ def _events(
                 posed = pipeline.add_pose(radar, posed_ns, pose)
                 if not isinstance(posed, PoseFault):
                     yield from posed
-        events = pipeline.add(report.radar, report.stamp_ns, report.detections)
+        bias = config.inputs[report.radar].bias
+        events = pipeline.add(report.radar, *bias.removed(report.stamp_ns, report.detections))
         if not isinstance(events, Rejection):
             yield from events
     yield from pipeline.flush()

@@ -21,7 +21,7 @@ from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.posed_reports import PosedReports
 from phd_jdtc_ros.core.tuning.findings import Findings, TuningError, findings
-from phd_jdtc_ros.core.tuning.plots import Plots, bounded, plots_of
+from phd_jdtc_ros.core.tuning.plots import MOST_PLOTS, Plots, bounded, plots_of
 from phd_jdtc_ros.core.types import Detections
 
 # Clouds that fields are recognised by.
@@ -47,7 +47,7 @@ class Recorded:
     damage: BagError | None = None
 
 
-def read(bag: BagReader, config: TrackerConfig, seconds: float) -> Recorded:
+def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST_PLOTS) -> Recorded:
     """Return the detections of the first part of a bag.
 
     Those beyond a radar's configured range are read too.
@@ -59,6 +59,8 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float) -> Recorded:
         Topics, fields, units and platforms.
     seconds : float
         Length of the part.
+    most : int
+        Of each radar, about the largest number of detections.
 
     Raises
     ------
@@ -104,7 +106,7 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float) -> Recorded:
     release(everything=True)
     return Recorded(
         {
-            radar.name: bounded(plots_of(own)) if own else None
+            radar.name: bounded(plots_of(own), most) if own else None
             for radar, own in zip(inputs, reports, strict=True)
         },
         {radar.name: count for radar, count in zip(inputs, dropped, strict=True)},

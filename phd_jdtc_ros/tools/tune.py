@@ -49,7 +49,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--out", type=Path, help="parameter file to write; it must not exist")
     parser.add_argument(
         "--seconds",
-        type=_seconds,
+        type=seconds_of,
         default=SECONDS,
         help=f"how much of the recording is read, from its beginning ({SECONDS:g})",
     )
@@ -66,7 +66,8 @@ def main(argv: Sequence[str]) -> int:
     return command.guarded("tune", lambda: _work(arguments))
 
 
-def _seconds(text: str) -> float:
+def seconds_of(text: str) -> float:
+    """Return a number of seconds that was given as an argument."""
     try:
         seconds = float(text)
     except ValueError:

@@ -42,6 +42,7 @@ ROOMS = {
     "sited_plots": ("arrays", "site"),
     "sectors": ("arrays", "types"),
     "antenna": ("arrays", "types"),
+    "biases": ("antenna", "arrays", "types"),
     "turns": ("antenna", "arrays", "scans", "sectors", "types"),
     "turn_history": ("scans", "turns", "types"),
     "late_reports": ("engine", "scans", "types"),
@@ -75,11 +76,12 @@ ROOMS = {
     "evaluation": BASE,
     "configuration": (
         *(*BASE, "attributes"),
-        *("confirmation", "engine", "models", "poses", "quoting", "reporting", "scans", "smc"),
-        *("ellipsoid", "site", "turns", "watch"),
+        *("biases", "confirmation", "engine", "models", "poses", "quoting", "reporting", "scans"),
+        *("ellipsoid", "site", "smc", "turns", "watch"),
     ),
-    "simulation": (*BASE, "configuration", "models", "site", "sited_plots"),
+    "simulation": (*BASE, "biases", "configuration", "models", "site", "sited_plots"),
     "tuning": (*BASE, "configuration", "models", "sectors"),
+    "registration": (*BASE, "biases", "models", "tuning"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (
         *("configuration", "engine", "engines", "late_reports", "posed_reports", "poses", "scans"),

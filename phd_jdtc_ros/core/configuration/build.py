@@ -19,6 +19,7 @@ import numpy as np
 from ..attributes.height import HeightModel
 from ..attributes.identity import ADDRESSES, CODES, IdentityModel
 from ..attributes.memory import AttributeModel
+from ..biases import RadarBias
 from ..confirmation import ReportingRule, rule_of
 from ..engine import Lag
 from ..models import amplitude_density
@@ -504,4 +505,31 @@ def _input(values: Mapping[str, Any], name: str, site: Site | None) -> RadarInpu
         pose_yaw=get["pose_yaw"],
         pose_max_age_s=get["pose_max_age_s"],
         pose_max_speed=get["pose_max_speed"],
+        bias=_bias(get),
     )
+
+
+def _bias(get: Mapping[str, Any]) -> RadarBias:
+    compass = get["azimuth_convention"] == "compass_cw"
+    return RadarBias(
+        get["range_bias"],
+        get["range_gain"],
+        math.radians(get["azimuth_bias_deg"]) * _sense(compass, get["message"]),
+        get["time_offset_s"],
+    )
+
+
+def _sense(compass: bool, message: str) -> float:
+    """Return -1 for azimuths that are clockwise, else 1; radar_scan's definition fixes it."""
+    return -1.0 if compass and message == "point_cloud" else 1.0
+
+
+def bias_parameters(radar: RadarInput, bias: RadarBias) -> dict[str, float]:
+    """Return the parameters of a radar with these systematic errors, by dotted name."""
+    sense = _sense(radar.compass, radar.message)
+    return {
+        f"{radar.name}.range_bias": bias.range_bias,
+        f"{radar.name}.range_gain": bias.range_gain,
+        f"{radar.name}.azimuth_bias_deg": math.degrees(bias.azimuth) * sense,
+        f"{radar.name}.time_offset_s": bias.time_offset_s,
+    }

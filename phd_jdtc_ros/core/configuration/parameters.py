@@ -732,6 +732,35 @@ RADAR = (
         choices=("enu_ccw", "compass_cw"),
     ),
     Parameter("azimuth_unit", "rad", "Unit of the azimuth: rad or deg.", choices=("rad", "deg")),
+    Parameter(
+        "range_bias",
+        0.0,
+        "What its ranges are too long by, m; it is subtracted as they are read. register finds it, "
+        "and the next three.",
+        -1e5,
+        1e5,
+    ),
+    Parameter(
+        "range_gain",
+        0.0,
+        "What its ranges are too long by in addition, m per m of range.",
+        -0.5,
+        0.5,
+    ),
+    Parameter(
+        "azimuth_bias_deg",
+        0.0,
+        "What its azimuths are too large by, in the direction in which it counts them, degrees.",
+        -180.0,
+        180.0,
+    ),
+    Parameter(
+        "time_offset_s",
+        0.0,
+        "What its stamps and its detections' times are late by, s; negative if they are early.",
+        -60.0,
+        60.0,
+    ),
 )
 CLASS = (
     Parameter(

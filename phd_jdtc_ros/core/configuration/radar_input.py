@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..biases import NO_BIAS, RadarBias
 from ..site import Site
 
 
@@ -78,6 +79,8 @@ class RadarInput:
         Farthest that a detection may be from the nearest pose, seconds.
     pose_max_speed : float
         Speed above which a change between two poses is a jump, metres per second.
+    bias : RadarBias
+        What its measurements are corrected for as they are read.
     """
 
     name: str
@@ -116,3 +119,4 @@ class RadarInput:
     pose_yaw: bool = True
     pose_max_age_s: float = 1.0
     pose_max_speed: float = 100.0
+    bias: RadarBias = NO_BIAS

@@ -18,8 +18,10 @@ from .parameters import RADAR
 # What the whole scene has.
 OF_ALL = ("world_origin",)
 # The lists that name the scene's parts, and the parameters of each part that belong to it.
+# What a radar is corrected for is found in a recording, and is no part of its scene.
+CORRECTIONS = ("range_bias", "range_gain", "azimuth_bias_deg", "time_offset_s")
 PARTS: dict[str, tuple[str, ...]] = {
-    "radars": tuple(parameter.name for parameter in RADAR),
+    "radars": tuple(each.name for each in RADAR if each.name not in CORRECTIONS),
     "classes": ("snr_band_db",),
     "births": ("position",),
 }

@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..biases import NO_BIAS, RadarBias
 from ..configuration.schema import ConfigError
 from ..models.amplitude_density import snr_from_db
 from ..models.motion import CoordinatedTurn
@@ -197,6 +198,8 @@ class Scenario:
         What carries radars; the positions and directions of these are in its frame.
     transponders : Transponders or None
         What targets answer; None if they have none.
+    biases : tuple of RadarBias
+        The systematic errors of each radar; empty if there are none. Only where radars turn.
     """
 
     start_ns: int
@@ -211,8 +214,11 @@ class Scenario:
     reflectors: tuple[Reflectors, ...] = ()
     platform: MovingPlatform | None = None
     transponders: Transponders | None = None
+    biases: tuple[RadarBias, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.biases and not self.turning:
+            raise ConfigError(["biases: given, must be none where no radar turns"])
         learning = [radar.name for radar in self.radars if radar.clutter_count is not None]
         if learning:
             raise ConfigError(
@@ -232,6 +238,10 @@ class Scenario:
     def laws(self, radar: int) -> tuple[ClutterLaw, Echoes | None]:
         """Return the law of a radar's clutter and the echoes that it sees, by its index."""
         return self.law(radar), self.echoes[radar] if self.echoes else None
+
+    def bias(self, radar: int) -> RadarBias:
+        """Return the systematic errors of a radar, by the radar's index."""
+        return self.biases[radar] if self.biases else NO_BIAS
 
     def carrier(self, radar: int) -> MovingPlatform | None:
         """Return what carries a radar, by the radar's index; None if it stands."""
@@ -323,6 +333,15 @@ class Scenario:
             return found
         rng = np.random.default_rng([*seed, STREAM])
         return self.transponders.answered(found, source, time_s, self.cards, rng)
+
+    def until(self, elapsed_s: float) -> Scenario:
+        """Return the scenario up to a time after scan 0, seconds, with the targets until then."""
+        there = zip(self.targets, self.flights, strict=True)
+        return replace(
+            self,
+            scans=min(self.scans, int(elapsed_s / self.interval_s) + 1),
+            targets=tuple(target for target, flight in there if flight.start_s <= elapsed_s),
+        )
 
     def stamp_ns(self, scan: int) -> int:
         """Return the stamp of a scan in nanoseconds."""

@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..biases import NO_BIAS, RadarBias
 from ..configuration.schema import SMALL, ConfigError, Parameter
 from ..models.amplitude_density import snr_from_db
 from ..models.radar import RadarModel
@@ -71,6 +72,18 @@ ANTENNA = (
     ),
     Parameter("clockwise", True, "Whether it turns clockwise."),
 )
+BIAS = (
+    Parameter("range_bias", 0.0, "What ranges are too long by, m.", -1e5, 1e5),
+    Parameter("range_gain", 0.0, "What they are too long by per m of range, m.", -0.5, 0.5),
+    Parameter(
+        "azimuth_bias_deg",
+        0.0,
+        "What azimuths are too large by, clockwise, degrees.",
+        -180.0,
+        180.0,
+    ),
+    Parameter("time_offset_s", 0.0, "What times are late by, s.", -60.0, 60.0),
+)
 TURN = (
     Parameter("first_scan", 0, "Scan at which the turn begins.", 0, 10**6),
     Parameter("last_scan", 0, "Scan at which the turn ends.", 0, 10**6),
@@ -84,6 +97,7 @@ OTHER_KEYS = (
     "traffic",
     "manoeuvres",
     "antennas",
+    "biases",
     "clutter",
     "echoes",
     "world_origin",
@@ -104,10 +118,10 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         `TARGET`. A target may have ``turns``: a list of mappings with all keys of `TURN`. A target
         with ``legs``, a list of mappings of `LEG`, has the keys of `FLIGHT` instead. ``traffic``
         and ``manoeuvres`` stand for many targets, see `generators`. ``antennas`` has the keys of
-        `ANTENNA` by name of the radar, ``clutter`` the law of its amplitudes, see
-        `clutter_law`, and ``echoes`` how targets answer to it more than once, see `echoes`.
-        ``world_origin`` is the latitude and longitude of the world's zero, and ``sites`` has those
-        of radars by name, see `site_parameters`. ``reflectors`` is a list of
+        `ANTENNA` by name of the radar, ``biases`` those of `BIAS`, ``clutter`` the law of its
+        amplitudes, see `clutter_law`, and ``echoes`` how targets answer to it more than once, see
+        `echoes`. ``world_origin`` is the latitude and longitude of the world's zero, and ``sites``
+        has those of radars by name, see `site_parameters`. ``reflectors`` is a list of
         mappings, see `reflectors`, and ``platform`` what carries radars, with ``legs``.
         ``transponders`` says what targets answer, see `transponder`.
         ``parameters`` are those of the tracker and the radars, and are ignored here, as are
@@ -125,6 +139,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     timing = take(TIMING, document, "", faults, names_of(TIMING), OTHER_KEYS)
     targets = _targets(document, faults)
     antennas = _antennas(mapping(document, "antennas", faults), radars, faults)
+    biases = _biases(mapping(document, "biases", faults), radars, faults)
     clutter = clutter_law.laws(document, radars, faults)
     answers = echoes.of_radars(document, radars, faults)
     carrier = platform(document, radars, _legs, faults)
@@ -150,6 +165,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         reflectors=still,
         platform=carrier,
         transponders=replies,
+        biases=biases,
     )
 
 
@@ -214,6 +230,37 @@ def _antennas(
         if not found:
             antennas.append(Antenna(math.radians(values["bearing_deg"]), values["clockwise"]))
     return tuple(antennas)
+
+
+def _biases(
+    given: Mapping[str, Any], radars: tuple[RadarModel, ...], faults: list[str]
+) -> tuple[RadarBias, ...]:
+    """Return every radar's systematic errors; empty if none are given; add faults to `faults`."""
+    known = [radar.name for radar in radars]
+    faults += [
+        f"biases.{name}: must be one of the radars, {', '.join(known)}"
+        for name in given
+        if name not in known
+    ]
+    if not given:
+        return ()
+    biases = []
+    for name in known:
+        found: list[str] = []
+        of_radar = mapping(given, name, found)
+        values = take(BIAS, of_radar, f"biases.{name}.", found, names_of(BIAS))
+        faults += found
+        biases.append(NO_BIAS if found else _bias(values))
+    return tuple(biases)
+
+
+def _bias(values: Mapping[str, Any]) -> RadarBias:
+    return RadarBias(
+        values["range_bias"],
+        values["range_gain"],
+        -math.radians(values["azimuth_bias_deg"]),
+        values["time_offset_s"],
+    )
 
 
 def _targets(document: Mapping[str, Any], faults: list[str]) -> list[Target]:

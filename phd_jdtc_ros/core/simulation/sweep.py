@@ -104,7 +104,14 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
             reports += reports_of(scenario, index, plots, layout, seed)
         else:
             reports += _still_reports(scenario, index, layout, rng, seed)
+    reports = [_biased(report, scenario) for report in reports]
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
+
+
+def _biased(report: Report, scenario: Scenario) -> Report:
+    """Return a report with the systematic errors of its radar."""
+    stamp_ns, found = scenario.bias(report.radar).added(report.stamp_ns, report.detections)
+    return report._replace(stamp_ns=stamp_ns, detections=found)
 
 
 def passes(

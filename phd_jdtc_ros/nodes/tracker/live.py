@@ -31,12 +31,13 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.pipeline import POSE_MISSING, Event, RunEnded, Stepped, new_pipeline
 from phd_jdtc_ros.core.poses import PoseFault
+from phd_jdtc_ros.core.registration.monitor import Drift, RegistrationMonitor
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.types import SMOOTHED
 
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.throttled import ThrottledWarnings
-from . import endpoints
+from . import endpoints, registration_health
 from .checkpoint import Checkpoints
 from .health import WARNING_MEMORY_S, InputHealth, OutputHealth, Rhythm, StepHealth
 from .load import Load
@@ -88,6 +89,9 @@ class LiveTracker:
         self._looked_s = self._judged_s = time.monotonic()
         self._warnings = ThrottledWarnings(node.get_logger(), WARNING_PERIOD_S)
         self._served = OutputHealth()
+        self._monitor: RegistrationMonitor | None = None
+        if settings.node["registration_monitor"] and len(config.inputs) > 1:
+            self._monitor = RegistrationMonitor(config.model.radars, nominal_s)
         self._active = False
         self._neutral: set[str] = set()
         self._cpu_s = 0.0
@@ -179,6 +183,8 @@ class LiveTracker:
         """Use changed settings from the next scan on; their structure must be the same."""
         self._settings = settings
         self._pipeline.engine.retune(settings.config.model, settings.config.rule)
+        if self._monitor is not None:
+            self._monitor.retune(settings.config.model.radars)
         self._outputs.show_markers(settings.node["publish_markers"])
 
     def flush(self) -> int:
@@ -214,6 +220,8 @@ class LiveTracker:
             self._checkpoints.resume(engine, stamp_ns)
 
     def _forget_run(self) -> None:
+        if self._monitor is not None:
+            self._monitor.forget_tracks()
         if self._checkpoints is not None:
             self._checkpoints.discard()
         self._outputs.forget()
@@ -360,6 +368,8 @@ class LiveTracker:
         for smoothed in step.smoothed:
             self._outputs.publish_estimates(SMOOTHED, smoothed)
         self._outputs.publish_detections(event.scan)
+        if self._monitor is not None:
+            self._monitor.stepped(event.scan, step.filtered)
         now = time.thread_time()
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
@@ -400,7 +410,7 @@ class LiveTracker:
         return frozenset(r.name for r in inputs if r.silent(self._judged_s, scans))
 
     def statuses(self) -> list[DiagnosticStatus]:
-        """Return a status for each input, one for the step time and one for the outputs."""
+        """Return a status for each input, step time, outputs and, if watched, registration."""
         now, name = time.monotonic(), self._node.get_fully_qualified_name()
         values = self._settings.node
         lost = sum(health.losses.by_overload(now) for health in self._inputs)
@@ -419,7 +429,11 @@ class LiveTracker:
             ),
             self._pace.status(name, values["step_time_limit"], lost, self._load.share(now)),
             self._served.status(name, now),
+            *(registration_health.status(drift, name) for drift in self._drifts()),
         ]
+
+    def _drifts(self) -> list[Drift]:
+        return [] if self._monitor is None else self._monitor.drifts()
 
     def summary(self) -> str:
         """Return the numbers of received, lost and dropped clouds as text."""

@@ -79,6 +79,12 @@ TABLE = (
         86400.0,
     ),
     Parameter(
+        "registration_monitor",
+        False,
+        "Watch whether radars agree: /diagnostics warns of one whose ranges or azimuths are off "
+        "the tracks that others see too. It changes no estimate.",
+    ),
+    Parameter(
         "path_length",
         100,
         "Number of positions of a track in ~/tracks/path and ~/tracks/geojson.",

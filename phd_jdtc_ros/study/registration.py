@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The study of registration: what is found of known errors, and what the tracker gains by it.
+
+The tracker is run on radars without errors, on those with errors, and on these with what was found
+removed; the noise is the same in all three. Its error is that of the estimates nearest to the
+targets, by assignment, within `CUTOFF`, at the end of each turn of the first radar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from phd_jdtc_ros.core.configuration.build import TrackerConfig, bias_parameters, resolve
+from phd_jdtc_ros.core.evaluation.metrics import assign
+from phd_jdtc_ros.core.registration.filtering import KINDS
+from phd_jdtc_ros.core.registration.result import Registration
+from phd_jdtc_ros.core.registration.sensors import sensor
+from phd_jdtc_ros.core.registration.solution import registered
+from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
+from phd_jdtc_ros.core.simulation.sweep import simulate_reports
+from phd_jdtc_ros.core.tuning.plots import plots_of
+from phd_jdtc_ros.core.types import SOURCES
+
+from . import turning
+
+# An estimate farther from its target than this is not its, metres.
+CUTOFF = 1000.0
+# Tracks are being started, seconds.
+SETTLING_S = 60.0
+# What is printed and judged of each kind of error: name, unit, scale, and the goal.
+ERRORS = (
+    ("range bias", "m", 1.0, 8.0),
+    ("range gain", "m/km", 1e3, None),
+    ("azimuth, clockwise", "deg", -float(np.degrees(1.0)), 0.02),
+    ("time offset", "s", 1.0, 0.05),
+)
+# Of the root mean square error to that with radars without errors.
+MOST_RATIO = 1.05
+UNBIASED, BIASED, CORRECTED = RUNS = "no errors", "with errors", "registered"
+
+
+class Row(NamedTuple):
+    """An error of a radar: true, found, and its deviation; NaN where it is not told."""
+
+    radar: str
+    error: str
+    unit: str
+    true: float
+    found: float
+    std: float
+
+
+def registration_of(scenario: Scenario, config: TrackerConfig, seed: int) -> Registration:
+    """Return what the plots of a seeded run say of the radars' errors.
+
+    Raises
+    ------
+    RegistrationError
+        If they say nothing.
+    """
+    reports = simulate_reports(scenario, config.inputs, seed)
+    sensors = []
+    for index, radar in enumerate(scenario.radars):
+        own = [(each.stamp_ns, each.detections) for each in reports if each.radar == index]
+        sensors.append(sensor(plots_of(own), radar, scenario.start_ns, moving=False))
+    return registered(sensors, scenario.radars[0].name)
+
+
+def rows_of(scenario: Scenario, found: Registration) -> list[Row]:
+    """Return every error of every radar, true and found."""
+    rows = []
+    for index, each in enumerate(found.radars):
+        true = scenario.bias(index)
+        for kind, std, (name, unit, scale, _) in zip(KINDS, each.std, ERRORS, strict=True):
+            values = (0.0 + scale * getattr(bias, kind) for bias in (true, each.bias))
+            rows.append(Row(each.name, name, unit, *values, abs(scale) * float(std)))
+    return rows
+
+
+def errors_of_tracks(
+    scenario: Scenario, parameters: Mapping[str, Any], found: Registration, seed: int
+) -> dict[str, dict[str, float]]:
+    """Return the tracker's root mean square error, metres, by run (`RUNS`) and source."""
+    given = {**parameters, "seed": seed}
+    plain = resolve(given)
+    corrections: dict[str, float] = {}
+    for layout, each in zip(plain.inputs, found.radars, strict=True):
+        corrections |= bias_parameters(layout, each.bias)
+    runs = (
+        (replace(scenario, biases=()), plain),
+        (scenario, plain),
+        (scenario, resolve({**given, **corrections})),
+    )
+    return {
+        name: _rms(scene, config, seed) for name, (scene, config) in zip(RUNS, runs, strict=True)
+    }
+
+
+def _rms(scenario: Scenario, config: TrackerConfig, seed: int) -> dict[str, float]:
+    found, _ = turning.estimates_of(scenario, config, seed)
+    ends = [end for end in turning.turn_ends(scenario) if end >= SETTLING_S]
+    truth = [truth_after(scenario, end) for end in ends]
+    oldest_s = turning.OLDEST_TURNS * scenario.radars[0].rotation_s
+    errors: dict[str, float] = {}
+    for source in SOURCES:
+        points = turning.at_stamps(found[source], [each.stamp_ns for each in truth], oldest_s)
+        squares = [np.zeros(0)]
+        for true, own in zip(truth, points, strict=True):
+            i, j = assign(true.position, own.position, CUTOFF)
+            squares.append(((true.position[i] - own.position[j]) ** 2).sum(axis=1))
+        errors[source] = float(np.sqrt(np.mean(np.concatenate(squares))))
+    return errors
+
+
+def goals_of(
+    rows: Sequence[Row], errors: Mapping[str, Mapping[str, float]]
+) -> list[dict[str, object]]:
+    """Return the goals as in a study's summary: the largest error of any radar, and the gain."""
+    figures = []
+    for name, unit, _, bound in ERRORS:
+        if bound is None:
+            continue
+        off = [abs(row.found - row.true) for row in rows if row.error == name]
+        figures.append((f"registration: {name}, {unit}", max(off), bound))
+    for source in SOURCES:
+        ratio = errors[CORRECTED][source] / errors[UNBIASED][source]
+        figures.append((f"registration: RMS {source}, to no errors", ratio, MOST_RATIO))
+    return [
+        {
+            "name": name,
+            "value": value,
+            "goal": bound,
+            "at_most": True,
+            "reached": bool(value <= bound),
+        }
+        for name, value, bound in figures
+    ]

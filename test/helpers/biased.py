@@ -1,0 +1,42 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Radars with systematic errors: the study's scenario, smaller."""
+
+from pathlib import Path
+
+from phd_jdtc_ros import yaml_files
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.registration.sensors import sensor
+from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros.core.simulation.sweep import simulate_reports
+from phd_jdtc_ros.core.tuning.plots import plots_of
+from phd_jdtc_ros.tools import params_file
+
+ROOT = Path(__file__).parents[2]
+MINUTES, AIRCRAFT = 4, 15
+
+
+def document(**changes):
+    """Return the scenario of three radars around an area, with some minutes and aircraft."""
+    found = yaml_files.load(ROOT / "config" / "scenarios" / "three_biased_radars.yaml")
+    found["scans"] = 60 * MINUTES + 1
+    found["traffic"]["aircraft"] = AIRCRAFT
+    return {**found, **changes}
+
+
+def scene(given, **parameters):
+    """Return the configuration and the scenario of a document."""
+    config = resolve({**params_file.scenario_parameters(given), **parameters})
+    return config, scenario_file.resolve(given, config.model.radars)
+
+
+def sensors(given, seed, **parameters):
+    """Return the radars of a run with their tracks."""
+    config, scenario = scene(given, **parameters)
+    reports = simulate_reports(scenario, config.inputs, seed)
+    found = []
+    for index, radar in enumerate(config.model.radars):
+        own = [(each.stamp_ns, each.detections) for each in reports if each.radar == index]
+        found.append(sensor(plots_of(own), radar, scenario.start_ns, False))
+    return found

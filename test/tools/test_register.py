@@ -1,0 +1,187 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The command that finds the systematic errors of radars in a recording."""
+
+import struct
+
+import biased
+import pytest
+import yaml
+
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.tools import params_file, tracker_params
+
+
+def register(*arguments):
+    return run("register", [str(argument) for argument in arguments])
+
+
+def simulated(directory, document, seed=5):
+    """Simulate a scenario into a bag."""
+    file = directory / "scenario.yaml"
+    file.write_text(yaml.safe_dump(document))
+    bag = directory / "bag"
+    assert run("simulate", ["--scenario", str(file), "--out", str(bag), "--seed", str(seed)]) == 0
+    return bag
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    return simulated(tmp_path_factory.mktemp("biased"), biased.document())
+
+
+@pytest.fixture(scope="module")
+def registered(bag, tmp_path_factory):
+    """Return the file that was written, and what is printed."""
+    out = tmp_path_factory.mktemp("registered") / "found.yaml"
+    assert register(bag, "--out", out) == 0
+    return out
+
+
+@pytest.fixture
+def changed(bag, tmp_path):
+    """Return a function that writes the bag's parameters with changes."""
+
+    def write(**changes):
+        given = {**params_file.load(bag / "parameters.yaml"), **changes}
+        left_out = {"west", "east", "south"}.difference(given["radars"])
+        given = {k: v for k, v in given.items() if k.partition(".")[0] not in left_out}
+        file = tmp_path / "changed.yaml"
+        file.write_text(yaml.safe_dump({"/**/tracker": {"ros__parameters": given}}))
+        return file
+
+    return write
+
+
+def test_register_writes_a_file_with_which_the_tracker_removes_the_errors(bag, registered):
+    before = tracker_params.config(params_file.load(bag / "parameters.yaml"))
+    after = tracker_params.config(params_file.load(registered))
+    found = {name for name, value in after.values.items() if before.values[name] != value}
+    kinds = ("range_bias", "range_gain", "azimuth_bias_deg", "time_offset_s")
+    assert found <= {f"{radar}.{kind}" for radar in ("west", "east", "south") for kind in kinds}
+    assert "west.time_offset_s" not in found
+    east = [after.values[f"east.{kind}"] for kind in kinds]
+    assert east[0] == pytest.approx(80.0, abs=32.0)
+    assert east[1] == pytest.approx(0.0, abs=5e-4)
+    assert east[2] == pytest.approx(0.3, abs=0.04)
+    assert east[3] == pytest.approx(0.5, abs=0.15)
+    (line,) = [row for row in registered.read_text().splitlines() if "azimuth_bias_deg: 0.3" in row
+               or "azimuth_bias_deg: 0.2" in row]  # fmt: skip
+    assert "# +-0.0" in line
+    assert "common tracks" in line
+
+
+def test_register_draws_the_residuals_beside_its_file(registered):
+    data = registered.with_suffix(".png").read_bytes()
+    assert data.startswith(b"\x89PNG")
+    width, height = struct.unpack(">II", data[16:24])
+    assert width >= 1200
+    assert height >= 700
+
+
+def test_register_finds_nothing_more_once_its_file_is_used(bag, registered, tmp_path, capsys):
+    again = tmp_path / "again.yaml"
+    assert register(bag, "--params", registered, "--out", again, "--reference", "west") == 0
+    first, second = (params_file.load(path) for path in (registered, again))
+    assert second["east.azimuth_bias_deg"] == pytest.approx(
+        first["east.azimuth_bias_deg"], abs=0.005
+    )
+    assert second["east.range_bias"] == pytest.approx(first["east.range_bias"], abs=4.0)
+    assert second["east.time_offset_s"] == pytest.approx(first["east.time_offset_s"], abs=0.02)
+    said = capsys.readouterr().out
+    assert "Not to be seen where it is common to all radars: a time offset" in said
+    assert "residuals of plots" in said
+
+
+def test_register_without_out_writes_nothing(bag, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    assert register(bag, "--seconds", "150") == 0
+    said = capsys.readouterr().out
+    assert "nothing is written without --out FILE" in said
+    assert "the reference: taken to be right" in said
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_register_overwrites_nothing(bag, tmp_path, capsys):
+    out, drawn = tmp_path / "mine.yaml", tmp_path / "other.png"
+    out.write_text("mine")
+    drawn.write_text("mine too")
+    assert register(bag, "--out", out) == 2
+    assert register(bag, "--out", tmp_path / "other.yaml") == 2
+    assert capsys.readouterr().err.count("already exists") == 2
+    assert (out.read_text(), drawn.read_text()) == ("mine", "mine too")
+
+
+@pytest.mark.parametrize(
+    ("changes", "arguments", "reason"),
+    [
+        ({"radars": ["west"]}, (), "west alone given, must be at least two to compare"),
+        ({"east.fields.time": ""}, (), "have no times of their own: must have them (fields.time)"),
+        ({"east.position": [9e5, 0.0]}, (), "no common targets: east has"),
+        ({"east.topic": "/nowhere"}, (), "/nowhere"),
+        ({"east.range_bais": 3.0}, (), "east.range_bais: unknown parameter"),
+        ({"east.range_std": 0.01, "east.azimuth_std_deg": 1e-5}, (), "range_std and azimuth_std"),
+        ({}, ("--reference", "north"), "north given, must be one of west, east, south"),
+        ({}, ("--seconds", "25"), "must be"),
+        ({}, ("--seconds", "soon"), "soon given, must be at least 1 s"),
+    ],
+    ids=lambda value: str(value)[:40],
+)
+def test_register_says_what_is_wrong_and_what_is_allowed(
+    bag, changed, changes, arguments, reason, capsys
+):
+    try:
+        status = register(bag, "--params", changed(**changes), *arguments)
+    except SystemExit as stopped:  # of argparse
+        status = stopped.code
+    assert status == 2
+    said = capsys.readouterr().err
+    assert reason in said
+    assert "Traceback" not in said
+
+
+def test_register_names_a_silent_radar(bag, tmp_path, capsys):
+    source, kept = BagReader(bag), tmp_path / "kept"
+    with BagWriter(kept) as written:
+        for topic, kind in source.types.items():
+            written.add_topic(Topic(topic, kind))
+        for entry in source.messages(list(source.types)):
+            if entry.topic != "/south/detections":
+                written.write(entry.topic, entry.data, entry.log_time_ns)
+    params = bag / "parameters.yaml"
+    assert register(kept) == 2
+    assert register(kept, "--params", params) == 2
+    said = capsys.readouterr().err
+    assert "give a parameter file as --params" in said
+    assert "south: silent, no detections on /south/detections; must have some" in said
+
+
+def test_register_refuses_what_targets_on_one_line_do_not_tell(tmp_path, capsys):
+    # All of them fly along the line through both radars, as fast as each other.
+    document = biased.document(biases={})
+    document["parameters"]["radars"] = ["west", "east"]
+    for name in ("west", "east"):
+        document["parameters"][name]["position"] = [-3e4 if name == "west" else 3e4, 0.0]
+    del document["parameters"]["south"], document["traffic"]
+    document["targets"] = [
+        {
+            "class_id": 0,
+            "position": [-25e3 + 9e3 * k, 0.0],
+            "velocity": [60.0, 0.0],
+            "legs": [{"duration_s": 240.0}],
+        }
+        for k in range(3)
+    ]
+    out = tmp_path / "found.yaml"
+    assert register(simulated(tmp_path, document), "--out", out) == 0
+    said = capsys.readouterr().out
+    assert "range_gain, time_offset_s not told: 3 common tracks with" in said
+    assert "all on one line" in said
+    assert "a time offset, a range gain, a range bias; west is taken to be right there" in said
+    # Nothing is written of them.
+    written = params_file.load(out)
+    assert "east.azimuth_bias_deg" in written
+    assert not {"east.range_gain", "east.time_offset_s", "west.range_bias"} & written.keys()
