@@ -16,6 +16,7 @@ EXECUTABLES = (
     "report",
     "monte_carlo",
     "madap",
+    "seam",
     "autoferry",
     "demo",
 )

@@ -31,6 +31,7 @@ EXECUTABLES = {
         "many seeded runs to tables, figures and a summary",
     ),
     "madap": ("phd_jdtc_ros.tools.madap", "the MADAP benchmark of multi-radar trackers"),
+    "seam": ("phd_jdtc_ros.tools.seam", "what is lost where two trackers part an area"),
     "autoferry": ("phd_jdtc_ros.tools.autoferry", "the Autoferry dataset: bags and figures"),
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
@@ -118,6 +119,7 @@ tune = partial(run, "tune")
 report = partial(run, "report")
 monte_carlo = partial(run, "monte_carlo")
 madap = partial(run, "madap")
+seam = partial(run, "seam")
 autoferry = partial(run, "autoferry")
 demo = partial(run, "demo")
 

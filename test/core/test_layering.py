@@ -46,6 +46,8 @@ ROOMS = {
     "turn_history": ("scans", "turns", "types"),
     "late_reports": ("engine", "scans", "types"),
     "renumbering": ("arrays", "origins", "reporting", "types"),
+    "region": ("arrays", "models", "reporting", "types"),
+    "handover": ("arrays", "region", "renumbering", "reporting", "types"),
     "watch": ("arrays", "engine", "sectors", "types"),
     "association": (*BASE, *KERNELS),
     "pair_search": (*BASE, *KERNELS),
@@ -76,14 +78,14 @@ ROOMS = {
     "configuration": (
         *(*BASE, "attributes"),
         *("confirmation", "engine", "models", "poses", "quoting", "reporting", "scans", "smc"),
-        *("ellipsoid", "site", "turns", "watch"),
+        *("ellipsoid", "region", "site", "turns", "watch"),
     ),
     "simulation": (*BASE, "configuration", "models", "site", "sited_plots"),
     "tuning": (*BASE, "configuration", "models", "sectors"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (
         *("configuration", "engine", "engines", "late_reports", "posed_reports", "poses", "scans"),
-        *("turn_history", "turns", "types", "watch"),
+        *("models", "region", "turn_history", "turns", "types", "watch"),
     ),
 }
 # What each part of the project may import of the others.
