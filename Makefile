@@ -86,6 +86,7 @@ study: $(VENV)/.ready-study
 	@$(RUN) -m phd_jdtc_ros monte_carlo --runs $(RUNS)
 	@$(RUN) -m phd_jdtc_ros madap
 	@$(RUN) -m phd_jdtc_ros registration
+	@$(RUN) -m phd_jdtc_ros seam
 
 bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)

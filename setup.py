@@ -19,6 +19,7 @@ EXECUTABLES = (
     "monte_carlo",
     "madap",
     "registration",
+    "seam",
     "autoferry",
     "demo",
 )

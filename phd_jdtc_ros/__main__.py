@@ -43,6 +43,7 @@ EXECUTABLES = {
         "phd_jdtc_ros.tools.registration",
         "the study of registration: three radars, one with errors",
     ),
+    "seam": ("phd_jdtc_ros.tools.seam", "what is lost where two trackers part an area"),
     "autoferry": ("phd_jdtc_ros.tools.autoferry", "the Autoferry dataset: bags and figures"),
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
@@ -139,6 +140,7 @@ report = partial(run, "report")
 monte_carlo = partial(run, "monte_carlo")
 madap = partial(run, "madap")
 registration = partial(run, "registration")
+seam = partial(run, "seam")
 autoferry = partial(run, "autoferry")
 demo = partial(run, "demo")
 

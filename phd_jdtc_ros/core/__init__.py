@@ -35,7 +35,8 @@ What engines are built from knows no particles, only rows, each of one origin::
 plane that targets are tracked in.
 
 `engine` is the interface of all engines, and `engines` creates one by its name. `configuration`
-turns parameters into models and settings. `simulation` makes scans with known truth, and
+turns parameters into models and settings. `region` is the part of an area that a tracker is for,
+and `handover` joins the estimates of several. `simulation` makes scans with known truth, and
 `evaluation` compares estimates with it.
 
 Packages import in one direction only::

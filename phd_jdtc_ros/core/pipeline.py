@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TypeAlias
 
@@ -22,8 +22,10 @@ from .configuration.build import TrackerConfig
 from .engine import Engine, Step
 from .engines import new_engine
 from .late_reports import LATE_REPORTS, Dropped, LateReports
+from .models.radar import RadarModel
 from .posed_reports import PosedReports
 from .poses import Platform, PoseFault
+from .region import Everywhere, Region, within
 from .scans import Rejection, Reset, ScanGrouper
 from .turn_history import Recut, TurnHistory
 from .turns import Turns
@@ -68,6 +70,7 @@ class RunEnded:
 POSE_MISSING = "pose_missing"
 # Of what is counted as bridged: reports, or parts of turns, of closed scans that were worked in.
 LATE_REWORKED = "late_reworked"
+EVERYWHERE = Everywhere()
 
 Event: TypeAlias = "Stepped | RunEnded"
 
@@ -102,6 +105,10 @@ class Pipeline:
         What becomes of reports of closed scans, with the same engine; None to drop them.
     histories : mapping of int to TurnHistory
         Of the radars whose late reports are cut in their places, by index; with their `turns`.
+    region : Region or Everywhere
+        What is taken in and reported.
+    radars : sequence of RadarModel
+        In the configured order; needed with a region.
     """
 
     def __init__(
@@ -115,6 +122,8 @@ class Pipeline:
         platforms: Sequence[Platform | None] = (),
         late: LateReports | None = None,
         histories: Mapping[int, TurnHistory] = MappingProxyType({}),
+        region: Region | Everywhere = EVERYWHERE,
+        radars: Sequence[RadarModel] = (),
     ) -> None:
         self.engine = engine
         self._turns = tuple(turns) or tuple(Turns() for _ in range(grouper.radars))
@@ -123,6 +132,7 @@ class Pipeline:
         self._grouper = grouper
         self._late = late or Dropped(engine, grouper.radars)
         self._histories = histories
+        self._region, self._radars = region, tuple(radars)
         self._posed = PosedReports(platforms)
         self._drops: list[Counter[str]] = [Counter() for _ in range(grouper.radars)]
         self._begin = begin
@@ -185,6 +195,7 @@ class Pipeline:
         self, radar: int, stamp_ns: int, detections: Detections
     ) -> list[Scan | Reset] | Rejection:
         """Put a report, or a part of one, in its scan; return what that closes."""
+        detections = self._inside(radar, detections)
         found = self._grouper.add(radar, stamp_ns, detections)
         if found is not Rejection.LATE:
             return found
@@ -219,9 +230,16 @@ class Pipeline:
 
     def _replace(self, radar: int, recut: Recut, since_ns: int, closed_ns: int) -> None:
         """Put parts of turns in their scans, in place of those that were cut without the late."""
-        self._grouper.replace(radar, recut.stamps_ns, recut.pieces)
-        inside = [piece for piece in recut.pieces if since_ns < piece[0] <= closed_ns]
-        self._late.place(radar, recut.stamps_ns, inside)
+        pieces = [(stamp_ns, self._inside(radar, piece)) for stamp_ns, piece in recut.pieces]
+        self._grouper.replace(radar, recut.stamps_ns, pieces)
+        closed = [piece for piece in pieces if since_ns < piece[0] <= closed_ns]
+        self._late.place(radar, recut.stamps_ns, closed)
+
+    def _inside(self, radar: int, detections: Detections) -> Detections:
+        """Return the detections of a radar that are in the region."""
+        if isinstance(self._region, Everywhere):
+            return detections
+        return self._region.seen(detections, self._radars[radar])
 
     def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:
         """Add a pose of what carries a radar.
@@ -307,12 +325,19 @@ class Pipeline:
             if not self._begun:
                 self._begin(self.engine, event.stamp_ns)
                 self._begun = True
-            step = self._late.step(event)
+            step = self._reported(self._late.step(event))
             since_ns = self._late.since_ns()
             for history in self._histories.values():
                 history.forget_before(event.stamp_ns if since_ns is None else since_ns)
             overdue = self._results.stepped(event, step)
             yield Stepped(event, step, self._results.scans if overdue else 0)
+
+    def _reported(self, step: Step) -> Step:
+        """Return a step with the estimates in the region."""
+        if isinstance(self._region, Everywhere):
+            return step
+        filtered, smoothed = (within(self._region, own) for own in (step.filtered, step.smoothed))
+        return replace(step, filtered=filtered, smoothed=smoothed)
 
     def _end(self, reset: Reset | None) -> RunEnded:
         """End the run; after a jump ahead, no track number is used a second time."""
@@ -321,7 +346,7 @@ class Pipeline:
         rest = self.engine.interrupt() if ahead else self.engine.flush()
         self._late.forget()
         self._begun = False
-        return RunEnded(reset, (*due, *rest))
+        return RunEnded(reset, within(self._region, (*due, *rest)))
 
 
 def new_pipeline(
@@ -342,4 +367,6 @@ def new_pipeline(
         platforms,
         LATE_REPORTS[config.late_reports](engine, len(turns)),
         histories,
+        config.region or EVERYWHERE,
+        config.model.radars,
     )

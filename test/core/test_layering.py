@@ -47,6 +47,8 @@ ROOMS = {
     "turn_history": ("scans", "turns", "types"),
     "late_reports": ("engine", "scans", "types"),
     "renumbering": ("arrays", "origins", "reporting", "types"),
+    "region": ("arrays", "models", "reporting", "types"),
+    "handover": ("arrays", "region", "renumbering", "reporting", "types"),
     "watch": ("arrays", "engine", "sectors", "types"),
     "association": (*BASE, *KERNELS),
     "pair_search": (*BASE, *KERNELS),
@@ -77,7 +79,7 @@ ROOMS = {
     "configuration": (
         *(*BASE, "attributes"),
         *("biases", "confirmation", "engine", "models", "poses", "quoting", "reporting", "scans"),
-        *("ellipsoid", "site", "smc", "turns", "watch"),
+        *("ellipsoid", "region", "site", "smc", "turns", "watch"),
     ),
     "simulation": (*BASE, "biases", "configuration", "models", "site", "sited_plots"),
     "tuning": (*BASE, "configuration", "models", "sectors"),
@@ -85,7 +87,7 @@ ROOMS = {
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (
         *("configuration", "engine", "engines", "late_reports", "posed_reports", "poses", "scans"),
-        *("turn_history", "turns", "types", "watch"),
+        *("models", "region", "turn_history", "turns", "types", "watch"),
     ),
 }
 # What each part of the project may import of the others.

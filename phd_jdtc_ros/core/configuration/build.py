@@ -38,6 +38,7 @@ from ..models.spawn import SpawnModel
 from ..models.tracker_model import TrackerModel
 from ..models.visibility import TURN_TOLERANCE, Visibility
 from ..poses import Mount, Platform, PoseTrack
+from ..region import Region
 from ..reporting import Schedule
 from ..scans import ScanGrouper
 from ..site import Plane, Site
@@ -86,6 +87,8 @@ class TrackerConfig:
         The map of the earth that the world frame is; None if it is a plane anywhere.
     late_reports : str
         One of `late_reports.LATE_REPORTS`.
+    region : Region or None
+        What is taken in and reported; None for everything.
     """
 
     values: dict[str, Any]
@@ -102,6 +105,7 @@ class TrackerConfig:
     reorder_s: float = 0.0
     plane: Plane | None = None
     late_reports: str = "drop"
+    region: Region | None = None
 
     @property
     def reset_threshold_s(self) -> float:
@@ -252,6 +256,7 @@ def _build(values: dict[str, Any], plane: Plane | None) -> TrackerConfig:
         reorder_s=values["reorder_s"],
         plane=plane,
         late_reports=values["late_reports"],
+        region=_region(values),
     )
 
 
@@ -260,6 +265,13 @@ def _site(values: Mapping[str, Any], name: str, plane: Plane | None) -> Site | N
     if plane is None or not geodetic:
         return None
     return Site(tuple(geodetic), plane, math.radians(values[f"{name}.yaw_deg"]))
+
+
+def _region(values: Mapping[str, Any]) -> Region | None:
+    if not values["region"]:
+        return None
+    x_min, y_min, x_max, y_max = values["region"]
+    return Region(x_min, y_min, x_max, y_max, values["region_margin"])
 
 
 def _slowest_s(values: Mapping[str, Any]) -> float:

@@ -101,10 +101,28 @@ def _check_spawn(values: Mapping[str, Any]) -> list[str]:
     return faults
 
 
+def _region_faults(values: Mapping[str, Any]) -> list[str]:
+    region = values["region"]
+    if not region:
+        return []
+    if len(region) != 4 or not (region[0] < region[2] and region[1] < region[3]):
+        return [
+            f"region: {region} given, must be empty or [x_min, y_min, x_max, y_max] with the "
+            "third above the first and the fourth above the second"
+        ]
+    return [
+        f"{name}.clutter_rate: {values[f'{name}.clutter_rate']} given with a region, must be a "
+        "number: the rate is that of the radar's whole field, of which a part is taken in"
+        for name in values["radars"]
+        if isinstance(values[f"{name}.clutter_rate"], str)
+    ]
+
+
 def _check_rest(values: Mapping[str, Any]) -> list[str]:
     faults = []
     if values["late_reports"] == "rework" and not (values["lag"] or values["lag_s"]):
         faults.append("late_reports: 'rework' given with lag 0, needs a lag or lag_s above 0")
+    faults += _region_faults(values)
     for name in ("particles_per_birth", "detection_births.particles"):
         count = values[name]
         if count & (count - 1):

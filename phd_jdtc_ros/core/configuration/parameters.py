@@ -95,6 +95,23 @@ TOP = (
         choices=("drop", "rework"),
     ),
     Parameter(
+        "region",
+        [],
+        "What the tracker is for where several part an area: [x_min, y_min, x_max, y_max] in the "
+        "world frame, m. What is farther from it than region_margin is neither taken in nor "
+        "reported. Empty for everything.",
+        -1e6,
+        1e6,
+    ),
+    Parameter(
+        "region_margin",
+        0.0,
+        "How far a tracker's region extends beyond region on each side, m: the overlap with its "
+        "neighbours, in which tracks are handed over.",
+        0.0,
+        1e6,
+    ),
+    Parameter(
         "estimates_period_s",
         0.0,
         "Time between estimates, s: all targets are predicted to one stamp. 0: estimates with "

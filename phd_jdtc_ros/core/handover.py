@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One picture of several trackers that part an area, with numbers that stay at the seams.
+
+Where margins overlap, two trackers have a track of one target. Such tracks are found by their
+positions, stamp by stamp, and get one number. One of the trackers owns it: that in whose core
+region the target is. It owns it until the target is well inside another's, so that it does not
+change over to and fro along a seam.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from .arrays import FloatArray
+from .region import Region
+from .renumbering import matched
+from .reporting import chosen, joined
+from .types import Estimates
+
+# Tracks are of one target once they have been near each other for so many stamps in a row, and no
+# longer once they have been apart for so many.
+TOGETHER, APART = 2, 3
+
+# A tracker, by its index, and its number of a track.
+Track = tuple[int, int]
+
+
+@dataclass
+class Handover:
+    """Joins the estimates of several trackers, stamp by stamp.
+
+    Parameters
+    ----------
+    regions : sequence of Region
+        One per tracker; their core regions should not overlap, and their margins should.
+    hysteresis : float
+        How far a target must be inside another tracker's core region to change over, metres; less
+        than the margins.
+    """
+
+    regions: Sequence[Region]
+    hysteresis: float
+    # The number in the joint picture, of each track and of what it is one with.
+    _number: dict[Track, int] = field(init=False, default_factory=dict)
+    _owner: dict[int, int] = field(init=False, default_factory=dict)
+    # Stamps in a row: positive together, negative apart.
+    _together: dict[tuple[Track, Track], int] = field(init=False, default_factory=dict)
+    _count: int = field(init=False, default=0)
+
+    def add(self, found: Sequence[Estimates]) -> Estimates:
+        """Return the joint estimates of a stamp.
+
+        Parameters
+        ----------
+        found : sequence of Estimates
+            One per tracker, all of one stamp; stamps must increase.
+
+        Returns
+        -------
+        Estimates
+            With numbers that are given here, in the order in which targets are first reported.
+        """
+        self._pair(found)
+        rows: dict[int, dict[int, int]] = {}
+        for tracker, estimates in enumerate(found):
+            for row, number in enumerate(estimates.track_id.tolist()):
+                joint = self._number.get((tracker, number))
+                if joint is None and self._is_ours(tracker, estimates.position[row]):
+                    joint = self._begin((tracker, number))
+                if joint is not None:
+                    rows.setdefault(joint, {})[tracker] = row
+        parts: list[list[tuple[int, int]]] = [[] for _ in found]
+        for joint, by_tracker in rows.items():
+            owner = self._owned(joint, by_tracker, found)
+            parts[owner].append((by_tracker[owner], joint))
+        self._forget(found)
+        return _joint(found, parts)
+
+    def _is_ours(self, tracker: int, position: FloatArray) -> bool:
+        return bool(self.regions[tracker].depth(position[None])[0] >= 0.0)
+
+    def _begin(self, track: Track) -> int:
+        self._count += 1
+        self._number[track] = self._count
+        return self._count
+
+    def _pair(self, found: Sequence[Estimates]) -> None:
+        """Find which tracks of neighbours are of one target, and give them one number."""
+        near: set[tuple[Track, Track]] = set()
+        for one, other in combinations(range(len(found)), 2):
+            for row, column in zip(*matched(found[one], found[other]), strict=True):
+                mine = one, int(found[one].track_id[row])
+                theirs = other, int(found[other].track_id[column])
+                near.add((mine, theirs))
+        for pair in near:
+            self._together[pair] = max(self._together.get(pair, 0), 0) + 1
+            if self._together[pair] >= TOGETHER:
+                self._join(*pair)
+        for pair in self._together.keys() - near:
+            self._together[pair] = min(self._together[pair], 0) - 1
+            if self._together[pair] <= -APART:
+                self._part(*pair)
+                del self._together[pair]
+
+    def _join(self, mine: Track, theirs: Track) -> None:
+        """Give two tracks the older one of their numbers."""
+        known = [self._number[track] for track in (mine, theirs) if track in self._number]
+        if not known:
+            return
+        self._number[mine] = self._number[theirs] = min(known)
+
+    def _part(self, mine: Track, theirs: Track) -> None:
+        """Leave the number to its owner once two tracks are no longer of one target."""
+        joint = self._number.get(mine)
+        if joint is None or joint != self._number.get(theirs):
+            return
+        lost = theirs if self._owner.get(joint, mine[0]) == mine[0] else mine
+        del self._number[lost]
+
+    def _owned(self, joint: int, by_tracker: Mapping[int, int], found: Sequence[Estimates]) -> int:
+        """Return which tracker's estimate is reported."""
+        owner = self._owner.get(joint)
+        if owner is None or owner not in by_tracker:
+            depth = {k: self._depth(k, k, row, found) for k, row in by_tracker.items()}
+            owner = max(depth, key=lambda k: depth[k])
+        for tracker, row in by_tracker.items():
+            if self._depth(tracker, tracker, row, found) > self.hysteresis:
+                owner = tracker
+        self._owner[joint] = owner
+        return owner
+
+    def _depth(self, region: int, tracker: int, row: int, found: Sequence[Estimates]) -> float:
+        return float(self.regions[region].depth(found[tracker].position[row][None])[0])
+
+    def _forget(self, found: Sequence[Estimates]) -> None:
+        """Forget tracks that are no longer there; a tracker does not use a number twice."""
+        there = {
+            (tracker, number)
+            for tracker, estimates in enumerate(found)
+            for number in estimates.track_id.tolist()
+        }
+        self._number = {track: joint for track, joint in self._number.items() if track in there}
+        alive = set(self._number.values())
+        self._owner = {joint: owner for joint, owner in self._owner.items() if joint in alive}
+        self._together = {
+            pair: count for pair, count in self._together.items() if there.issuperset(pair)
+        }
+
+
+def _joint(found: Sequence[Estimates], parts: Sequence[Sequence[tuple[int, int]]]) -> Estimates:
+    """Return rows of several trackers' estimates as one, with joint numbers."""
+    own = []
+    for estimates, rows in zip(found, parts, strict=True):
+        index = np.array([row for row, _ in rows], dtype=np.int64)
+        number = np.array([joint for _, joint in rows], dtype=np.int64)
+        own.append(replace(chosen(estimates, index), track_id=number))
+    return joined(own, found[0].lag)[0]

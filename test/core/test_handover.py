@@ -1,0 +1,119 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+
+from phd_jdtc_ros.core.handover import APART, TOGETHER, Handover
+from phd_jdtc_ros.core.region import Region
+from phd_jdtc_ros.core.types import Estimates
+
+# Parted at x = 0, with an overlap of 10 km on each side.
+REGIONS = (
+    Region(-100e3, -100e3, 0.0, 100e3, 10e3),
+    Region(0.0, -100e3, 100e3, 100e3, 10e3),
+)
+HYSTERESIS = 2e3
+
+
+def estimates(stamp, tracks, std=50.0):
+    """Return estimates of tracks by number, each (x, y)."""
+    count = len(tracks)
+    state = np.zeros((count, 5))
+    state[:, [0, 2]] = np.array(list(tracks.values())).reshape(-1, 2)
+    covariance = np.tile(np.diag([std**2, 1.0, std**2, 1.0, 1e-6]), (count, 1, 1))
+    return Estimates(
+        stamp_ns=stamp * 10**9,
+        lag=0,
+        state=state,
+        covariance=covariance,
+        weight=np.ones(count),
+        class_probability=np.ones((count, 1)),
+        class_id=np.zeros(count, dtype=int),
+        track_id=np.array(list(tracks), dtype=int),
+    )
+
+
+def joined(handover, stamp, west, east):
+    """Return the joint tracks of a stamp: x by number."""
+    found = handover.add([estimates(stamp, west), estimates(stamp, east)])
+    assert found.stamp_ns == stamp * 10**9
+    return dict(zip(found.track_id.tolist(), found.position[:, 0].tolist(), strict=True))
+
+
+def crossing(first, last, step, handover, east_number=7, offset=30.0, y=0.0):
+    """Return what is reported while a target flies from one x to another; both may see it."""
+    seen = []
+    for stamp, x in enumerate(np.arange(first, last, step)):
+        west = {3: (x, y)} if x < 10e3 else {}
+        east = {east_number: (x + offset, y)} if x > -8e3 else {}
+        seen.append(joined(handover, stamp, west, east))
+    return seen
+
+
+def test_a_target_that_crosses_keeps_its_number_and_is_reported_once():
+    seen = crossing(-15e3, 20e3, 1e3, Handover(REGIONS, HYSTERESIS))
+    assert [list(tracks) for tracks in seen] == [[1]] * len(seen)
+
+
+def test_it_changes_over_behind_the_seam_by_the_hysteresis():
+    seen = crossing(-15e3, 20e3, 1e3, Handover(REGIONS, HYSTERESIS))
+    x = np.arange(-15e3, 20e3, 1e3)
+    of_east = [tracks[1] != place for tracks, place in zip(seen, x, strict=True)]
+    assert x[of_east.index(True)] == HYSTERESIS
+    assert all(of_east[of_east.index(True) :])
+
+
+def test_along_the_seam_it_does_not_change_over_to_and_fro():
+    handover, owners = Handover(REGIONS, HYSTERESIS), set()
+    for stamp in range(20):
+        x = 1e3 * (-1) ** stamp
+        tracks = joined(handover, stamp, {3: (x, 0.0)}, {7: (x + 30.0, 0.0)})
+        assert list(tracks) == [1]
+        owners.add(tracks[1] == x)
+    assert len(owners) == 1
+
+
+def test_two_targets_near_each_other_keep_their_numbers():
+    handover = Handover(REGIONS, HYSTERESIS)
+    numbers = []
+    for stamp, x in enumerate(np.arange(-12e3, 14e3, 1e3)):
+        west = {3: (x, 0.0), 4: (x, 400.0)} if x < 10e3 else {}
+        east = {8: (x + 30.0, 400.0), 9: (x - 30.0, 0.0)} if x > -8e3 else {}
+        found = handover.add([estimates(stamp, west), estimates(stamp, east)])
+        order = np.argsort(found.position[:, 1])
+        numbers.append(found.track_id[order].tolist())
+    assert numbers == [[1, 2]] * len(numbers)
+
+
+def test_what_only_the_neighbour_of_its_place_has_is_not_reported_until_it_has_a_number():
+    handover = Handover(REGIONS, HYSTERESIS)
+    # A new track in the margin of the western tracker: its place is the eastern one's.
+    assert joined(handover, 0, {3: (4e3, 0.0)}, {}) == {}
+    assert list(joined(handover, 1, {3: (4e3, 0.0)}, {7: (4e3, 0.0)})) == [1]
+
+
+def test_what_the_owner_loses_is_reported_by_the_other_that_has_it():
+    handover = Handover(REGIONS, HYSTERESIS)
+    for stamp in range(TOGETHER):
+        joined(handover, stamp, {3: (-1e3, 0.0)}, {7: (-1e3, 0.0)})
+    assert list(joined(handover, 5, {}, {7: (-500.0, 0.0)})) == [1]
+
+
+def test_tracks_that_part_are_two_targets_again():
+    handover = Handover(REGIONS, HYSTERESIS)
+    for stamp in range(4):
+        assert list(joined(handover, stamp, {3: (-1e3, 0.0)}, {7: (-1e3, 0.0)})) == [1]
+    for stamp in range(4, 4 + APART + 1):
+        away = 2e3 * (stamp - 3)
+        tracks = joined(handover, stamp, {3: (-1e3, 0.0)}, {7: (-1e3, away)})
+    # The eastern one is in the western region, whose tracker does not have it.
+    assert list(tracks) == [1]
+    tracks = joined(handover, 20, {3: (-1e3, 0.0)}, {7: (500.0, 9e3)})
+    assert tracks == {1: -1e3, 2: 500.0}
+
+
+def test_a_number_is_not_used_for_another_target():
+    handover = Handover(REGIONS, HYSTERESIS)
+    assert list(joined(handover, 0, {3: (-50e3, 0.0)}, {})) == [1]
+    assert joined(handover, 1, {}, {}) == {}
+    assert list(joined(handover, 2, {4: (-50e3, 0.0)}, {})) == [2]

@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import json
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.simulation.scenario import truth_after
+from phd_jdtc_ros.study import seam
+from phd_jdtc_ros.study.seam import CORE, JOINT, ONE, scene
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Four aircraft, for a minute."""
+    monkeypatch.setattr(seam, "CROSSING", 3)
+    monkeypatch.setattr(seam, "ALONG", 1)
+    monkeypatch.setattr(seam, "DURATION_S", 60.0)
+    monkeypatch.setattr(seam, "SETTLING_S", 20.0)
+
+
+def test_aircraft_cross_the_seam_in_both_directions():
+    scenario = scene(resolve({}), 0)
+    begin, end = (truth_after(scenario, s).position[:, 0] > seam.SEAM for s in (0.0, 179.0))
+    east, west = (~begin & end).sum(), (begin & ~end).sum()
+    assert min(east, west) >= 10
+    assert east + west >= seam.CROSSING
+    along = truth_after(scenario, 90.0).position[seam.CROSSING :, 0]
+    assert np.abs(along - seam.SEAM).max() <= 1e3
+
+
+def test_seam_prints_what_is_lost(few, tmp_path, capsys):
+    given = ["--seed", "5", "--out", str(tmp_path)]
+    assert run("seam", given) == 0
+    printed = capsys.readouterr().out
+    scores = json.loads((tmp_path / "seam.json").read_text())["scores"]
+    assert "two, handed over" in printed
+    assert scores[ONE]["missing"] == scores[ONE]["duplicated"] == 0.0
+    # Every aircraft that crosses has another number, unless it is handed over.
+    assert scores[CORE]["switches"] >= 3
+    assert scores[JOINT]["switches"] == 0
+    assert scores[JOINT]["duplicated"] == 0.0
+    assert scores[JOINT]["gospa"] < 1.05 * scores[ONE]["gospa"]
+
+
+def test_seam_refuses_a_seed_that_is_none(tmp_path, capsys):
+    assert run("seam", ["--seed", "-1", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.startswith("seam: --seed: -1 given, must be at least 0")
