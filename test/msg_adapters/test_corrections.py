@@ -82,3 +82,10 @@ def test_absurd_errors_are_refused_with_what_is_allowed():
     assert "mast.range_gain: -1.0 given, must be" in text
     assert "mast.time_offset_s: 1000.0 given, must be" in text
     assert "mast.azimuth_bias_deg: 'left' given, must be" in text
+
+
+def test_a_replay_in_lock_step_expects_older_answers_of_a_radar_whose_clock_is_late():
+    usual = resolve({"radars": ["mast"]}).answer_delay_s
+    late = resolve({"radars": ["mast"], "mast.time_offset_s": 0.75}).answer_delay_s
+    early = resolve({"radars": ["mast"], "mast.time_offset_s": -0.75}).answer_delay_s
+    assert (usual, late, early) == (0.0, 0.75, 0.0)

@@ -11,7 +11,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from live_radars import RELIABLE, SCANS
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, diagnostics, names
+from msg_adapters import (
+    detections,
+    detections_in_map,
+    diagnostics,
+    names,
+    point_cloud,
+    stamps,
+)
 from phd_jdtc_ros.core.biases import RadarBias
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
@@ -23,6 +30,7 @@ FEW = {"engine": "gaussian", "lag": 0}
 # Of the second radar; its noise is 300 m and 1 degree.
 ERROR = RadarBias(range_bias=1000.0)
 USED = 45
+WORLD = dict.fromkeys("xy", point_cloud.FLOATS)
 
 
 def drift(mean, sigma, count=LEAST, drifts=(False, False)):
@@ -114,3 +122,28 @@ def test_a_radar_that_is_off_is_warned_of_live_as_offline(processes, peer):
     values = diagnostics.values_of(status("radar_2"))
     assert float(values["range_residual_m"]) == pytest.approx(expected[1].mean[0], rel=1e-3)
     assert float(values["range_sigma_m"]) == pytest.approx(expected[1].sigma[0], rel=1e-3)
+
+
+@pytest.mark.live
+def test_corrections_are_made_live(processes, peer):
+    given = {**FEW, "radar_1.time_offset_s": 0.5, "radar_2.time_offset_s": 0.5}
+    given |= {"radar_1.range_bias": 1000.0, "radar_2.range_bias": 1000.0}
+    config = resolve(given)
+    outputs = [peer.publisher(PointCloud2, f"/radar_{k}/detections", 50) for k in (1, 2)]
+    seen = peer.collect(PointCloud2, names.detections_in_map(), 100)
+    words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
+    processes.start("tracker", "--ros-args", *words, *RELIABLE)
+    assert peer.spin_until(lambda: all(output.get_subscription_count() for output in outputs))
+    peer.meet()
+    true = SCANS[0]
+    for index, (output, layout) in enumerate(zip(outputs, config.inputs, strict=True)):
+        stamp_ns, wrong = layout.bias.added(true.stamp_ns, true.detections[index])
+        output.publish(detections.to_msg(wrong, stamp_ns, layout.frame))
+    assert peer.spin_until(lambda: seen)
+    assert stamps.to_ns(seen[0].header.stamp) == true.stamp_ns
+    exact = detections_in_map.to_msg(true, config.model.radars, config.world_frame)
+    found, expected = (
+        np.stack([point_cloud.decode(cloud, WORLD)[axis] for axis in WORLD], axis=1)
+        for cloud in (seen[0], exact)
+    )
+    np.testing.assert_allclose(found, expected, atol=0.05)

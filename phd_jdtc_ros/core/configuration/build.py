@@ -117,14 +117,15 @@ class TrackerConfig:
         """How much older than a report the last scan may be that is stepped because of it, s.
 
         It is 0 where the two have the same stamp. A report of a turning radar becomes scans of
-        parts of a turn.
+        parts of a turn, and one of a radar whose clock is late an earlier scan.
         """
         parts = [
             radar.rotation_s / max(radar.sectors / 2.0, 4.0)
             for radar in self.inputs
             if radar.rotation_s
         ]
-        return max(parts, default=0.0) + float(self.values["reorder_s"])
+        late_s = max(radar.bias.time_offset_s for radar in self.inputs)
+        return max(parts, default=0.0) + float(self.values["reorder_s"]) + max(late_s, 0.0)
 
     def grouper(self) -> ScanGrouper:
         """Return a new grouper of the radars' reports into scans."""
