@@ -62,8 +62,11 @@ def of(estimates: Estimates, plane: Plane) -> Places:
 
 def heights(estimates: Estimates) -> FloatArray:
     """Return the estimated heights above the world's zero, metres, (T,); NaN where unknown."""
-    attributes = getattr(estimates, "attributes", None)
-    if attributes is None:
-        return np.full(len(estimates), np.nan)
-    found: FloatArray = attributes.height[:, 0]
-    return found
+    known = estimates.attributes
+    return np.full(len(estimates), np.nan) if known is None else known.height[:, 0]
+
+
+def height_variances(estimates: Estimates) -> FloatArray:
+    """Return the variances of the heights, square metres, shape (T,); NaN where unknown."""
+    known = estimates.attributes
+    return np.full(len(estimates), np.nan) if known is None else known.height_covariance[:, 0, 0]

@@ -25,6 +25,8 @@ def to_msgs(estimates: Estimates, plane: Plane) -> list[NavSatFix]:
     up. A height that is not known is NaN, with the variance `UNKNOWN_VARIANCE`.
     """
     places = geodetic.of(estimates, plane)
+    variance = geodetic.height_variances(estimates)
+    variance = np.where(np.isnan(variance), UNKNOWN_VARIANCE, variance)
     return [
         NavSatFix(
             header=stamps.header(estimates.stamp_ns, child_frame(track)),
@@ -34,7 +36,7 @@ def to_msgs(estimates: Estimates, plane: Plane) -> list[NavSatFix]:
             longitude=float(places.longitude[row]),
             altitude=float(places.height[row]),
             position_covariance=_covariance(
-                estimates.position_covariance[row], float(places.convergence[row])
+                estimates.position_covariance[row], float(places.convergence[row]), variance[row]
             ),
             position_covariance_type=NavSatFix.COVARIANCE_TYPE_KNOWN,
         )
@@ -42,11 +44,11 @@ def to_msgs(estimates: Estimates, plane: Plane) -> list[NavSatFix]:
     ]
 
 
-def _covariance(planar: FloatArray, convergence: float) -> FloatArray:
+def _covariance(planar: FloatArray, convergence: float, upward: float) -> FloatArray:
     """Return a covariance to the east, to the north and up, shape (9,), from that in the plane."""
     cos, sin = math.cos(convergence), math.sin(convergence)
     turned = np.array([[cos, sin], [-sin, cos]])
     found = np.zeros((3, 3))
     found[:2, :2] = turned @ planar @ turned.T
-    found[2, 2] = UNKNOWN_VARIANCE
+    found[2, 2] = upward
     return found.ravel()

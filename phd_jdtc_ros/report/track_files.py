@@ -66,7 +66,7 @@ def fixes(run: Sequence[Estimates], plane: Plane, class_names: Sequence[str]) ->
     """
     for found in run:
         places = geodetic.of(found, plane)
-        identities = getattr(found, "attributes", None)
+        identities = found.attributes
         for row in np.argsort(found.track_id, kind="stable").tolist():
             number = int(found.track_id[row])
             if not number:

@@ -13,7 +13,7 @@ from pyproj import Geod
 from samples import STAMP_NS, estimates, nothing
 
 from msg_adapters import geo_json, geodetic, navsat, stamps
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Attributes
 from phd_jdtc_ros.earth import SystemPlane
 
 PLANE = SystemPlane((52.3, 4.8, 5.0))
@@ -92,6 +92,25 @@ def test_covariances_of_fixes_are_to_true_east_and_north():
     found = np.reshape(message.position_covariance, (3, 3))
     np.testing.assert_allclose(found[:2, :2], np.diag([400.0, 25.0]), rtol=0.0, atol=1e-9)
     assert found[2, 2] == 1e6
+
+
+def test_estimated_heights_are_above_the_origins():
+    covariance = np.tile(np.diag([100.0, 4.0]), (2, 1, 1))
+    covariance[1] = np.nan
+    known = Attributes(
+        np.array([[3000.0, 5.0], [np.nan, np.nan]]),
+        covariance,
+        np.full(2, UNKNOWN),
+        np.full(2, UNKNOWN),
+    )
+    given = at((0.0, 10.0, 0.0, 0.0), (1e3, 10.0, 0.0, 0.0), attributes=known)
+    first, second = navsat.to_msgs(given, PLANE)
+    assert first.altitude == 3005.0
+    assert math.isnan(second.altitude)
+    assert (first.position_covariance[8], second.position_covariance[8]) == (100.0, 1e6)
+    points = geo_json.of_scan(given, PLANE, NAMES, {})["features"]
+    assert [point["properties"]["height"] for point in points] == [3005.0, None]
+    assert [len(point["geometry"]["coordinates"]) for point in points] == [3, 2]
 
 
 def test_geojson_has_a_point_and_a_line_for_each_track():

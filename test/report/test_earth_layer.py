@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from records import estimates_of, plot_of, record_of, truth_of
 
+from phd_jdtc_ros.core.types import UNKNOWN, Attributes
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.report.lengths import MapScale
 from phd_jdtc_ros.report.page.earth_layer import degrees, earth_layer, place_texts, ring_layer
@@ -117,6 +118,35 @@ def test_map_of_a_run_on_the_earth_tells_latitudes_longitudes_and_heights():
         assert [len(texts) for texts in layer["text"]] == [len(x) for x in layer["x"]]
     assert "latitudes and longitudes" in chart.caption
     assert not chart.figure.layout.xaxis.showgrid
+
+
+def test_map_tells_heights_and_identities_of_tracks_class_by_class():
+    record = mapped()
+    attributes = Attributes(
+        np.array([[np.nan, np.nan], [3000.0, 0.0]]),
+        np.tile(np.eye(2), (2, 1, 1)),
+        np.array([UNKNOWN, 0o7700]),
+        np.array([0xABC, UNKNOWN]),
+    )
+    given = replace(record.filtered[0], attributes=attributes, track_id=np.array([4, 9]))
+    truth = replace(record.truth[0], height=np.array([[100.0, 0.0], [2990.0, 0.0]]))
+    chart = scan_map(replace(record, filtered=(given,), truth=(truth,)))
+    told = [
+        (chart.figure.data[layer["trace"]].name, layer["text"][0], layer["customdata"][0])
+        for layer in chart.moving
+        if "text" in layer and "customdata" in layer
+    ]
+    by_name = {name: (texts, details) for name, texts, details in told}
+    first, second = (name for name in by_name if name.startswith("filtered"))
+    truths = [name for name in by_name if name.startswith("truth")]
+    assert "height" not in by_name[first][0][0]
+    assert by_name[first][1][0][-1] == ", track 4, address 000ABC"
+    assert by_name[second][0][0].endswith("height 3005 m")
+    assert by_name[second][1][0][-1] == ", track 9, code 7700"
+    assert [by_name[name][0][0].split(", ")[-1] for name in truths] == [
+        "height 105 m",
+        "height 2995 m",
+    ]
 
 
 def test_map_of_a_run_in_a_plane_tells_none():

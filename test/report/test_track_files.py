@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from samples import estimates
 
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, Attributes
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.report import track_files
 
@@ -85,6 +85,20 @@ def test_geojson_has_a_line_for_each_track_and_a_point_for_a_lone_fix():
     assert seven["properties"]["number"] == 7
     assert seven["properties"]["class"] == "large"
     assert "code" not in seven["properties"]
+
+
+def test_heights_codes_and_addresses_are_written_where_they_are_known():
+    known = Attributes(
+        np.array([[2000.0, 0.0]]), np.tile(np.eye(2), (1, 1, 1)), np.array([0o42]), np.array([255])
+    )
+    run = (replace(RUN[1], attributes=known), replace(RUN[2], attributes=known))
+    given = list(track_files.fixes(run, PLANE, NAMES))
+    (row, _) = csv.DictReader(io.StringIO(track_files.to_csv(given)))
+    assert (row["height"], row["code"], row["address"]) == ("2005.0", "0042", "0000FF")
+    (track,) = json.loads(track_files.to_geojson(given))["features"]
+    assert [len(place) for place in track["geometry"]["coordinates"]] == [3, 3]
+    assert track["properties"]["code"] == "0042"
+    assert track["properties"]["address"] == "0000FF"
 
 
 def test_of_no_tracks_the_files_are_empty_and_valid():

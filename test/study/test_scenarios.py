@@ -36,7 +36,7 @@ OF_STUDIES = {
     "weak_12_db",
     "weak_15_db",
 }
-# On the round earth; test_round_earth is about it.
+# On the round earth; test_earth_files is about it.
 ROUND = "two_approach_radars"
 DEFINED = sorted(
     path for path in (ROOT / "config" / "scenarios").glob("*.yaml") if path.stem != ROUND

@@ -21,7 +21,7 @@ from msg_adapters.ellipse import RADIUS_95, outline
 from msg_adapters.geodetic import heights
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.site import Plane
-from phd_jdtc_ros.core.types import SMOOTHED, Estimates, Truth
+from phd_jdtc_ros.core.types import SMOOTHED, UNKNOWN, Estimates, Truth
 
 from ..lengths import MapScale, places_of
 from ..record import Record
@@ -335,10 +335,10 @@ def _true_positions(record: Record, scans: Sequence[Scan], scale: MapScale) -> I
                 f"{_place_text(record, scale)}<extra></extra>",
             ),
             {
-                "x": [_on_axis(place[:, 0], scale) for place, _ in rows],
-                "y": [_on_axis(place[:, 1], scale) for place, _ in rows],
-                "customdata": [number.tolist() for _, number in rows],
-                **_texts(record, [(place, None) for place, _ in rows]),
+                "x": [_on_axis(row.position[:, 0], scale) for row in rows],
+                "y": [_on_axis(row.position[:, 1], scale) for row in rows],
+                "customdata": [row.number.tolist() for row in rows],
+                **_texts(record, [(row.position, row.height) for row in rows]),
             },
         )
 
@@ -358,15 +358,25 @@ def _of_class(estimates: Estimates | None, class_id: int) -> Estimates | None:
         class_probability=estimates.class_probability[rows],
         class_id=estimates.class_id[rows],
         track_id=estimates.track_id[rows],
+        track_state=estimates.track_state[rows],
+        attributes=None if estimates.attributes is None else estimates.attributes.take(rows),
     )
 
 
-def _true_places(truth: Truth | None, class_id: int) -> tuple[FloatArray, IntArray]:
-    """Return positions in metres, shape (T, 2), and numbers of the targets of a class."""
+class _TruePlaces(NamedTuple):
+    """Targets of a class: positions (T, 2) and heights (T,) in metres, None if not known."""
+
+    position: FloatArray
+    height: FloatArray | None
+    number: IntArray
+
+
+def _true_places(truth: Truth | None, class_id: int) -> _TruePlaces:
     if truth is None:
-        return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
+        return _TruePlaces(_NOWHERE, None, np.zeros(0, dtype=np.int64))
     rows = truth.class_id == class_id
-    return truth.position[rows], truth.track_id[rows]
+    height = None if truth.height is None else truth.height[rows, 0]
+    return _TruePlaces(truth.position[rows], height, truth.track_id[rows])
 
 
 def _place(row: Estimates | None) -> FloatArray:
@@ -413,7 +423,7 @@ def _outlines(row: Estimates | None, scale: MapScale) -> tuple[list[Any], list[A
 
 
 def _details(row: Estimates | None, class_id: int, plane: Plane | None) -> list[list[Any]]:
-    """Return per estimate: class probability (%), speed (m/s), course, weight and track number.
+    """Return per estimate: class probability (%), speed (m/s), course, weight, and who it is.
 
     The course is in degrees clockwise from y, or with a plane from true north.
     """
@@ -429,9 +439,24 @@ def _details(row: Estimates | None, class_id: int, plane: Plane | None) -> list[
         np.round(course % 360.0),
         np.round(row.weight, 2),
     )
-    numbers = [f", track {number}" if number else "" for number in row.track_id.tolist()]
-    rows = zip(*(column.tolist() for column in columns), numbers, strict=True)
+    rows = zip(*(column.tolist() for column in columns), _identities(row), strict=True)
     return [list(entry) for entry in rows]
+
+
+def _identities(row: Estimates) -> list[str]:
+    """Return the track numbers, codes and addresses of estimates, as far as they are known."""
+    texts = [f", track {number}" if number else "" for number in row.track_id.tolist()]
+    known = row.attributes
+    if known is None:
+        return texts
+    return [
+        text
+        + (f", code {code:04o}" if code != UNKNOWN else "")
+        + (f", address {address:06X}" if address != UNKNOWN else "")
+        for text, code, address in zip(
+            texts, known.code.tolist(), known.address.tolist(), strict=True
+        )
+    ]
 
 
 def _on_axis(metres: FloatArray, scale: MapScale) -> list[float]:
