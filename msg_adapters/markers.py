@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import Estimates
 
-from . import cdr, stamps
+from . import cdr, stamps, vertical
 from .ellipse import outline
 from .palette import class_rgb
 
@@ -60,17 +60,20 @@ def to_cdr(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> by
     return cdr.ENCAPSULATION + bytes(clear.data) + b"".join(pieces)
 
 
-def label_text(track_id: int, class_name: str, share: float) -> str:
-    """Return a target's label: its track, its class and the class's probability."""
-    return f"{track_id} {class_name} {share:.0%}" if track_id else f"{class_name} {share:.0%}"
+def label_text(track_id: int, class_name: str, share: float, more: str = "") -> str:
+    """Return a target's label: its track, its class, the class's probability and more of it."""
+    words = f"{track_id} {class_name} {share:.0%}" if track_id else f"{class_name} {share:.0%}"
+    return f"{words} {more}" if more else words
 
 
 def _labels(estimates: Estimates, class_names: tuple[str, ...]) -> list[bytes]:
     class_id = estimates.class_id.tolist()
     share = estimates.class_probability[np.arange(len(estimates)), class_id].tolist()
     return [
-        label_text(track, class_names[k], s).encode()
-        for track, k, s in zip(estimates.track_id.tolist(), class_id, share, strict=True)
+        label_text(track, class_names[k], s, more).encode()
+        for track, k, s, more in zip(
+            estimates.track_id.tolist(), class_id, share, vertical.words(estimates), strict=True
+        )
     ]
 
 

@@ -17,7 +17,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
-from . import stamps
+from . import stamps, vertical
 from .estimates import heading
 
 # Variance of what a planar track does not estimate: height, roll, pitch and their rates.
@@ -55,12 +55,26 @@ def to_odometry(estimates: Estimates, frame: str) -> list[Odometry]:
 
     The pose is in `frame` and faces along the velocity. The twist is in the frame
     ``track_NUMBER``, whose x axis points along the velocity. Covariances are propagated from the
-    state's to first order; terms that a planar track does not estimate have `UNKNOWN_VARIANCE`.
+    state's to first order; terms that are not estimated have `UNKNOWN_VARIANCE`.
     """
-    return [
-        _odometry(estimates.stamp_ns, frame, track, estimates.state[row], estimates.covariance[row])
-        for track, row in labelled(estimates)
-    ]
+    up = vertical.of(estimates)
+    messages = []
+    for track, row in labelled(estimates):
+        state, covariance = estimates.state[row], estimates.covariance[row]
+        message = _odometry(estimates.stamp_ns, frame, track, state, covariance)
+        if up.known[row]:
+            _lift(message, up.state[row], up.covariance[row])
+        messages.append(message)
+    return messages
+
+
+def _lift(message: Odometry, up: FloatArray, covariance: FloatArray) -> None:
+    """Put the height and the climb rate of a target into its message."""
+    message.pose.pose.position.z, message.twist.twist.linear.z = map(float, up)
+    for part, variance in ((message.pose, covariance[0, 0]), (message.twist, covariance[1, 1])):
+        terms = np.array(part.covariance)
+        terms[14] = variance  # of z, in rows of six
+        part.covariance = terms
 
 
 def to_path(track: Sequence[Waypoint], frame: str) -> Path:

@@ -17,7 +17,7 @@ from geometry_msgs.msg import Point, Pose, PoseWithCovariance
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 from phd_jdtc_ros.core.types import Estimates
 
-from . import interfaces, stamps
+from . import interfaces, stamps, vertical
 from .estimates import heading
 
 
@@ -95,9 +95,11 @@ def _pose(estimates: Estimates, row: int) -> PoseWithCovariance:
     state = estimates.state[row]
     covariance = np.zeros((6, 6))
     covariance[:2, :2] = estimates.position_covariance[row]
+    up = vertical.of(estimates)
+    covariance[2, 2] = up.covariance[row, 0, 0]
     return PoseWithCovariance(
         pose=Pose(
-            position=Point(x=float(state[X]), y=float(state[Y]), z=0.0),
+            position=Point(x=float(state[X]), y=float(state[Y]), z=float(up.state[row, 0])),
             orientation=heading(state[VX], state[VY]),
         ),
         covariance=covariance.ravel(),

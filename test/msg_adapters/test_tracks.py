@@ -11,6 +11,7 @@ from samples import STAMP_NS, estimates, nothing
 
 from msg_adapters import stamps, tracks
 from msg_adapters.tracks import Waypoint
+from phd_jdtc_ros.core import types
 
 PLANAR = np.ix_([0, 1, 5], [0, 1, 5])
 UNKNOWN = [2, 3, 4]
@@ -114,3 +115,27 @@ def test_to_path_keeps_the_places_with_their_stamps():
     places = [(p.pose.position.x, p.pose.position.y) for p in path.poses]
     assert places == [(0.0, 0.0), (1.0, 10.0), (2.0, 20.0)]
     assert path.poses[0].pose.orientation.w == 1.0
+
+
+def test_heights_are_in_the_pose_and_the_twist_where_they_are_known():
+    sample = estimates(2)
+    count = len(sample)
+    height, covariance = np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan)
+    height[0], covariance[0] = [3048.0, -7.5], [[60.0, 2.0], [2.0, 1.5]]
+    unknown = np.full(count, types.UNKNOWN)
+    attributes = types.Attributes(height, covariance, unknown, unknown)
+    number = sample.track_id.copy()
+    number[:2] = 1, 2
+    plain = replace(sample, track_id=number)
+    (first, second), (before, _) = (
+        tracks.to_odometry(each, "map")[:2]
+        for each in (replace(plain, attributes=attributes), plain)
+    )
+    assert (first.pose.pose.position.z, first.twist.twist.linear.z) == (3048.0, -7.5)
+    assert (first.pose.covariance[14], first.twist.covariance[14]) == (60.0, 1.5)
+    assert (second.pose.pose.position.z, second.twist.twist.linear.z) == (0.0, 0.0)
+    assert second.pose.covariance[14] == before.pose.covariance[14]
+    assert (
+        np.delete(first.pose.covariance, 14).tolist()
+        == np.delete(before.pose.covariance, 14).tolist()
+    )

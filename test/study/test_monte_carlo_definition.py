@@ -46,6 +46,9 @@ def test_resolve_takes_the_published_study():
         "automotive",
         "coastal",
         "coastal, from a ship",
+        "joining aircraft",
+        "joining aircraft, garbled",
+        "joining aircraft, half without transponders",
     ]
     assert {variant.kind for variant in study.variants} == set(KINDS)
 
@@ -73,6 +76,23 @@ def test_a_case_has_a_cutoff_of_its_own_and_only_the_variants_that_name_it(study
     assert {v.name: v.cases for v in study.variants if "near" in v.cases} == {"named": ("near",)}
     tasks = monte_carlo.plan(study, [0]).tasks
     assert {task.case: task.cutoff for task in tasks} == {"quiet": 1000.0, "near": 20.0}
+
+
+def test_case_may_say_what_its_targets_answer(study_file):
+    def change(document):
+        document["cases"]["quiet"]["transponders"] = {"share": 0.5, "seed": 3}
+
+    study = load_study(study_file(change), {})
+    given = study.cases[0].scenario.transponders
+    assert (given.share, given.seed) == (0.5, 3)
+
+
+def test_faults_of_what_targets_answer_are_those_of_the_case(study_file):
+    def change(document):
+        document["cases"]["quiet"]["transponders"] = {"share": 2.0}
+
+    (fault,) = faults(study_file, change)
+    assert fault.startswith("cases.quiet.transponders.share: 2.0 given")
 
 
 @pytest.mark.parametrize(("key", "value"), [("cutoff", 0.0), ("only_named", "yes")])

@@ -24,6 +24,7 @@ from phd_jdtc_ros.tools.params_file import scenario_parameters
 ROOT = Path(__file__).parents[2]
 # Of the studies alone: they simulate these, and no bag of them is shipped.
 OF_STUDIES = {
+    "joining_aircraft",
     "loud_clutter",
     "madap",
     "no_amplitudes",
@@ -49,8 +50,9 @@ COASTAL = [path for path in ALL_FILES if "coastal" in path.stem]
 FILES = [path for path in ALL_FILES if path not in (*TURNING, *COASTAL)]
 # A scene of 200 m, with tests of its own below.
 AUTOMOTIVE = ROOT / "config" / "scenarios" / "automotive.yaml"
-# MADAP has flights of an hour, and tests of its own; so have radars with systematic errors.
-OF_THEIR_OWN = ("madap", "three_biased_radars")
+# MADAP has flights of an hour, and tests of its own; so have radars with systematic errors, and the
+# study of aircraft that join.
+OF_THEIR_OWN = ("joining_aircraft", "madap", "three_biased_radars")
 OTHERS = [*TURNING, *COASTAL, AUTOMOTIVE]
 WITH_SCANS = [path for path in DEFINED if path not in OTHERS and path.stem not in OF_THEIR_OWN]
 # Targets are scored in so many scans, after so many.

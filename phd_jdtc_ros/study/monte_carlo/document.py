@@ -14,6 +14,7 @@ from phd_jdtc_ros.core.configuration import build as tracker_config
 from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter, flatten
 from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.core.simulation.transponder import transponders
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 
@@ -111,6 +112,7 @@ def _case(
     """Return a case, or None after adding its faults to `faults`."""
     prefix = f"cases.{name}."
     known = ("scenario", "parameters", "cutoff", "only_named", "ignored", "run_share")
+    known = (*known, "transponders")
     faults += _unknown_keys(given, prefix, known)
     run_share = _run_share(given, prefix, faults)
     ignored = _ignored(given, prefix, faults)
@@ -119,6 +121,9 @@ def _case(
         faults.append(f"{prefix}cutoff: {given['cutoff']!r} given, must be {CUTOFF.allowed}")
     if not isinstance(given.get("only_named", False), bool):
         faults.append(f"{prefix}only_named: {given['only_named']!r} given, must be true or false")
+    answers = list[str]()
+    replies = transponders(given, answers)
+    faults += [f"{prefix}{fault}" for fault in answers]
     of_case = _parameters(given, prefix, faults)
     source = given.get("scenario")
     if not isinstance(source, str):
@@ -132,6 +137,8 @@ def _case(
         parameters = merged(in_file, of_case, assigned)
         model = tracker_config.resolve(parameters).model
         scenario, classes = build(model.radars), len(model.modes.classes)
+        if replies is not None:
+            scenario = replace(scenario, transponders=replies)
         highest = max((target.class_id for target in scenario.targets), default=0)
         if highest >= classes:
             raise ConfigError([f"class {highest} of a target, must be below {classes}"])
