@@ -16,6 +16,7 @@ from typing import Any
 from rich.console import Console
 
 from . import (
+    asterix_rates,
     goals,
     growth,
     live,
@@ -36,6 +37,7 @@ PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "live": live.measure,
     "turning": turning.measure,
     "messages": messages.measure,
+    "asterix": asterix_rates.measure,
     "peers": peers.measure,
     "steps": steps.measure,
     "step_growth": step_growth.measure,
