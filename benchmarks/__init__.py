@@ -11,10 +11,11 @@ Not part of the installed package. The data's path::
     forms       the paper's dense smoother and a k-d tree's    -> baselines
     timing      interleaved rounds, medians, memory
       |
-    smoothing, growth, steps, step_growth, messages, peers, live, turning, searches
+    smoothing, growth, steps, step_growth, messages, peers, live, turning, searches,
+    asterix_rates (asterix_latency)
       |
     goals -> report (tables), plots, out/bench/summary.json
 
-Everything runs in one process on one thread, except that the live measurements start the
-tracker node as a second process. Times are CPU times, except those over DDS.
+Everything runs in one process on one thread, except that the live measurements start
+nodes as further processes. Times are CPU times, except those over DDS.
 """

@@ -16,6 +16,7 @@ from typing import Any
 from rich.console import Console
 
 from . import (
+    asterix_rates,
     goals,
     growth,
     late,
@@ -38,6 +39,7 @@ PARTS: Mapping[str, Callable[[bool], dict[str, Any]]] = {
     "turning": turning.measure,
     "messages": messages.measure,
     "late": late.measure,
+    "asterix": asterix_rates.measure,
     "peers": peers.measure,
     "steps": steps.measure,
     "step_growth": step_growth.measure,

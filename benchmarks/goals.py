@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from . import backends, late
+from .asterix_rates import CLOUDS
 from .backends import NUMBA, NUMPY
 from .recursion import GAUSSIAN, PARTICLES
 from .step_growth import MEMORY_TARGETS
@@ -22,6 +23,10 @@ GAUSSIAN_STEPS_MS = {
     "200 targets": {NUMPY: 40.0, NUMBA: 15.0},
     "1000 targets": {NUMPY: 200.0, NUMBA: 60.0},
 }
+
+
+# Of a turn of 4 s in 16 parts: so long a plot waits for its sector's end.
+SECTOR_S = 0.25
 
 
 def _nothing(summary: Mapping[str, Any]) -> float:
@@ -143,6 +148,20 @@ def _goals() -> list[Goal]:
         goals.append(Goal(name, bound, True, _step("200 targets", backend), "steps"))
     return [
         *goals,
+        Goal(
+            "ASTERIX plots to clouds, per second",
+            20_000.0,
+            False,
+            lambda summary: float(summary["asterix"]["plots_per_s"][CLOUDS]),
+            "asterix",
+        ),
+        Goal(
+            "ASTERIX in to ASTERIX out, 100 aircraft, p99, s beyond a sector",
+            0.1,
+            True,
+            lambda summary: float(summary["asterix"]["live"]["latency_s"]["p99"]) - SECTOR_S,
+            "asterix",
+        ),
         Goal("node, 1000 detections and 200 estimates, ms", 2.0, True, _messages, "messages"),
         *(
             Goal(

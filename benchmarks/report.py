@@ -52,6 +52,8 @@ def tables(summary: Mapping[str, Any]) -> Iterator[Table]:
         yield from _turning(summary["turning"])
     if "late" in summary:
         yield _late(summary["late"])
+    if "plots_per_s" in summary.get("asterix", {}):
+        yield _asterix(summary["asterix"])
     yield _goals(summary["figures"])
 
 
@@ -294,6 +296,22 @@ def _sector_latency(engine: str, found: Mapping[str, Any]) -> Table:
     late = found["latency_s"]
     table.add_row("to the estimates of its sector", *(f"{late[c]:.3f} s" for c in columns))
     table.add_row("the step (CPU)", *(_ms(found["step_ms"][c]) for c in columns))
+    return table
+
+
+def _asterix(found: Mapping[str, Any]) -> Table:
+    live = found["live"]
+    caption = live.get("reason")
+    if "latency_s" in live:
+        late = live["latency_s"]
+        caption = (
+            f"{live['aircraft']} aircraft, {live['sectors']} sectors in real time: from antenna "
+            f"to tracks p50 {late['p50']:.3f} s, p99 {late['p99']:.3f} s, most {late['most']:.3f} s"
+        )
+    table = _table("ASTERIX on one core", "what", "speed", caption=caption)
+    for name, rate in found["plots_per_s"].items():
+        table.add_row(f"plots, {name}", f"{rate:,.0f} per s")
+    table.add_row("100 tracks to CAT062", _ms(found["tracks_ms"]))
     return table
 
 

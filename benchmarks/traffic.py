@@ -46,7 +46,7 @@ def configuration(changes: Mapping[str, Any]) -> TrackerConfig:
     return resolve({**values, **changes})
 
 
-def scene(turns: int, config: TrackerConfig, seed: int) -> Scenario:
+def scene(turns: int, config: TrackerConfig, seed: int, aircraft: int = AIRCRAFT) -> Scenario:
     """Return aircraft around the radar that all exist from the first turn to the last.
 
     Parameters
@@ -57,6 +57,7 @@ def scene(turns: int, config: TrackerConfig, seed: int) -> Scenario:
         For the radar.
     seed : int
         Of the speeds and the headings.
+    aircraft : int
     """
     rng = np.random.default_rng(seed)
     rotation_s = config.inputs[0].rotation_s
@@ -65,15 +66,15 @@ def scene(turns: int, config: TrackerConfig, seed: int) -> Scenario:
         start_ns=START_NS,
         interval_s=rotation_s,
         scans=turns + 1,
-        targets=tuple(_aircraft(number, half_s, rng) for number in range(AIRCRAFT)),
+        targets=tuple(_aircraft(number, aircraft, half_s, rng) for number in range(aircraft)),
         radars=config.model.radars,
     )
 
 
-def _aircraft(number: int, half_s: float, rng: np.random.Generator) -> Flight:
+def _aircraft(number: int, count: int, half_s: float, rng: np.random.Generator) -> Flight:
     speed, heading = rng.uniform(*SPEED), rng.uniform(-np.pi, np.pi)
     velocity = speed * np.array([np.cos(heading), np.sin(heading)])
-    radius = FIELD_RADIUS * np.sqrt((number + 0.5) / AIRCRAFT)
+    radius = FIELD_RADIUS * np.sqrt((number + 0.5) / count)
     bearing = GOLDEN_ANGLE * number
     start = radius * np.array([np.cos(bearing), np.sin(bearing)]) - half_s * velocity
     legs = [Leg(2.0 * half_s)]

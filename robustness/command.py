@@ -15,6 +15,7 @@ from pathlib import Path
 from rich.console import Console
 
 from . import (
+    asterix_bytes,
     bad_scans,
     bags,
     bombs,
@@ -123,6 +124,7 @@ def fuzzing(arguments: argparse.Namespace) -> Iterator[Measure]:
     """Yield the measurements with random input, offline and live."""
     yield lambda: decoders.measure(arguments.examples)
     yield lambda: decoders.measure_bags(max(1, arguments.examples // 10))
+    yield lambda: asterix_bytes.measure(arguments.examples)
     yield engines.of(arguments.engine, lambda: raw_bytes.measure(arguments.seconds))
 
 

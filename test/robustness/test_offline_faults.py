@@ -15,6 +15,7 @@ import pytest
 from msg_adapters import interfaces, names, stamps
 from phd_jdtc_ros.core.types import Estimates
 from robustness import (
+    asterix_bytes,
     bags,
     command,
     crowd,
@@ -121,6 +122,11 @@ def test_faults_are_of_both_engines_unless_one_is_asked_for():
         "gaussian": of_engines,
     }
     assert named({"engine": "gaussian", "only": True}) == {"gaussian": every}
+
+
+def test_hostile_asterix_is_used_or_counted():
+    figure = asterix_bytes.measure(300)
+    assert figure.reached, figure.details
 
 
 def test_decoders_refuse_or_understand_random_clouds():

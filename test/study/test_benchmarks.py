@@ -15,6 +15,7 @@ from scenes import no_detections
 from scipy.spatial import cKDTree
 
 from benchmarks import (
+    asterix_rates,
     backends,
     command,
     forms,
@@ -471,3 +472,23 @@ def test_tables_show_every_part_and_figure(summary):
         assert f"| {figure['name']} |" in page
     for parts in recursion.PARTS.values():
         assert all(part in text for part in parts)
+
+
+def test_every_way_to_read_asterix_reads_the_same_plots():
+    datagrams = asterix_rates.turn()
+    assert asterix_rates._to_plots(datagrams) == asterix_rates.PLOTS
+    assert asterix_rates._to_clouds(datagrams) == asterix_rates.PLOTS
+    part = [data for data in datagrams if data[0] == 48][:2]
+    assert asterix_rates._by_library(part) == asterix_rates._to_plots(part) > 0
+
+
+def test_figures_of_asterix_are_judged():
+    measured = {
+        "plots_per_s": {asterix_rates.CLOUDS: 25_000.0},
+        "live": {"latency_s": {"p50": 0.2, "p99": 0.375, "most": 0.5}},
+    }
+    figures = {figure["name"]: figure for figure in goals.judged({"asterix": measured})}
+    rate = figures["ASTERIX plots to clouds, per second"]
+    assert (rate["value"], rate["reached"]) == (25_000.0, True)
+    late = figures["ASTERIX in to ASTERIX out, 100 aircraft, p99, s beyond a sector"]
+    assert (late["value"], late["reached"]) == (pytest.approx(0.125), False)
