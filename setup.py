@@ -20,6 +20,7 @@ EXECUTABLES = (
     "madap",
     "registration",
     "seam",
+    "hand_over",
     "autoferry",
     "demo",
 )

@@ -44,6 +44,7 @@ EXECUTABLES = {
         "the study of registration: three radars, one with errors",
     ),
     "seam": ("phd_jdtc_ros.tools.seam", "what is lost where two trackers part an area"),
+    "hand_over": ("phd_jdtc_ros.tools.hand_over", "joins the bags of trackers that part an area"),
     "autoferry": ("phd_jdtc_ros.tools.autoferry", "the Autoferry dataset: bags and figures"),
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
@@ -141,6 +142,7 @@ monte_carlo = partial(run, "monte_carlo")
 madap = partial(run, "madap")
 registration = partial(run, "registration")
 seam = partial(run, "seam")
+hand_over = partial(run, "hand_over")
 autoferry = partial(run, "autoferry")
 demo = partial(run, "demo")
 

@@ -4,9 +4,9 @@
 """One picture of several trackers that part an area, with numbers that stay at the seams.
 
 Where margins overlap, two trackers have a track of one target. Such tracks are found by their
-positions, stamp by stamp, and get one number. One of the trackers owns it: that in whose core
-region the target is. It owns it until the target is well inside another's, so that it does not
-change over to and fro along a seam.
+positions and velocities, stamp by stamp, and get one number. One of the trackers owns it: that in
+whose core region the target is. It owns it until the target is well inside another's, so that it
+does not change over to and fro along a seam.
 """
 
 from __future__ import annotations
@@ -82,6 +82,28 @@ class Handover:
         self._forget(found)
         return _joint(found, parts)
 
+    @property
+    def numbers(self) -> dict[Track, int]:
+        """The joint number of each track that is there; a copy."""
+        return dict(self._number)
+
+    def numbered(self, found: Sequence[Estimates], numbers: Mapping[Track, int]) -> Estimates:
+        """Return the joint estimates of a stamp whose tracks have numbers already.
+
+        Of several of one number that is reported which is deepest in its tracker's core region.
+        """
+        best: dict[int, tuple[float, int, int]] = {}
+        for tracker, estimates in enumerate(found):
+            depth = self.regions[tracker].depth(estimates.position).tolist()
+            for row, number in enumerate(estimates.track_id.tolist()):
+                joint = numbers.get((tracker, number))
+                if joint is not None:
+                    best[joint] = max(best.get(joint, (-np.inf, 0, 0)), (depth[row], tracker, row))
+        parts: list[list[tuple[int, int]]] = [[] for _ in found]
+        for joint, (_, tracker, row) in best.items():
+            parts[tracker].append((row, joint))
+        return _joint(found, parts)
+
     def _is_ours(self, tracker: int, position: FloatArray) -> bool:
         return bool(self.regions[tracker].depth(position[None])[0] >= 0.0)
 
@@ -94,7 +116,7 @@ class Handover:
         """Find which tracks of neighbours are of one target, and give them one number."""
         near: set[tuple[Track, Track]] = set()
         for one, other in combinations(range(len(found)), 2):
-            for row, column in zip(*matched(found[one], found[other]), strict=True):
+            for row, column in zip(*matched(found[one], found[other], moving=True), strict=True):
                 mine = one, int(found[one].track_id[row])
                 theirs = other, int(found[other].track_id[column])
                 near.add((mine, theirs))

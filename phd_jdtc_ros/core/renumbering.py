@@ -20,39 +20,44 @@ from .origins import first_scan
 from .reporting import chosen
 from .types import Estimates
 
-# Square Mahalanobis distance beyond which two estimates are not of one target.
-GATE = 16.0
+# Square Mahalanobis distance beyond which two estimates are not of one target: of positions, and of
+# positions with velocities.
+GATE, MOVING_GATE = 16.0, 20.0
 # Of pairs that are no matches; larger than any that is, and finite, as the solver needs it.
 _NO_MATCH = 1e6
 
 
-def matched(one: Estimates, other: Estimates) -> tuple[IntArray, IntArray]:
+def matched(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntArray, IntArray]:
     """Return the rows of two sets of estimates of one stamp that are of the same targets.
 
     Parameters
     ----------
     one, other : Estimates
+    moving : bool
+        Whether velocities are compared too.
 
     Returns
     -------
     tuple of two int arrays
         Rows of the first and of the second, pair by pair. The pairs are those of least total square
-        Mahalanobis distance between positions, by the sum of the covariances, within `GATE`.
+        Mahalanobis distance, by the sum of the covariances, within `GATE` or `MOVING_GATE`.
     """
     if not (len(one) and len(other)):
         none = np.zeros(0, dtype=np.int64)
         return none, none
-    cost = np.minimum(_square_distance(one, other), _NO_MATCH)
-    rows, columns = linear_sum_assignment(np.where(cost <= GATE, cost, _NO_MATCH))
-    near = cost[rows, columns] <= GATE
+    gate = MOVING_GATE if moving else GATE
+    axes = [*one.space.position, *(one.space.velocity if moving else ())]
+    cost = np.minimum(_square_distance(one, other, axes), _NO_MATCH)
+    rows, columns = linear_sum_assignment(np.where(cost <= gate, cost, _NO_MATCH))
+    near = cost[rows, columns] <= gate
     return rows[near], columns[near]
 
 
-def _square_distance(one: Estimates, other: Estimates) -> FloatArray:
-    apart = one.position[:, None] - other.position[None]
-    spread = one.position_covariance[:, None] + other.position_covariance[None]
-    # With a metre of slack no covariance is singular.
-    spread = spread + np.eye(2)
+def _square_distance(one: Estimates, other: Estimates, axes: list[int]) -> FloatArray:
+    apart = one.state[:, None, axes] - other.state[None, :, axes]
+    spread = one.covariance[:, None] + other.covariance[None]
+    # With a metre, and a metre per second, of slack no covariance is singular.
+    spread = spread[:, :, axes][:, :, :, axes] + np.eye(len(axes))
     squared: FloatArray = np.einsum(
         "ijk,ijk->ij", apart, np.linalg.solve(spread, apart[..., None])[..., 0]
     )

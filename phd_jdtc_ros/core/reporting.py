@@ -17,7 +17,7 @@ import numpy as np
 from .arrays import FloatArray, IntArray
 from .models.modes import ModeSpace
 from .models.motion import CoordinatedTurn
-from .types import Estimates
+from .types import Attributes, Estimates
 
 # The mean of a target's next state; with a turn rate of zero it is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
@@ -61,9 +61,11 @@ def joined(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
         joint: FloatArray = np.concatenate([getattr(part, name) for part in parts])[order]
         return joint
 
+    told = [part.attributes for part in parts if part.attributes is not None]
     whole = Estimates(
         stamp_ns=parts[-1].stamp_ns,
         lag=lag,
+        attributes=Attributes.joined(told).take(order) if len(told) == len(parts) else None,
         state=column("state"),
         covariance=column("covariance"),
         weight=column("weight"),

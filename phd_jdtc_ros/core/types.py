@@ -13,6 +13,7 @@ T targets, O modes, C classes, D state, Z measurement.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -194,6 +195,16 @@ class Attributes:
             object.__setattr__(self, name, read_only(getattr(self, name)))
         for name in _IDENTITIES:
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
+
+    @staticmethod
+    def joined(parts: Sequence[Attributes]) -> Attributes:
+        """Return those of several sets of targets, one after the other; there must be one set."""
+        return Attributes(
+            np.concatenate([part.height for part in parts]),
+            np.concatenate([part.height_covariance for part in parts]),
+            np.concatenate([part.code for part in parts]),
+            np.concatenate([part.address for part in parts]),
+        )
 
     def take(self, rows: IntArray) -> Attributes:
         """Return those of some targets."""

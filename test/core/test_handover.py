@@ -1,11 +1,13 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from dataclasses import replace
+
 import numpy as np
 
 from phd_jdtc_ros.core.handover import APART, TOGETHER, Handover
 from phd_jdtc_ros.core.region import Region
-from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.types import UNKNOWN, Attributes, Estimates
 
 # Parted at x = 0, with an overlap of 10 km on each side.
 REGIONS = (
@@ -110,6 +112,24 @@ def test_tracks_that_part_are_two_targets_again():
     assert list(tracks) == [1]
     tracks = joined(handover, 20, {3: (-1e3, 0.0)}, {7: (500.0, 9e3)})
     assert tracks == {1: -1e3, 2: 500.0}
+
+
+def test_heights_and_identities_stay_with_their_targets():
+    def told(found, code):
+        count = len(found)
+        known = Attributes(
+            np.full((count, 2), float(code)),
+            np.zeros((count, 2, 2)),
+            np.full(count, code),
+            np.full(count, UNKNOWN),
+        )
+        return replace(found, attributes=known)
+
+    west, east = estimates(0, {3: (-50e3, 0.0)}), estimates(0, {7: (50e3, 0.0), 8: (60e3, 0.0)})
+    found = Handover(REGIONS, HYSTERESIS).add([told(west, 11), told(east, 22)])
+    order = np.argsort(found.position[:, 0])
+    assert found.attributes.code[order].tolist() == [11, 22, 22]
+    assert found.attributes.height[order, 0].tolist() == [11.0, 22.0, 22.0]
 
 
 def test_a_number_is_not_used_for_another_target():

@@ -1,0 +1,139 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+
+from msg_adapters import estimates, interfaces, names
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
+from phd_jdtc_ros.nodes.common import bag_parameters
+
+REGIONS = {"west": [-100e3, -100e3, 0.0, 100e3], "east": [0.0, -100e3, 100e3, 100e3]}
+MARGIN, SPEED, LAG = 10e3, 250.0, 3
+STAMPS = range(1000, 1120, 4)
+
+
+def x_at(stamp):
+    """Return where the aircraft is that flies east."""
+    return SPEED * (stamp - 1060)
+
+
+def tracks(stamp, lag, rows):
+    """Return estimates of (number, x, y) that fly east."""
+    count = len(rows)
+    state = np.zeros((count, 5))
+    if count:
+        state[:, [0, 2]] = [row[1:] for row in rows]
+        state[:, 1] = SPEED
+    deviations = np.array([50.0, 5.0, 50.0, 5.0, 1e-3])
+    return Estimates(
+        stamp_ns=stamp * 10**9,
+        lag=lag,
+        state=state,
+        covariance=np.tile(np.diag(deviations**2), (count, 1, 1)),
+        weight=np.ones(count),
+        class_probability=np.tile([1.0, 0.0], (count, 1)),
+        class_id=np.zeros(count, dtype=int),
+        track_id=np.array([row[0] for row in rows], dtype=int),
+    )
+
+
+def bag(directory, tracker, region=True):
+    """Write what a tracker says of an aircraft that crosses, and of one that stays in the west."""
+    given = {"region": REGIONS[tracker], "region_margin": MARGIN} if region else {}
+    found = []
+    for stamp in STAMPS:
+        x = x_at(stamp)
+        rows = [(9, -50e3, 20e3)] if tracker == "west" else []
+        if (tracker == "west" and x < MARGIN) or (tracker == "east" and x > 2e3 - MARGIN):
+            rows.append((4 if tracker == "west" else 1, x + (20.0 if rows else 0.0), 0.0))
+        found.append((stamp, rows))
+    with BagWriter(directory) as written:
+        for source in (FILTERED, SMOOTHED):
+            written.add_topic(Topic(names.estimates(source), names.CLOUD))
+        for source, lag in ((FILTERED, 0), (SMOOTHED, LAG)):
+            for stamp, rows in found:
+                message = estimates.to_msg(tracks(stamp, lag, rows), "map")
+                data = interfaces.encode(message)
+                written.write(names.estimates(source), data, stamp * 10**9)
+    bag_parameters.write(directory / bag_parameters.NAME, resolve(given).values)
+    return str(directory)
+
+
+def read(directory, source):
+    entries = BagReader(directory).messages([names.estimates(source)])
+    return [estimates.from_msg(interfaces.decode(entry.data, names.CLOUD)) for entry in entries]
+
+
+@pytest.fixture
+def both(tmp_path):
+    return [bag(tmp_path / tracker, tracker) for tracker in REGIONS]
+
+
+def test_hand_over_keeps_the_number_of_what_crosses_the_seam(both, tmp_path, capsys):
+    out = tmp_path / "joint"
+    assert run("hand_over", [*both, "--out", str(out)]) == 0
+    assert "30 filtered and 30 smoothed stamps of 2 trackers, 2 tracks" in capsys.readouterr().out
+    numbers = {}
+    for source in (FILTERED, SMOOTHED):
+        found = read(out, source)
+        assert [own.stamp_ns // 10**9 for own in found] == list(STAMPS)
+        for own in found:
+            order = np.argsort(own.position[:, 1])
+            x = own.position[order, 0]
+            assert len(own) == 2
+            assert abs(x[0] - x_at(own.stamp_ns // 10**9)) <= 20.0
+            assert x[1] == pytest.approx(-50e3)
+            numbers.setdefault(source, set()).add(tuple(own.track_id[order].tolist()))
+    assert numbers[FILTERED] == numbers[SMOOTHED]
+    assert len(numbers[FILTERED]) == 1
+
+
+def test_what_it_writes_is_a_bag_of_no_region(both, tmp_path):
+    out = tmp_path / "joint"
+    assert run("hand_over", [*both, "--out", str(out)]) == 0
+    values = resolve(bag_parameters.read(out)).values
+    assert values["region"] == []
+
+
+def test_equal_bags_give_equal_bytes(both, tmp_path):
+    files = []
+    for name in ("one", "other"):
+        out = tmp_path / name / "joint"
+        assert run("hand_over", [*both, "--out", str(out)]) == 0
+        files.append((out / "joint_0.mcap").read_bytes())
+    assert files[0] == files[1]
+
+
+def test_a_stamp_that_one_tracker_lacks_is_that_of_the_other(both, tmp_path):
+    short = tmp_path / "short"
+    with BagWriter(short) as written:
+        written.add_topic(Topic(names.estimates(FILTERED), names.CLOUD))
+        own = tracks(1004, 0, [(1, 30e3, 0.0)])
+        data = interfaces.encode(estimates.to_msg(own, "map"))
+        written.write(names.estimates(FILTERED), data, own.stamp_ns)
+    values = resolve({"region": REGIONS["east"], "region_margin": MARGIN}).values
+    bag_parameters.write(short / bag_parameters.NAME, values)
+    out = tmp_path / "joint"
+    assert run("hand_over", [both[0], str(short), "--out", str(out)]) == 0
+    assert [len(own) for own in read(out, FILTERED)][:3] == [2, 3, 2]
+
+
+def test_one_bag_is_none_to_join(both, tmp_path, capsys):
+    assert run("hand_over", [both[0], "--out", str(tmp_path / "joint")]) == 2
+    assert capsys.readouterr().err.startswith("hand_over: BAG: one given, must be two or more")
+
+
+def test_what_cannot_be_joined_is_said(both, tmp_path, capsys):
+    whole = bag(tmp_path / "whole", "west", region=False)
+    assert run("hand_over", [both[0], whole, "--out", str(tmp_path / "joint")]) == 2
+    assert "region: not set in" in capsys.readouterr().err
+    given = [*both, "--out", str(tmp_path / "joint"), "--hysteresis", "20000"]
+    assert run("hand_over", given) == 2
+    assert "must be from 0 to the margin, 10000" in capsys.readouterr().err
+    assert run("hand_over", [*both, "--out", both[0]]) == 2
+    assert "already exists" in capsys.readouterr().err
