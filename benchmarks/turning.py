@@ -38,8 +38,8 @@ def measure(quick: bool) -> dict[str, Any]:
     return {"latency": latency, "cost": cost(2 if quick else TURNS)}
 
 
-def cost(turns: int) -> dict[str, Any]:
-    """Return the CPU time of a turn, by engine, backend and form, after the first ones.
+def cost(turns: int, settling: int = traffic.SETTLING) -> dict[str, Any]:
+    """Return the CPU time of a turn, by engine, backend and form, after the first `settling`.
 
     All of them get the same plots and take turns, turn by turn.
     """
@@ -50,12 +50,10 @@ def cost(turns: int) -> dict[str, Any]:
         for form, changes in FORMS.items()
     }
     pipelines = {case: new_pipeline(configs[case[0], case[2]]) for case in cases}
-    sent = {
-        form: list(_by_turn(configs[PARTICLES, form], traffic.SETTLING + turns)) for form in FORMS
-    }
+    sent = {form: list(_by_turn(configs[PARTICLES, form], settling + turns)) for form in FORMS}
     spent: dict[tuple[str, str, str], list[float]] = {case: [] for case in cases}
     targets = dict.fromkeys(cases, 0.0)
-    for turn in range(traffic.SETTLING + turns):
+    for turn in range(settling + turns):
         for case in cases:
             _, backend, form = case
             with backends.using(backend):
@@ -66,7 +64,7 @@ def cost(turns: int) -> dict[str, Any]:
     for case in cases:
         engine, backend, form = case
         of_backend = found.setdefault(engine, {}).setdefault(backend, {})
-        of_backend[form] = {**spread(spent[case][traffic.SETTLING :]), "targets": targets[case]}
+        of_backend[form] = {**spread(spent[case][settling:]), "targets": targets[case]}
     return found
 
 

@@ -277,8 +277,8 @@ def test_a_turn_is_of_a_tracker_that_has_all_aircraft_in_every_form(cost):
 
 @pytest.fixture(scope="module")
 def cost():
-    """The cost of one turn."""
-    return turning.cost(1)
+    """The cost of one turn, as soon as all aircraft are tracked."""
+    return turning.cost(1, settling=4)
 
 
 def test_latency_is_from_the_time_of_a_detection_to_the_estimates_of_its_sector():

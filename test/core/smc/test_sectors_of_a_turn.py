@@ -3,6 +3,8 @@
 
 """The particle engine with a radar whose scans are sectors of a turn."""
 
+import copy
+
 import numpy as np
 import pytest
 from sweep import ROTATION_S, SECTORS, TARGETS, configuration, position_at, scans, seconds_of
@@ -10,6 +12,9 @@ from sweep import ROTATION_S, SECTORS, TARGETS, configuration, position_at, scan
 from phd_jdtc_ros.core.engines import new_engine
 
 PERIOD = {"estimates_period_s": ROTATION_S, "lag": 3}
+# Turns of the run with the defaults, and those after which tests go on from it.
+LONGEST = 24
+COPIED = (7, 8, 10, 12, 20, LONGEST)
 
 
 def run(given=None, turns=12, **made):
@@ -21,6 +26,25 @@ def run(given=None, turns=12, **made):
         filtered += step.filtered
         smoothed += step.smoothed
     return engine, filtered, smoothed
+
+
+@pytest.fixture(scope="module")
+def default_run():
+    """Return a run with the defaults, by the number of its turns; engines may be changed."""
+    engine, filtered, smoothed = new_engine(configuration(PERIOD)), [], []
+    at = {}
+    for index, scan in enumerate(scans(LONGEST), start=1):
+        step = engine.step(scan)
+        filtered += step.filtered
+        smoothed += step.smoothed
+        if index % SECTORS == 0 and index // SECTORS in COPIED:
+            at[index // SECTORS] = copy.deepcopy(engine), filtered[:], smoothed[:]
+
+    def after(turns):
+        held, *estimates = at[turns]
+        return copy.deepcopy(held), *estimates
+
+    return after
 
 
 def errors(estimates):
@@ -44,20 +68,20 @@ def test_every_target_is_reported_once_a_turn_at_a_common_stamp():
         assert errors(estimates).max() < 200.0
 
 
-def test_smoothing_brings_targets_nearer_to_where_they_were():
-    _, filtered, smoothed = run(turns=20)
+def test_smoothing_brings_targets_nearer_to_where_they_were(default_run):
+    _, filtered, smoothed = default_run(20)
     late = [np.sqrt((errors(e) ** 2).mean()) for e in filtered[6:]]
     early = [np.sqrt((errors(e) ** 2).mean()) for e in smoothed[6:]]
     assert np.mean(early) < 0.8 * np.mean(late)
 
 
-def test_targets_keep_their_numbers():
-    _, filtered, _ = run(turns=20)
+def test_targets_keep_their_numbers(default_run):
+    _, filtered, _ = default_run(20)
     assert len({tuple(estimates.track_id) for estimates in filtered[5:]}) == 1
 
 
-def test_scan_leaves_targets_alone_that_the_antenna_did_not_pass():
-    engine, _, _ = run(turns=8)
+def test_scan_leaves_targets_alone_that_the_antenna_did_not_pass(default_run):
+    engine, _, _ = default_run(8)
     forward = engine.forward
     before = {rows.entry.stamp_ns: rows.stored.state for rows in forward.current}
     (scan,) = [scans(9)[8 * SECTORS + 2]]
@@ -71,8 +95,8 @@ def test_scan_leaves_targets_alone_that_the_antenna_did_not_pass():
     assert len(forward.stored) < sum(len(rows) for rows in forward.current)
 
 
-def test_missed_target_is_missed_once_a_turn_and_not_by_every_sector():
-    engine, filtered, _ = run(turns=10)
+def test_missed_target_is_missed_once_a_turn_and_not_by_every_sector(default_run):
+    engine, filtered, _ = default_run(10)
     number = len(filtered[-1])
     empty = scans(11, missed=1.0)[10 * SECTORS :]
     reported = [estimates for scan in empty for estimates in engine.step(scan).filtered]
@@ -83,8 +107,8 @@ def test_missed_target_is_missed_once_a_turn_and_not_by_every_sector():
     assert 3.0 < mass < 4.1
 
 
-def test_target_that_is_gone_is_dropped():
-    engine, _, _ = run(turns=8)
+def test_target_that_is_gone_is_dropped(default_run):
+    engine, _, _ = default_run(8)
     empty = scans(14, missed=1.0)[8 * SECTORS :]
     reported = [estimates for scan in empty for estimates in engine.step(scan).filtered]
     assert len(reported[-1]) == 0
@@ -99,8 +123,8 @@ def test_estimates_of_every_sector_are_all_at_its_stamp():
         assert errors(found).max() < 400.0
 
 
-def test_window_is_as_long_as_the_lag_and_no_longer():
-    engine, _, _ = run(turns=20)
+def test_window_is_as_long_as_the_lag_and_no_longer(default_run):
+    engine, _, _ = default_run(20)
     assert len(engine._window) <= 6 * SECTORS
     linked = [entry for entry in engine._window if entry.link is not None]
     stamps = {entry.stamp_ns for entry in engine._window}
@@ -113,14 +137,14 @@ def test_lag_in_seconds_is_that_of_the_stamps():
     assert len(engine.flush()) == 3
 
 
-def test_flush_gives_the_stamps_that_were_held_back():
-    engine, filtered, smoothed = run()
+def test_flush_gives_the_stamps_that_were_held_back(default_run):
+    engine, filtered, smoothed = default_run(12)
     rest = engine.flush()
     assert [e.stamp_ns for e in [*smoothed, *rest]] == [e.stamp_ns for e in filtered]
 
 
-def test_restored_engine_goes_on_as_if_it_had_never_stopped():
-    engine, _, _ = run(turns=7)
+def test_restored_engine_goes_on_as_if_it_had_never_stopped(default_run):
+    engine, _, _ = default_run(7)
     fresh = new_engine(configuration(PERIOD))
     fresh.restore(engine.snapshot())
     compared = 0
@@ -136,10 +160,10 @@ def test_restored_engine_goes_on_as_if_it_had_never_stopped():
 
 
 @pytest.mark.parametrize("sectors", [4, 32])
-def test_number_of_sectors_makes_no_difference_to_the_errors(sectors):
-    def mean_square(**made):
-        _, filtered, _ = run(turns=24, **made)
+def test_number_of_sectors_makes_no_difference_to_the_errors(default_run, sectors):
+    def mean_square(filtered):
         return np.mean([(errors(e) ** 2).mean() for e in filtered[6:]])
 
-    found = mean_square(sectors=sectors) / mean_square(sectors=SECTORS)
+    _, filtered, _ = run(turns=LONGEST, sectors=sectors)
+    found = mean_square(filtered) / mean_square(default_run(LONGEST)[1])
     assert 0.75 < np.sqrt(found) < 1.33
