@@ -10,12 +10,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chndtr
 
 from .. import origins
 from ..arrays import FloatArray, IntArray, sum_by
 from ..association.bernoulli import Claims, bernoulli
 from ..association.marginals import LEAST_CLUTTER
+from ..models import rest
 from ..models.clutter_memory import ClutterMemory
 from ..models.detection_birth import Newborn
 from ..models.other_sources import OtherSources, other_sources
@@ -36,8 +36,6 @@ LEAST_SHARE = 1e-4
 BIRTH_SIGMA = 5.0
 # Probability of a fold of a newborn target's range rate below which it is left out.
 LEAST_FOLD = 1e-3
-# Deviations of a velocity that is known well, metres per second and as a share of the bound.
-LEAST_SPEED_STD, LEAST_SPEED_SHARE = 0.1, 0.05
 
 
 def update(
@@ -122,8 +120,9 @@ def update(
     )
     shares = bernoulli(mixture.target, len(mixture.label), mixture.mass, claims)
     if clutter is not None and clutter.learns(radar):
-        still = _still(mixture, radar)
-        clutter.learn(radar, detections, shares.claimed, claims.part(still))
+        slow = claims.part(_slow(mixture, radar))
+        still = model.detection_births.at_rest(slow, radar.clutter_map_speed)
+        clutter.learn(radar, detections, shares.claimed, still)
     factor = shares.missed[mixture.target] * shares.prior / prior
     weight = np.concatenate([missed * factor[:, None, None], weight * shares.pair[:, None, None]])
     source = np.concatenate([np.arange(len(mixture)), row])
@@ -133,24 +132,15 @@ def update(
     return branched, newborn, shares.approximate
 
 
-def _still(mixture: Mixture, radar: RadarModel) -> FloatArray:
-    """Return how probable it is that each hypothesis is slower than `clutter_map_speed`, (H,).
-
-    The speed of a target that has just appeared is not known, so that this is improbable. The
-    ellipse of a velocity is taken as a circle of the same area.
-    """
-    axes, slow = list(radar.space.velocity), radar.clutter_map_speed
+def _slow(mixture: Mixture, radar: RadarModel) -> FloatArray:
+    """Return how probable it is that each hypothesis is slower than `clutter_map_speed`, (H,)."""
+    axes = list(radar.space.velocity)
     covariance = mixture.covariance[..., axes, :][..., axes]
-    area = np.sqrt(np.maximum(np.linalg.det(covariance), 0.0))
-    variance = np.maximum(area, max(LEAST_SPEED_STD, LEAST_SPEED_SHARE * slow) ** 2)
-    square = (mixture.mean[..., axes] ** 2).sum(axis=-1) / variance
-    bound = slow**2 / variance
-    # Beyond ten deviations it is zero, and its series would be long.
-    slower = chndtr(bound, 2.0, np.minimum(square, (np.sqrt(bound) + 10.0) ** 2))
+    slower = rest.slower(mixture.mean[..., axes], covariance, radar.clutter_map_speed)
     weight = np.einsum("hrs->hr", mixture.weight)
     total = np.maximum(weight.sum(axis=1), np.finfo(float).tiny)
-    still: FloatArray = (weight * slower).sum(axis=1) / total
-    return still
+    slow: FloatArray = (weight * slower).sum(axis=1) / total
+    return slow
 
 
 def _others(
