@@ -48,12 +48,14 @@ def put_clutter(snapshot: Snapshot, memory: ClutterMemory, radars: Sequence[Rada
                 "pose": pose[radar],
                 **_grid_facts(places.grid),
                 "turns": places.turns,
+                "recent_turns": places.recent_turns,
             }
             for radar, places in memory.maps.items()
         }
     for radar, places in memory.maps.items():
         snapshot.arrays[f"{MAP}.{radar}.cell"] = places.cell
         snapshot.arrays[f"{MAP}.{radar}.count"] = places.count
+        snapshot.arrays[f"{MAP}.{radar}.recent"] = places.recent
 
 
 def take_clutter(snapshot: Snapshot, radars: Sequence[RadarModel]) -> ClutterMemory:
@@ -138,9 +140,10 @@ def _take_map(snapshot: Snapshot, radar: RadarModel, facts: Mapping[str, Any]) -
             f"{name}: of a radar at {str(facts['pose'])[:80]} (x, y in m, yaw in rad), expected "
             f"{pose}"
         )
-    size = np.array([facts["size"], facts["turns"]], dtype=np.float64)
+    size = np.array([facts["size"], facts["turns"], facts["recent_turns"]], dtype=np.float64)
     require_numbers(f"{name}.size", size[:1], 1e-9, 1e12)
-    require_numbers(f"{name}.turns", size[1:], 0.0, MOST_TURNS)
+    require_numbers(f"{name}.turns", size[1:2], 0.0, MOST_TURNS)
+    require_numbers(f"{name}.recent_turns", size[2:], 0.0, MOST_TURNS)
     polar = radar.clutter_map is not None and isinstance(radar.clutter_map.grid, PolarGrid)
     if polar != ("azimuths" in facts):
         raise ValueError(f"{name}: that of a radar that {'moves' if polar else 'stands'} given")
@@ -148,17 +151,19 @@ def _take_map(snapshot: Snapshot, radar: RadarModel, facts: Mapping[str, Any]) -
     if polar:
         azimuths = whole(f"{name}.azimuths", facts["azimuths"], 3, MOST_AZIMUTHS)
         grid = PolarGrid(float(size[0]), azimuths)
-    cell, count = snapshot.array(f"{name}.cell"), snapshot.array(f"{name}.count")
+    cell, counts = snapshot.array(f"{name}.cell"), []
     require_whole(f"{name}.cell", cell, 0, MOST_INDEX)
-    require_numbers(f"{name}.count", count, 0.0, MOST_IN_CELL)
-    if cell.ndim != 1 or cell.shape != count.shape or len(cell) > MOST_CELLS:
-        raise ValueError(
-            f"{name}: {cell.shape} cells and {count.shape} counts, expected as many, at most "
-            f"{MOST_CELLS}"
-        )
+    for part in ("count", "recent"):
+        counts.append(count := snapshot.array(f"{name}.{part}"))
+        require_numbers(f"{name}.{part}", count, 0.0, MOST_IN_CELL)
+        if cell.ndim != 1 or cell.shape != count.shape or len(cell) > MOST_CELLS:
+            raise ValueError(
+                f"{name}.{part}: {cell.shape} cells and {count.shape} counts, expected as many, at "
+                f"most {MOST_CELLS}"
+            )
     if (np.diff(cell) <= 0).any():
         raise ValueError(f"{name}.cell: must increase")
-    return ClutterMap(grid, cell, count, float(size[1]))
+    return ClutterMap(grid, cell, counts[0], float(size[1]), counts[1], float(size[2]))
 
 
 def _grid_facts(grid: Grid) -> dict[str, float]:

@@ -11,6 +11,9 @@ Where no radar can see a target, nothing speaks against its existence, and its p
 survival alone. A track that was not detected for longer than a limit is not reported there. The
 filter goes on with it, so that it has its number again when it comes out of a blind sector.
 
+Where radars have maps of clutter, a track is confirmed only if its velocity tells that it moves:
+what does not is part of the map soon, and until then it would be reported in vain.
+
 How much a missed detection says depends on how often the target is missed. A class's detection
 probability is a mean over its SNR band: targets at its lower end are missed again and again, and
 of one at its upper end a miss by all radars says that it is gone. The thresholds that are derived
@@ -28,6 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .arrays import FloatArray, IntArray
+from .models import rest
 from .models.amplitude_model import Band, Memory
 from .models.modes import ClassModel
 from .models.radar import RadarModel
@@ -56,6 +60,9 @@ SAME = 1e-9
 UNSEEN = 0.98
 # A target that no antenna has passed for so many intervals, or turns, is coasting.
 PATIENCE = 1.5
+# Where radars have maps of clutter, a track that is at rest with a larger probability than the
+# first is not confirmed, and one with a larger than the second no longer is. A half knows nothing.
+REST, CERTAIN_REST = 0.47, 0.9
 # Scans that are less than this share of a turn apart may be of the same pass of the antenna.
 SAME_TURN = 0.5
 
@@ -186,6 +193,21 @@ def missed_by_all(found: Estimates, scan: Scan, model: TrackerModel) -> FloatArr
         )
         missed *= 1.0 - radar.missable(measured, detections.coverage) * detected
     return missed
+
+
+def at_rest(found: Estimates, model: TrackerModel) -> FloatArray:
+    """Return the probability that each target is at rest, and so clutter to all radars, (T,).
+
+    It is 0 where a radar has no map of clutter, or keeps targets that are at rest. Before a
+    velocity is known it is a half, see `rest`.
+    """
+    bound = rest.bound_of_rest(model.radars)
+    if bound == 0.0:
+        return np.zeros(len(found))
+    axes = list(found.space.velocity)
+    covariance = found.covariance[:, axes][:, :, axes]
+    slower = rest.slower(found.velocity, covariance, bound)
+    return model.detection_births.at_rest(slower, bound)
 
 
 class Records(NamedTuple):
@@ -334,6 +356,7 @@ class TrackStates:
             (corrected >= lowest) & (weight >= np.minimum(LEAST, delete)),
         )
         kept &= detected | seen | (since_ns <= 1e9 * self.rule.coasting_s)
+        kept &= at_rest(found, model) <= np.where(before.state == TENTATIVE, REST, CERTAIN_REST)
         coasting = missed | long_ago | (~detected & (before.state == COASTING))
         return Records(
             label=label,

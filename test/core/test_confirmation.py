@@ -449,3 +449,49 @@ def test_engines_report_a_missed_target_as_coasting(engine):
 
 def test_configuration_of_turning_radars_has_a_rule():
     assert configuration().rule.labelled
+
+
+# One radar with a map of clutter; targets are born at detections, at up to 10 m/s.
+COAST = {
+    "radars": ["mast"],
+    "births": [],
+    "interval_s": 2.5,
+    "detection_births.rates": [0.02, 0.02],
+    "detection_births.velocity_std": 5.0,
+    "mast.clutter_map": True,
+    "mast.clutter_map_speed": 2.5,
+}
+
+
+def moving(states, model, stamp_ns, speed, std):
+    """Return the state of a certain track with such a velocity, if it is reported."""
+    found = estimates(stamp_ns, {1: 0.999}, model=model)
+    state, covariance = found.state.copy(), found.covariance.copy()
+    axes = list(model.modes.space.velocity)
+    state[:, axes] = [speed, 0.0]
+    covariance[:, axes, axes] = std**2
+    found = replace(found, state=state, covariance=covariance)
+    reported = states.filtered(found, np.array([0]), [], scan_of(stamp_ns, model), model)
+    return reported.track_state.tolist()
+
+
+# Not yet known, tells that it moves, tells nothing again, rests, moves again.
+VELOCITIES = [(0.0, 5.0), (6.0, 2.0), (2.5, 4.0), (0.3, 0.5), (4.0, 0.5)]
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, [False, True, True, False, True]),
+        ({"mast.clutter_map": False}, [True] * 5),
+        ({"mast.clutter_map_speed": 0.0}, [True] * 5),
+    ],
+)
+def test_where_there_is_a_map_of_clutter_tracks_are_reported_that_move(given, expected):
+    model = resolve({**COAST, **given}).model
+    states = TrackStates(rule_of(model, True))
+    found = [
+        bool(moving(states, model, (index + 1) * SECOND, *velocity))
+        for index, velocity in enumerate(VELOCITIES)
+    ]
+    assert found == expected

@@ -273,9 +273,11 @@ HARBOUR = {
 MAPPED = {"mast.clutter_map": True}
 START = np.array([[-3000.0, 2500.0], [2000.0, 6000.0], [-1000.0, 5200.0]])
 VELOCITY = np.array([[6.0, 2.0], [-4.0, -5.0], [3.0, -7.0]])
+SLOW_START = np.array([[4500.0, -5500.0], [-5000.0, -6000.0], [1000.0, 9000.0]])
+SLOW_VELOCITY = np.array([[-2.0, 4.0], [3.0, 3.0], [3.5, -2.0]])
 
 
-def harbour(count, seed, poses=None):
+def harbour(count, seed, poses=None, course=(START, VELOCITY)):
     """Return where the ships are and what the radar reports, turn by turn."""
     rng = np.random.default_rng(seed)
     mast = small(HARBOUR).model.radars[0]
@@ -283,7 +285,7 @@ def harbour(count, seed, poses=None):
     quay = np.stack([east, 4000.0 + rng.uniform(-20.0, 20.0, 40)], axis=1)
     run = []
     for turn in range(count):
-        ships = START + 2.5 * turn * VELOCITY
+        ships = course[0] + 2.5 * turn * course[1]
         pose = None if poses is None else poses[turn]
         radar = mast.at(pose)
         seen = np.concatenate([quay[rng.random(40) < 0.7], ships[rng.random(3) < 0.9]])
@@ -299,11 +301,11 @@ def harbour(count, seed, poses=None):
     return run
 
 
-def followed(engine, count, poses=None, **given):
+def followed(engine, count, poses=None, course=(START, VELOCITY), **given):
     """Return by turn how many tracks there are on the quay, and how many ships are found."""
     tracker = new_engine(small({**HARBOUR, "engine": engine, **given}))
     quay, ships = [], []
-    for true, scan in harbour(count, 1, poses):
+    for true, scan in harbour(count, 1, poses, course):
         place = tracker.step(scan).filtered[0].position
         away = np.hypot(*(place[:, None] - true).transpose(2, 0, 1)).reshape(len(place), 3)
         there = (np.abs(place[:, 1] - 4000.0) < 150.0) & (np.abs(place[:, 0]) < 1700.0)
@@ -334,6 +336,13 @@ def test_a_quay_becomes_no_targets_of_a_ship_that_turns():
     assert ships[5:].mean() > 2.85
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_slow_ships_do_not_hide_behind_their_own_detections(engine):
+    """They move by a third of a cell in a turn."""
+    _, ships = followed(engine, 25, course=(SLOW_START, SLOW_VELOCITY), **MAPPED)
+    assert ships[10:].mean() > 2.7
+
+
 def test_particles_have_no_map_of_a_radar_that_moves():
     """They would lose ships to it."""
     given = {**HARBOUR, **MAPPED, "mast.pose": "/ship/odometry"}
@@ -361,6 +370,8 @@ def test_restored_engine_goes_on_with_its_map_bit_by_bit(engine):
     ours, theirs = first.forward.clutter.maps["mast"], second.forward.clutter.maps["mast"]
     np.testing.assert_array_equal(ours.cell, theirs.cell)
     np.testing.assert_array_equal(ours.count, theirs.count)
+    np.testing.assert_array_equal(ours.recent, theirs.recent)
+    assert ours.recent_turns == theirs.recent_turns
 
 
 def mapped(**given):
@@ -393,6 +404,9 @@ MAP_FORGERIES = {
     "length": (cells("cell", np.arange(3)), "expected as many"),
     "negative": (cells("cell", np.array([-1])), "clutter_map.mast.cell: a number is outside"),
     "infinite": (cells("count", np.array([np.inf])), "clutter_map.mast.count: a number"),
+    "recent": (cells("recent", np.array([-1.0])), "clutter_map.mast.recent: a number"),
+    "recent length": (cells("recent", np.zeros(3)), "clutter_map.mast.recent: .* expected as many"),
+    "recent turns": (fact("recent_turns", -1.0), "clutter_map.mast.recent_turns: a number"),
 }
 
 

@@ -161,3 +161,27 @@ def test_ships_that_are_found_late_and_estimates_on_a_quay_are_counted():
     assert np.isnan(values["on_reflectors"][:20]).all()
     assert np.flatnonzero(values["on_reflectors"] == 1.0).tolist() == [40]
     assert np.nansum(values["on_reflectors"]) == 1.0
+
+
+def test_a_ship_that_appears_behind_the_antenna_has_five_turns_from_the_next_one():
+    """One leaves the shadow at the end of a turn, in which no antenna can have passed it."""
+    found, _ = resolved("coastal")
+    run = turning_run(found, 1, Ignored(1.0, 150.0))
+    appears = next(index for index, truth in enumerate(run.truth) if len(truth.track_id) == 6)
+    assert appears == 23
+
+    def late(reported):
+        """Return how many are late of six, of which the last is reported from one turn on."""
+        tracks = []
+        for index, truth in enumerate(run.truth):
+            rows = truth.track_id < 6 if index < reported else truth.track_id <= 6
+            place = truth.position[rows]
+            tracks.append(PointSet(place, np.zeros(len(place), dtype=np.int64)))
+        variant = Variant("any", "turning", None, {}, ("coastal",), (0,))
+        scored = score(run, {0: tracks}, variant, 1)
+        values = dict(zip(VALUES, scored.values[0, :, 0].T, strict=True))
+        assert values["five_scans_old"].sum() == 6.0
+        return values["late"].sum()
+
+    assert late(appears + 5) == 0.0
+    assert late(appears + 6) == 1.0

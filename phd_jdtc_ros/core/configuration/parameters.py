@@ -586,8 +586,8 @@ RADAR = (
     Parameter(
         "clutter_map_speed",
         2.5,
-        "The detections of targets that are probably slower than this count as clutter in the map, "
-        "m/s; 0: those at rest stay targets, once they are.",
+        "Targets that are probably slower than this are not reported, and their detections count "
+        "as clutter in the map, m/s; 0: those at rest stay targets, once they are.",
         0.0,
         1e3,
         mutable=True,

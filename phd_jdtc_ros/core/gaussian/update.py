@@ -28,7 +28,7 @@ from .mixture import Mixture
 from .newborn import newborn_mixture
 from .pairs import likely, summed, weighed
 from .reduction import Bounds, Branched, probable
-from .stillness import still
+from .stillness import slow
 
 
 def update(
@@ -120,7 +120,10 @@ def update(
     )
     shares = bernoulli(mixture.target, len(mixture.label), mixture.mass, claims)
     if clutter is not None and clutter.learns(radar):
-        clutter.learn(radar, detections, shares.claimed, claims.part(still(mixture, radar)))
+        still = model.detection_births.at_rest(
+            claims.part(slow(mixture, radar)), radar.clutter_map_speed
+        )
+        clutter.learn(radar, detections, shares.claimed, still)
     factor = shares.missed[mixture.target] * shares.prior / prior
     weight = np.concatenate([missed * factor[:, None, None], weight * shares.pair[:, None, None]])
     source = np.concatenate([np.arange(len(mixture)), row])

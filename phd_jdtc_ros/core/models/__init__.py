@@ -16,6 +16,7 @@
     clutter_map            where clutter comes from, learned; its cells in clutter_grid
     clutter_raster         the same as a picture of the world
     clutter_memory         what a filter has learned of each radar's clutter
+    rest                   whether a target is at rest, as its velocity tells
     overload               the detections of one update that can be afforded
     amplitude_density      Rayleigh targets and clutter, SNR bands
     amplitude_model        use of amplitudes: band, memory, none

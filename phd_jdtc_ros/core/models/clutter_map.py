@@ -18,14 +18,16 @@ from .clutter_grid import Grid, corners
 
 # The detections of one reflector lie some three times as densely as the cells can tell, and what
 # answers from the same place again and again is clutter rather than a target, by more than that.
-POINT = 20.0
+POINT = 60.0
 # A target that passes leaves about so many detections in a cell before it is known; more of them
-# are needed to tell a place.
-AGAIN = 2.0
+# are needed to tell a place. What answers in a smaller share of all turns is hardly a place.
+AGAIN, SELDOM = 2.0, 0.15
 # Before the first turn the density is known to be uniform as from so many turns.
 PRIOR_TURNS = 5.0
 # Turns that the map remembers.
 MEMORY_TURNS = 100.0
+# Turns until a detection counts for the most part: a target that moves has left the cell by then.
+RECENT_TURNS = 6.0
 # Cells with less are forgotten, and beyond so many those with the least.
 LEAST_COUNT = 1e-3
 MOST_CELLS = 1 << 16
@@ -46,23 +48,31 @@ class ClutterMap:
         Detections remembered of each.
     turns : float
         Turns remembered; a scan of the whole field is one.
+    recent : array of shape (K,)
+        Detections of each that do not count yet.
+    recent_turns : float
+        Turns that do not count yet.
 
     Notes
     -----
-    With the rate mu of a cell if clutter is uniform and n detections in T turns, the rate is
-    (mu PRIOR_TURNS + POINT n^2 / (n + AGAIN)) / (PRIOR_TURNS + T): the mean after a Gamma prior,
-    but for the two factors of n. They are what keeps quays from becoming targets, and ships that
-    move from hiding behind their own first detections.
+    A detection counts k turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With the
+    rate mu of a cell if clutter is uniform, and n detections in T turns that count, the rate is
+    (mu PRIOR_TURNS + POINT n^2 / (n + AGAIN + SELDOM T)) / (PRIOR_TURNS + T): the mean after a
+    Gamma prior, but for the two factors of n. They are what keeps quays from becoming targets, and
+    ships that move from hiding behind their own first detections.
     """
 
     grid: Grid
     cell: IntArray = field(default_factory=lambda: NO_CELLS)
     count: FloatArray = field(default_factory=lambda: np.zeros(0))
     turns: float = 0.0
+    recent: FloatArray = field(default_factory=lambda: np.zeros(0))
+    recent_turns: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cell", read_only(self.cell, np.int64))
         object.__setattr__(self, "count", read_only(self.count))
+        object.__setattr__(self, "recent", read_only(self.recent))
 
     def log_factor(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
@@ -84,13 +94,15 @@ class ClutterMap:
         found = np.zeros(cell.shape)
         if len(self.cell):
             place = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
-            found = np.where(self.cell[place] == cell, self.count[place], 0.0)
+            counting = self.count[place] - self.recent[place]
+            found = np.where(self.cell[place] == cell, np.maximum(counting, 0.0), 0.0)
         seen = (found * share).sum(axis=0)
-        again = POINT * seen**2 / (seen + AGAIN)
+        turns = max(self.turns - self.recent_turns, 0.0)
+        again = POINT * seen**2 / (seen + AGAIN + SELDOM * turns)
         log_expected = np.log(rate) + self.grid.log_share(measurement, max_range)
         with np.errstate(divide="ignore"):  # of a cell that nothing came from
             relative = np.logaddexp(np.log(PRIOR_TURNS), np.log(again) - log_expected)
-        log_factor: FloatArray = relative - np.log(PRIOR_TURNS + self.turns)
+        log_factor: FloatArray = relative - np.log(PRIOR_TURNS + turns)
         return log_factor
 
     def after(
@@ -107,21 +119,28 @@ class ClutterMap:
         turns : float
             Part of a turn that the report is of.
         """
-        kept = np.exp(-turns / MEMORY_TURNS)
+        kept, fading = np.exp(-turns / MEMORY_TURNS), np.exp(-turns / RECENT_TURNS)
         corner, share = corners(self.grid, self.grid.places(measurement, world))
         new, place = np.unique(corner.ravel(), return_inverse=True)
         more = np.bincount(place.ravel(), weights=(share * weight).ravel(), minlength=len(new))
         at = np.searchsorted(self.cell, new)
         known = np.zeros(len(new), dtype=bool)
         known[at < len(self.cell)] = self.cell[at[at < len(self.cell)]] == new[at < len(self.cell)]
-        count = kept * self.count
+        count, recent = kept * self.count, fading * self.recent
         count[at[known]] += more[known]
+        recent[at[known]] += more[known]
         cell = np.insert(self.cell, at[~known], new[~known])
         count = np.insert(count, at[~known], more[~known])
+        recent = np.insert(recent, at[~known], more[~known])
         enough = np.flatnonzero(count >= LEAST_COUNT)
         if len(enough) > MOST_CELLS:
             order = np.argsort(-count[enough], kind="stable")[:MOST_CELLS]
             enough = np.sort(enough[order])
         return replace(
-            self, cell=cell[enough], count=count[enough], turns=kept * self.turns + turns
+            self,
+            cell=cell[enough],
+            count=count[enough],
+            turns=kept * self.turns + turns,
+            recent=recent[enough],
+            recent_turns=fading * self.recent_turns + turns,
         )

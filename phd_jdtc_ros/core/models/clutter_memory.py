@@ -81,7 +81,8 @@ class ClutterMemory:
         claimed : array of shape (M,)
             Probability that a known target is the source of each detection.
         still : array of shape (M,)
-            Share of that probability that is of targets slower than `clutter_map_speed`.
+            Share of that probability that is of targets slower than `clutter_map_speed`; if their
+            velocities are not known it is a half, see `rest`.
         """
         law, places, coverage = radar.clutter_amplitude, radar.clutter_map, detections.coverage
         if isinstance(law, Learned) and detections.amplitude is not None:

@@ -21,6 +21,7 @@ from scipy.special import ndtri
 
 from ..arrays import FloatArray, IntArray, read_only, sum_by
 from ..types import Detections
+from . import rest
 from .birth import shifted
 from .modes import ModeSpace
 from .radar import LEAST_RANGE, RadarModel, Rates
@@ -100,6 +101,14 @@ class DetectionBirthModel:
             toward = _directions(place, radar)
             intensity = intensity + self.log_range_rate(toward, measured, radar)
         return intensity
+
+    def at_rest(self, slower: FloatArray, bound: float) -> FloatArray:
+        """Return the probability of rest at even odds, from that of being slower than a bound.
+
+        Without births at detections nobody knows what was likely at birth, and it is left as it is.
+        See `rest.at_even_odds`.
+        """
+        return rest.at_even_odds(slower, bound, self.velocity_std) if self.enabled else slower
 
     def log_range_rate(self, toward: FloatArray, measured: Rates, radar: RadarModel) -> FloatArray:
         """Return the log density of range rates of targets of unknown velocity, shape (M,).

@@ -113,8 +113,9 @@ def update(
         attributes.learn(evidence, pair, existence)
     if clutter is not None and clutter.learns(radar):
         velocity = particles.state[:, list(radar.space.velocity)]
-        still = np.hypot(velocity[:, 0], velocity[:, 1]) < radar.clutter_map_speed
-        clutter.learn(radar, detections, claimed, claims.part(still))
+        slow = np.hypot(velocity[:, 0], velocity[:, 1]) < radar.clutter_map_speed
+        still = model.detection_births.at_rest(claims.part(slow), radar.clutter_map_speed)
+        clutter.learn(radar, detections, claimed, still)
     return corrected, others.newborn(claimed, radar, detections, model, share)
 
 

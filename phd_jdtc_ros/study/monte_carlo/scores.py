@@ -134,7 +134,7 @@ def score(
             values[row, index, 0, BEGUN] = len(begun), len(prompt)
             matrix = confusion_matrix(scan.pairs, truth.class_id, points.class_id, estimated)
             taken_for[row, index] = matrix[:estimated, :estimated]
-        for name, column in _coastal(run, tracks[lag], young).items():
+        for name, column in _coastal(run, tracks[lag], age).items():
             values[row, :, 0, VALUES.index(name)] = column
     values[:, :, 0, VALUES.index("cpu_ms")] = cpu_ms
     stamps = np.array([truth.stamp_ns - run.truth[0].stamp_ns for truth in run.truth])
@@ -152,19 +152,23 @@ def _ages(run: SimulatedRun) -> list[IntArray]:
 
 
 def _coastal(
-    run: SimulatedRun, found: Sequence[PointSet], young: Sequence[npt.NDArray[np.bool_]]
+    run: SimulatedRun, found: Sequence[PointSet], age: Sequence[IntArray]
 ) -> dict[str, FloatArray]:
     """Return by scan how many estimates are of reflectors, and how many targets are found late.
 
     Those are of ``five_scans_old`` targets, which end their first `YOUNG_SCANS` scans, the ones
-    without an estimate in any of these, ``late``.
+    without an estimate in any of these, ``late``. An antenna that turns may have passed before a
+    target appeared: the turn in which it does is not counted.
     """
     scans, seen = len(run.truth), set[int]()
     late, old, on_reflectors = np.zeros(scans), np.zeros(scans), np.full(scans, np.nan)
     before: set[int] = set()
     points = [point for kind in run.scenario.reflectors for point in kind.points]
+    turning = any(radar.rotation_s > 0.0 for radar in run.scenario.radars)
     for index, (truth, estimates) in enumerate(zip(run.truth, found, strict=True)):
-        grown = set(truth.track_id[~young[index]].tolist()) - before
+        # Those that are there from the first turn on were so before it.
+        unseen = age[index] < index if turning else 0
+        grown = set(truth.track_id[age[index] - unseen >= YOUNG_SCANS].tolist()) - before
         before |= grown
         old[index], late[index] = len(grown), len(grown - seen)
         target, _ = assign(truth.position, estimates.position, FOUND)

@@ -82,6 +82,23 @@ def test_one_detection_is_less_than_a_quay():
     assert factor(once, PLACE)[0] < 0.1 * factor(often, PLACE)[0]
 
 
+def test_the_last_detections_of_a_place_hardly_count():
+    """A ship that moves leaves them, and has left the place before they do."""
+    passed = answered(4)
+    later = passed
+    for _ in range(12):
+        later = after(later, np.zeros((0, 2)), np.zeros(0), 1.0)
+    assert factor(passed, PLACE)[0] < 0.5 * factor(later, PLACE)[0]
+
+
+def test_what_answers_seldom_is_hardly_a_place():
+    seldom = answered(4)
+    for turn in range(76):
+        seen = PLACE if turn % 20 == 19 else np.zeros((0, 2))
+        seldom = after(seldom, seen, np.ones(len(seen)), 1.0)
+    assert factor(seldom, PLACE)[0] < 0.05 * factor(answered(80), PLACE)[0]
+
+
 def test_a_place_that_no_longer_answers_is_forgotten():
     places = answered(20)
     before = factor(places, PLACE)[0]
@@ -113,6 +130,7 @@ def test_sectors_count_as_parts_of_a_turn():
         parts = after(parts, seen, np.ones(len(seen)), 1.0 / 16.0)
     assert parts.turns == pytest.approx(whole.turns, rel=0.01)
     assert parts.count.sum() == pytest.approx(1.0, rel=0.01)
+    assert parts.recent_turns == pytest.approx(whole.recent_turns, rel=0.1)
 
 
 def test_the_map_is_of_bounded_size(monkeypatch):
