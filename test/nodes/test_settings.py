@@ -13,6 +13,8 @@ from phd_jdtc_ros.nodes.tracker.settings import NAMES, TABLE, changed, edited, r
 
 USUAL = resolve({})
 SMALL = {"particles_per_target": 100, "particles_per_birth": 64, "lag": 2}
+# Values of parameters whose bounds leave out those that the others can have.
+OTHERS = {"code_kept_s": 300.0, "shared_codes": ["7000"]}
 
 
 def faults(function, *arguments):
@@ -95,7 +97,7 @@ def test_changed_checks_the_changed_whole():
 def test_changed_parameter_can_be_taken_over_by_a_running_engine(name):
     small = resolve(SMALL)
     value = small.values[name]
-    other = [0.1, 0.05] if isinstance(value, list) else 0.3
+    other = OTHERS.get(name, [0.1, 0.05] if isinstance(value, list) else 0.3)
     scans = [scan for _, scan in simulate(paper_scenario(small.config.model.radars), 0)[:6]]
     engine = new_engine(small.config)
     for scan in scans[:3]:
