@@ -193,7 +193,9 @@ def flying(turns, start_s):
 
 def test_plots_go_through_the_tracker_and_come_back_as_tracks(unicast, peer, tmp_path):
     file = tmp_path / "tracker.yaml"
-    qos = {f"qos_overrides.{TOPIC}.subscription.reliability": "reliable"}
+    # The recording is sent faster than a busy machine may track it.
+    own = f"qos_overrides.{TOPIC}.subscription"
+    qos = {f"{own}.reliability": "reliable", f"{own}.depth": 1000}
     given = {**dict(flatten(TRACKER)), **qos}
     file.write_text(yaml.safe_dump({"/tracker": {"ros__parameters": given}}))
     origin = ("-p", "world_origin:=[52.0, 4.5, 0.0]", "-p", "output_period_s:=0.0")
