@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import os
+from pathlib import Path
 
 # Before anything imports rclpy: tests talk on this machine only, apart from other ROS processes.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -18,6 +19,8 @@ settings.register_profile("project", deadline=None)
 settings.load_profile("project")
 
 LIVE = {"processes", "executables", "peer", "demo"}
+# The core knows no ROS, so that run.py looks for no live tests here.
+NEVER_LIVE = Path(__file__).parent / "core"
 
 
 def pytest_collection_modifyitems(items):
@@ -26,3 +29,5 @@ def pytest_collection_modifyitems(items):
         # A launch test has no fixtures.
         if LIVE & {*getattr(item, "fixturenames", ())}:
             item.add_marker(pytest.mark.live)
+        if item.get_closest_marker("live") and NEVER_LIVE in item.path.parents:
+            raise pytest.UsageError(f"{item.nodeid}: live tests have no place in test/core")

@@ -82,7 +82,9 @@ PARTS = {
             "gaussian/test_joint_update.py",
             "gaussian/test_enumeration.py",
             "gaussian/test_gaussian_update.py",
+            "gaussian/test_range_rate_update.py",
             "models/test_detection_birth.py",
+            "test_range_rates_agree.py",
         ),
     ),
     "smoother": Part(

@@ -25,6 +25,7 @@ from scipy.optimize import minimize
 
 from ..arrays import FloatArray, IntArray
 from . import kinematics
+from .deviations import Deviations
 from .plots import Plots
 from .tracks import GATE, Tracks
 
@@ -43,25 +44,19 @@ STEP, LEAST_RATIO = 0.02, np.log(4.0)
 
 
 @dataclass(frozen=True)
-class Noise:
+class Noise(Deviations):
     """Noise by its likelihood.
 
     Parameters
     ----------
-    range_std, azimuth_std : float
-        Metres and radians.
-    densities : tuple of two floats
-        Of the white acceleration: while targets keep their velocity, and while they manoeuvre,
-        m^2/s^3.
+    range_std, azimuth_std, densities
+        See `Deviations`.
     log_std : array of shape (2,)
         Standard deviations of the logarithms of the two measurement deviations.
     plots : int
         Number of plots that it is known from.
     """
 
-    range_std: float
-    azimuth_std: float
-    densities: tuple[float, float]
     log_std: FloatArray
     plots: int
 

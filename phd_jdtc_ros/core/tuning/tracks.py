@@ -16,6 +16,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ..arrays import FloatArray, IntArray
 from . import kinematics
+from .deviations import Deviations
 from .plots import Plots
 from .rotation import Timing
 
@@ -43,16 +44,13 @@ _LOG_MOTION = np.log([1.0 - MANOEUVRES, MANOEUVRES])
 
 
 @dataclass(frozen=True)
-class Guess:
+class Guess(Deviations):
     """What is assumed of a radar and its targets while plots are linked.
 
     Parameters
     ----------
-    range_std, azimuth_std : float
-        Metres and radians.
-    densities : tuple of two floats
-        Of the white acceleration: while targets keep their velocity, and while they manoeuvre,
-        m^2/s^3.
+    range_std, azimuth_std, densities
+        See `Deviations`.
     speed_std : float
         Of a new target's velocity along each axis, metres per second.
     detection_probability : float
@@ -60,9 +58,6 @@ class Guess:
         Per look.
     """
 
-    range_std: float
-    azimuth_std: float
-    densities: tuple[float, float]
     speed_std: float
     detection_probability: float
     clutter_rate: float
