@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.evaluation.metrics import assign
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
@@ -164,5 +165,18 @@ def at_stamps(
             continue
         newest = ordered[last]
         position = newest.position + (stamp_ns - known_ns[last]) * 1e-9 * newest.velocity
-        points.append(PointSet(position, newest.class_id, newest.track_id, newest.velocity))
+        points.append(
+            PointSet(
+                *(position, newest.class_id, newest.track_id, newest.velocity),
+                height=_heights_after(newest, (stamp_ns - known_ns[last]) * 1e-9),
+            )
+        )
     return points
+
+
+def _heights_after(found: Estimates, seconds: float) -> FloatArray | None:
+    """Return heights some time later, metres; None where no radar reports any."""
+    if found.attributes is None:
+        return None
+    height: FloatArray = found.attributes.height @ np.array([1.0, seconds])
+    return height

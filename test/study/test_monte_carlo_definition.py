@@ -49,6 +49,7 @@ def test_resolve_takes_the_published_study():
         "joining aircraft",
         "joining aircraft, garbled",
         "joining aircraft, half without transponders",
+        "terminal radar, heights",
     ]
     assert {variant.kind for variant in study.variants} == set(KINDS)
 

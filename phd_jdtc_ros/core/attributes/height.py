@@ -13,9 +13,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray, sum_by
 
+BoolArray = npt.NDArray[np.bool_]
 # Metres: garbled heights, and those of unknown targets, are uniform over so much.
 SPAN = 15e3
 
@@ -171,22 +173,29 @@ def _first(height: FloatArray, since: FloatArray, model: HeightModel) -> Heights
     return Heights(np.ones(len(height)), mean, back @ start @ back.swapaxes(1, 2))
 
 
-def learned(measured: Measured, target: IntArray, own: FloatArray, none: FloatArray) -> Heights:
-    """Return the heights after an association; see `identity.learned`.
+def learned(
+    measured: Measured, target: IntArray, own: FloatArray, none: FloatArray
+) -> tuple[Heights, BoolArray]:
+    """Return the heights after an association, see `identity.learned`, and which begin again.
 
     Notes
     -----
-    Of each target, the Gaussians of all that may be so are matched by one.
+    Of each target, the Gaussians of all that may be so are matched by one: of what goes on from the
+    height that was known or, if that is more probable, of what begins with a measurement. The other
+    part counts as unknown, so that a garbled height does not move a target.
     """
     prior, count = measured.prior, len(measured.prior.known)
-    kept = none + sum_by(target, own * measured.part[:, 1], count)
-    weight = [kept * prior.known, own * measured.part[:, 0], own * measured.part[:, 2]]
-    rows = [np.arange(count), target, target]
-    parts = [prior, measured.told, measured.first]
-    share = np.concatenate(weight)
-    owner = np.concatenate(rows)
+    kept = (none + sum_by(target, own * measured.part[:, 1], count)) * prior.known
+    right, new = own * measured.part[:, 0], own * measured.part[:, 2]
+    begun = sum_by(target, new, count)
+    again = begun > kept + sum_by(target, right, count)
+    share = np.concatenate([kept, right, new])
+    owner = np.concatenate([np.arange(count), target, target])
+    of_new = np.arange(len(share)) >= count + len(target)
+    share = np.where(again[owner] == of_new, share, 0.0)
     known = sum_by(owner, share, count)
     share = share / np.where(known > 0.0, known, 1.0)[owner]
+    parts = [prior, measured.told, measured.first]
     means = np.concatenate([part.mean for part in parts])
     spreads = np.concatenate([part.covariance for part in parts])
     mean = np.stack([sum_by(owner, share * axis, count) for axis in means.T], axis=1)
@@ -194,4 +203,4 @@ def learned(measured: Measured, target: IntArray, own: FloatArray, none: FloatAr
     spreads = spreads + apart[:, :, None] * apart[:, None, :]
     covariance = np.zeros((count, 2, 2))
     np.add.at(covariance, owner, share[:, None, None] * spreads)
-    return Heights(np.minimum(known, 1.0), mean, covariance)
+    return Heights(np.minimum(known, 1.0), mean, covariance), again

@@ -52,6 +52,12 @@ class History(NamedTuple):
         columns: list[Any] = [np.concatenate(pair) for pair in zip(old, new, strict=True)]
         return History(*columns).take(np.lexsort((columns[1], columns[0])))
 
+    def without(self, origin: IntArray) -> History:
+        """Return the history of other origins."""
+        if not np.isin(self.origin, origin).any():
+            return self
+        return self.take(np.flatnonzero(~np.isin(self.origin, origin)))
+
     def since(self, stamp_ns: int, alive: IntArray) -> History:
         """Return what a smoothed height from a stamp on may need, of some origins."""
         following = np.append(self.stamp_ns[1:], np.iinfo(np.int64).max)

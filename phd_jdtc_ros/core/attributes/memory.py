@@ -14,7 +14,7 @@ import numpy as np
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
 from ..types import UNKNOWN, Attributes, Detections, Estimates
 from . import height, identity
-from .height import HeightModel, Heights
+from .height import BoolArray, HeightModel, Heights
 from .history import History
 from .identity import Belief, IdentityModel
 
@@ -152,15 +152,22 @@ class _Told(NamedTuple):
     address: identity.Shown | None
     height: height.Measured | None
 
-    def after(self, target: IntArray, own: FloatArray, none: FloatArray) -> Known:
-        """Return the beliefs after an association; see `identity.learned`."""
+    def after(self, target: IntArray, own: FloatArray, none: FloatArray) -> tuple[Known, BoolArray]:
+        """Return the beliefs after an association, and which heights begin again.
+
+        See `identity.learned` and `height.learned`.
+        """
         edges = target, own, none
         before = self.before
-        return Known(
+        heights, again = before.heights, np.zeros(len(none), dtype=np.bool_)
+        if self.height is not None:
+            heights, again = height.learned(self.height, *edges)
+        known = Known(
             before.code if self.code is None else identity.learned(self.code, *edges),
             before.address if self.address is None else identity.learned(self.address, *edges),
-            before.heights if self.height is None else height.learned(self.height, *edges),
+            heights,
         )
+        return known, again
 
 
 class AttributeMemory:
@@ -243,7 +250,8 @@ class AttributeMemory:
         none = np.maximum(1.0 - total, 0.0)
         if not targets:
             return
-        known = evidence._told.after(evidence._edge_target, own, none)
+        known, again = evidence._told.after(evidence._edge_target, own, none)
+        self.history = self.history.without(evidence._origin[again])
         told = np.flatnonzero(total > LEAST)
         self._note(Records.of(evidence._origin, stamp_ns, known).take(told), stamp_ns)
 
@@ -257,7 +265,7 @@ class AttributeMemory:
             return
         place = np.arange(count)
         told = self._told(Known.fresh(count, self.model), place, place, detections)
-        known = told.after(place, np.ones(count), np.zeros(count))
+        known, _ = told.after(place, np.ones(count), np.zeros(count))
         self._note(Records.of(origin + place, stamp_ns, known), stamp_ns)
 
     def told(self, estimates: Estimates, smoothed: bool) -> Estimates:

@@ -81,6 +81,8 @@ COUNTED: Mapping[str, Value] = {
     "right_class": _right_class,
     "square_error": _square_error,
     "near": _near,
+    "heights": lambda scan: len(scan.height_error),
+    "height_square_error": lambda scan: float((scan.height_error**2).sum()),
     "beyond": _beyond,
     "gaps": _of_gaps(len),
     "long_gaps": _of_gaps(lambda gaps: sum(gap.is_long for gap in gaps)),
@@ -359,6 +361,15 @@ IDENTITY_SWITCHES = Metric(
     "two. A target and a track stay a pair while both exist, closer than c; the others are paired "
     "by position. It needs track ids of all targets and estimates.",
 )
+HEIGHT_RMS = Metric(
+    "height_rms",
+    "height RMS",
+    "m",
+    ".1f",
+    root_mean("height_square_error", "heights"),
+    "Root mean square, over all pairs of the run whose true and estimated heights are known, of "
+    "the difference of the two.",
+)
 FALSE_PER_SCAN = Metric(
     "false_per_scan",
     "false per scan",
@@ -388,7 +399,7 @@ GROUPS = {
 }
 OF_SETS = tuple(metric for group in GROUPS.values() for metric in group)
 # Figures of all targets only.
-OF_ALL = (OSPA2, IDENTITY_SWITCHES, FALSE_PER_SCAN, POSITION_NEAR)
+OF_ALL = (OSPA2, IDENTITY_SWITCHES, FALSE_PER_SCAN, POSITION_NEAR, HEIGHT_RMS)
 METRICS = (*OF_SETS, *OF_ALL, CLASS_ACCURACY)
 
 # Definitions of other terms that are shown with the figures.

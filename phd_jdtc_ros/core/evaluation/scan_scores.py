@@ -49,6 +49,8 @@ class PointSet:
         Metres per second; None if it is not known.
     covariance : array of shape (T, 2, 2) or None
         Of the positions, square metres; None if it is not known, as of the truth.
+    height : array of shape (T,) or None
+        Metres; NaN, and None for all, if it is not known.
     """
 
     position: FloatArray
@@ -56,13 +58,21 @@ class PointSet:
     track_id: IntArray | None = None
     velocity: FloatArray | None = None
     covariance: FloatArray | None = None
+    height: FloatArray | None = None
 
     @staticmethod
     def of(targets: Truth | Estimates) -> PointSet:
         """Return the points of targets or estimates."""
-        covariance = targets.position_covariance if isinstance(targets, Estimates) else None
+        covariance, heights = None, None
+        if isinstance(targets, Truth):
+            heights = targets.height
+        else:
+            covariance = targets.position_covariance
+            if targets.attributes is not None:
+                heights = targets.attributes.height
         return PointSet(
-            targets.position, targets.class_id, targets.track_id, targets.velocity, covariance
+            *(targets.position, targets.class_id, targets.track_id, targets.velocity, covariance),
+            None if heights is None else heights[:, 0],
         )
 
     def __len__(self) -> int:
@@ -77,7 +87,10 @@ class PointSet:
         label = None if self.track_id is None else self.track_id[index]
         velocity = None if self.velocity is None else self.velocity[index]
         covariance = None if self.covariance is None else self.covariance[index]
-        return PointSet(self.position[index], self.class_id[index], label, velocity, covariance)
+        height = None if self.height is None else self.height[index]
+        return PointSet(
+            self.position[index], self.class_id[index], label, velocity, covariance, height
+        )
 
     def labelled(self) -> LabelledPoints | None:
         """Return the points with their labels; None unless all labels are non-zero and distinct."""
@@ -163,6 +176,15 @@ class Comparison:
         """Squared Mahalanobis distances of the pairs, shape (P,); NaN without a covariance."""
         error = self.paired_truth.position - self.paired_estimate.position
         return mahalanobis2(error, self.paired_estimate.covariance)
+
+    @property
+    def height_error(self) -> FloatArray:
+        """Errors of the pairs whose heights are known, metres, shape (Q,)."""
+        true, found = self.paired_truth.height, self.paired_estimate.height
+        if true is None or found is None:
+            return np.zeros(0)
+        error = found - true
+        return error[np.isfinite(error)]
 
     def of_class(self, class_id: int) -> Comparison:
         """Return the comparison of one class alone."""

@@ -15,6 +15,7 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,
     FALSE_PER_SCAN,
+    HEIGHT_RMS,
     IDENTITY_SWITCHES,
     OF_SETS,
     POSITION_NEAR,
@@ -85,6 +86,7 @@ METRICS = {
     for metric in (
         *OF_SETS,
         POSITION_NEAR,
+        HEIGHT_RMS,
         IDENTITY_SWITCHES,
         FALSE_PER_SCAN,
         CLASS_ACCURACY,

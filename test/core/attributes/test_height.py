@@ -55,7 +55,7 @@ def textbook(times, measured, model=MODEL):
 
 def updated(heights, value, since=0.0, model=MODEL):
     told = height.compared(heights, FIRST, np.array([value]), np.array([since]), model)
-    return height.learned(told, FIRST, np.ones(1), np.zeros(1))
+    return height.learned(told, FIRST, np.ones(1), np.zeros(1))[0]
 
 
 @pytest.fixture
@@ -137,7 +137,8 @@ def test_soft_association_matches_the_mixture_of_what_may_be_so():
     target, values = np.zeros(2, dtype=np.int64), np.array([1010.0, 980.0])
     own, none = np.array([0.5, 0.2]), np.array([0.3])
     told = height.compared(heights, target, values, np.zeros(2), MODEL)
-    found = height.learned(told, target, own, none)
+    found, again = height.learned(told, target, own, none)
+    assert not again.any()
     gain = np.array([100.0, 0.0]) / (100.0 + MODEL.std**2)
     each = [heights.mean[0], *(heights.mean[0] + gain * (value - 1000.0) for value in values)]
     share = np.array([0.3, 0.5, 0.2])
@@ -154,9 +155,19 @@ def test_garbled_height_does_not_move_a_target_and_costs_a_factor_of_its_probabi
     heights = Heights(np.ones(1), np.array([[3000.0, 0.0]]), np.diag([30.0, 1.0])[None])
     told = height.compared(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
     assert np.exp(told.log_factor[0]) == pytest.approx(0.01)
-    found = height.learned(told, FIRST, np.ones(1), np.zeros(1))
+    found, _ = height.learned(told, FIRST, np.ones(1), np.zeros(1))
     np.testing.assert_allclose(found.mean, heights.mean)
     np.testing.assert_allclose(found.covariance, heights.covariance)
+
+
+def test_garbled_height_does_not_move_a_height_that_may_be_wrong():
+    model = HeightModel()
+    heights = Heights(np.full(1, 0.995), np.array([[3000.0, 0.0]]), np.diag([30.0, 1.0])[None])
+    told = height.compared(heights, FIRST, np.array([9000.0]), np.zeros(1), model)
+    found, again = height.learned(told, FIRST, np.ones(1), np.zeros(1))
+    np.testing.assert_allclose(found.mean, heights.mean)
+    assert not again.any()
+    assert found.known[0] == pytest.approx(0.67, abs=0.01)
 
 
 def test_target_whose_height_began_wrong_finds_the_right_one():
@@ -171,7 +182,7 @@ def test_target_whose_height_began_wrong_finds_the_right_one():
 def test_unknown_height_tells_nothing_and_is_worth_nothing():
     heights = Heights(np.full(1, 0.8), np.array([[3000.0, 2.0]]), np.diag([30.0, 1.0])[None])
     told = height.compared(heights, FIRST, np.array([np.nan]), np.zeros(1), HeightModel())
-    found = height.learned(told, FIRST, np.ones(1), np.zeros(1))
+    found, _ = height.learned(told, FIRST, np.ones(1), np.zeros(1))
     assert told.log_factor[0] == 0.0
     for one, other in zip(found, heights, strict=True):
         np.testing.assert_allclose(one, other)
