@@ -25,9 +25,9 @@ from .timing import exponent, peak_bytes, spread
 
 # A thousand targets have half a million particles, which take a second per step.
 LADDER = {GAUSSIAN: (200, 500, 1000, 2000, 5000), PARTICLES: (200, 500, 1000)}
-QUICK_LADDER = {GAUSSIAN: (20, 40, 80), PARTICLES: (20, 40)}
+QUICK_LADDER = {GAUSSIAN: (10, 20, 40), PARTICLES: (10, 20)}
 STEPS = 6
-MEMORY_TARGETS, QUICK_MEMORY_TARGETS = 1000, 40
+MEMORY_TARGETS, QUICK_MEMORY_TARGETS = 1000, 20
 
 
 def measure(quick: bool) -> dict[str, Any]:

@@ -72,8 +72,6 @@ PARTS = {
     "gaussian update": Part(
         (
             "gaussian/amplitude.py",
-            "gaussian/located.py",
-            "gaussian/newborn.py",
             "gaussian/pairs.py",
             "gaussian/stillness.py",
             "gaussian/update.py",
@@ -81,6 +79,13 @@ PARTS = {
         (
             "gaussian/test_joint_update.py",
             "gaussian/test_enumeration.py",
+            "gaussian/test_gaussian_update.py",
+            "models/test_detection_birth.py",
+        ),
+    ),
+    "gaussian births": Part(
+        ("gaussian/located.py", "gaussian/newborn.py"),
+        (
             "gaussian/test_gaussian_update.py",
             "gaussian/test_range_rate_update.py",
             "models/test_detection_birth.py",

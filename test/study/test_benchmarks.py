@@ -453,7 +453,7 @@ def test_picture_and_table_of_a_step_show_both_engines(summary):
 
 @every_engine
 def test_memory_is_that_of_all_that_an_engine_holds(engine):
-    few, more = (step_growth.memory_of(engine, targets) for targets in (10, 40))
+    few, more = (step_growth.memory_of(engine, targets) for targets in (5, 20))
 
     assert few > 20_000
     # The window's sets are of all targets.
