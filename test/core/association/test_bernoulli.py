@@ -6,6 +6,7 @@
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.core import arrays
 from phd_jdtc_ros.core.association import bernoulli
 from phd_jdtc_ros.core.association.bernoulli import Claims
 
@@ -55,7 +56,7 @@ def test_row_may_be_split_into_equal_ones():
 
 def test_many_targets_and_detections_are_sorted_with_the_same_result(monkeypatch):
     tabled = posterior(*scene())
-    monkeypatch.setattr(bernoulli, "CELLS_A_PAIR", 0)
+    monkeypatch.setattr(arrays, "CELLS_AN_ENTRY", 0)
     for one, other in zip(tabled, posterior(*scene()), strict=True):
         np.testing.assert_array_equal(one, other)
 
