@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from .arrays import FloatArray, IntArray
 from .origins import first_scan
@@ -42,6 +41,9 @@ def matched(one: Estimates, other: Estimates, moving: bool = False) -> tuple[Int
         Rows of the first and of the second, pair by pair. The pairs are those of least total square
         Mahalanobis distance, by the sum of the covariances, within `GATE` or `MOVING_GATE`.
     """
+    # Imported here because only late reports need it, and a live node starts sooner.
+    from scipy.optimize import linear_sum_assignment
+
     if not (len(one) and len(other)):
         none = np.zeros(0, dtype=np.int64)
         return none, none
