@@ -138,7 +138,10 @@ format: $(VENV)/.ready-test
 	$(RUN) -m ruff format
 
 SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes \
-    terminal_radar terminal_radar_by_sector two_terminal_radars automotive coastal coastal_ship
+    terminal_radar terminal_radar_by_sector two_terminal_radars two_approach_radars automotive \
+    coastal coastal_ship
+# What the radars of this one would send, as ASTERIX.
+RECORDED := two_approach_radars
 
 bags: $(VENV)/.ready
 	@for name in $(SCENARIOS); do \
@@ -146,6 +149,8 @@ bags: $(VENV)/.ready
 	    $(RUN) -m phd_jdtc_ros simulate --scenario config/scenarios/$$name.yaml --out bags/$$name \
 	    || exit 1; \
 	done
+	@$(RUN) -m phd_jdtc_ros asterix_bridge bags/$(RECORDED) --plots \
+	    --out bags/$(RECORDED)/recording.ast
 
 parameters: $(VENV)/.ready
 	$(RUN) -m phd_jdtc_ros.tools.reference_pages docs
