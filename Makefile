@@ -22,6 +22,7 @@ endif
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
 	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes;"
+	@echo "             PROFILE=air_traffic from two radars' ASTERIX to tracks as ASTERIX;"
 	@echo "             ENGINE=gaussian for the other engine, into out/demo_gaussian"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=12 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"

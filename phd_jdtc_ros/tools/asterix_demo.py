@@ -51,7 +51,7 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
     Parameters are those of `demo.run_nodes`. The tracks are written into ``out / TRACKS``.
     """
     evaluator = reporting(bag, config, out, cutoff)
-    where = _input()
+    where = input_address()
     with TrackFile(out / TRACKS) as tracks, Processes(logs) as nodes:
         if not start_tracking(nodes, config, logs, evaluator):
             return False
@@ -129,7 +129,7 @@ class TrackFile:
             self.outputs += data[0] == STATUS_CATEGORY
 
 
-def _input() -> Address:
+def input_address() -> Address:
     """Return where the radars send to: a group of the loopback interface, where there is any.
 
     The group is one of many, so that demos beside each other do not hear each other.

@@ -3,15 +3,19 @@
 
 """The demo from ASTERIX to ASTERIX: live over UDP and DDS, and the shipped recording."""
 
+import errno
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from asterix_reference import decoded, value
 
 from msg_adapters import interfaces, names
+from msg_adapters.readers import reader_of
 from phd_jdtc_ros import resources, yaml_files
 from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.nodes.common import bag_parameters
@@ -164,6 +168,44 @@ def test_profile_of_air_traffic_plays_the_recording_unless_another_bag_is_given(
     given = ["--profile", "air_traffic", "--out", str(tmp_path), *words]
     assert run("demo", given) == 1
     assert played == [(by_asterix, radars, "gaussian")]
+
+
+def places(bag, config, index):
+    """Return times, s, and places in the plane, m, of a radar's detections of known height."""
+    radar, yaw = config.inputs[index], config.model.radars[index].yaw
+    found = []
+    for entry in BagReader(bag).messages([radar.topic]):
+        report = reader_of(radar).from_cdr(entry.data, radar)
+        seen = report.detections
+        distance, azimuth = seen.measurement.T
+        time = report.stamp_ns * 1e-9 + seen.time_s
+        x, y = distance * np.cos(azimuth + yaw), distance * np.sin(azimuth + yaw)
+        found.append(np.stack([time, x, y], axis=1)[np.isfinite(seen.height)])
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_detections_on_the_round_earth_go_to_asterix_and_back(recorded, offline, index):
+    config = tracker_params.config(bag_parameters.read(recorded))
+    before = places(recorded, config, index)
+    after = places(offline / "plots", config, index)
+    # The bridge knows only where the antenna is from the first sectors on.
+    assert len(before) - 5 <= len(after) <= len(before)
+    nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
+    np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)
+    # Ranges are of 1/256 NM, and azimuths of 360 / 2^16 degrees: 7 m at the farthest.
+    np.testing.assert_allclose(after[:, 1:], before[nearest, 1:], atol=15.0)
+
+
+def test_radars_send_to_one_address_where_there_are_no_groups(monkeypatch):
+    group = asterix_demo.input_address()
+    assert group.port > 0
+
+    def refused(*_):
+        raise OSError(errno.ENODEV, "No such device")
+
+    monkeypatch.setattr(udp, "opened", refused)
+    assert asterix_demo.input_address().host == asterix_demo.LOOPBACK
 
 
 def test_bag_without_a_recording_has_none():
