@@ -22,6 +22,7 @@ endif
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
 	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes;"
+	@echo "             PROFILE=air_traffic from two radars' ASTERIX to tracks as ASTERIX;"
 	@echo "             ENGINE=gaussian for the other engine, into out/demo_gaussian"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=12 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
@@ -138,7 +139,10 @@ format: $(VENV)/.ready-test
 	$(RUN) -m ruff format
 
 SCENARIOS := paper_scenario clutter_50 one_radar manoeuvring three_classes \
-    terminal_radar terminal_radar_by_sector two_terminal_radars automotive coastal coastal_ship
+    terminal_radar terminal_radar_by_sector two_terminal_radars two_approach_radars automotive \
+    coastal coastal_ship
+# What the radars of this one would send, as ASTERIX.
+RECORDED := two_approach_radars
 
 bags: $(VENV)/.ready
 	@for name in $(SCENARIOS); do \
@@ -146,6 +150,8 @@ bags: $(VENV)/.ready
 	    $(RUN) -m phd_jdtc_ros simulate --scenario config/scenarios/$$name.yaml --out bags/$$name \
 	    || exit 1; \
 	done
+	@$(RUN) -m phd_jdtc_ros asterix_bridge bags/$(RECORDED) --plots \
+	    --out bags/$(RECORDED)/recording.ast
 
 parameters: $(VENV)/.ready
 	$(RUN) -m phd_jdtc_ros.tools.reference_pages docs

@@ -19,7 +19,7 @@ SHARE = Path("share", PACKAGE)
 DEFAULT_BAG = "paper_scenario"
 # The bags of profiles that are not for the reference scenario.
 PROFILE_BAGS = {
-    "air_traffic": "terminal_radar",
+    "air_traffic": "two_approach_radars",
     "autoferry": "autoferry_2",
     "automotive": "automotive",
     "marine": "coastal",

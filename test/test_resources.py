@@ -35,14 +35,14 @@ def test_bag_that_is_not_there_names_those_that_are(tmp_path, monkeypatch):
     assert str(caught.value) == (
         "four_classes: no such bag; those shipped are autoferry_2, automotive, clutter_50, "
         "coastal, coastal_ship, manoeuvring, one_radar, paper_scenario, terminal_radar, "
-        "terminal_radar_by_sector, three_classes, two_terminal_radars"
+        "terminal_radar_by_sector, three_classes, two_approach_radars, two_terminal_radars"
     )
 
 
 def test_profile_is_a_file_with_the_bag_that_shows_it():
     path, bag = resources.profile("air_traffic")
     assert path.name == "air_traffic.yaml"
-    assert bag == "terminal_radar"
+    assert bag == "two_approach_radars"
     assert resources.profile("surveillance")[1] == resources.DEFAULT_BAG
 
 

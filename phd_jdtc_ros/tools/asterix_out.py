@@ -21,8 +21,10 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.asterix import plots_out
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.sited_plots import supposed_height
 from phd_jdtc_ros.core.turns import NOTHING, Turns
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Detections
 from phd_jdtc_ros.nodes.asterix import settings
@@ -50,6 +52,24 @@ class Written:
     blocks: int = 0
     clouds: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
+
+
+def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
+    """Return the parameters with which a bridge makes the clouds that a tracker is configured for.
+
+    The radars' numbers are those that `asterix_bridge BAG --plots` gives them. Tracks are sent with
+    each cloud of estimates and of its time, so that they are the same however fast the demo is.
+    """
+    values: dict[str, Any] = {"radars": [radar.name for radar in config.inputs]}
+    for number, radar in enumerate(config.inputs, start=1):
+        values[f"{radar.name}.sac"] = OWN_SAC
+        values[f"{radar.name}.sic"] = number
+        if radar.sectors:
+            values[f"{radar.name}.sectors"] = radar.sectors
+    values["output_period_s"] = 0.0
+    if config.values["world_origin"]:
+        values["world_origin"] = list(config.values["world_origin"])
+    return values
 
 
 def write_tracks(
@@ -136,7 +156,10 @@ class _Radar:
 
     def __init__(self, config: TrackerConfig, index: int, number: int, noise_dbm: float) -> None:
         self._input = config.inputs[index]
-        self._yaw = config.model.radars[index].yaw
+        self._site = self._input.site
+        # On the earth, azimuths are from true north, and not from the map's.
+        site = self._site
+        self._yaw = config.model.radars[index].yaw if site is None else site.turned
         self._turns: Turns = config.turns()[index]
         self._number = number
         self._noise_dbm = noise_dbm
@@ -179,9 +202,8 @@ class _Radar:
         def column(values: Any, unknown: float) -> list[Any]:
             return list(np.full(count, unknown) if values is None else values)
 
-        distance, azimuth = found.measurement.T
-        height = np.array(column(found.height, math.nan))
-        slant = np.hypot(distance, np.nan_to_num(height - self._input.height))
+        height = np.array(column(found.height, math.nan)) + self._input.datum
+        slant, azimuth = self._measured(found.measurement, height)
         plots = []
         for row, (time_s, level, code, address) in enumerate(
             zip(
@@ -211,3 +233,14 @@ class _Radar:
             )
             plots.append((stamp_ns + round(time_s * 1e9), plot))
         return plots
+
+    def _measured(
+        self, measurement: FloatArray, height: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return slant ranges and azimuths of detections at heights, metres, NaN where unknown."""
+        distance, azimuth = measurement.T
+        if self._site is None:
+            above = height - self._input.datum - self._input.height
+            return np.hypot(distance, np.nan_to_num(above)), azimuth
+        supposed = supposed_height(self._site, self._input.assumed_height, distance)
+        return self._site.to_slant(distance, azimuth, np.where(np.isnan(height), supposed, height))

@@ -7,39 +7,42 @@ The three nodes run as separate processes in their own ROS domain, on this machi
 is in lock-step with the tracker, so it runs as fast as the CPU allows and loses no message. The
 tracker has the parameters beside the bag, unless others are given. What an earlier demo has left is
 replaced once the nodes have ended well; until then it stays as it is.
+
+A bag with a recording of ASTERIX beside it is played as its radars would send it: `asterix_demo`.
 """
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.engines import ENGINES
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.report.pictures import figures
 
-from . import command, comparison, report
+from . import asterix_demo, command, comparison, report
+from .demo_nodes import (
+    FINISH_S,
+    METRICS,
+    PARAMETERS,
+    RECORDING,
+    START_S,
+    Processes,
+    reporting,
+    start_tracking,
+)
 
-START_S, STOP_S = 60.0, 10.0
-# Discovery, and the evaluator's last scores, take a second or two.
-FINISH_S = 30.0
-METRICS, RECORDING, LOGS = "metrics.json", "estimates", "logs"
-PARAMETERS = bag_parameters.NAME
+LOGS = "logs"
 # Where a demo writes until its nodes have ended well, relative to its output directory.
 UNFINISHED = ".unfinished"
 # All files that a demo writes, relative to its output directory.
@@ -51,87 +54,6 @@ ARTEFACTS = (
     f"{LOGS}/{PARAMETERS}",
     *(f"{RECORDING}/{name}" for name in (f"{RECORDING}_0.mcap", "metadata.yaml", PARAMETERS)),
 )
-
-
-class Processes:
-    """The demo's nodes; those still running are stopped when the context ends."""
-
-    def __init__(self, logs: Path) -> None:
-        self._logs = logs
-        self._running: dict[str, subprocess.Popen[bytes]] = {}
-        self._environment = {
-            **os.environ,
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID") or str(1 + os.getpid() % 100),
-            **resources.isolation(),
-        }
-        logs.mkdir(parents=True, exist_ok=True)
-
-    def __enter__(self) -> Processes:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop(*self._running)
-
-    def _stop(self, *names: str) -> None:
-        stopped = [self._running[name] for name in names]
-        for process in stopped:
-            if process.poll() is None:
-                # A job that a script starts in the background ignores SIGINT, and so would they.
-                process.terminate()
-        for process in stopped:
-            try:
-                process.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-
-    def start(
-        self,
-        name: str,
-        arguments: Sequence[str],
-        parameters: Mapping[str, object],
-        shown: bool = False,
-    ) -> None:
-        """Start a node; its output goes to its log, or to the terminal if `shown`."""
-        line = [sys.executable, "-m", "phd_jdtc_ros", name, *arguments, "--ros-args"]
-        for key, value in parameters.items():
-            line += ["-p", f"{key}:={value}"]
-        with (self._logs / f"{name}.log").open("wb") as log, _interrupts_deferred():
-            self._running[name] = subprocess.Popen(
-                line, stdout=None if shown else log, stderr=log, env=self._environment
-            )
-
-    def wait_for(self, name: str, text: str) -> bool:
-        """Wait until a node has logged `text`; return whether it did."""
-        deadline = time.monotonic() + START_S
-        while text not in (self._logs / f"{name}.log").read_text():
-            if self._running[name].poll() is not None or time.monotonic() > deadline:
-                print(f"demo: {name} did not get ready\n{self._tail(name)}", file=sys.stderr)
-                return False
-            time.sleep(0.05)
-        return True
-
-    def wait(self, name: str, timeout_s: float | None = None) -> bool:
-        """Wait until a node ends; return whether it and the others ran without failure."""
-        deadline = time.monotonic() + timeout_s if timeout_s else None
-        while self._running[name].poll() is None:
-            ended = [n for n, process in self._running.items() if process.poll()]
-            if ended:
-                print(f"demo: {ended[0]} ended early\n{self._tail(ended[0])}", file=sys.stderr)
-                return False
-            if deadline and time.monotonic() > deadline:
-                # Its last words are what it waited for.
-                self._stop(name)
-                print(f"demo: {name} did not finish\n{self._tail(name)}", file=sys.stderr)
-                return False
-            time.sleep(0.05)
-        if self._running[name].returncode != 0:
-            print(f"demo: {name} failed\n{self._tail(name)}", file=sys.stderr)
-        return self._running[name].returncode == 0
-
-    def _tail(self, name: str) -> str:
-        return "\n".join((self._logs / f"{name}.log").read_text().splitlines()[-10:])
 
 
 def run_nodes(
@@ -151,59 +73,19 @@ def run_nodes(
     cutoff : float
         c of OSPA and GOSPA, metres.
     """
-    scans = BagReader(bag).counts[names.TRUTH]
-    if not scans:
-        raise BagError(f"{bag}: no message on {names.TRUTH}, the truth that the demo needs")
-    topics, poses = [radar.topic for radar in config.inputs], list(config.carried)
-    reliable = {
-        f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in [*topics, *poses]
-    }
-    parameters = logs / PARAMETERS
-    reporting = {
-        "report": out / METRICS,
-        "record": out / RECORDING,
-        "radar_topics": f"[{', '.join(topics)}]",
-        "classes": len(config.model.modes.classes),
-        "world_frame": config.world_frame,
-        "exit_after_scans": scans,
-        "cutoff": cutoff,
-        "class_names": f"[{', '.join(kind.name for kind in config.model.modes.classes)}]",
-    }
-    if poses:
-        reporting["pose_topics"] = f"[{', '.join(poses)}]"
-        reporting["pose_message"] = config.pose_message
+    evaluator = reporting(bag, config, out, cutoff)
     patient = {"subscriber_timeout_s": START_S, "truth_timeout_s": START_S}
     # The evaluator scores the truth and records it; what it records of the radars, the tracker has.
     patient["subscribers"] = 2
     patient["answer_delay_s"] = config.answer_delay_s
     flushing = {"flush_service": f"{names.TRACKER}/flush", **patient}
     with Processes(logs) as nodes:
-        bag_parameters.write(parameters, config.values)
-        nodes.start("evaluator", [], reporting)
-        nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], reliable)
         # The replay waits for its own subscribers, but cannot see whether the evaluator and the
         # tracker have found each other.
-        if not (nodes.wait_for("tracker", "tracking") and nodes.wait_for("evaluator", "connected")):
+        if not start_tracking(nodes, config, logs, evaluator):
             return False
         nodes.start("sensor_replay", [str(bag), "--rate", "0"], flushing, shown=True)
         return nodes.wait("sensor_replay") and nodes.wait("evaluator", FINISH_S)
-
-
-@contextmanager
-def _interrupts_deferred() -> Iterator[None]:
-    """Handle signals to end only afterwards, so that no process starts without being recorded."""
-    received: list[int] = []
-    before = {
-        number: signal.signal(number, lambda caught, _: received.append(caught))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-    for number in received:
-        signal.raise_signal(number)
 
 
 def shipped_bag() -> Path:
@@ -235,7 +117,7 @@ def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
 
 def _replace(out: Path, new: Path) -> None:
     """Put what is in `new` in the place of the results of an earlier demo, and of no other file."""
-    for name in ARTEFACTS:
+    for name in (*ARTEFACTS, *asterix_demo.ARTEFACTS):
         if not name.startswith(f"{LOGS}/"):
             (out / name).unlink(missing_ok=True)
     if (out / RECORDING).is_dir():
@@ -280,8 +162,10 @@ def main(argv: Sequence[str]) -> int:
         given = arguments.bag or resources.DEFAULT_BAG
         if arguments.profile:
             path, shown = resources.profile(arguments.profile)
-            arguments.params_file.insert(0, path)
             given = arguments.bag or shown
+            # Beside a recording of other radars are the profile's parameters with these radars.
+            if given != shown or asterix_demo.recording(resources.bag(given)) is None:
+                arguments.params_file.insert(0, path)
         if arguments.engine:
             arguments.assignments.append(f"engine:={arguments.engine}")
         bag = resources.bag(given)
@@ -291,7 +175,8 @@ def main(argv: Sequence[str]) -> int:
         config = command.tracker_config(arguments, bag)
         _check_recording(out)
         with _unfinished(out) as new:
-            if not run_nodes(bag, config, new, out / LOGS, cutoff):
+            play = run_nodes if asterix_demo.recording(bag) is None else asterix_demo.run_nodes
+            if not play(bag, config, new, out / LOGS, cutoff):
                 return FAILED
             if bag.resolve() == shipped_bag().resolve():
                 _compare(bag, config, new)

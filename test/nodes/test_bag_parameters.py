@@ -11,7 +11,7 @@ from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.nodes.common import bag_parameters
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.tools import params_file, tracker_params
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(path.parent.name for path in ROOT.glob("bags/*/metadata.yaml"))
@@ -19,8 +19,8 @@ SHIPPED = sorted(path.parent.name for path in ROOT.glob("bags/*/metadata.yaml"))
 RECORDED = {"autoferry_2": "autoferry"}
 
 
-def test_there_are_twelve_shipped_bags():
-    assert len(SHIPPED) == 12
+def test_there_are_thirteen_shipped_bags():
+    assert len(SHIPPED) == 13
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -30,9 +30,9 @@ def test_shipped_bag_has_the_parameters_of_its_scenario_or_profile(name):
     else:
         scenario = yaml_files.load(ROOT / "config" / "scenarios" / f"{name}.yaml")
         given = params_file.scenario_parameters(scenario)
-    expected = resolve(given).values
+    expected = tracker_params.config(given).values
     found = bag_parameters.read(ROOT / "bags" / name)
-    assert resolve(found).values == expected
+    assert tracker_params.config(found).values == expected
     assert bag_parameters.read(ROOT / "bags" / name / f"{name}_0.mcap") == found
 
 

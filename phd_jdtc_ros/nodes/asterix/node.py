@@ -63,6 +63,7 @@ class AsterixBridge(LifecycleNode):
         self._output: TrackOutput | None = None
         self._taken_s = 0.0
         self._outputs: dict[str, Any] = {}
+        self._subscribers: dict[str, int] = {}
         self._dropped: Counter[str] = Counter()
         self._sent: Counter[str] = Counter()
         self._fault: Exception | None = None
@@ -160,8 +161,9 @@ class AsterixBridge(LifecycleNode):
         """Publish the sectors that are complete by what was received."""
         if self._receiver is None:
             return
-        for received in self._receiver.take():
-            for state, report in self._stream.feed(*received):
+        for data, received_ns, source in self._receiver.take():
+            known_ns = None if self._values["replayed"] else received_ns
+            for state, report in self._stream.feed(data, known_ns, source):
                 self._publish(state, report)
 
     def _publish(self, state: RadarState, report: SectorReport) -> None:
@@ -215,7 +217,16 @@ class AsterixBridge(LifecycleNode):
                 self._warnings.warn("output", f"{self._values['output']}: {error.strerror}")
         self._sent["tracks"] = self._output.tracks
 
+    def _log_subscribers(self) -> None:
+        """Log how many receive each radar's clouds when that changes."""
+        for name, output in self._outputs.items():
+            count = output.get_subscription_count()
+            if count != self._subscribers.get(name, 0):
+                self.get_logger().info(f"{name}: {count} subscribers")
+                self._subscribers[name] = count
+
     def _publish_health(self) -> None:
+        self._log_subscribers()
         statuses = self._statuses()
         for status in statuses:
             if status.level == DiagnosticStatus.WARN:

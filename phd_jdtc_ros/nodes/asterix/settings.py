@@ -136,6 +136,12 @@ OF_NODE = (
         "system's choice.",
     ),
     Parameter(
+        "replayed",
+        False,
+        "What comes is a recording that is played. Times of receipt are then not used: the first "
+        "message is of 1970-01-01, as for a file without --date.",
+    ),
+    Parameter(
         "output", "", "Where to send tracks: an address or a group, with a port; empty for nowhere."
     ),
     Parameter("estimates_topic", names.estimates("filtered"), "Topic of the estimates to send."),
