@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, bias_parameters, resolve
+from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.core.evaluation.metrics import assign
 from phd_jdtc_ros.core.registration.filtering import KINDS
 from phd_jdtc_ros.core.registration.result import Registration

@@ -9,7 +9,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from phd_jdtc_ros.core.configuration.parameters import BIRTH, CLASS, MOTION, RADAR, TOP
+from phd_jdtc_ros.core.configuration.parameters import BIRTH, CLASS, MOTION, TOP
+from phd_jdtc_ros.core.configuration.radar_parameters import RADAR
 from phd_jdtc_ros.core.configuration.schema import Parameter
 from phd_jdtc_ros.core.evaluation.metric_table import (
     CLASS_ACCURACY,

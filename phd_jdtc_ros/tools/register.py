@@ -23,7 +23,8 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.biases import RadarBias
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, bias_parameters
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.registration.errors import RegistrationError
 from phd_jdtc_ros.core.registration.result import Registration

@@ -6,8 +6,8 @@
 ::
 
     dotted names and values
-      |  type and bounds of each             schema (a parameter), parameters (the table)
+      |  type and bounds of each             schema (a parameter), parameters, radar_parameters
       |  consistency with each other         checks
-      |  units, matrices, models             build
+      |  units, matrices, models             build, radar_build
     TrackerConfig
 """

@@ -19,7 +19,8 @@ from ..arrays import FloatArray
 from ..models import amplitude_density
 from ..models.modes import markov_generator
 from ..site import MOST_FROM_ORIGIN
-from .parameters import GROUPS, RADAR, REFERENCE, TOP
+from .parameters import GROUPS, REFERENCE, TOP
+from .radar_parameters import RADAR
 
 # The value of a radar's parameter `pose` for one that stands.
 FIXED = "fixed"

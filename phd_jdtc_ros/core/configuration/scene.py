@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .checks import name_or
-from .parameters import RADAR
+from .radar_parameters import RADAR
 
 # What the whole scene has.
 OF_ALL = ("world_origin",)

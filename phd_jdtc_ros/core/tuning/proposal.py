@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..configuration.parameters import AUTO
+from ..configuration.radar_parameters import AUTO
 from ..configuration.schema import Value
 from .findings import MOST_LAND, Findings
 
