@@ -15,7 +15,7 @@ from ..forward import Filtered, ForwardFilter
 from ..snapshot import Snapshot
 from ..touch import parted
 from ..types import Scan
-from ..window import Entry
+from ..window import Current, Entry
 from . import backward_kernel, newborns
 from .backward_kernel import ParticleEntry, Transition
 from .budget import ParticleBudget
@@ -71,7 +71,11 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         seen = places(scan, model)
         if corrector.labelled:
             radars = [radar for radar, _ in model.reports(scan)]
-            touched = informed(touched, scan.stamp_ns, seen, radars, model, rng)
+            before = touched
+            touched = informed(before, scan.stamp_ns, seen, radars, model, rng)
+            # The rows that this scan leaves alone stay rows of the same set as those that it drew.
+            drawn = {id(old.entry): new.entry for old, new in zip(before, touched, strict=True)}
+            others = [Current(drawn.get(id(rows.entry), rows.entry), rows.rows) for rows in others]
         budget = self.budget.beside(sum(rows.entry.stored.copies(rows.rows) for rows in others))
         earlier = [
             Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in touched

@@ -4,12 +4,23 @@
 """The particle engine with a radar whose scans are sectors of a turn."""
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from sweep import ROTATION_S, SECTORS, TARGETS, configuration, position_at, scans, seconds_of
+from sweep import (
+    ROTATION_S,
+    SECTORS,
+    START_NS,
+    TARGETS,
+    configuration,
+    position_at,
+    scans,
+    seconds_of,
+)
 
 from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 
 PERIOD = {"estimates_period_s": ROTATION_S, "lag": 3}
 # Turns of the run with the defaults, and those after which tests go on from it.
@@ -167,3 +178,31 @@ def test_number_of_sectors_makes_no_difference_to_the_errors(default_run, sector
     _, filtered, _ = run(turns=LONGEST, sectors=sectors)
     found = mean_square(filtered) / mean_square(default_run(LONGEST)[1])
     assert 0.75 < np.sqrt(found) < 1.33
+
+
+def seen_at(seconds, targets, coverage=None):
+    """Return the scan of some targets' plots, without errors."""
+    x, y = position_at(seconds)[targets].T
+    found = Detections(np.stack([np.hypot(x, y), np.arctan2(y, x)], axis=1), None, None)
+    stamp_ns = START_NS + round(seconds * 1e9)
+    return Scan(stamp_ns, (replace(found, coverage=coverage),))
+
+
+def test_newborns_of_one_set_are_drawn_again_one_after_the_other_and_stay_so():
+    engine = new_engine(configuration(PERIOD))
+    engine.step(seen_at(0.0, [0, 1]))
+    ((rows, born),) = [(rows, rows.entry.stored) for rows in engine.forward.current]
+    drawn = []
+    for seconds, target in ((4.0, 0), (4.5, 1)):
+        (x, y) = position_at(seconds)[target]
+        engine.step(seen_at(seconds, [target], Coverage(np.arctan2(y, x) - 0.2, 0.4)))
+        (entry,) = [each for each in engine._window if each.stamp_ns == rows.entry.stamp_ns]
+        changed = (entry.stored.state != born.state).any(axis=1)
+        drawn.append(
+            (set(born.origin[changed]), entry.stored.state[born.origin == min(born.origin)])
+        )
+    (first, of_first), (both, later_of_first) = drawn
+    # The first one's velocities are those that its next detection was explained with.
+    assert len(first) == 1
+    assert len(both) == 2
+    np.testing.assert_array_equal(later_of_first, of_first)
