@@ -24,7 +24,7 @@ LIVE_AT_A_TIME = 3
 HALF = ("test/core", "test/study")
 # More than half of all tests, of which none is live: conftest.py refuses them there.
 NEVER_LIVE = "test/core"
-LIMIT_S = 1200.0
+LIMIT_S = 2400.0
 # The exit status of a pytest that has nothing to run.
 NOTHING = 5
 OUTCOMES = ("failed", "passed", "skipped", "xfailed", "xpassed", "error")
