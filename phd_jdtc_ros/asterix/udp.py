@@ -163,7 +163,7 @@ class Receiver:
             sock = opened(where, interface)
         except OSError as error:
             raise OSError(error.errno, error.strerror, str(where)) from error
-        self._selector.register(sock, selectors.EVENT_READ, str(where))
+        self._selector.register(sock, selectors.EVENT_READ, (sock, str(where)))
 
     @property
     def lost(self) -> int:
@@ -185,13 +185,13 @@ class Receiver:
 
     def _close_sockets(self) -> None:
         for key in list((self._selector.get_map() or {}).values()):
-            key.fileobj.close()  # type: ignore[union-attr]
+            key.data[0].close()
         self._selector.close()
 
     def _receive(self) -> None:
         while not self._stopped.is_set():
             for key, _ in self._selector.select(POLL_S):
-                self._read(key.fileobj, key.data)  # type: ignore[arg-type]
+                self._read(*key.data)
 
     def _read(self, sock: socket.socket, where: str) -> None:
         """Read one datagram; others follow at the next look."""

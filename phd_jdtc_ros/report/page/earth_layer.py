@@ -73,15 +73,8 @@ def earth_layer(
         line={"color": LINE, "width": 0.8},
         **SHARED,
     )
-    columns = [list(column) for column in zip(*labels, strict=True)] or [[], [], []]
-    yield Scatter(
-        x=np.round(columns[0], scale.decimals).tolist(),
-        y=np.round(columns[1], scale.decimals).tolist(),
-        text=columns[2],
-        name="latitude, longitude",
-        legendgroup="graticule",
-        textposition="top right",
-        **LABEL,
+    yield _texts(
+        labels, scale, name="latitude, longitude", legendgroup="graticule", textposition="top right"
     )
 
 
@@ -125,14 +118,19 @@ def ring_layer(
         line={"color": LINE, "width": 0.8, "dash": "dot"},
         **SHARED,
     )
+    yield _texts(
+        labels, scale, name="range rings", legendgroup="rings", textposition="bottom center"
+    )
+
+
+def _texts(labels: Sequence[tuple[float, float, str]], scale: MapScale, **given: str) -> Scatter:
+    """Return the trace of texts at places of the map."""
     columns = [list(column) for column in zip(*labels, strict=True)] or [[], [], []]
-    yield Scatter(
+    return Scatter(
         x=np.round(columns[0], scale.decimals).tolist(),
         y=np.round(columns[1], scale.decimals).tolist(),
         text=columns[2],
-        name="range rings",
-        legendgroup="rings",
-        textposition="bottom center",
+        **given,
         **LABEL,
     )
 
