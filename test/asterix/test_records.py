@@ -77,7 +77,7 @@ def test_plots_are_those_that_another_decoder_reads():
 
 
 def test_a_real_capture_has_the_plots_that_another_decoder_reads():
-    data = (asterix_reference.SAMPLES / "cat_034_048.pcap").read_bytes()
+    data = asterix_reference.sample("cat_034_048.pcap")
     plots = services = 0
     for received in framing.datagrams(data, None, Counter()):
         found, _ = read(received.data)
