@@ -131,6 +131,15 @@ def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
     assert BagReader(out).counts == {TOPIC: 8}
 
 
+def test_a_port_is_not_asked_of_recordings_that_do_not_say_it(bridge):
+    blocks = enumerate(made.turns(1))
+    data = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in blocks)
+    status, out, said = bridge(data, "--port", "8600", "-p", "sectors:=8")
+    assert status == 0
+    assert "left out: none" in said.out
+    assert BagReader(out).counts == {TOPIC: 8}
+
+
 def test_wrong_clock_and_second_source_are_said(bridge):
     blocks = [*made.turns(1, start_s=1000.0)]
     packets = []
