@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from asterix_reference import decoded, value
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters import detections, estimates, interfaces, names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.types import SOURCES, Estimates
+from phd_jdtc_ros.core.types import SOURCES, Detections, Estimates
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.common import bag_parameters
 
@@ -291,6 +291,21 @@ def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys)
     nearest = [np.abs(before[:, 1:] - row[1:]).max(axis=1).argmin() for row in after]
     np.testing.assert_allclose(after[:, 0], before[nearest, 0], atol=0.005)
     np.testing.assert_allclose(after[:, 1:], before[nearest, 1:], atol=15.0)
+
+
+def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
+    bag, out = tmp_path / "bag", tmp_path / "plots.ast"
+    measured = np.array([[400e3, 0.5], [474.2e3, 1.0]])
+    with BagWriter(bag) as written:
+        written.add_topic(Topic("/far/detections", names.CLOUD))
+        cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
+        written.write("/far/detections", interfaces.encode(cloud), 10**12)
+    values = {"radars": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
+    bag_parameters.write(bag / bag_parameters.NAME, resolve(values).values)
+    assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
+    assert "1 plots in 2 data blocks, of 1 clouds; dropped: range 1" in capsys.readouterr().out
+    (record,) = (each for each in decoded(out.read_bytes()) if each["category"] == 48)
+    assert value(record, "I040", "RHO") * 1852.0 == pytest.approx(400e3, abs=8.0)
 
 
 def test_estimates_of_a_bag_become_tracks_that_another_decoder_reads(
