@@ -77,6 +77,8 @@ def write_tracks(
 ) -> Written:
     """Write the estimates of a bag as CAT062 and CAT065, each period those of its end.
 
+    In a gap, which may be long, outputs go on until all tracks have ended.
+
     Raises
     ------
     BagError
@@ -85,6 +87,7 @@ def write_tracks(
     bag.require({topic: names.CLOUD})
     output = settings.output_of(bridge, monosensor)
     period_ns = round(bridge.values["output_period_s"] * 1e9)
+    last_ns = round(bridge.values["max_prediction_s"] * 1e9) + period_ns
     done = Written("tracks")
     due_ns: int | None = None
     with out.open("wb") as stream:
@@ -99,6 +102,8 @@ def write_tracks(
             while due_ns is not None and due_ns < entry.stamp_ns:
                 put(due_ns)
                 due_ns += period_ns
+                if due_ns - output.stamp_ns > last_ns:
+                    due_ns = -(-entry.stamp_ns // period_ns) * period_ns
             try:
                 output.take(interfaces.decode(entry.data, names.CLOUD))
             except RejectedMessageError as error:

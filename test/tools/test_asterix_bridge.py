@@ -349,6 +349,26 @@ def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):
     assert len(ends) == count
 
 
+def test_outputs_do_not_go_on_through_a_gap_of_the_estimates(with_estimates, tmp_path):
+    bag, out = tmp_path / "gap", tmp_path / "tracks.ast"
+    topic = names.estimates("filtered")
+    first = next(iter(BagReader(with_estimates).messages([topic])))
+    with BagWriter(bag) as written:
+        written.add_topic(Topic(topic, names.CLOUD))
+        for time_s in (1, 2_000_000_000):
+            cloud = interfaces.decode(first.data, names.CLOUD)
+            cloud.header.stamp.sec = time_s
+            written.write(topic, interfaces.encode(cloud), time_s * 10**9)
+    assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
+    records = decoded(out.read_bytes())
+    # Predicted for 10 s, then ended, and there again.
+    ends = [value(record, "I000", "Typ") for record in records if record["category"] == 65]
+    assert ends.count(2) == 11 + 1 + 1
+    tracks = [record for record in records if record["category"] == 62]
+    assert len(tracks) == 2 * (11 + 1 + 1)
+    assert [value(track, "I080", "TSE") for track in tracks[-4:]] == [1, 1, 0, 0]
+
+
 def test_bag_without_estimates_is_refused(by_sector, tmp_path, capsys):
     assert run("asterix_bridge", [str(by_sector), "--out", str(tmp_path / "tracks.ast")]) == 2
     assert "/tracker/filtered/estimates is missing" in capsys.readouterr().err
