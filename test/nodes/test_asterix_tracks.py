@@ -121,6 +121,16 @@ def test_tentative_coasting_first_and_last_are_said():
     assert [track.last for track in made.reports(T0 + 6 * NS)] == [False]
 
 
+def test_numbers_of_a_new_run_are_of_new_tracks():
+    made = output()
+    made.take(cloud([{"track_id": 1}, {"track_id": 2}], T0 + 100 * NS))
+    made.reports(T0 + 100 * NS)
+    made.take(cloud([{"track_id": 1}]))
+    again, ended = made.reports(T0 + 2 * NS)
+    assert (again.number, again.first, again.age_s, again.since_s) == (1, True, 2.0, 2.0)
+    assert (ended.number, ended.last) == (2, True)
+
+
 def test_old_estimates_are_not_predicted_any_more():
     made = output(max_prediction_s=5.0)
     made.take(cloud([{"track_id": 9}]))

@@ -91,8 +91,12 @@ class TrackOutput:
             If it is no such cloud.
         """
         columns = _columns(cloud)
-        self.stamp_ns = stamps.to_ns(cloud.header.stamp)
-        self._columns = columns
+        stamp_ns = stamps.to_ns(cloud.header.stamp)
+        if stamp_ns < self.stamp_ns:  # of a new run, which uses the same numbers for other tracks
+            again = set(columns["track_id"].tolist())
+            ended = {n: track for n, track in self._reported.items() if n not in again}
+            self._lives, self._reported = {}, ended
+        self.stamp_ns, self._columns = stamp_ns, columns
         lives = {}
         for number, state in zip(columns["track_id"], columns["state"], strict=True):
             life = self._lives.get(number) or _Life(self.stamp_ns, self.stamp_ns)
