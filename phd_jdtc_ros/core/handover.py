@@ -133,11 +133,31 @@ class Handover:
                 del self._together[pair]
 
     def _join(self, mine: Track, theirs: Track) -> None:
-        """Give two tracks the older one of their numbers."""
-        known = [self._number[track] for track in (mine, theirs) if track in self._number]
-        if not known:
+        """Give two tracks one number: the older one of those that are reported, if any is.
+
+        A track that only follows its number may have gone over to another target, which keeps its
+        own.
+        """
+        known = [track for track in (mine, theirs) if track in self._number]
+        reported = [track for track in known if self._owns(track)]
+        if known:
+            joint = min(self._number[track] for track in reported or known)
+            self._give(mine, joint)
+            self._give(theirs, joint)
+
+    def _owns(self, track: Track) -> bool:
+        """Return whether a track is the one that is reported under its number."""
+        return self._owner.get(self._number[track], track[0]) == track[0]
+
+    def _give(self, track: Track, joint: int) -> None:
+        """Give a track a number; another track of its tracker loses it."""
+        if self._number.get(track) == joint:
             return
-        self._number[mine] = self._number[theirs] = min(known)
+        others = [own for own, number in self._number.items() if number == joint]
+        for other in others:
+            if other[0] == track[0]:
+                del self._number[other]
+        self._number[track] = joint
 
     def _part(self, mine: Track, theirs: Track) -> None:
         """Leave the number to its owner once two tracks are no longer of one target."""
