@@ -44,7 +44,8 @@ Packages import in one direction only::
     pipeline -> engines -> configuration -> smc, gaussian -> association, models, pair_search
     models, forward -> attributes
     smc, gaussian -> fixed_lag -> forward -> touch, window_snapshot -> window
-    fixed_lag, configuration -> confirmation -> models
+    fixed_lag -> confirmation
+    confirmation, configuration -> reporting_rule -> models
     smc, gaussian -> backward -> window
     evaluation, simulation -> models          everything -> types, state_space, arrays, quoting
 
