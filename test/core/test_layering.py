@@ -4,6 +4,7 @@
 """Imports go one way: between the packages, and between the rooms of the core."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -178,6 +179,13 @@ def test_parts_of_the_project_import_in_one_direction(path):
         return
     others = {part_of(name) for name in imported_modules(path)} - {own, None, "__version__"}
     assert others <= set(PARTS[own])
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_front_door_of_the_core_names_every_room(room):
+    import phd_jdtc_ros.core
+
+    assert room in re.findall(r"\w+", phd_jdtc_ros.core.__doc__)
 
 
 def test_directions_have_no_circle():
