@@ -98,6 +98,13 @@ def test_heights_codes_and_addresses_are_those_of_the_estimates():
     assert (second.code, second.address, second.vertical) == (-1, -1, 3)
 
 
+def test_heights_are_counted_from_where_those_of_the_origin_are():
+    made = output(SystemPlane([52.0, 4.5, 250.0]))
+    made.take(cloud([{"z": 3048.0, "cov_zz": 900.0}], heights=True))
+    (record, *_) = decoded(b"".join(made.datagrams(T0)))
+    assert 0.3048 * value(record, "I136", "MFL") == pytest.approx(3048.0 + 250.0, abs=3.9)
+
+
 def test_estimates_without_heights_have_none():
     made = output()
     made.take(cloud([{"z": 0.0, "vz": 0.0}]))
