@@ -30,11 +30,14 @@ LINE_WIDTH = 40.0
 ELLIPSE_POINTS = 33
 
 
-def to_cdr(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> bytes:
+def to_cdr(
+    estimates: Estimates, frame: str, class_names: tuple[str, ...], datum: float = 0.0
+) -> bytes:
     """Return a serialised ``visualization_msgs/MarkerArray``.
 
     It contains a DELETEALL marker, then an ellipse, a velocity and a label per estimate, in the
-    namespaces ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name.
+    namespaces ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name. Flight
+    levels in labels are counted from `datum`, see `vertical.words`.
 
     Estimates have the same layout if they have the same class, labels of equal length and the same
     alignment. Each layout is made once and filled in for all its estimates together.
@@ -42,7 +45,7 @@ def to_cdr(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> by
     clear = cdr.Writer()
     clear.put("I", 1 + 3 * len(estimates))
     _put(clear, estimates.stamp_ns, frame, "", Marker.ARROW, Marker.DELETEALL, points=0)
-    labels = _labels(estimates, class_names)
+    labels = _labels(estimates, class_names, datum)
     rows: dict[cdr.Record, list[int]] = {}
     end = len(clear.data)
     for row, class_id in enumerate(estimates.class_id.tolist()):
@@ -66,13 +69,13 @@ def label_text(track_id: int, class_name: str, share: float, more: str = "") -> 
     return f"{words} {more}" if more else words
 
 
-def _labels(estimates: Estimates, class_names: tuple[str, ...]) -> list[bytes]:
-    class_id = estimates.class_id.tolist()
+def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) -> list[bytes]:
+    class_id, more = estimates.class_id.tolist(), vertical.words(estimates, datum)
     share = estimates.class_probability[np.arange(len(estimates)), class_id].tolist()
     return [
-        label_text(track, class_names[k], s, more).encode()
-        for track, k, s, more in zip(
-            estimates.track_id.tolist(), class_id, share, vertical.words(estimates), strict=True
+        label_text(track, class_names[k], s, words).encode()
+        for track, k, s, words in zip(
+            estimates.track_id.tolist(), class_id, share, more, strict=True
         )
     ]
 

@@ -43,13 +43,16 @@ def of(estimates: Estimates) -> Vertical:
     return Vertical(known, np.nan_to_num(found.height), np.nan_to_num(found.height_covariance))
 
 
-def words(estimates: Estimates) -> list[str]:
-    """Return flight level and code, or address without a code, of each target; empty if unknown."""
+def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
+    """Return flight level and code, or address without a code, of each target; empty if unknown.
+
+    `datum` is the height of the world's zero, metres, as flight levels count it.
+    """
     found = estimates.attributes
     if found is None:
         return [""] * len(estimates)
     return [
-        " ".join(part for part in (_level(height), _identity(code, address)) if part)
+        " ".join(part for part in (_level(datum + height), _identity(code, address)) if part)
         for height, code, address in zip(
             found.height[:, 0].tolist(), found.code.tolist(), found.address.tolist(), strict=True
         )

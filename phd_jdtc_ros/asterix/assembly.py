@@ -25,6 +25,8 @@ TOLERANCE = 0.5 * FULL_TURN / 2**8
 TURNS_WITHOUT, TURNS_LOST = 2.0, 1.5
 # Plots that wait for their sector's end. More are lost, the oldest first.
 MAX_PENDING = 20_000
+# No plot is so late: what is older says that the times have gone back.
+BACK_NS = 60 * 10**9
 
 
 class SectorReport(NamedTuple):
@@ -98,8 +100,8 @@ class Assembler:
 
     def add_plot(self, plot: Plot, time_ns: int) -> list[SectorReport]:
         """Take a plot; return the sectors that are complete by it, which is rare."""
-        if self._first_ns is None:
-            self._first_ns = time_ns
+        if self._first_ns is None or time_ns < max(self._first_ns, self._stamp_ns) - BACK_NS:
+            self._first_ns, self._stamp_ns = time_ns, 0
         self._pending.append((time_ns, plot))
         if len(self._pending) > MAX_PENDING:
             self._pending.popleft()

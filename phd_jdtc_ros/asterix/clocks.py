@@ -93,14 +93,12 @@ class StreamClock:
             near_ns = self._last_ns.get(radar, self._latest_ns)
         if near_ns is None:
             return self.midnight_ns + time_of_day * NS_PER_TICK
-        length = period * NS_PER_TICK
-        # Shorter periods do not divide the day, and begin again at midnight.
-        since_midnight_ns = near_ns % NS_PER_DAY
-        begin_ns = near_ns - since_midnight_ns % length
-        time_ns = begin_ns + time_of_day * NS_PER_TICK
-        if time_ns - near_ns > length // 2:
-            return time_ns - length
-        return time_ns + length if near_ns - time_ns > length // 2 else time_ns
+        day_ns = near_ns // NS_PER_DAY * NS_PER_DAY
+        times_ns = (
+            _in_day(begin_ns, time_of_day, period, near_ns)
+            for begin_ns in (day_ns, day_ns - NS_PER_DAY, day_ns + NS_PER_DAY)
+        )
+        return min(times_ns, key=lambda time_ns: abs(time_ns - near_ns))
 
     def _judge(self, radar: int, offset_ns: int, counts: Counter[str]) -> None:
         """Shift the radar's times if they keep differing from those of the receipts."""
@@ -116,3 +114,14 @@ class StreamClock:
         self._off[radar] = 0
         self.shift_ns[radar] = offset_ns if abs(offset_ns) > limit_ns else 0
         counts["clock_off"] += 1
+
+
+def _in_day(begin_ns: int, time_of_day: int, period: int, near_ns: int) -> int:
+    """Return the time of a day that is nearest to another, given it modulo a period.
+
+    Shorter periods do not divide the day, and begin again at midnight.
+    """
+    own_ns, length_ns = time_of_day * NS_PER_TICK, period * NS_PER_TICK
+    last = (NS_PER_DAY - 1 - own_ns) // length_ns
+    turns = round((near_ns - begin_ns - own_ns) / length_ns)
+    return begin_ns + own_ns + min(max(turns, 0), last) * length_ns

@@ -39,12 +39,18 @@ class Datagram(NamedTuple):
     received_ns : int or None
         Since the epoch, if the recording says it.
     source : str or None
-        ``SENDER to RECEIVER:PORT``, if the recording says it.
+        ``SENDER to RECEIVER:PORT``, or ``board NUMBER line NUMBER``, if the recording says it.
     """
 
     data: bytes
     received_ns: int | None = None
     source: str | None = None
+
+
+def port_of(datagram: Datagram) -> int | None:
+    """Return the UDP port that a datagram was sent to; None if the recording does not say it."""
+    _, colon, port = (datagram.source or "").rpartition(":")
+    return int(port) if colon else None
 
 
 class RecordingError(ValueError):

@@ -21,16 +21,22 @@ from .messages import (
 )
 
 FULL_TURN = 2.0 * math.pi
+RANGE_UNIT = NAUTICAL_MILE / 256.0
+# The largest range that I048/040 can say, metres.
+FARTHEST = (2**16 - 1) * RANGE_UNIT
 
 
 def plot_record(plot: Plot, time_ns: int) -> bytes:
-    """Return a plot as a record of CAT048; a kind that is not known is that of a primary plot."""
+    """Return a plot as a record of CAT048; a kind that is not known is that of a primary plot.
+
+    Ranges beyond `FARTHEST` become that.
+    """
     azimuth = round(plot.azimuth % FULL_TURN / AZIMUTH_UNIT) % 2**16
     items = {
         "010": plot.radar.to_bytes(2, "big"),
         "140": time_of_day(time_ns),
         "020": bytes([(plot.kind or 1) << 5]),
-        "040": unsigned(plot.distance, NAUTICAL_MILE / 256.0, 2) + azimuth.to_bytes(2, "big"),
+        "040": unsigned(plot.distance, RANGE_UNIT, 2) + azimuth.to_bytes(2, "big"),
     }
     if plot.code != NONE:
         items["070"] = plot.code.to_bytes(2, "big")

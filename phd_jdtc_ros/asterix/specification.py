@@ -11,7 +11,7 @@ kept, so that a record is walked in some microseconds and only what is needed is
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, TypeAlias
@@ -142,49 +142,32 @@ class Compound(Rule):
 
     Parameters
     ----------
-    names : tuple of (str or None)
-        Of the subitems in the order of the selection's bits; None for a spare bit.
     rules : tuple of (Rule or None)
+        Of the subitems in the order of the selection's bits; None for a spare bit.
     """
 
-    names: tuple[str | None, ...]
     rules: tuple[Rule | None, ...]
+    # By the only byte of a selection, where all that it selects are of fixed length.
     _sizes: dict[int, int] = field(default_factory=dict, repr=False, compare=False)
 
     def end(self, data: bytes, at: int, limit: int) -> int:
         """Return where it ends."""
         first = data[at] if at < limit else 1
-        if not first & 1 and first in self._sizes:
+        if first in self._sizes:
             return at + self._sizes[first]
-        begin, fixed = at, not first & 1
-        for name, _, end in self._walk(data, begin, limit):
-            at = end
-            rule = self.rules[self.names.index(name)] if name else None
-            fixed = fixed and (rule is None or rule.size is not None)
-        if fixed:
-            self._sizes[first] = at - begin
-        return at
-
-    def find(self, data: bytes, at: int, limit: int, name: str) -> int:
-        """Return where a subitem begins, -1 if it is not there."""
-        for found, begin, _ in self._walk(data, at, limit):
-            if found == name:
-                return begin
-        return -1
-
-    def _walk(self, data: bytes, at: int, limit: int) -> Iterator[tuple[str, int, int]]:
-        """Yield name, begin and end of each subitem; first that of the selection itself."""
-        chosen, at = selection(data, at, limit, len(self.rules))
-        yield "", at, at
+        chosen, end = selection(data, at, limit, len(self.rules))
+        fixed = not first & 1
         for index in chosen:
-            rule, name = self.rules[index], self.names[index]
-            if rule is None or name is None:
+            rule = self.rules[index]
+            if rule is None:
                 raise MalformedError("undefined_item")
-            end = rule.end(data, at, limit)
+            end = rule.end(data, end, limit)
             if end > limit:
                 raise MalformedError("truncated")
-            yield name, at, end
-            at = end
+            fixed = fixed and rule.size is not None
+        if fixed:
+            self._sizes[first] = end - at
+        return end
 
 
 @dataclass(frozen=True)
@@ -401,10 +384,7 @@ def _of_variation(kind: Any) -> Rule:
         return Explicit()
     if issubclass(kind, base.Compound):
         items = kind.cv_items_list
-        return Compound(
-            tuple(None if item is None else item.cv_name for item in items),
-            tuple(None if item is None else _rule(item.cv_rule) for item in items),
-        )
+        return Compound(tuple(None if item is None else _rule(item.cv_rule) for item in items))
     raise TypeError(f"{kind}: no rule for such an item")
 
 

@@ -6,7 +6,8 @@
 The data's path, with the room or module of each step::
 
     reports (radar, stamp, Detections)         types
-      |  cut turns into slices, coverage       turns, antenna, turn_history
+      |  what looks wrong                      watch
+      |  cut turns into slices, coverage       turns, antenna, sectors, turn_history
       |  poses of radars that move             posed_reports, poses
       |  group by stamp, gaps, resets          scans
     Scan                                       pipeline: turns -> posed_reports -> scans -> engine
@@ -17,8 +18,8 @@ The data's path, with the room or module of each step::
       |    association probabilities           association
       |    identities and heights              attributes
       |------------- extract ---------------> Estimates (filtered), of the tracks that confirmation
-      |                                        reports, numbered by track_numbers and brought to
-      |                                        one stamp by reporting
+      |                                        reports by a reporting_rule, numbered by
+      |                                        track_numbers and brought to one stamp by reporting
       |  backward over the lag window          the engine
       |------------- extract ---------------> Estimates (smoothed)
 
@@ -29,10 +30,16 @@ What engines are built from knows no particles, only rows, each of one origin::
         touch              the origins that an antenna may have passed
       backward             the way from each set of the window to its sources
     window                 what is kept of one scan: rows, sources, link
-    window_snapshot        its storage; snapshot has checked arrays and numbers
+    window_snapshot        its storage, and clutter_snapshot that of what is learned of clutter;
+                           snapshot has checked arrays and numbers
+    origins                the numbers of rows' origins
 
 `site`, `sited_plots` and `ellipsoid` place the plots of radars that stand on the round earth in the
 plane that targets are tracked in.
+
+`biases` are what a radar's measurements are off by: they are removed before all of this.
+`registration` finds them from targets that several radars see, and `tuning` finds the other
+numbers of a configuration, both in recordings.
 
 `engine` is the interface of all engines, and `engines` creates one by its name. `configuration`
 turns parameters into models and settings. `region` is the part of an area that a tracker is for,
@@ -44,9 +51,12 @@ Packages import in one direction only::
     pipeline -> engines -> configuration -> smc, gaussian -> association, models, pair_search
     models, forward -> attributes
     smc, gaussian -> fixed_lag -> forward -> touch, window_snapshot -> window
-    fixed_lag, configuration -> confirmation -> models
+    fixed_lag -> confirmation
+    confirmation, configuration -> reporting_rule -> models
     smc, gaussian -> backward -> window
+    registration -> tuning -> configuration
     evaluation, simulation -> models          everything -> types, state_space, arrays, quoting
+    association, pair_search -> backend, which inner loops are in use -> compiled, by numba
 
 By default both engines are labelled multi-Bernoulli filters with soft association, as JPDA's: every
 origin is at most one target, and no hard assignment is made. Particles, the default, can also be

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from .arrays import FloatArray
-from .confirmation import ReportingRule
 from .models.clutter_raster import ClutterRaster
 from .models.tracker_model import TrackerModel
+from .reporting_rule import ReportingRule
 from .snapshot import Snapshot
 from .types import Estimates, Scan
 

@@ -15,12 +15,13 @@ import numpy as np
 
 from . import renumbering, window_snapshot
 from .arrays import IntArray
-from .confirmation import ReportingRule, TrackStates
+from .confirmation import TrackStates
 from .engine import Held, Lag, Reworked, Step
 from .forward import MOST_SCANS, Filtered, ForwardFilter
 from .models.clutter_raster import ClutterRaster, raster
 from .models.tracker_model import TrackerModel
 from .reporting import Schedule, at_stamp, chosen, joined, none, predicted
+from .reporting_rule import ReportingRule
 from .snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, whole
 from .track_numbers import NoNumbers, TrackNumbers
 from .types import Estimates, Scan

@@ -71,7 +71,7 @@ class Handover:
         for tracker, estimates in enumerate(found):
             for row, number in enumerate(estimates.track_id.tolist()):
                 joint = self._number.get((tracker, number))
-                if joint is None and self._is_ours(tracker, estimates.position[row]):
+                if joint is None and self._depth(tracker, estimates.position[row]) >= 0.0:
                     joint = self._begin((tracker, number))
                 if joint is not None:
                     rows.setdefault(joint, {})[tracker] = row
@@ -104,8 +104,9 @@ class Handover:
             parts[tracker].append((row, joint))
         return _joint(found, parts)
 
-    def _is_ours(self, tracker: int, position: FloatArray) -> bool:
-        return bool(self.regions[tracker].depth(position[None])[0] >= 0.0)
+    def _depth(self, tracker: int, position: FloatArray) -> float:
+        """Return how far inside a tracker's core region a position is, metres."""
+        return float(self.regions[tracker].depth(position[None])[0])
 
     def _begin(self, track: Track) -> int:
         self._count += 1
@@ -120,22 +121,43 @@ class Handover:
                 mine = one, int(found[one].track_id[row])
                 theirs = other, int(found[other].track_id[column])
                 near.add((mine, theirs))
-        for pair in near:
+        # In one order, because pairs of three trackers' tracks share them.
+        for pair in sorted(near):
             self._together[pair] = max(self._together.get(pair, 0), 0) + 1
             if self._together[pair] >= TOGETHER:
                 self._join(*pair)
-        for pair in self._together.keys() - near:
+        for pair in sorted(self._together.keys() - near):
             self._together[pair] = min(self._together[pair], 0) - 1
             if self._together[pair] <= -APART:
                 self._part(*pair)
                 del self._together[pair]
 
     def _join(self, mine: Track, theirs: Track) -> None:
-        """Give two tracks the older one of their numbers."""
-        known = [self._number[track] for track in (mine, theirs) if track in self._number]
-        if not known:
+        """Give two tracks one number: the older one of those that are reported, if any is.
+
+        A track that only follows its number may have gone over to another target, which keeps its
+        own.
+        """
+        known = [track for track in (mine, theirs) if track in self._number]
+        reported = [track for track in known if self._owns(track)]
+        if known:
+            joint = min(self._number[track] for track in reported or known)
+            self._give(mine, joint)
+            self._give(theirs, joint)
+
+    def _owns(self, track: Track) -> bool:
+        """Return whether a track is the one that is reported under its number."""
+        return self._owner.get(self._number[track], track[0]) == track[0]
+
+    def _give(self, track: Track, joint: int) -> None:
+        """Give a track a number; another track of its tracker loses it."""
+        if self._number.get(track) == joint:
             return
-        self._number[mine] = self._number[theirs] = min(known)
+        others = [own for own, number in self._number.items() if number == joint]
+        for other in others:
+            if other[0] == track[0]:
+                del self._number[other]
+        self._number[track] = joint
 
     def _part(self, mine: Track, theirs: Track) -> None:
         """Leave the number to its owner once two tracks are no longer of one target."""
@@ -147,18 +169,18 @@ class Handover:
 
     def _owned(self, joint: int, by_tracker: Mapping[int, int], found: Sequence[Estimates]) -> int:
         """Return which tracker's estimate is reported."""
+        depth = {
+            tracker: self._depth(tracker, found[tracker].position[row])
+            for tracker, row in by_tracker.items()
+        }
         owner = self._owner.get(joint)
         if owner is None or owner not in by_tracker:
-            depth = {k: self._depth(k, k, row, found) for k, row in by_tracker.items()}
             owner = max(depth, key=lambda k: depth[k])
-        for tracker, row in by_tracker.items():
-            if self._depth(tracker, tracker, row, found) > self.hysteresis:
+        for tracker, inside in depth.items():
+            if inside > self.hysteresis:
                 owner = tracker
         self._owner[joint] = owner
         return owner
-
-    def _depth(self, region: int, tracker: int, row: int, found: Sequence[Estimates]) -> float:
-        return float(self.regions[region].depth(found[tracker].position[row][None])[0])
 
     def _forget(self, found: Sequence[Estimates]) -> None:
         """Forget tracks that are no longer there; a tracker does not use a number twice."""

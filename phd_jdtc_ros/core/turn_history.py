@@ -57,7 +57,6 @@ class TurnHistory:
     def __init__(self, turns: Turns) -> None:
         self._turns = turns
         self._records: list[_Record] = []
-        self._undo: tuple[Mapping[str, Any], list[_Record]] | None = None
 
     def split(
         self, stamp_ns: int, detections: Detections, sector: int | None
@@ -79,7 +78,7 @@ class TurnHistory:
     def insert(
         self, stamp_ns: int, detections: Detections, sector: int | None
     ) -> Recut | Rejection:
-        """Cut a late report and all later ones; `withdraw` takes it back.
+        """Cut a late report and all later ones.
 
         Parameters
         ----------
@@ -100,7 +99,7 @@ class TurnHistory:
             return Rejection.LATE
         if later[0].before["_last_ns"] >= stamp_ns:
             return Rejection.LATE
-        self._undo = self._turns.hold(), list(self._records)
+        before, records = self._turns.hold(), list(self._records)
         doubts = Counter(self._turns.doubts)
         del self._records[place:]
         self._turns.recall(later[0].before)
@@ -110,27 +109,21 @@ class TurnHistory:
         self._turns.doubts.clear()
         self._turns.doubts.update(doubts)
         if any(isinstance(pieces, Rejection) for pieces in cut):
-            self.withdraw()
+            self._turns.recall(before)
+            self._records = records
             return Rejection.LATE
         return Recut(
             tuple(own_ns for record in later for own_ns, _ in record.pieces),
             tuple(piece for record in self._records[place:] for piece in record.pieces),
         )
 
-    def withdraw(self) -> None:
-        """Take back the last `insert`."""
-        if self._undo is not None:
-            self._turns.recall(self._undo[0])
-            self._records, self._undo = self._undo[1], None
-
     def forget_before(self, stamp_ns: int) -> None:
         """Forget reports at a stamp or before it."""
         del self._records[: self._place(stamp_ns)]
-        self._undo = None
 
     def clear(self) -> None:
         """Forget all reports."""
-        self._records, self._undo = [], None
+        self._records = []
 
     def _place(self, stamp_ns: int) -> int:
         """Return the number of reports at a stamp or before it."""

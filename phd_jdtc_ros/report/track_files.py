@@ -110,7 +110,8 @@ def to_geojson(rows: Sequence[Fix]) -> str:
     """Return fixes as GeoJSON: a line for each track, or a point for one that has one fix.
 
     Properties of a track are ``number``, ``name``, ``class``, ``code`` and ``address`` where they
-    are known, the most frequent ones, and ``times``, seconds, one per position.
+    are known, the most frequent ones, and ``times``, seconds, one per fix. The two positions that
+    are added where a track crosses the antimeridian have none.
     """
     tracks: dict[int, list[Fix]] = {}
     for row in rows:

@@ -17,12 +17,13 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.confirmation import ReportingRule, TrackStates
+from phd_jdtc_ros.core.confirmation import TrackStates
 from phd_jdtc_ros.core.engines import gaussian_engine, particle_filter
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.forward import ForwardFilter
 from phd_jdtc_ros.core.gaussian import extraction as gaussian_extraction
 from phd_jdtc_ros.core.gaussian import smoother as gaussian_smoother
+from phd_jdtc_ros.core.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import Estimates

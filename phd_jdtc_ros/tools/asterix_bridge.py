@@ -66,7 +66,7 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
         topic = names.estimates(arguments.estimates)
         alone = len(config.inputs) == 1
         done = asterix_out.write_tracks(bag, arguments.out, bridge, topic, alone)
-    dropped = ", ".join(f"{reason} {count}" for reason, count in sorted(done.dropped.items()))
+    dropped = ", ".join(f"{reason} {count}" for reason, count in sorted((+done.dropped).items()))
     print(
         f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
         f"{done.clouds} clouds; dropped: {dropped or 'none'}"

@@ -125,7 +125,8 @@ def _reports(
 ) -> Iterator[tuple[RadarState, SectorReport]]:
     """Yield the sectors of a recording in the order in which they are complete."""
     for received in framing.datagrams(data, midnight_ns, done.recording):
-        if ports and received.source and int(received.source.rpartition(":")[2]) not in ports:
+        port = framing.port_of(received)
+        if ports and port is not None and port not in ports:
             done.recording["other_port"] += 1
             continue
         yield from done.stream.feed(*received)

@@ -26,7 +26,7 @@ from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.sited_plots import supposed_height
 from phd_jdtc_ros.core.turns import NOTHING, Turns
-from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Detections
+from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.nodes.asterix.settings import Bridge
 
@@ -44,7 +44,7 @@ class Written:
         Of the records, in the plural.
     records, blocks, clouds : int
     dropped : Counter
-        Clouds that were left out, by reason.
+        Clouds that were left out, by reason, and ``range``: plots farther away than CAT048 can say.
     """
 
     what: str
@@ -77,6 +77,8 @@ def write_tracks(
 ) -> Written:
     """Write the estimates of a bag as CAT062 and CAT065, each period those of its end.
 
+    In a gap, which may be long, outputs go on until all tracks have ended.
+
     Raises
     ------
     BagError
@@ -85,6 +87,7 @@ def write_tracks(
     bag.require({topic: names.CLOUD})
     output = settings.output_of(bridge, monosensor)
     period_ns = round(bridge.values["output_period_s"] * 1e9)
+    last_ns = round(bridge.values["max_prediction_s"] * 1e9) + period_ns
     done = Written("tracks")
     due_ns: int | None = None
     with out.open("wb") as stream:
@@ -99,6 +102,8 @@ def write_tracks(
             while due_ns is not None and due_ns < entry.stamp_ns:
                 put(due_ns)
                 due_ns += period_ns
+                if due_ns - output.stamp_ns > last_ns:
+                    due_ns = -(-entry.stamp_ns // period_ns) * period_ns
             try:
                 output.take(interfaces.decode(entry.data, names.CLOUD))
             except RejectedMessageError as error:
@@ -178,13 +183,16 @@ class _Radar:
                 done.dropped[pieces.value] += 1
                 continue
             for stamp_ns, piece in pieces:
-                done.records += len(piece)
-                yield from self._of_piece(stamp_ns, piece)
+                plots = self._plots(stamp_ns, piece)
+                near = [entry for entry in plots if entry[1].distance <= plots_out.FARTHEST]
+                done.dropped["range"] += len(plots) - len(near)
+                done.records += len(near)
+                yield from self._of_piece(stamp_ns, near, piece.coverage)
 
-    def _of_piece(self, stamp_ns: int, piece: Detections) -> Iterator[tuple[int, bytes]]:
-        plots = self._plots(stamp_ns, piece)
+    def _of_piece(
+        self, stamp_ns: int, plots: list[tuple[int, Plot]], coverage: Coverage | None
+    ) -> Iterator[tuple[int, bytes]]:
         end_ns, azimuth = stamp_ns, 0.0
-        coverage = piece.coverage
         if coverage is not None:
             # Clockwise, as radars turn, an antenna leaves a sector where it begins here.
             azimuth = 0.5 * math.pi - coverage.start - self._yaw

@@ -163,6 +163,22 @@ def test_without_rotation_and_service_messages_clouds_are_by_time():
     assert len(assembler.finish()) == 0
 
 
+def test_clouds_by_time_go_on_where_times_go_back():
+    assembler = Assembler(32, period_s=1.0)
+    later = fed(assembler, *((k * 9.0, plot(k * 9.0)) for k in range(10_000, 10_041)))
+    assert len(later) == 4
+    found = fed(assembler, *((k * 9.0, plot(k * 9.0)) for k in range(41)))
+    assert [len(report.plots) for report in found] == [11, 10, 10, 10]
+    assert [report.stamp_ns for report in found] == [at(90.0 * k) for k in range(1, 5)]
+
+
+def test_antenna_is_followed_by_plots_where_times_go_back_at_the_start():
+    assembler = Assembler(16, ROTATION_S)
+    fed(assembler, (36_000.0, plot(0.0)))
+    found = fed(assembler, *((k * 9.0, plot(k * 9.0)) for k in range(201)))
+    assert len(found) > 16 * 2
+
+
 def test_service_messages_that_begin_later_take_over():
     assembler = Assembler(32, ROTATION_S)
     plots = [(float(k), plot(k)) for k in range(0, 1800, 7)]

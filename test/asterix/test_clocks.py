@@ -110,6 +110,15 @@ def test_truncated_times_go_on_over_their_wraps():
         assert found == MIDNIGHT + time_s * NS
 
 
+@pytest.mark.parametrize("received", [86_399.0, 86_400.25, 86_403.0])
+def test_truncated_times_begin_again_at_midnight(received):
+    for true in (86_398.5, 86_399.75, 86_400.0, 86_401.5):
+        ticks = round(true * 128) % DAY % TRUNCATED
+        at = MIDNIGHT + round(received * NS)
+        found = StreamClock().time_ns(RADAR, ticks, TRUNCATED, at, True, Counter())
+        assert (found - MIDNIGHT) / NS == true
+
+
 def test_a_tick_is_exact():
     assert NS_PER_TICK * 128 == NS
     clock = StreamClock(MIDNIGHT)

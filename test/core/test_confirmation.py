@@ -7,12 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes import seen_with
 from sweep import configuration
 
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.confirmation import Records, TrackStates, missed_by_all, rule_of
+from phd_jdtc_ros.core.confirmation import Records, TrackStates, missed_by_all
 from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.reporting_rule import rule_of
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.snapshot import Snapshot
@@ -159,7 +161,7 @@ def test_a_track_that_no_radar_can_see_is_reported_for_as_long_as_the_limit():
 
 
 def test_a_limit_of_coasting_is_no_limit_where_radars_can_see_the_track():
-    tracks = Tracks(model=seen_with(0.3), coasting_scans=1.0)
+    tracks = Tracks(model=seen_with(MODEL, 0.3), coasting_scans=1.0)
     tracks.add(t1=0.9999)
     missed = float(missed_by_all(estimates(0, {1: 1.0}), scan_of(0), tracks.model)[0])
     weights = [0.9999]
@@ -206,46 +208,6 @@ def test_a_target_that_comes_out_of_a_blind_sector_has_its_number(engine, hidden
     assert tracks[before : before + reported] == [[number]] * reported
     assert tracks[before + reported : before + hidden] == [[]] * (hidden - reported)
     assert tracks[before + hidden :] == [[number]] * after
-
-
-def test_derived_thresholds_follow_from_the_detection_probability():
-    rule = rule_of(MODEL, True)
-    # The second class is missed by both radars with probability 0.03.
-    assert rule.confirm == pytest.approx([2.0 / 3.0, 1.97 / 2.97], abs=2e-3)
-    assert rule.delete == pytest.approx([1.0 / 3.0, 1.0 / 2.97], abs=2e-3)
-    assert rule.hidden == pytest.approx([0.5, 0.5])
-    # A target that is hardly ever detected would not be back soon.
-    rare = rule_of(seen_with(0.05), True)
-    assert rare.confirm == pytest.approx((2.0 - 0.95**2) / (3.0 - 0.95**2))
-    assert rare.delete == pytest.approx(1.0 / (3.0 - 0.95**2))
-
-
-def seen_with(probability):
-    """Return the model with radars that detect with a given probability."""
-    given = {"ranges": (0.0,), "probabilities": (probability,)}
-    radars = [replace(r, visibility=replace(r.visibility, **given)) for r in MODEL.radars]
-    return replace(MODEL, radars=tuple(radars))
-
-
-def test_one_given_threshold_bounds_the_derived_one():
-    assert rule_of(MODEL, True, confirm=0.2).delete == pytest.approx([0.2, 0.2])
-    assert rule_of(MODEL, True, delete=0.9).confirm == pytest.approx([0.9, 0.9])
-
-
-def test_weight_of_the_record_is_what_the_band_leaves_open():
-    rng = np.random.default_rng(0)
-    low, high = MODEL.modes.classes[1].snr_band
-    snr = np.exp(rng.uniform(np.log1p(low), np.log1p(high), 1_000_000)) - 1.0
-    missed = (1.0 - np.exp(-0.5 * MODEL.radars[0].threshold ** 2 / (1.0 + snr))) ** 2
-    expected = missed.mean() ** 2 / missed.var()
-    assert rule_of(MODEL, True).record_weight[1] == pytest.approx(expected, rel=0.01)
-    # A given detection probability is that of every target.
-    assert np.isinf(rule_of(seen_with(0.9), True).record_weight).all()
-
-
-def test_memory_of_amplitudes_needs_no_record():
-    model = resolve({"amplitude": "memory"}).model
-    assert np.isinf(rule_of(model, True).record_weight).all()
 
 
 def test_a_track_that_was_never_missed_is_deleted_by_its_first_miss():
@@ -416,11 +378,6 @@ def replace_report(index, report):
     reports = list(scan.detections)
     reports[index] = report
     return Scan(0, tuple(reports))
-
-
-def test_deletion_above_confirmation_is_refused():
-    with pytest.raises(ConfigError, match=r"delete_probability: 0\.9 given, must be at most"):
-        resolve({"confirm_probability": 0.5, "delete_probability": 0.9})
 
 
 def test_parameter_of_earlier_versions_is_refused_with_those_that_replaced_it():

@@ -87,6 +87,31 @@ def test_two_targets_near_each_other_keep_their_numbers():
     assert numbers == [[1, 2]] * len(numbers)
 
 
+def test_two_targets_stay_two_where_one_tracker_switches_their_identities():
+    handover = Handover(REGIONS, HYSTERESIS)
+    near, far = (-1e3, 0.0), (-1e3, 400.0)
+    for stamp in range(4):
+        joined(handover, stamp, {3: near, 4: far}, {8: near, 9: far})
+    for stamp in range(4, 4 + TOGETHER + APART + 1):
+        found = handover.add(
+            [estimates(stamp, {3: near, 4: far}), estimates(stamp, {8: far, 9: near})]
+        )
+        order = np.argsort(found.position[:, 1])
+        assert found.track_id[order].tolist() == [1, 2]
+    assert handover.numbers == {(0, 3): 1, (0, 4): 2, (1, 8): 2, (1, 9): 1}
+
+
+def test_a_target_is_not_lost_to_the_neighbours_track_that_leaves_it():
+    handover = Handover(REGIONS, HYSTERESIS)
+    west = {3: (-1e3, 0.0), 4: (-1e3, 400.0)}
+    for stamp in range(4):
+        joined(handover, stamp, west, {8: (-1e3, 0.0)})
+    # The eastern tracker's track goes over to the other target.
+    for stamp in range(4, 4 + TOGETHER + APART + 1):
+        tracks = joined(handover, stamp, west, {8: (-1e3, 400.0)})
+        assert list(tracks) == [1, 2]
+
+
 def test_what_only_the_neighbour_of_its_place_has_is_not_reported_until_it_has_a_number():
     handover = Handover(REGIONS, HYSTERESIS)
     # A new track in the margin of the western tracker: its place is the eastern one's.

@@ -4,6 +4,7 @@
 """Imports go one way: between the packages, and between the rooms of the core."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -55,8 +56,9 @@ ROOMS = {
     "attributes": ("arrays", "snapshot", "types"),
     "models": (*BASE, "attributes", "pair_search"),
     "reporting": (*BASE, "models"),
-    "confirmation": (*BASE, "models", "reporting", "snapshot"),
-    "engine": (*BASE, "confirmation", "models", "snapshot"),
+    "reporting_rule": ("arrays", "models"),
+    "confirmation": (*BASE, "models", "reporting", "reporting_rule", "snapshot"),
+    "engine": (*BASE, "models", "reporting_rule", "snapshot"),
     "window": ("arrays", "state_space"),
     "backward": ("arrays", "window"),
     "poses": ("arrays", "models", "types"),
@@ -70,16 +72,16 @@ ROOMS = {
     ),
     "fixed_lag": (
         *("arrays", "track_numbers", "types"),
-        *("confirmation", "engine", "forward", "models", "renumbering", "reporting", "snapshot"),
-        *("window", "window_snapshot"),
+        *("confirmation", "engine", "forward", "models", "renumbering", "reporting"),
+        *("reporting_rule", "snapshot", "window", "window_snapshot"),
     ),
     "smc": (*ENGINE, "association", "models", "pair_search"),
     "gaussian": (*ENGINE, *KERNELS, "association", "models", "pair_search"),
     "evaluation": BASE,
     "configuration": (
         *(*BASE, "attributes"),
-        *("biases", "confirmation", "engine", "models", "poses", "quoting", "reporting", "scans"),
-        *("ellipsoid", "region", "site", "smc", "turns", "watch"),
+        *("biases", "engine", "models", "poses", "quoting", "reporting", "reporting_rule"),
+        *("ellipsoid", "region", "scans", "site", "smc", "turns", "watch"),
     ),
     "simulation": (*BASE, "biases", "configuration", "models", "site", "sited_plots"),
     "tuning": (*BASE, "configuration", "models", "sectors"),
@@ -177,6 +179,13 @@ def test_parts_of_the_project_import_in_one_direction(path):
         return
     others = {part_of(name) for name in imported_modules(path)} - {own, None, "__version__"}
     assert others <= set(PARTS[own])
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_front_door_of_the_core_names_every_room(room):
+    import phd_jdtc_ros.core
+
+    assert room in re.findall(r"\w+", phd_jdtc_ros.core.__doc__)
 
 
 def test_directions_have_no_circle():

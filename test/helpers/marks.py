@@ -10,10 +10,10 @@ from sweep import configuration
 
 from phd_jdtc_ros.core import window_snapshot
 from phd_jdtc_ros.core.backward import smoothed_sets
-from phd_jdtc_ros.core.confirmation import ReportingRule
 from phd_jdtc_ros.core.fixed_lag import FixedLagEngine
 from phd_jdtc_ros.core.forward import Filtered, ForwardFilter
 from phd_jdtc_ros.core.reporting import chosen
+from phd_jdtc_ros.core.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.touch import parted
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.core.window import Current, Entry, Extents

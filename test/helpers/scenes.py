@@ -125,3 +125,10 @@ def predict(particles, model, corrector, budget, dt, scan_index, rng):
     return prediction.predict(
         [Aged(particles, dt)], births, nothing, model, corrector, budget, scan_index, rng
     )
+
+
+def seen_with(model, probability):
+    """Return a model with radars that detect with a given probability."""
+    given = {"ranges": (0.0,), "probabilities": (probability,)}
+    radars = [replace(r, visibility=replace(r.visibility, **given)) for r in model.radars]
+    return replace(model, radars=tuple(radars))

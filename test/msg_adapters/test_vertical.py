@@ -30,6 +30,12 @@ def test_words_are_flight_level_and_code_or_address():
     assert vertical.words(estimates(2)) == [""] * len(estimates(2))
 
 
+def test_flight_levels_are_counted_from_where_those_of_the_worlds_zero_are():
+    found = known(3048.0, 0o7700, UNKNOWN)
+    assert vertical.words(found, 152.4)[0] == "FL105 7700"
+    assert b" FL105 7700" in markers.to_cdr(found, "map", ("one", "two"), 152.4)
+
+
 def test_labels_of_markers_have_them():
     data = markers.to_cdr(known(3048.0, 0o7700, UNKNOWN), "map", ("one", "two"))
     assert b" FL100 7700" in data

@@ -16,10 +16,11 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, diagnostics
+from msg_adapters import detections, diagnostics, estimates
 from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import flatten
+from phd_jdtc_ros.core.types import Estimates
 
 pytestmark = pytest.mark.live
 
@@ -88,10 +89,10 @@ class Site:
         self.health = peer.collect(DiagnosticArray, "/diagnostics", 100)
         self._tracks = udp.opened(self.display, "")
 
-    def start(self, *arguments):
+    def start(self, *arguments, named=NAMED):
         """Start the bridge and wait until it receives."""
         given = ["-p", f"inputs:=['{self.host}:{self.port}']", "-p", f"interface:={LOOPBACK}"]
-        given += ["-p", f"output:='{self.display}'", *NAMED, *ANY_TIME, *arguments]
+        given += ["-p", f"output:='{self.display}'", *named, *ANY_TIME, *arguments]
         process = self.processes.start("asterix_bridge", "--ros-args", *given)
         assert self.peer.spin_until(
             lambda: "receiving" in process.log.read_text() or process.poll() is not None
@@ -226,6 +227,37 @@ def test_plots_go_through_the_tracker_and_come_back_as_tracks(unicast, peer, tmp
         assert value(record, "I105", "Lat") == pytest.approx(52.36, abs=0.01)
         assert value(record, "I080", "MON") == 1
     assert {record["category"] for record in records} == {62, 65}
+
+
+def test_tracks_are_of_one_radar_until_another_is_heard(unicast, peer):
+    unicast.start("-p", "output_period_s:=0.0", named=())
+    topic = "/tracker/filtered/estimates"
+    publisher = peer.node.create_publisher(PointCloud2, topic, 10)
+    assert peer.spin_until(lambda: publisher.get_subscription_count() > 0)
+    found = Estimates(
+        10**9,
+        0,
+        np.zeros((1, 5)),
+        np.eye(5)[None],
+        np.ones(1),
+        np.ones((1, 1)),
+        np.zeros(1, dtype=np.int64),
+        np.ones(1, dtype=np.int64),
+    )
+    said = []
+    for sic in (2, 3):
+        unicast.send(made.turns(1, start_s=today_s(), sic=sic))
+        unicast.status(f"radar_1_{sic}", lambda status, values: int(values["clouds"]) > 0)
+        publisher.publish(estimates.to_msg(found, "map"))
+        records = []
+
+        def come(records=records):
+            records += [each for each in unicast.tracks() if each["category"] == 62]
+            return records
+
+        assert peer.spin_until(come)
+        said.append(value(records[0], "I080", "MON"))
+    assert said == [1, 0]
 
 
 def test_hostile_datagrams_are_counted_and_change_nothing(unicast):

@@ -98,6 +98,13 @@ def test_heights_codes_and_addresses_are_those_of_the_estimates():
     assert (second.code, second.address, second.vertical) == (-1, -1, 3)
 
 
+def test_heights_are_counted_from_where_those_of_the_origin_are():
+    made = output(SystemPlane([52.0, 4.5, 250.0]))
+    made.take(cloud([{"z": 3048.0, "cov_zz": 900.0}], heights=True))
+    (record, *_) = decoded(b"".join(made.datagrams(T0)))
+    assert 0.3048 * value(record, "I136", "MFL") == pytest.approx(3048.0 + 250.0, abs=3.9)
+
+
 def test_estimates_without_heights_have_none():
     made = output()
     made.take(cloud([{"z": 0.0, "vz": 0.0}]))
@@ -119,6 +126,16 @@ def test_tentative_coasting_first_and_last_are_said():
     assert (coasting.age_s, coasting.since_s) == (5.0, 5.0)
     assert (ended.number, ended.last) == (1, True)
     assert [track.last for track in made.reports(T0 + 6 * NS)] == [False]
+
+
+def test_numbers_of_a_new_run_are_of_new_tracks():
+    made = output()
+    made.take(cloud([{"track_id": 1}, {"track_id": 2}], T0 + 100 * NS))
+    made.reports(T0 + 100 * NS)
+    made.take(cloud([{"track_id": 1}]))
+    again, ended = made.reports(T0 + 2 * NS)
+    assert (again.number, again.first, again.age_s, again.since_s) == (1, True, 2.0, 2.0)
+    assert (ended.number, ended.last) == (2, True)
 
 
 def test_old_estimates_are_not_predicted_any_more():

@@ -12,14 +12,17 @@ from visualization_msgs.msg import MarkerArray
 from msg_adapters import detections, estimates
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.earth import SystemPlane
 
 START_NS, PERIOD_S, SCANS = 1_700_000_000 * 10**9, 4.0, 6
 # East, north and velocities at the start; codes, addresses and heights.
 AIRCRAFT = np.array([[20e3, 5e3, -200.0, 0.0], [-12e3, -15e3, 100.0, 150.0]])
 CODES, ADDRESSES = np.array([0o4521, 0o7000]), np.array([0x3C6444, 0x4CA123])
+# Above the world's zero, which is 500 feet up.
 HEIGHTS = np.array([3048.0, 9144.0])
 PARAMETERS = {
     "radars": ["tower"],
+    "world_origin": [50.0, 8.5, 152.4],
     "engine": "gaussian",
     "interval_s": PERIOD_S,
     "lag": 2,
@@ -80,7 +83,7 @@ def test_codes_addresses_and_heights_arrive_in_the_estimates(processes, peer, tm
         )
     )
     peer.meet()
-    for cloud in clouds(resolve(PARAMETERS)):
+    for cloud in clouds(resolve(PARAMETERS, SystemPlane)):
         output.publish(cloud)
     due = SCANS if source == "filtered" else SCANS - 2
     assert peer.spin_until(lambda: len(found) >= due and len(markers) > 0)
@@ -94,5 +97,5 @@ def test_codes_addresses_and_heights_arrive_in_the_estimates(processes, peer, tm
     truth = AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * (last.stamp_ns - START_NS) * 1e-9
     assert np.hypot(*(last.position[order] - truth).T).max() < 200.0
     assert peer.spin_until(
-        lambda: any("FL100 4521" in marker.text for sent in markers for marker in sent.markers)
+        lambda: any("FL105 4521" in marker.text for sent in markers for marker in sent.markers)
     )

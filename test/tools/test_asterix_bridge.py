@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from asterix_reference import decoded, value
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters import detections, estimates, interfaces, names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.types import SOURCES, Estimates
+from phd_jdtc_ros.core.types import SOURCES, Detections, Estimates
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.common import bag_parameters
 
@@ -128,6 +128,15 @@ def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
     status, out, said = bridge(made.pcap(sorted(packets)), "--port", "8600", "-p", "sectors:=8")
     assert status == 0
     assert "left out: other_port 33" in said.out
+    assert BagReader(out).counts == {TOPIC: 8}
+
+
+def test_a_port_is_not_asked_of_recordings_that_do_not_say_it(bridge):
+    blocks = enumerate(made.turns(1))
+    data = b"".join(made.final(block, 1000.0 + k / 8.0) for k, block in blocks)
+    status, out, said = bridge(data, "--port", "8600", "-p", "sectors:=8")
+    assert status == 0
+    assert "left out: none" in said.out
     assert BagReader(out).counts == {TOPIC: 8}
 
 
@@ -284,6 +293,21 @@ def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys)
     np.testing.assert_allclose(after[:, 1:], before[nearest, 1:], atol=15.0)
 
 
+def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
+    bag, out = tmp_path / "bag", tmp_path / "plots.ast"
+    measured = np.array([[400e3, 0.5], [474.2e3, 1.0]])
+    with BagWriter(bag) as written:
+        written.add_topic(Topic("/far/detections", names.CLOUD))
+        cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
+        written.write("/far/detections", interfaces.encode(cloud), 10**12)
+    values = {"radars": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
+    bag_parameters.write(bag / bag_parameters.NAME, resolve(values).values)
+    assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
+    assert "1 plots in 2 data blocks, of 1 clouds; dropped: range 1" in capsys.readouterr().out
+    (record,) = (each for each in decoded(out.read_bytes()) if each["category"] == 48)
+    assert value(record, "I040", "RHO") * 1852.0 == pytest.approx(400e3, abs=8.0)
+
+
 def test_estimates_of_a_bag_become_tracks_that_another_decoder_reads(
     with_estimates, tmp_path, capsys
 ):
@@ -323,6 +347,26 @@ def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):
     count = BagReader(with_estimates).counts[topic]
     ends = [r for r in decoded(out.read_bytes()) if value(r, "I000", "Typ") == 2]
     assert len(ends) == count
+
+
+def test_outputs_do_not_go_on_through_a_gap_of_the_estimates(with_estimates, tmp_path):
+    bag, out = tmp_path / "gap", tmp_path / "tracks.ast"
+    topic = names.estimates("filtered")
+    first = next(iter(BagReader(with_estimates).messages([topic])))
+    with BagWriter(bag) as written:
+        written.add_topic(Topic(topic, names.CLOUD))
+        for time_s in (1, 2_000_000_000):
+            cloud = interfaces.decode(first.data, names.CLOUD)
+            cloud.header.stamp.sec = time_s
+            written.write(topic, interfaces.encode(cloud), time_s * 10**9)
+    assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
+    records = decoded(out.read_bytes())
+    # Predicted for 10 s, then ended, and there again.
+    ends = [value(record, "I000", "Typ") for record in records if record["category"] == 65]
+    assert ends.count(2) == 11 + 1 + 1
+    tracks = [record for record in records if record["category"] == 62]
+    assert len(tracks) == 2 * (11 + 1 + 1)
+    assert [value(track, "I080", "TSE") for track in tracks[-4:]] == [1, 1, 0, 0]
 
 
 def test_bag_without_estimates_is_refused(by_sector, tmp_path, capsys):

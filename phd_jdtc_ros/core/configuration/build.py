@@ -19,7 +19,6 @@ import numpy as np
 from ..attributes.height import HeightModel
 from ..attributes.identity import ADDRESSES, CODES, IdentityModel
 from ..attributes.memory import AttributeModel
-from ..confirmation import ReportingRule, rule_of
 from ..engine import Lag
 from ..models import amplitude_density
 from ..models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
@@ -32,6 +31,7 @@ from ..models.tracker_model import TrackerModel
 from ..poses import Platform
 from ..region import Region
 from ..reporting import Schedule
+from ..reporting_rule import ReportingRule, rule_of
 from ..scans import ScanGrouper
 from ..site import Plane
 from ..smc.correction import CORRECTORS

@@ -24,7 +24,7 @@ from .sequences import Sequences, sequences
 ROUNDS, PASSES = 3, 3
 # A change of all errors, in deviations, after which no other round follows.
 SETTLED = 0.2
-# Residuals beyond so many deviations count less, down to a least weight.
+# Plots whose residuals are beyond so many deviations count less; and the least weight.
 FAR, LEAST_WEIGHT = 2.5, 0.02
 # The square of a two-dimensional residual of unit variances has this median.
 MEDIAN_SQUARE = 2.0 * np.log(2.0)
@@ -127,7 +127,11 @@ def _followed(biases: Sequence[RadarBias], errors: FloatArray) -> list[RadarBias
 
 
 def _weights(rows: Sequences, course: Course) -> FloatArray:
-    """Return the weights of plots: those far from their target's course count less (Huber)."""
+    """Return the weights of plots: those far from their target's course count less.
+
+    Deviations are divided by the weights, so that the square of a weight c / r is what a plot with
+    the residual r counts: less than by Huber's rule, by which it would be c / r.
+    """
     error = _residual(rows, course) / rows.noise_std
     square = (error**2).sum(axis=-1)
     scale = np.sqrt(np.median(square[rows.there]) / MEDIAN_SQUARE)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -20,19 +21,19 @@ SILENT_S, MEMORY_S = 15.0, 10.0
 
 
 class Seen:
-    """Tells for how long counts have not risen."""
+    """Tells for how long counts have not risen; one that falls has begun again."""
 
     def __init__(self) -> None:
         self._counts: dict[str, tuple[int, float]] = {}
 
     def since_s(self, what: str, count: int) -> float:
-        """Return for how long a count has been what it is, seconds."""
+        """Return for how long a count has been what it is, seconds; for ever from the start on."""
         now = time.monotonic()
-        before, changed = self._counts.get(what, (0, -1e9))
+        before, risen = self._counts.get(what, (0, -math.inf))
         if count != before:
-            self._counts[what] = count, now
-            return 0.0
-        return now - changed
+            risen = now if count else -math.inf
+            self._counts[what] = count, risen
+        return now - risen
 
     def rose(self, what: str, count: int) -> bool:
         """Return whether a count has risen within `MEMORY_S`."""

@@ -13,6 +13,7 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -181,9 +182,11 @@ class AsterixBridge(LifecycleNode):
     def _on_estimates(self, cloud: PointCloud2) -> None:
         if self._sender is None:
             return
+        alone = len(self._stream.radars) == 1
         if self._output is None:
-            alone = len(self._stream.radars) == 1
             self._output = settings.output_of(self._bridge, alone)
+        # Radars that are not named are known once they are heard.
+        self._output.source = replace(self._output.source, monosensor=alone)
         try:
             self._output.take(cloud)
         except RejectedMessageError as error:

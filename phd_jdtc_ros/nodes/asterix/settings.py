@@ -101,7 +101,8 @@ OUT = (
         "world_origin",
         [],
         "Latitude (degrees), longitude (degrees) and height (m) of the map's zero, as the tracker "
-        "has it; empty for tracks without latitudes and longitudes.",
+        "has it; empty for tracks without latitudes and longitudes, whose heights are above the "
+        "map's zero.",
     ),
     Parameter(
         "output_heights",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from msg_adapters import identities, point_cloud, stamps
 from phd_jdtc_ros.asterix import tracks_out
 from phd_jdtc_ros.asterix.messages import NONE
 from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
+from phd_jdtc_ros.core.site import Plane
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED
 
 # Turns and climbs below these are none, rad/s and m/s (300 ft/min); and a turn is one only if it
@@ -43,14 +44,6 @@ _IDENTITIES = ("code", "address")
 FloatArray = npt.NDArray[np.float64]
 
 
-class Plane(Protocol):
-    """The map's relation to the earth."""
-
-    def to_geodetic(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return latitudes and longitudes, degrees."""
-        ...
-
-
 @dataclass
 class _Life:
     """When a track was first reported, and last seen."""
@@ -66,7 +59,8 @@ class TrackOutput:
     ----------
     source : Source
     plane : Plane or None
-        Without one there are no latitudes and longitudes.
+        Without one there are no latitudes and longitudes, and heights are those above the world's
+        zero.
     max_prediction_s : float
         Estimates that are older are not predicted any more, and their tracks end.
     """
@@ -91,8 +85,12 @@ class TrackOutput:
             If it is no such cloud.
         """
         columns = _columns(cloud)
-        self.stamp_ns = stamps.to_ns(cloud.header.stamp)
-        self._columns = columns
+        stamp_ns = stamps.to_ns(cloud.header.stamp)
+        if stamp_ns < self.stamp_ns:  # of a new run, which uses the same numbers for other tracks
+            again = set(columns["track_id"].tolist())
+            ended = {n: track for n, track in self._reported.items() if n not in again}
+            self._lives, self._reported = {}, ended
+        self.stamp_ns, self._columns = stamp_ns, columns
         lives = {}
         for number, state in zip(columns["track_id"], columns["state"], strict=True):
             life = self._lives.get(number) or _Life(self.stamp_ns, self.stamp_ns)
@@ -129,7 +127,8 @@ class TrackOutput:
     ) -> dict[int, TrackReport]:
         get = {name: column.astype(np.float64) for name, column in columns.items()}
         x, y, vx, vy = _moved(get, ahead_s)
-        height = get["z"] + ahead_s * get["vz"]
+        datum = 0.0 if self._plane is None else self._plane.origin[2]
+        height = datum + get["z"] + ahead_s * get["vz"]
         geodetic = None if self._plane is None else np.stack(self._plane.to_geodetic(x, y), axis=1)
         std = {name: np.sqrt(np.maximum(get[name], 0.0)) for name in get if name.startswith("cov_")}
         found: dict[int, TrackReport] = {}

@@ -10,50 +10,34 @@ from __future__ import annotations
 
 import os
 import time
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
-from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from msg_adapters import doubts, interfaces, platform_poses
+from msg_adapters import doubts, platform_poses
 from msg_adapters.errors import RejectedMessageError
-from msg_adapters.readers import Reader, reader_of
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from msg_adapters.readers import Reader
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.pipeline import POSE_MISSING, Event, RunEnded, Stepped, new_pipeline
+from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, new_pipeline
 from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.registration.monitor import Drift, RegistrationMonitor
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.types import SMOOTHED
 
-from ..common.runtime import WARNING_PERIOD_S
-from ..common.throttled import ThrottledWarnings
-from . import endpoints, registration_health
+from . import registration_health
 from .checkpoint import Checkpoints
 from .health import WARNING_MEMORY_S, InputHealth, OutputHealth, Rhythm, StepHealth
+from .inputs import Inputs
 from .load import Load
 from .outputs import Outputs
 from .settings import Settings
 from .static_frames import StaticFrames
-
-# Why poses are not used, in words.
-POSE_FAULTS = {
-    PoseFault.DUPLICATE: "duplicate stamp",
-    PoseFault.LATE: "older than the one before",
-    PoseFault.JUMP: "a jump from the one before; used once others go on from there",
-    PoseFault.ORIENTATION: "its orientation is no quaternion; set pose_yaw false if it has none",
-}
-# Poses come much more often than scans, and wait while one is stepped.
-POSES_KEPT = 200
 
 
 class LiveTracker:
@@ -75,49 +59,22 @@ class LiveTracker:
         self._settings = settings
         config = settings.config
         nominal_s = config.model.modes.interval_s
-        self._inputs = [
-            InputHealth(radar.name, _full_name(node, radar, "topic"), Rhythm(nominal_s))
-            for radar in config.inputs
-        ]
-        self._pose_inputs = {
-            topic: InputHealth(_pose_name(config, carried), full, Rhythm(nominal_s))
-            for topic, carried in config.carried.items()
-            for full in [_full_name(node, config.inputs[carried[0]], "pose")]
-        }
+        self._inputs = Inputs(node, settings)
         self._pace = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s), config.engine)
         self._load = Load(WARNING_MEMORY_S)
-        self._looked_s = self._judged_s = time.monotonic()
-        self._warnings = ThrottledWarnings(node.get_logger(), WARNING_PERIOD_S)
         self._served = OutputHealth()
         self._monitor: RegistrationMonitor | None = None
         if settings.node["registration_monitor"] and len(config.inputs) > 1:
             self._monitor = RegistrationMonitor(config.model.radars, nominal_s)
         self._active = False
-        self._neutral: set[str] = set()
         self._cpu_s = 0.0
-        self._subscriptions: list[Subscription] = []
         self._outputs = Outputs(node, settings, self._served)
         self._frames = StaticFrames(node, settings)
         self._patience = self._make_patience(settings.node["max_wait_s"])
         try:
             self._checkpoints = self._make_checkpoints()
             self._pipeline = new_pipeline(config, self._begin)
-            for index, health in enumerate(self._inputs):
-                radar = config.inputs[index]
-                reader = reader_of(radar)
-                on_message = partial(self._on_message, index, reader)
-                self._subscriptions.append(
-                    endpoints.subscription(
-                        node, _message_class(radar, reader), radar.topic, on_message, health
-                    )
-                )
-            for topic, health in self._pose_inputs.items():
-                kind = config.inputs[config.carried[topic][0]].pose_message
-                message_class = interfaces.message_class(platform_poses.TYPES[kind])
-                on_pose = partial(self._on_pose, topic)
-                self._subscriptions.append(
-                    endpoints.subscription(node, message_class, topic, on_pose, health, POSES_KEPT)
-                )
+            self._inputs.subscribe(self._on_message, self._on_pose)
         except Exception:
             self.destroy()
             raise
@@ -155,8 +112,7 @@ class LiveTracker:
 
     def destroy(self) -> None:
         """Destroy all subscriptions, timers and publishers."""
-        while self._subscriptions:
-            self._node.destroy_subscription(self._subscriptions.pop())
+        self._inputs.destroy()
         if self._patience is not None:
             self._node.destroy_timer(self._patience)
             self._patience = None
@@ -182,6 +138,7 @@ class LiveTracker:
     def retune(self, settings: Settings) -> None:
         """Use changed settings from the next scan on; their structure must be the same."""
         self._settings = settings
+        self._inputs.retune(settings)
         self._pipeline.engine.retune(settings.config.model, settings.config.rule)
         if self._monitor is not None:
             self._monitor.retune(settings.config.model.radars)
@@ -235,7 +192,7 @@ class LiveTracker:
         if not self._active:
             return
         begin_s = time.monotonic()
-        health = self._inputs[index]
+        health = self._inputs.radars[index]
         health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         self._take(index, reader, message)
         self._load.add(begin_s, time.monotonic())
@@ -245,7 +202,7 @@ class LiveTracker:
         if not self._active:
             return
         begin_s = time.monotonic()
-        health = self._pose_inputs[topic]
+        health = self._inputs.platforms[topic]
         health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
         self._take_pose(topic, health, message)
         self._load.add(begin_s, time.monotonic())
@@ -255,18 +212,18 @@ class LiveTracker:
         try:
             stamp_ns, pose = platform_poses.from_msg(message, config.world_frame)
         except RejectedMessageError as error:
-            self._drop(health, error.reason, f"pose rejected: {error}")
+            self._inputs.drop(health, error.reason, f"pose rejected: {error}")
             return
-        faults, closed = set(), 0
+        faults: list[PoseFault] = []
+        closed = 0
         for index in config.carried[topic]:
             events = self._pipeline.add_pose(index, stamp_ns, pose)
             if isinstance(events, PoseFault):
-                faults.add(events)
+                faults.append(events)
                 continue
             closed += self._handle(events, start)
             start = time.thread_time()
-        for fault in faults:
-            self._drop(health, fault.value, f"pose rejected: {POSE_FAULTS[fault]}")
+        self._inputs.drop_pose(topic, faults)
         if not faults:
             health.rhythm.beat(time.monotonic())
         self._judge_held()
@@ -275,59 +232,35 @@ class LiveTracker:
 
     def _judge_held(self) -> None:
         """Count what of reports that waited for their poses is not used, or is in doubt."""
-        for index in range(len(self._inputs)):
-            self._count_drops(index)
-            self._doubt(index, self._pipeline.take_doubts(index))
-
-    def _count_drops(self, index: int) -> None:
-        radar = self._settings.config.inputs[index]
-        for reason, count in self._pipeline.take_drops(index).items():
-            text = f"{count} scans rejected: {reason} stamp"
-            if reason == POSE_MISSING:
-                text = (
-                    f"{count} scans rejected: no pose on {radar.pose_topic} within "
-                    f"{radar.pose_max_age_s:g} s"
-                )
-            self._drop(self._inputs[index], reason, text, count)
+        for index in range(len(self._inputs.radars)):
+            self._inputs.drop_waiting(index, self._pipeline.take_drops(index))
+            self._inputs.doubt(index, self._pipeline.take_doubts(index))
 
     def _take(self, index: int, reader: Reader, message: Any) -> None:
         """Decode a message, and process the scans that it closes."""
         start = time.thread_time()
-        radar, health = self._settings.config.inputs[index], self._inputs[index]
+        radar, health = self._settings.config.inputs[index], self._inputs.radars[index]
         try:
             report = reader.from_msg(message, radar)
         except RejectedMessageError as error:
-            self._drop(health, error.reason, f"scan rejected: {error}")
+            self._inputs.drop(health, error.reason, f"scan rejected: {error}")
             return
         for reason, count in report.dropped.items():
-            self._drop(health, reason, f"{count} points dropped: {reason}", count)
-        classes = self._settings.config.model.modes.classes
-        silent = report.detections.amplitude is None and len(classes) > 1
-        if silent and radar.name not in self._neutral:
-            self._neutral.add(radar.name)
-            self._node.get_logger().warning(doubts.no_amplitude(radar))
+            self._inputs.drop(health, reason, f"{count} points dropped: {reason}", count)
+        if report.detections.amplitude is None:
+            self._inputs.without_amplitudes(index)
         waiting = self._pipeline.waiting
         events = self._pipeline.add(index, report.stamp_ns, report.detections, report.sector)
-        self._doubt(index, report.doubts + self._pipeline.take_doubts(index))
+        self._inputs.doubt(index, report.doubts + self._pipeline.take_doubts(index))
         if isinstance(events, Rejection):
-            self._drop(health, events.value, f"scan rejected: {events.value} stamp")
+            self._inputs.drop(health, events.value, f"scan rejected: {events.value} stamp")
             return
         health.rhythm.beat(time.monotonic())
         closed = self._handle(events, start)
-        if self._pose_inputs:
+        if self._inputs.platforms:
             self._judge_held()
         if self._patience is not None:
             self._wait(new_scan=bool(closed) or not waiting)
-
-    def _doubt(self, index: int, counts: Counter[str]) -> None:
-        """Count what does not look as it is configured, and warn of it."""
-        if not counts:
-            return
-        radar = self._settings.config.inputs[index]
-        texts = list(doubts.of(radar, counts))
-        self._inputs[index].doubt(counts, texts[0], time.monotonic())
-        for what, text in zip(counts, texts, strict=True):
-            self._warnings.warn((radar.name, what), f"{radar.topic}: {text}")
 
     def _wait(self, new_scan: bool) -> None:
         """Start the timer if a new scan waits for reports; cancel it if no scan waits."""
@@ -394,40 +327,17 @@ class LiveTracker:
             self._outputs.publish_estimates(SMOOTHED, smoothed)
         self._forget_run()
 
-    def _drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
-        health.drop(reason, count, time.monotonic())
-        self._warnings.warn((health.name, reason), f"{health.name}: {text}")
-
     def look(self) -> frozenset[str]:
-        """Return the names of the inputs that are silent; to be called regularly.
-
-        The executor takes one message of every radar between two looks. So what had come before
-        the previous look has been received by now, however long the steps between them took.
-        """
-        self._judged_s, self._looked_s = self._looked_s, time.monotonic()
-        scans = self._settings.node["silent_after_scans"]
-        inputs = (*self._inputs, *self._pose_inputs.values())
-        return frozenset(r.name for r in inputs if r.silent(self._judged_s, scans))
+        """Return the names of the inputs that are silent; see `Inputs.look`."""
+        return self._inputs.look()
 
     def statuses(self) -> list[DiagnosticStatus]:
         """Return a status for each input, step time, outputs and, if watched, registration."""
         now, name = time.monotonic(), self._node.get_fully_qualified_name()
-        values = self._settings.node
-        lost = sum(health.losses.by_overload(now) for health in self._inputs)
+        limit = self._settings.node["step_time_limit"]
         return [
-            *(
-                health.status(
-                    name,
-                    now,
-                    self._judged_s,
-                    values["silent_after_scans"],
-                    endpoints.publishers(self._node, listener),
-                )
-                for health, listener in zip(
-                    (*self._inputs, *self._pose_inputs.values()), self._subscriptions, strict=True
-                )
-            ),
-            self._pace.status(name, values["step_time_limit"], lost, self._load.share(now)),
+            *self._inputs.statuses(now),
+            self._pace.status(name, limit, self._inputs.lost(now), self._load.share(now)),
             self._served.status(name, now),
             *(registration_health.status(drift, name) for drift in self._drifts()),
         ]
@@ -437,41 +347,4 @@ class LiveTracker:
 
     def summary(self) -> str:
         """Return the numbers of received, lost and dropped clouds as text."""
-        received = sum(health.received for health in self._inputs)
-        gaps = [f"{health.name} {health.gaps}" for health in self._inputs if health.gaps]
-        drops = [
-            f"{health.name} {reason} {count}"
-            for health in (*self._inputs, *self._pose_inputs.values())
-            for reason, count in sorted(health.dropped.items())
-        ]
-        return (
-            f"{received} clouds received, lost on the way: {', '.join(gaps) or 'none'}, "
-            f"dropped: {', '.join(drops) or 'none'}"
-        )
-
-
-def _full_name(node: LifecycleNode, radar: RadarInput, parameter: str) -> str:
-    """Return the name after remapping of the topic that a radar's parameter names."""
-    topic = radar.topic if parameter == "topic" else radar.pose_topic
-    try:
-        full: str = node.resolve_topic_name(topic)
-    except RuntimeError as error:  # rcl's own, whose type is private
-        raise ConfigError(
-            [f"{radar.name}.{parameter}: {topic!r} given, must be a topic's name"]
-        ) from error
-    return full
-
-
-def _pose_name(config: TrackerConfig, carried: Sequence[int]) -> str:
-    """Return the name of the poses of what carries some radars, for diagnostics."""
-    return f"pose of {', '.join(config.inputs[index].name for index in carried)}"
-
-
-def _message_class(radar: RadarInput, reader: Reader) -> Any:
-    message_class = reader.installed()
-    if message_class is None:
-        package = reader.type_name.split("/")[0]
-        raise ConfigError(
-            [f"{radar.name}.message: {radar.message} given, but {package} is not installed"]
-        )
-    return message_class
+        return self._inputs.summary()

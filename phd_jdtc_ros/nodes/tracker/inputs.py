@@ -1,0 +1,233 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The subscriptions of the tracker, and what became of the messages of each input."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.lifecycle import LifecycleNode
+from rclpy.subscription import Subscription
+
+from msg_adapters import doubts, interfaces, platform_poses
+from msg_adapters.readers import Reader, reader_of
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.pipeline import POSE_MISSING
+from phd_jdtc_ros.core.poses import PoseFault
+
+from ..common.runtime import WARNING_PERIOD_S
+from ..common.throttled import ThrottledWarnings
+from . import endpoints
+from .health import InputHealth, Rhythm
+from .settings import Settings
+
+# Why poses are not used, in words.
+POSE_FAULTS = {
+    PoseFault.DUPLICATE: "duplicate stamp",
+    PoseFault.LATE: "older than the one before",
+    PoseFault.JUMP: "a jump from the one before; used once others go on from there",
+    PoseFault.ORIENTATION: "its orientation is no quaternion; set pose_yaw false if it has none",
+}
+# Poses come much more often than scans, and wait while one is stepped.
+POSES_KEPT = 200
+
+
+class Inputs:
+    """Subscribes to every radar and platform, and counts what is not used of their messages.
+
+    Parameters
+    ----------
+    node : LifecycleNode
+    settings : Settings
+
+    Attributes
+    ----------
+    radars : list of InputHealth
+        In the configured order.
+    platforms : dict of topic to InputHealth
+        Of the poses of what carries radars.
+
+    Raises
+    ------
+    ConfigError
+        If a topic is no possible name.
+    """
+
+    def __init__(self, node: LifecycleNode, settings: Settings) -> None:
+        self._node = node
+        self._settings = settings
+        config = settings.config
+        nominal_s = config.model.modes.interval_s
+        self.radars = [
+            InputHealth(radar.name, _full_name(node, radar, "topic"), Rhythm(nominal_s))
+            for radar in config.inputs
+        ]
+        self.platforms = {
+            topic: InputHealth(_pose_name(config, carried), full, Rhythm(nominal_s))
+            for topic, carried in config.carried.items()
+            for full in [_full_name(node, config.inputs[carried[0]], "pose")]
+        }
+        self._looked_s = self._judged_s = time.monotonic()
+        self._warnings = ThrottledWarnings(node.get_logger(), WARNING_PERIOD_S)
+        self._neutral: set[str] = set()
+        self._subscriptions: list[Subscription] = []
+
+    def subscribe(
+        self,
+        on_message: Callable[[int, Reader, Any, Mapping[str, int]], None],
+        on_pose: Callable[[str, Any, Mapping[str, int]], None],
+    ) -> None:
+        """Subscribe to all inputs.
+
+        Parameters
+        ----------
+        on_message : callable
+            Called with a radar's index and reader, the message, and its information.
+        on_pose : callable
+            Called with a platform's topic, the message, and its information.
+
+        Raises
+        ------
+        ConfigError
+            If a message's package is not installed, or a topic's QoS override is not valid.
+        """
+        config = self._settings.config
+        for index, (radar, health) in enumerate(zip(config.inputs, self.radars, strict=True)):
+            reader = reader_of(radar)
+            kind, take = _message_class(radar, reader), partial(on_message, index, reader)
+            self._subscriptions.append(
+                endpoints.subscription(self._node, kind, radar.topic, take, health)
+            )
+        for topic, health in self.platforms.items():
+            message = config.inputs[config.carried[topic][0]].pose_message
+            kind = interfaces.message_class(platform_poses.TYPES[message])
+            take = partial(on_pose, topic)
+            self._subscriptions.append(
+                endpoints.subscription(self._node, kind, topic, take, health, POSES_KEPT)
+            )
+
+    def destroy(self) -> None:
+        """Destroy all subscriptions."""
+        while self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.pop())
+
+    def retune(self, settings: Settings) -> None:
+        """Use changed settings of the same inputs."""
+        self._settings = settings
+
+    def drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
+        """Count what is not used of an input, and warn of it."""
+        health.drop(reason, count, time.monotonic())
+        self._warnings.warn((health.name, reason), f"{health.name}: {text}")
+
+    def drop_waiting(self, index: int, counts: Counter[str]) -> None:
+        """Count the scans of a radar that waited for their poses and are not used, by reason."""
+        radar = self._settings.config.inputs[index]
+        for reason, count in counts.items():
+            text = f"{count} scans rejected: {reason} stamp"
+            if reason == POSE_MISSING:
+                text = (
+                    f"{count} scans rejected: no pose on {radar.pose_topic} within "
+                    f"{radar.pose_max_age_s:g} s"
+                )
+            self.drop(self.radars[index], reason, text, count)
+
+    def drop_pose(self, topic: str, faults: Iterable[PoseFault]) -> None:
+        """Count a pose that some of the radars that it carries do not use, once for each cause."""
+        for fault in dict.fromkeys(faults):
+            text = f"pose rejected: {POSE_FAULTS[fault]}"
+            self.drop(self.platforms[topic], fault.value, text)
+
+    def doubt(self, index: int, counts: Counter[str]) -> None:
+        """Count what does not look as it is configured, and warn of it."""
+        if not counts:
+            return
+        radar = self._settings.config.inputs[index]
+        texts = list(doubts.of(radar, counts))
+        self.radars[index].doubt(counts, texts[0], time.monotonic())
+        for what, text in zip(counts, texts, strict=True):
+            self._warnings.warn((radar.name, what), f"{radar.topic}: {text}")
+
+    def without_amplitudes(self, index: int) -> None:
+        """Warn, once, of a radar without amplitudes, which would tell the classes apart."""
+        radar = self._settings.config.inputs[index]
+        if len(self._settings.config.model.modes.classes) > 1 and radar.name not in self._neutral:
+            self._neutral.add(radar.name)
+            self._node.get_logger().warning(doubts.no_amplitude(radar))
+
+    def look(self) -> frozenset[str]:
+        """Return the names of the inputs that are silent; to be called regularly.
+
+        The executor takes one message of every radar between two looks. So what had come before
+        the previous look has been received by now, however long the steps between them took.
+        """
+        self._judged_s, self._looked_s = self._looked_s, time.monotonic()
+        scans = self._settings.node["silent_after_scans"]
+        return frozenset(r.name for r in self._all() if r.silent(self._judged_s, scans))
+
+    def statuses(self, now: float) -> list[DiagnosticStatus]:
+        """Return a status for each input; `now` is by the monotonic clock."""
+        name = self._node.get_fully_qualified_name()
+        scans = self._settings.node["silent_after_scans"]
+        return [
+            health.status(
+                name, now, self._judged_s, scans, endpoints.publishers(self._node, listener)
+            )
+            for health, listener in zip(self._all(), self._subscriptions, strict=True)
+        ]
+
+    def lost(self, now: float) -> int:
+        """Return how many messages were lost lately because the tracker is too slow."""
+        return sum(health.losses.by_overload(now) for health in self.radars)
+
+    def summary(self) -> str:
+        """Return the numbers of received, lost and dropped clouds as text."""
+        received = sum(health.received for health in self.radars)
+        gaps = [f"{health.name} {health.gaps}" for health in self.radars if health.gaps]
+        drops = [
+            f"{health.name} {reason} {count}"
+            for health in self._all()
+            for reason, count in sorted(health.dropped.items())
+        ]
+        return (
+            f"{received} clouds received, lost on the way: {', '.join(gaps) or 'none'}, "
+            f"dropped: {', '.join(drops) or 'none'}"
+        )
+
+    def _all(self) -> tuple[InputHealth, ...]:
+        return (*self.radars, *self.platforms.values())
+
+
+def _full_name(node: LifecycleNode, radar: RadarInput, parameter: str) -> str:
+    """Return the name after remapping of the topic that a radar's parameter names."""
+    topic = radar.topic if parameter == "topic" else radar.pose_topic
+    try:
+        full: str = node.resolve_topic_name(topic)
+    except RuntimeError as error:  # rcl's own, whose type is private
+        raise ConfigError(
+            [f"{radar.name}.{parameter}: {topic!r} given, must be a topic's name"]
+        ) from error
+    return full
+
+
+def _pose_name(config: TrackerConfig, carried: Sequence[int]) -> str:
+    """Return the name of the poses of what carries some radars, for diagnostics."""
+    return f"pose of {', '.join(config.inputs[index].name for index in carried)}"
+
+
+def _message_class(radar: RadarInput, reader: Reader) -> Any:
+    message_class = reader.installed()
+    if message_class is None:
+        package = reader.type_name.split("/")[0]
+        raise ConfigError(
+            [f"{radar.name}.message: {radar.message} given, but {package} is not installed"]
+        )
+    return message_class
