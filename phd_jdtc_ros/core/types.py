@@ -206,6 +206,12 @@ class Attributes:
             np.concatenate([part.address for part in parts]),
         )
 
+    @staticmethod
+    def unknown(count: int) -> Attributes:
+        """Return those of so many targets of which nothing is known."""
+        none = np.full(count, UNKNOWN)
+        return Attributes(np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan), none, none)
+
     def take(self, rows: IntArray) -> Attributes:
         """Return those of some targets."""
         return Attributes(
