@@ -30,12 +30,15 @@ LINE_WIDTH = 40.0
 ELLIPSE_POINTS = 33
 
 
-def to_cdr(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> bytes:
+def to_cdr(
+    estimates: Estimates, frame: str, class_names: tuple[str, ...], datum: float = 0.0
+) -> bytes:
     """Return a serialised ``visualization_msgs/MarkerArray``.
 
     It contains a DELETEALL marker, then an ellipse, a velocity and a label per estimate, in the
     namespaces ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name. All are
-    at the estimate's height, and in the map's plane where that is unknown.
+    at the estimate's height, and in the map's plane where that is unknown. `datum`, the height of
+    the map's zero, metres, is what labels have flight levels from.
 
     Estimates have the same layout if they have the same class, labels of equal length and the same
     alignment. Each layout is made once and filled in for all its estimates together.
@@ -43,7 +46,7 @@ def to_cdr(estimates: Estimates, frame: str, class_names: tuple[str, ...]) -> by
     clear = cdr.Writer()
     clear.put("I", 1 + 3 * len(estimates))
     _put(clear, estimates.stamp_ns, frame, "", Marker.ARROW, Marker.DELETEALL, points=0)
-    labels = _labels(estimates, class_names)
+    labels = _labels(estimates, class_names, datum)
     rows: dict[cdr.Record, list[int]] = {}
     end = len(clear.data)
     for row, class_id in enumerate(estimates.class_id.tolist()):
@@ -67,13 +70,17 @@ def label_text(track_id: int, class_name: str, share: float, more: str = "") -> 
     return f"{words} {more}" if more else words
 
 
-def _labels(estimates: Estimates, class_names: tuple[str, ...]) -> list[bytes]:
+def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) -> list[bytes]:
     class_id = estimates.class_id.tolist()
     share = estimates.class_probability[np.arange(len(estimates)), class_id].tolist()
     return [
         label_text(track, class_names[k], s, more).encode()
         for track, k, s, more in zip(
-            estimates.track_id.tolist(), class_id, share, vertical.words(estimates), strict=True
+            estimates.track_id.tolist(),
+            class_id,
+            share,
+            vertical.words(estimates, datum),
+            strict=True,
         )
     ]
 

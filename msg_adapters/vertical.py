@@ -43,21 +43,30 @@ def of(estimates: Estimates) -> Vertical:
     return Vertical(known, np.nan_to_num(found.height), np.nan_to_num(found.height_covariance))
 
 
-def words(estimates: Estimates) -> list[str]:
-    """Return flight level and code, or address without a code, of each target; empty if unknown."""
+def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
+    """Return flight level and code, or address without a code, of each target; empty if unknown.
+
+    `datum` is the height of the world's zero, metres: flight levels are counted from below it.
+    """
     found = estimates.attributes
     if found is None:
         return [""] * len(estimates)
     return [
-        " ".join(part for part in (_level(height), _identity(code, address)) if part)
+        " ".join(part for part in (_level(height + datum), _identity(code, address)) if part)
         for height, code, address in zip(
             found.height[:, 0].tolist(), found.code.tolist(), found.address.tolist(), strict=True
         )
     ]
 
 
+def flight_level(height: float) -> int | None:
+    """Return the flight level of a height from the zero of the standard atmosphere, metres."""
+    return round(height / FLIGHT_LEVEL) if np.isfinite(height) else None
+
+
 def _level(height: float) -> str:
-    return f"FL{round(height / FLIGHT_LEVEL):03d}" if np.isfinite(height) else ""
+    level = flight_level(height)
+    return "" if level is None else f"FL{level:03d}"
 
 
 def _identity(code: int, address: int) -> str:

@@ -98,6 +98,15 @@ def test_heights_codes_and_addresses_are_those_of_the_estimates():
     assert (second.code, second.address, second.vertical) == (-1, -1, 3)
 
 
+def test_flight_levels_are_counted_from_below_a_map_that_lies_higher():
+    made = output(SystemPlane([52.0, 4.5, 304.8]))
+    made.take(cloud([{"z": 3048.0, "cov_zz": 900.0, "cov_vzvz": 4.0}], heights=True))
+    (track,) = made.reports(T0)
+    assert track.height == pytest.approx(3352.8)
+    (record,) = [r for r in decoded(b"".join(made.datagrams(T0))) if r["category"] == 62]
+    assert value(record, "I136", "MFL") == 11000.0
+
+
 def test_estimates_without_heights_have_none():
     made = output()
     made.take(cloud([{"z": 0.0, "vz": 0.0}]))

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -46,6 +46,11 @@ FloatArray = npt.NDArray[np.float64]
 class Plane(Protocol):
     """The map's relation to the earth."""
 
+    @property
+    def origin(self) -> Sequence[float]:
+        """Latitude and longitude, degrees, and height, metres, of the map's zero."""
+        ...
+
     def to_geodetic(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return latitudes and longitudes, degrees."""
         ...
@@ -74,6 +79,8 @@ class TrackOutput:
     def __init__(self, source: Source, plane: Plane | None, max_prediction_s: float) -> None:
         self.source = source
         self._plane = plane
+        # Estimates have heights above the map's zero, which need not be that of flight levels.
+        self._datum = 0.0 if plane is None else float(plane.origin[2])
         self._max_prediction_s = max_prediction_s
         self._columns: Mapping[str, npt.NDArray[Any]] | None = None
         self.stamp_ns = 0
@@ -129,7 +136,7 @@ class TrackOutput:
     ) -> dict[int, TrackReport]:
         get = {name: column.astype(np.float64) for name, column in columns.items()}
         x, y, vx, vy = _moved(get, ahead_s)
-        height = get["z"] + ahead_s * get["vz"]
+        height = get["z"] + self._datum + ahead_s * get["vz"]
         geodetic = None if self._plane is None else np.stack(self._plane.to_geodetic(x, y), axis=1)
         std = {name: np.sqrt(np.maximum(get[name], 0.0)) for name in get if name.startswith("cov_")}
         found: dict[int, TrackReport] = {}

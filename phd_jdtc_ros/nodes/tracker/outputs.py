@@ -108,6 +108,7 @@ class Outputs:
         self._node = node
         self._frame = settings.config.world_frame
         self._plane = settings.config.plane
+        self._datum = 0.0 if self._plane is None else float(self._plane.origin[2])
         self._radars = settings.config.model.radars
         self._class_names = tuple(c.name for c in settings.config.model.modes.classes)
         self._trails = Trails(settings.node["path_length"])
@@ -217,7 +218,9 @@ class Outputs:
         """Publish a scan's filtered estimates on all topics that show them."""
         self.publish_estimates(FILTERED, found)
         if self._with_markers:
-            self._markers.publish(markers.to_cdr(found, self._frame, self._class_names))
+            self._markers.publish(
+                markers.to_cdr(found, self._frame, self._class_names, self._datum)
+            )
         if self._radar_tracks is not None:
             publisher, types = self._radar_tracks
             publisher.publish(radar_tracks.to_msg(found, self._frame, self._run, types))
