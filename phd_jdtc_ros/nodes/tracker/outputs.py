@@ -242,7 +242,14 @@ class Outputs:
             if self._geojson is not None:
                 publisher, (kind,) = self._geojson
                 ways = {
-                    track: np.array([point.state for point in trail])[:, list(found.space.position)]
+                    track: np.column_stack(
+                        [
+                            np.array([point.state for point in trail])[
+                                :, list(found.space.position)
+                            ],
+                            tracks.known_heights(trail),
+                        ]
+                    )
                     for (track, _), trail in zip(tracks.labelled(found), trails, strict=True)
                 }
                 publisher.publish(
