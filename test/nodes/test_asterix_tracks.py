@@ -18,12 +18,14 @@ T0 = 20_779 * 86_400 * NS
 ORIGIN = [52.0, 4.5, 0.0]
 
 
-def cloud(rows, stamp_ns=T0, heights=False):
+def cloud(rows, stamp_ns=T0, heights=False, ages=False):
     """Return a cloud of estimates; rows are mappings of fields, the others are zero."""
     names = ["x", "y", "z", "vx", "vy", "vz", "omega", "weight", "track_id", "state"]
     names += [f"cov_{row}{column}" for row in range(5) for column in range(row, 5)]
     if heights:
         names += ["cov_zz", "cov_zvz", "cov_vzvz", "code", "address"]
+    if ages:
+        names += ["age_psr", "age_ssr", "age_mds"]
     unsigned = {"track_id", "state", "code", "address"}
     defaults = {"track_id": 1, "state": 1, "code": 2**32 - 1, "address": 2**32 - 1}
     columns = {
@@ -128,6 +130,17 @@ def test_tentative_coasting_first_and_last_are_said():
     assert (coasting.age_s, coasting.since_s) == (5.0, 5.0)
     assert (ended.number, ended.last) == (1, True)
     assert [track.last for track in made.reports(T0 + 6 * NS)] == [False]
+
+
+def test_ages_of_sensors_grow_until_the_output_and_those_of_none_are_left_out():
+    made = output()
+    row = {"code": 4032, "age_psr": 0.5, "age_ssr": 8.5, "age_mds": math.nan}
+    made.take(cloud([row], heights=True, ages=True))
+    assert made.reports(T0 + 2 * NS)[0].sensor_ages_s[:2] == (2.5, 10.5)
+    record, *_ = decoded(b"".join(made.datagrams(T0 + 2 * NS)))
+    assert record["I290"].keys() == {"TRK", "PSR", "SSR"}
+    assert value(record, "I290", "PSR", "PSR") == 2.5
+    assert value(record, "I290", "SSR", "SSR") == 10.5
 
 
 def test_old_estimates_are_not_predicted_any_more():
