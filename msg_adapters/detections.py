@@ -30,7 +30,7 @@ NUMBERS = (*point_cloud.FLOATS, "i1", "u1", "i2", "u2", "i4", "u4")
 DOUBLES = ("f8",)
 # What a cloud may lack although the radar's configuration names its field.
 OPTIONAL = (
-    *("level", "time", "sector", "height", "code", "address", "range_std", "azimuth_std"),
+    *("level", "time", "sector", "height", "code", "address", "kind", "range_std", "azimuth_std"),
     *("range_rate", "range_rate_std"),
 )
 # The layout of the clouds that are written where no radar's own is asked for.
@@ -55,8 +55,9 @@ def to_msg(
     PointCloud2
         Fields are ``x y z`` in the sensor's frame, then the radar's names for ``range azimuth
         elevation amplitude``, and those for the time, the sector, the height, the code, the
-        address, the range rate and the deviations of each detection that it has. All are FLOAT32,
-        but for the sector, the code and the address, UINT32, and times since the epoch, FLOAT64.
+        address, the kind, the range rate and the deviations of each detection that it has. All are
+        FLOAT32, but for the sector, the code and the address, UINT32, the kind, UINT8, and times
+        since the epoch, FLOAT64.
         The elevation is 0; so is the height above the antenna if the detections have none.
 
     Raises
@@ -104,6 +105,9 @@ def _sent_particulars(
     ):
         if name:
             yield name, identities.sent(identity, count)
+    if radar.kind_field:
+        kind = np.zeros(count) if detections.kind is None else np.maximum(detections.kind, 0)
+        yield radar.kind_field, kind.astype(np.uint8)
     own = detections.noise_std
     std = np.full((count, 2), np.nan) if own is None else own
     if radar.range_std_field:
@@ -152,7 +156,7 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     ----------
     cloud : PointCloud2
         Range and azimuth (and elevation) are floats, as are times, heights, range rates and
-        deviations; the amplitude, the sector, the code and the address may be whole numbers.
+        deviations; the amplitude, sector, code, address and kind may be whole numbers.
         Without a field that is none of a detection's coordinates, what it says is unknown; that is
         a doubt.
     radar : RadarInput
@@ -195,6 +199,7 @@ def _named(radar: RadarInput) -> dict[str, tuple[str, Sequence[str]]]:
         "height": (radar.height_field, floats),
         "code": (radar.code_field, NUMBERS),
         "address": (radar.address_field, NUMBERS),
+        "kind": (radar.kind_field, NUMBERS),
         "range_std": (radar.range_std_field, floats),
         "azimuth_std": (radar.azimuth_std_field, floats),
         "range_rate": (radar.range_rate_field, floats),

@@ -35,17 +35,19 @@ def to_msg(scan: Scan, radars: Sequence[RadarModel], frame: str) -> PointCloud2:
     -------
     PointCloud2
         Fields are ``x y z amplitude`` (FLOAT32; metres, linear envelope) and ``radar_index``
-        (UINT32, from 0 in the configured order). z is 0. The amplitude is 0 where the radar
-        reports none: viewers draw NaN in no defined colour.
+        (UINT32, from 0 in the configured order). z is the height, 0 where it is unknown. The
+        amplitude is 0 where the radar reports none: viewers draw NaN in no defined colour.
     """
     position, amplitude, index = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0, dtype=np.int64)]
+    height = [np.zeros(0)]
     for number, (radar, found) in enumerate(zip(radars, scan.detections, strict=True)):
         if found is not None:
             none = np.zeros(len(found))
             position.append(radar.at(found.pose).to_world(found.measurement))
             amplitude.append(none if found.amplitude is None else found.amplitude)
+            height.append(none if found.height is None else np.nan_to_num(found.height))
             index.append(np.full(len(found), number))
     x, y = np.concatenate(position).T
-    columns = {"x": x, "y": y, "z": np.zeros(len(x)), "amplitude": np.concatenate(amplitude)}
+    columns = {"x": x, "y": y, "z": np.concatenate(height), "amplitude": np.concatenate(amplitude)}
     columns["radar_index"] = np.concatenate(index)
     return point_cloud.encode(scan.stamp_ns, frame, columns)

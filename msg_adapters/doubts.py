@@ -97,6 +97,7 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     "height_missing": _height_missing,
     "code_missing": _missing("fields.code", "its codes are unknown"),
     "address_missing": _missing("fields.address", "its addresses are unknown"),
+    "kind_missing": _missing("fields.kind", "what saw its detections is supposed"),
     "range_std_missing": _missing("fields.range_std", "range_std is used"),
     "azimuth_std_missing": _missing("fields.azimuth_std", "azimuth_std_deg is used"),
     "range_rate_missing": _missing("fields.range_rate", "its range rates are unknown"),

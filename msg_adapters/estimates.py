@@ -15,7 +15,14 @@ from sensor_msgs.msg import PointCloud2
 
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.state_space import OMEGA, PLANAR, VX, VY, X, Y
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes, Estimates
+from phd_jdtc_ros.core.types import (
+    COASTING,
+    CONFIRMED,
+    SENSORS,
+    UNKNOWN,
+    Attributes,
+    Estimates,
+)
 
 from . import identities, point_cloud, stamps
 from .errors import RejectedMessageError
@@ -25,6 +32,7 @@ _COVARIANCE = [f"cov_{row}{column}" for row, column in _UPPER]
 # Of the height, the height and the climb rate, and the climb rate.
 _VERTICAL = {"cov_zz": (0, 0), "cov_zvz": (0, 1), "cov_vzvz": (1, 1)}
 _IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
+_AGES = tuple(f"age_{sensor}" for sensor in SENSORS)
 _STATE = (("x", X), ("y", Y), ("vx", VX), ("vy", VY), ("omega", OMEGA))
 
 
@@ -38,6 +46,8 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
 
     Estimates with attributes have FLOAT32 ``cov_zz cov_zvz cov_vzvz`` and UINT32 ``code address``
     behind these. Unknown heights are 0 with covariances NaN; unknown identities are 4294967295.
+    Where a radar says what saw its detections, there are FLOAT32 ``age_psr age_ssr age_mds``, the
+    times since each kind of sensor last saw the target, seconds; NaN for never.
     """
     state, known = estimates.state, estimates.attributes
     height = np.zeros((len(estimates), 2)) if known is None else np.nan_to_num(known.height)
@@ -65,6 +75,10 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
             columns[name] = known.height_covariance[:, one, other]
         columns["code"] = identities.sent(known.code, len(estimates))
         columns["address"] = identities.sent(known.address, len(estimates))
+        if known.seen_ns is not None:
+            ages = np.maximum(estimates.stamp_ns - known.seen_ns, 0) * 1e-9
+            ages[known.seen_ns == UNKNOWN] = np.nan
+            columns |= dict(zip(_AGES, ages.T, strict=True))
     return point_cloud.encode(estimates.stamp_ns, frame, columns)
 
 
@@ -95,13 +109,16 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     if attributed:
         floats += ["z", "vz", *_VERTICAL]
         whole += _IDENTITIES
+        if _AGES[0] in point_cloud.field_names(cloud):
+            floats += _AGES
     columns = point_cloud.decode(
         cloud,
         dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED),
     )
-    known = _attributes(columns) if attributed else None
+    stamp_ns = stamps.to_ns(cloud.header.stamp)
+    known = _attributes(columns, stamp_ns) if attributed else None
     point_cloud.require_finite(
-        {name: column for name, column in columns.items() if name not in _VERTICAL}
+        {n: column for n, column in columns.items() if n not in (*_VERTICAL, *_AGES)}
     )
     size = len(columns["x"])
     track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
@@ -116,7 +133,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
         covariance[:, row, column] = covariance[:, column, row] = columns[name]
     return Estimates(
-        stamp_ns=stamps.to_ns(cloud.header.stamp),
+        stamp_ns=stamp_ns,
         lag=int(columns["lag"][0]) if size else 0,
         state=state,
         covariance=covariance,
@@ -129,7 +146,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     )
 
 
-def _attributes(columns: Mapping[str, npt.NDArray[Any]]) -> Attributes:
+def _attributes(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Attributes:
     """Return the heights and identities of a cloud's columns; where one is not, it is unknown."""
     height = np.stack([columns["z"], columns["vz"]], axis=1).astype(np.float64)
     covariance = np.zeros((len(height), 2, 2))
@@ -138,7 +155,18 @@ def _attributes(columns: Mapping[str, npt.NDArray[Any]]) -> Attributes:
     unknown = ~np.isfinite(covariance).all(axis=(1, 2))
     height[unknown], covariance[unknown] = np.nan, np.nan
     code, address = (_identity(columns[name], part) for name, part in _IDENTITIES.items())
-    return Attributes(height, covariance, code, address)
+    return Attributes(height, covariance, code, address, _seen(columns, stamp_ns))
+
+
+def _seen(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> IntArray | None:
+    """Return when each kind of sensor saw the targets; None without ages."""
+    if _AGES[0] not in columns:
+        return None
+    ages = np.stack([columns[name] for name in _AGES], axis=1).astype(np.float64)
+    # An age that cannot be is none, and an infinite number of nanoseconds no time.
+    known = np.isfinite(ages) & (ages >= 0.0) & (ages * 1e9 <= stamp_ns)
+    seen_ns = stamp_ns - np.rint(np.where(known, ages, 0.0) * 1e9).astype(np.int64)
+    return np.where(known, seen_ns, UNKNOWN)
 
 
 def _identity(column: npt.NDArray[Any], numbers: tuple[int, tuple[int, ...]]) -> IntArray:

@@ -18,9 +18,9 @@ import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.site import Plane
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, Estimates
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 
-from . import geodetic, interfaces
+from . import geodetic, interfaces, vertical
 from .palette import class_colour
 from .tracks import labelled
 
@@ -63,27 +63,33 @@ def of_scan(
     plane : Plane
     class_names : sequence of str
         By class id.
-    trails : mapping of track number to array of shape (N, 2)
-        Positions up to the present one in the plane, metres.
+    trails : mapping of track number to array of shape (N, 3)
+        Positions up to the present one: in the plane, and heights above its zero, metres. A line
+        has heights if all are known, and not NaN.
 
     Notes
     -----
-    ``name`` and ``style`` among the properties are what Foxglove shows.
+    ``name`` and ``style`` among the properties are what Foxglove shows. The name has the flight
+    level and the code, or the address without one. ``code``, ``address`` and ``flight_level`` are
+    there where they are known.
     """
     places = geodetic.of(estimates, plane)
+    words = vertical.words(estimates, plane.origin[2])
     features = []
     for track, row in labelled(estimates):
         class_id = int(estimates.class_id[row])
         style = {"color": class_colour(class_id)}
         here = places.latitude[[row]], places.longitude[[row]], places.height[[row]]
         properties = {
-            "name": f"{track}",
+            "name": f"{track} {words[row]}".rstrip(),
             "number": track,
             "class": class_names[class_id],
             "state": STATES[int(estimates.track_state[row])],
             "speed": rounded(places.speed[row], METRE_DIGITS),
             "course": rounded(places.course[row], METRE_DIGITS),
             "height": rounded(places.height[row], METRE_DIGITS),
+            **identity(estimates, row),
+            **level(places.height[row]),
             "style": style,
         }
         point = {"type": "Point", "coordinates": positions(*here)[0]}
@@ -91,9 +97,29 @@ def of_scan(
         line = trails.get(track)
         if line is not None and len(line) > 1:
             north, east = plane.to_geodetic(line[:, 0], line[:, 1])
-            way = line_of(positions(north, east, np.full(len(line), np.nan)))
+            # RFC 7946 has no position without a height among others with one.
+            up = line[:, 2] + plane.origin[2]
+            way = line_of(positions(north, east, up if np.isfinite(up).all() else up * np.nan))
             features.append(feature(way, {"name": f"{track}", "number": track, "style": style}))
     return collection(features)
+
+
+def identity(estimates: Estimates, row: int) -> dict[str, str]:
+    """Return the known ones of ``code``, octal digits, and ``address``, hexadecimal ones."""
+    found = estimates.attributes
+    if found is None:
+        return {}
+    code, address = int(found.code[row]), int(found.address[row])
+    return {
+        **({} if code == UNKNOWN else {"code": f"{code:04o}"}),
+        **({} if address == UNKNOWN else {"address": f"{address:06X}"}),
+    }
+
+
+def level(height: float) -> dict[str, int]:
+    """Return the property ``flight_level`` of a height of the earth's, metres, if it is known."""
+    found = vertical.flight_level(height)
+    return {} if found is None else {"flight_level": found}
 
 
 def collection(features: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -17,6 +17,8 @@ NONE = 2**32 - 1
 # answer with the code 0000, and no transponder has the address 0.
 CODES = (2**12, ())
 ADDRESSES = (2**24, (0,))
+# Kinds of plots, in three bits; 0 is that of none.
+KINDS = (2**3, (0,))
 
 
 def read(

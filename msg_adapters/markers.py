@@ -36,8 +36,9 @@ def to_cdr(
     """Return a serialised ``visualization_msgs/MarkerArray``.
 
     It contains a DELETEALL marker, then an ellipse, a velocity and a label per estimate, in the
-    namespaces ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name. Flight
-    levels in labels are counted from `datum`, see `vertical.words`.
+    namespaces ``NAME/ellipse``, ``NAME/velocity`` and ``NAME/label`` with the class's name. All are
+    at the estimate's height, and in the map's plane where that is unknown. `datum`, the height of
+    the map's zero, metres, is what labels have flight levels from.
 
     Estimates have the same layout if they have the same class, labels of equal length and the same
     alignment. Each layout is made once and filled in for all its estimates together.
@@ -81,13 +82,14 @@ def _labels(estimates: Estimates, class_names: tuple[str, ...], datum: float) ->
 
 
 def _lines(estimates: Estimates) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return positions (T, 2), ends of arrows (T, 2) and ellipses (T, ELLIPSE_POINTS, 2)."""
-    position = estimates.position
-    ahead = position + VELOCITY_SECONDS * estimates.velocity
-    around = outline(estimates.position_covariance, ELLIPSE_SIGMA, ELLIPSE_POINTS).transpose(
-        0, 2, 1
-    )
-    return position, ahead, position[:, None] + around
+    """Return positions (T, 3), ends of arrows (T, 3) and ellipses (T, ELLIPSE_POINTS, 3)."""
+    up = vertical.of(estimates).state
+    position = np.column_stack([estimates.position, up[:, 0]])
+    ahead = position + VELOCITY_SECONDS * np.column_stack([estimates.velocity, up[:, 1]])
+    around = outline(estimates.position_covariance, ELLIPSE_SIGMA, ELLIPSE_POINTS)
+    ellipse = np.repeat(position[:, None], ELLIPSE_POINTS, axis=1)
+    ellipse[..., :2] += around.transpose(0, 2, 1)
+    return position, ahead, ellipse
 
 
 def _filled(
@@ -103,9 +105,9 @@ def _filled(
     for kind in ("ellipse", "velocity", "label"):
         filled[f"{kind}_stamp"] = divmod(estimates.stamp_ns, stamps.NS_PER_S)
         filled[f"{kind}_id"] = chosen
-    filled["outline"][..., :2] = ellipse
-    filled["arrow"][:, 0, :2], filled["arrow"][:, 1, :2] = position, ahead
-    filled["place"] = position + np.array([0.0, 2.0 * LABEL_HEIGHT])
+    filled["outline"] = ellipse
+    filled["arrow"][:, 0], filled["arrow"][:, 1] = position, ahead
+    filled["place"] = position + np.array([0.0, 2.0 * LABEL_HEIGHT, 0.0])
     filled["label"] = [labels[row] for row in chosen]
     return filled.tobytes()
 
@@ -135,7 +137,7 @@ def _record(start: int, frame: str, class_id: int, name: str, label_size: int) -
     members |= {
         "outline": (f"({ELLIPSE_POINTS},3)<f8", at["ellipse"]["points"]),
         "arrow": ("(2,3)<f8", at["velocity"]["points"]),
-        "place": ("(2,)<f8", at["label"]["position"]),
+        "place": ("(3,)<f8", at["label"]["position"]),
         "label": (f"S{label_size}", at["label"]["text"]),
     }
     return cdr.Record(bytes(writer.data), cdr.layout(members, len(writer.data)))

@@ -85,6 +85,8 @@ class Columns:
         Metres; above the world's zero plus the radar's datum.
     code, address : array or None
         Mode A codes and Mode S addresses.
+    kind : array or None
+        See `Detections`.
     range_std, azimuth_std : array or None
         In metres and in the unit of the azimuth.
     sector : array or None
@@ -100,6 +102,7 @@ class Columns:
     height: FloatArray | None = None
     code: FloatArray | None = None
     address: FloatArray | None = None
+    kind: FloatArray | None = None
     range_std: FloatArray | None = None
     azimuth_std: FloatArray | None = None
     sector: FloatArray | None = None
@@ -120,7 +123,7 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
     Notes
     -----
     An amplitude, a height, a range rate or a deviation that is NaN is unknown, and its point is
-    kept. So is a point whose range rate, code or address is impossible; that then counts as
+    kept. So is a point whose range rate, code, address or kind is impossible; that then counts as
     unknown.
 
     The radar's systematic errors are removed first; a range that they exceed becomes 0.
@@ -171,6 +174,7 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
         height=None if columns.height is None else columns.height[kept] - radar.datum,
         code=code,
         address=address,
+        kind=identities.read(columns.kind, kept, identities.KINDS)[0],
     )
     beyond = 0 if radar.azimuth_in_degrees else np.count_nonzero(turns[kept] > A_TURN)
     unknown = 0 if columns.height is None else np.count_nonzero(~np.isfinite(columns.height[kept]))

@@ -34,10 +34,13 @@ class Waypoint:
     ----------
     stamp_ns : int
     state : array of shape (D,)
+    height : float
+        Above the world's zero, metres; NaN where it is unknown.
     """
 
     stamp_ns: int
     state: FloatArray
+    height: float = math.nan
 
 
 def labelled(estimates: Estimates) -> list[tuple[int, int]]:
@@ -78,19 +81,40 @@ def _lift(message: Odometry, up: FloatArray, covariance: FloatArray) -> None:
 
 
 def to_path(track: Sequence[Waypoint], frame: str) -> Path:
-    """Return the path of one track; the header has the stamp of its last, newest waypoint."""
+    """Return the path of one track; the header has the stamp of its last, newest waypoint.
+
+    It is at the track's heights. Before the first that is known it is at that one, so that it does
+    not come up from the ground; a track that has none is in the map's plane.
+    """
+    heights = known_heights(track)
     return Path(
         header=stamps.header(track[-1].stamp_ns, frame),
         poses=[
-            PoseStamped(header=stamps.header(point.stamp_ns, frame), pose=_pose(point.state))
-            for point in track
+            PoseStamped(
+                header=stamps.header(point.stamp_ns, frame),
+                pose=_pose(point.state, 0.0 if math.isnan(height) else height),
+            )
+            for point, height in zip(track, heights, strict=True)
         ],
     )
 
 
-def _pose(state: FloatArray) -> Pose:
+def known_heights(track: Sequence[Waypoint]) -> list[float]:
+    """Return a height for each waypoint, metres: its own, or the last known, or the first one.
+
+    All are NaN where none is known.
+    """
+    height = next((p.height for p in track if not math.isnan(p.height)), math.nan)
+    found = []
+    for point in track:
+        height = height if math.isnan(point.height) else point.height
+        found.append(height)
+    return found
+
+
+def _pose(state: FloatArray, height: float = 0.0) -> Pose:
     return Pose(
-        position=Point(x=float(state[X]), y=float(state[Y]), z=0.0),
+        position=Point(x=float(state[X]), y=float(state[Y]), z=height),
         orientation=heading(state[VX], state[VY]),
     )
 

@@ -59,8 +59,14 @@ def words(estimates: Estimates, datum: float = 0.0) -> list[str]:
     ]
 
 
+def flight_level(height: float) -> int | None:
+    """Return the flight level of a height from the zero of the standard atmosphere, metres."""
+    return round(height / FLIGHT_LEVEL) if np.isfinite(height) else None
+
+
 def _level(height: float) -> str:
-    return f"FL{round(height / FLIGHT_LEVEL):03d}" if np.isfinite(height) else ""
+    level = flight_level(height)
+    return "" if level is None else f"FL{level:03d}"
 
 
 def _identity(code: int, address: int) -> str:

@@ -44,13 +44,19 @@ EXECUTABLES = {
         "the study of registration: three radars, one with errors",
     ),
     "seam": ("phd_jdtc_ros.tools.seam", "what is lost where two trackers part an area"),
-    "hand_over": ("phd_jdtc_ros.tools.hand_over", "joins the bags of trackers that part an area"),
+    "hand_over": (
+        "phd_jdtc_ros.tools.hand_over",
+        "joins the bags of trackers that part an area; without arguments the node",
+    ),
     "autoferry": ("phd_jdtc_ros.tools.autoferry", "the Autoferry dataset: bags and figures"),
     "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
 }
 
 # Nodes that are started in the place of an executable that is given ROS arguments only, or none.
-NODES = {"asterix_bridge": "phd_jdtc_ros.nodes.asterix.node"}
+NODES = {
+    "asterix_bridge": "phd_jdtc_ros.nodes.asterix.node",
+    "hand_over": "phd_jdtc_ros.nodes.hand_over.node",
+}
 
 # What a ROS installation has, and the extra `ros` installs.
 ROS_PACKAGES = frozenset(

@@ -75,6 +75,9 @@ class TrackReport:
         Whether it is confirmed, has no recent plot, is reported for the first or the last time.
     age_s, since_s : float
         Since the track was first reported, and since it was last not coasting.
+    sensor_ages_s : tuple of three floats
+        Since a primary radar, a secondary one and Mode S last saw it; NaN for never. Where all are
+        NaN it is not known what saw it.
     position_std, velocity_std : tuple of two floats
         Along x and y.
     covariance : float
@@ -99,6 +102,7 @@ class TrackReport:
     last: bool = False
     age_s: float = 0.0
     since_s: float = 0.0
+    sensor_ages_s: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     position_std: tuple[float, float] = (0.0, 0.0)
     velocity_std: tuple[float, float] = (0.0, 0.0)
     covariance: float = 0.0
@@ -153,18 +157,21 @@ def _status(track: TrackReport, source: Source) -> bytes:
 
 
 def _ages(track: TrackReport) -> bytes:
-    """Return I062/290: the age of the track, and the time since it was last seen.
+    """Return I062/290: the age of the track, and the times since sensors last saw it.
 
-    The latter is that of Mode S for a track with an address, or else of SSR for one with a code,
-    or else of PSR.
+    Where it is not known what saw it, there is one time: that of Mode S for a track with an
+    address, or else of SSR for one with a code, or else of PSR.
     """
-    chosen = 0x40
-    if track.address != NONE:
-        chosen = 0x10
-    elif track.code != NONE:
-        chosen = 0x20
-    ages = (unsigned(age, AGE_UNIT, 1) for age in (track.age_s, track.since_s))
-    return bytes([0x80 | chosen]) + b"".join(ages)
+    own = {
+        bit: age
+        for bit, age in zip((0x40, 0x20, 0x10), track.sensor_ages_s, strict=True)
+        if math.isfinite(age)
+    }
+    if not own:
+        supposed = 0x10 if track.address != NONE else 0x20 if track.code != NONE else 0x40
+        own = {supposed: track.since_s}
+    ages = (unsigned(age, AGE_UNIT, 1) for age in (track.age_s, *own.values()))
+    return bytes([0x80 | sum(own)]) + b"".join(ages)
 
 
 def _heights(height: float, source: Source) -> dict[str, bytes]:

@@ -21,11 +21,16 @@ from .arrays import FloatArray
 from .region import Region
 from .renumbering import matched
 from .reporting import chosen, joined
-from .types import Estimates
+from .types import Attributes, Estimates
 
 # Tracks are of one target once they have been near each other for so many stamps in a row, and no
 # longer once they have been apart for so many.
 TOGETHER, APART = 2, 3
+# Only tracks that are so near to a neighbour's margin are compared with the neighbour's, metres:
+# more than any two estimates of one target are apart, and much less than most regions are wide.
+REACH = 5e3
+
+_NO_ROWS = np.zeros(0, dtype=np.int64)
 
 # A tracker, by its index, and its number of a track.
 Track = tuple[int, int]
@@ -52,32 +57,47 @@ class Handover:
     # Stamps in a row: positive together, negative apart.
     _together: dict[tuple[Track, Track], int] = field(init=False, default_factory=dict)
     _count: int = field(init=False, default=0)
+    _changes: int = field(init=False, default=0)
 
-    def add(self, found: Sequence[Estimates]) -> Estimates:
+    @property
+    def handed_over(self) -> int:
+        """How often a target has changed over from one tracker to another."""
+        return self._changes
+
+    def forget(self) -> None:
+        """Forget all tracks; their numbers are not used again."""
+        self._number, self._owner, self._together = {}, {}, {}
+
+    def add(self, said: Mapping[int, Estimates]) -> Estimates:
         """Return the joint estimates of a stamp.
 
         Parameters
         ----------
-        found : sequence of Estimates
-            One per tracker, all of one stamp; stamps must increase.
+        said : mapping of tracker to Estimates
+            All of one stamp, at least one; those that are not in it see nothing. Stamps must
+            increase.
 
         Returns
         -------
         Estimates
             With numbers that are given here, in the order in which targets are first reported.
         """
-        self._pair(found)
+        found = self._of_all(said)
+        depth = self._depths(found)
+        self._pair(found, depth)
         rows: dict[int, dict[int, int]] = {}
         for tracker, estimates in enumerate(found):
             for row, number in enumerate(estimates.track_id.tolist()):
                 joint = self._number.get((tracker, number))
-                if joint is None and self._depth(tracker, estimates.position[row]) >= 0.0:
+                if joint is None and depth[tracker][tracker][row] >= 0.0:
                     joint = self._begin((tracker, number))
                 if joint is not None:
                     rows.setdefault(joint, {})[tracker] = row
         parts: list[list[tuple[int, int]]] = [[] for _ in found]
         for joint, by_tracker in rows.items():
-            owner = self._owned(joint, by_tracker, found)
+            owner = self._owned(
+                joint, {k: float(depth[k][k][row]) for k, row in by_tracker.items()}
+            )
             parts[owner].append((by_tracker[owner], joint))
         self._forget(found)
         return _joint(found, parts)
@@ -87,11 +107,12 @@ class Handover:
         """The joint number of each track that is there; a copy."""
         return dict(self._number)
 
-    def numbered(self, found: Sequence[Estimates], numbers: Mapping[Track, int]) -> Estimates:
-        """Return the joint estimates of a stamp whose tracks have numbers already.
+    def numbered(self, said: Mapping[int, Estimates], numbers: Mapping[Track, int]) -> Estimates:
+        """Return the joint estimates of a stamp whose tracks have numbers already; see `add`.
 
         Of several of one number that is reported which is deepest in its tracker's core region.
         """
+        found = self._of_all(said)
         best: dict[int, tuple[float, int, int]] = {}
         for tracker, estimates in enumerate(found):
             depth = self.regions[tracker].depth(estimates.position).tolist()
@@ -104,24 +125,32 @@ class Handover:
             parts[tracker].append((row, joint))
         return _joint(found, parts)
 
-    def _depth(self, tracker: int, position: FloatArray) -> float:
-        """Return how far inside a tracker's core region a position is, metres."""
-        return float(self.regions[tracker].depth(position[None])[0])
+    def _of_all(self, said: Mapping[int, Estimates]) -> list[Estimates]:
+        """Return the estimates of every tracker, none of those that say nothing."""
+        nothing = chosen(next(iter(said.values())), _NO_ROWS)
+        return [said.get(tracker, nothing) for tracker in range(len(self.regions))]
+
+    def _depths(self, found: Sequence[Estimates]) -> list[list[FloatArray]]:
+        """Return how deep each tracker's estimates are in each region, [tracker][region]."""
+        return [[region.depth(own.position) for region in self.regions] for own in found]
 
     def _begin(self, track: Track) -> int:
         self._count += 1
         self._number[track] = self._count
         return self._count
 
-    def _pair(self, found: Sequence[Estimates]) -> None:
+    def _pair(self, found: Sequence[Estimates], depth: Sequence[Sequence[FloatArray]]) -> None:
         """Find which tracks of neighbours are of one target, and give them one number."""
         near: set[tuple[Track, Track]] = set()
         for one, other in combinations(range(len(found)), 2):
-            for row, column in zip(*matched(found[one], found[other], moving=True), strict=True):
-                mine = one, int(found[one].track_id[row])
-                theirs = other, int(found[other].track_id[column])
-                near.add((mine, theirs))
-        # In one order, because pairs of three trackers' tracks share them.
+            mine, theirs = (
+                np.flatnonzero(depth[own][next_to] >= -self.regions[next_to].margin - REACH)
+                for own, next_to in ((one, other), (other, one))
+            )
+            pairs = matched(chosen(found[one], mine), chosen(found[other], theirs), moving=True)
+            numbers = found[one].track_id[mine[pairs[0]]], found[other].track_id[theirs[pairs[1]]]
+            for number, beside in zip(*(column.tolist() for column in numbers), strict=True):
+                near.add(((one, number), (other, beside)))
         for pair in sorted(near):
             self._together[pair] = max(self._together.get(pair, 0), 0) + 1
             if self._together[pair] >= TOGETHER:
@@ -167,18 +196,15 @@ class Handover:
         lost = theirs if self._owner.get(joint, mine[0]) == mine[0] else mine
         del self._number[lost]
 
-    def _owned(self, joint: int, by_tracker: Mapping[int, int], found: Sequence[Estimates]) -> int:
-        """Return which tracker's estimate is reported."""
-        depth = {
-            tracker: self._depth(tracker, found[tracker].position[row])
-            for tracker, row in by_tracker.items()
-        }
-        owner = self._owner.get(joint)
-        if owner is None or owner not in by_tracker:
+    def _owned(self, joint: int, depth: Mapping[int, float]) -> int:
+        """Return which tracker's estimate is reported, given how deep each one's is."""
+        before = owner = self._owner.get(joint)
+        if owner is None or owner not in depth:
             owner = max(depth, key=lambda k: depth[k])
-        for tracker, inside in depth.items():
-            if inside > self.hysteresis:
+        for tracker, own in depth.items():
+            if own > self.hysteresis:
                 owner = tracker
+        self._changes += before is not None and owner != before
         self._owner[joint] = owner
         return owner
 
@@ -199,9 +225,14 @@ class Handover:
 
 def _joint(found: Sequence[Estimates], parts: Sequence[Sequence[tuple[int, int]]]) -> Estimates:
     """Return rows of several trackers' estimates as one, with joint numbers."""
+    told = any(estimates.attributes is not None for estimates in found)
     own = []
     for estimates, rows in zip(found, parts, strict=True):
         index = np.array([row for row, _ in rows], dtype=np.int64)
         number = np.array([joint for _, joint in rows], dtype=np.int64)
-        own.append(replace(chosen(estimates, index), track_id=number))
-    return joined(own, found[0].lag)[0]
+        part = replace(chosen(estimates, index), track_id=number)
+        if told and part.attributes is None:
+            part = replace(part, attributes=Attributes.unknown(len(part)))
+        own.append(part)
+    # Of no estimates the lag is not known: messages carry it with each of them.
+    return joined(own, max(estimates.lag for estimates in found))[0]

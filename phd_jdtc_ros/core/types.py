@@ -28,10 +28,10 @@ TENTATIVE, CONFIRMED, COASTING = range(3)
 UNKNOWN = -1
 # The columns of detections that have one number for each, and those of them that are whole numbers.
 _IDENTITIES = ("code", "address")
-_PER_DETECTION = (
-    *("amplitude", "time_s", "range_rate", "range_rate_std", "height"),
-    *_IDENTITIES,
-)
+_WHOLE = (*_IDENTITIES, "kind")
+_PER_DETECTION = (*("amplitude", "time_s", "range_rate", "range_rate_std", "height"), *_WHOLE)
+# Kinds of sensors that see targets: primary and secondary radar, and Mode S.
+SENSORS = ("psr", "ssr", "mds")
 _NOT_GIVEN: IntArray = np.zeros(0, dtype=np.int64)
 
 
@@ -112,6 +112,9 @@ class Detections:
     code, address : int array of shape (M,) or None
         Mode A code, 12 bits, and Mode S address, 24 bits, of the transponder that answered;
         `UNKNOWN` where there is none. None when the radar reports none.
+    kind : int array of shape (M,) or None
+        What saw it, the TYP of I048/020: 1 primary, 2 secondary, 3 both, 4 and 5 Mode S, 6 and 7
+        Mode S and primary; `UNKNOWN` otherwise. None when the radar does not say.
     """
 
     measurement: FloatArray
@@ -125,6 +128,7 @@ class Detections:
     height: FloatArray | None = None
     code: IntArray | None = None
     address: IntArray | None = None
+    kind: IntArray | None = None
 
     def __post_init__(self) -> None:
         measurement = read_only(self.measurement)
@@ -135,7 +139,7 @@ class Detections:
             value = getattr(self, name)
             if value is None:
                 continue
-            value = read_only(value, np.int64) if name in _IDENTITIES else read_only(value)
+            value = read_only(value, np.int64) if name in _WHOLE else read_only(value)
             shape = measurement.shape if name == "noise_std" else measurement.shape[:1]
             if value.shape != shape:
                 raise ValueError(f"{name}: expected shape {shape}, got {value.shape}")
@@ -183,17 +187,21 @@ class Attributes:
         NaN where unknown.
     code, address : int arrays of shape (T,)
         Mode A code and Mode S address; `UNKNOWN` where there is none or none is probable enough.
+    seen_ns : int array of shape (T, S) or None
+        When each of `SENSORS` last saw the target, nanoseconds; `UNKNOWN` for never. None where no
+        radar says what saw its detections, and in smoothed estimates.
     """
 
     height: FloatArray
     height_covariance: FloatArray
     code: IntArray
     address: IntArray
+    seen_ns: IntArray | None = None
 
     def __post_init__(self) -> None:
         for name in ("height", "height_covariance"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        for name in _IDENTITIES:
+        for name in (*_IDENTITIES, *(() if self.seen_ns is None else ("seen_ns",))):
             object.__setattr__(self, name, read_only(getattr(self, name), np.int64))
 
     @staticmethod
@@ -204,12 +212,37 @@ class Attributes:
             np.concatenate([part.height_covariance for part in parts]),
             np.concatenate([part.code for part in parts]),
             np.concatenate([part.address for part in parts]),
+            Attributes._seen(parts),
         )
+
+    @staticmethod
+    def _seen(parts: Sequence[Attributes]) -> IntArray | None:
+        """Return the times of several sets of targets; None where none of them has any."""
+        if all(part.seen_ns is None for part in parts):
+            return None
+        return np.concatenate(
+            [
+                np.full((len(part.code), len(SENSORS)), UNKNOWN)
+                if part.seen_ns is None
+                else part.seen_ns
+                for part in parts
+            ]
+        )
+
+    @staticmethod
+    def unknown(count: int) -> Attributes:
+        """Return those of so many targets of which nothing is known."""
+        none = np.full(count, UNKNOWN)
+        return Attributes(np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan), none, none)
 
     def take(self, rows: IntArray) -> Attributes:
         """Return those of some targets."""
         return Attributes(
-            self.height[rows], self.height_covariance[rows], self.code[rows], self.address[rows]
+            self.height[rows],
+            self.height_covariance[rows],
+            self.code[rows],
+            self.address[rows],
+            None if self.seen_ns is None else self.seen_ns[rows],
         )
 
 

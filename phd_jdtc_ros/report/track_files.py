@@ -16,11 +16,11 @@ import numpy as np
 
 from msg_adapters import geo_json, geodetic
 from phd_jdtc_ros.core.site import Plane
-from phd_jdtc_ros.core.types import UNKNOWN, Estimates
+from phd_jdtc_ros.core.types import Estimates
 
 HEADER = (
     *("time", "number", "latitude", "longitude", "height", "speed", "course", "class", "state"),
-    *("code", "address"),
+    *("code", "address", "flight_level"),
 )
 
 
@@ -38,6 +38,8 @@ class Fix(NamedTuple):
     class_name, state : str
     code, address : str
         Four octal and six hexadecimal digits; empty where unknown.
+    flight_level : str
+        Hundreds of feet of the standard atmosphere; empty where unknown.
     """
 
     stamp_ns: int
@@ -51,6 +53,7 @@ class Fix(NamedTuple):
     state: str
     code: str
     address: str
+    flight_level: str
 
 
 def fixes(run: Sequence[Estimates], plane: Plane, class_names: Sequence[str]) -> Iterator[Fix]:
@@ -66,21 +69,21 @@ def fixes(run: Sequence[Estimates], plane: Plane, class_names: Sequence[str]) ->
     """
     for found in run:
         places = geodetic.of(found, plane)
-        identities = found.attributes
         for row in np.argsort(found.track_id, kind="stable").tolist():
             number = int(found.track_id[row])
             if not number:
                 continue
-            code = UNKNOWN if identities is None else int(identities.code[row])
-            address = UNKNOWN if identities is None else int(identities.address[row])
+            identity = geo_json.identity(found, row)
+            level = geo_json.level(places.height[row])
             yield Fix(
                 found.stamp_ns,
                 number,
                 *(float(column[row]) for column in places[:5]),
                 class_name=class_names[int(found.class_id[row])],
                 state=geo_json.STATES[int(found.track_state[row])],
-                code="" if code == UNKNOWN else f"{code:04o}",
-                address="" if address == UNKNOWN else f"{address:06X}",
+                code=identity.get("code", ""),
+                address=identity.get("address", ""),
+                flight_level=str(level.get("flight_level", "")),
             )
 
 
@@ -110,8 +113,8 @@ def to_geojson(rows: Sequence[Fix]) -> str:
     """Return fixes as GeoJSON: a line for each track, or a point for one that has one fix.
 
     Properties of a track are ``number``, ``name``, ``class``, ``code`` and ``address`` where they
-    are known, the most frequent ones, and ``times``, seconds, one per fix. The two positions that
-    are added where a track crosses the antimeridian have none.
+    are known, the most frequent ones, ``flight_level``, the last one, and ``times``, seconds, one
+    per fix. The two positions that are added where a track crosses the antimeridian have none.
     """
     tracks: dict[int, list[Fix]] = {}
     for row in rows:
@@ -138,6 +141,9 @@ def _feature(rows: Sequence[Fix]) -> dict[str, Any]:
         known = [getattr(row, name) for row in rows if getattr(row, name)]
         if known:
             properties[name] = _usual(known)
+    levels = [row.flight_level for row in rows if row.flight_level]
+    if levels:
+        properties["flight_level"] = int(levels[-1])
     return geo_json.feature(geometry, properties)
 
 

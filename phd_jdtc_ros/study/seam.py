@@ -153,7 +153,7 @@ def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], di
         if margin == MARGIN:
             ways[CORE] = [_by_core(pair) for pair in pairs]
         name = JOINT if margin == MARGIN else JOINT_NARROW
-        ways[name] = [joint.add(pair) for pair in pairs]
+        ways[name] = [joint.add(dict(enumerate(pair))) for pair in pairs]
     return {name: scored(scenario, own) for name, own in ways.items()}, spent
 
 

@@ -25,7 +25,15 @@ from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
-from phd_jdtc_ros.core.types import FILTERED, FULL_TURN, SMOOTHED, SOURCES, Estimates, Truth
+from phd_jdtc_ros.core.types import (
+    COASTING,
+    FILTERED,
+    FULL_TURN,
+    SMOOTHED,
+    SOURCES,
+    Estimates,
+    Truth,
+)
 
 from .runs import TAXIING, Ignored, SimulatedRun, Tracked
 
@@ -169,6 +177,7 @@ def at_stamps(
             PointSet(
                 *(position, newest.class_id, newest.track_id, newest.velocity),
                 height=_heights_after(newest, (stamp_ns - known_ns[last]) * 1e-9),
+                coasting=newest.track_state == COASTING,
             )
         )
     return points

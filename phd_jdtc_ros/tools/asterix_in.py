@@ -183,7 +183,7 @@ def _of_radar(state: RadarState) -> dict[str, Any]:
     """Return a radar's own parameters: the layout of its clouds and how it turns."""
     name = state.settings.name
     turn_s = round(state.assembler.observed_turn_s, 2)
-    fields = ["range", "azimuth", "time", "height", "code", "address"]
+    fields = ["range", "azimuth", "time", "height", "code", "address", "kind"]
     if turn_s:
         fields.append("sector")
     return {

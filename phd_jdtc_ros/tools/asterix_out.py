@@ -213,16 +213,18 @@ class _Radar:
         height = np.array(column(found.height, math.nan)) + self._input.datum
         slant, azimuth = self._measured(found.measurement, height)
         plots = []
-        for row, (time_s, level, code, address) in enumerate(
+        for row, (time_s, level, code, address, kind) in enumerate(
             zip(
                 column(found.time_s, 0.0),
                 column(found.amplitude, math.nan),
                 column(found.code, UNKNOWN),
                 column(found.address, UNKNOWN),
+                column(found.kind, UNKNOWN),
                 strict=True,
             )
         ):
             answered = code != UNKNOWN or address != UNKNOWN
+            supposed = COMBINED if answered else PRIMARY
             dbm = math.nan
             if level > 0.0:
                 dbm = 20.0 * math.log10(level / math.sqrt(2.0)) + self._noise_dbm
@@ -235,7 +237,7 @@ class _Radar:
                 float(height[row]),
                 NONE if code == UNKNOWN else int(code),
                 NONE if address == UNKNOWN else int(address),
-                COMBINED if answered else PRIMARY,
+                supposed if kind == UNKNOWN else int(kind),
                 dbm,
                 math.nan,
             )

@@ -4,16 +4,15 @@
 """Joins the estimates of trackers that part an area, with numbers that stay at the seams.
 
 The bags are those of `track_bag`, each with its tracker's region in the parameters beside it.
+Without arguments: the node, which does the same live.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_left
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 
 from msg_adapters import estimates, interfaces, names
@@ -23,37 +22,20 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.handover import Handover, Track
+from phd_jdtc_ros.core.joint_picture import JointPicture
 from phd_jdtc_ros.core.region import Region
-from phd_jdtc_ros.core.reporting import chosen
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.nodes.hand_over import settings
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.record import Record
 
 from . import command, tracker_params
 
-# How far beyond a seam a target changes over, in margins.
-HYSTERESIS = 0.2
-_NO_ROWS = np.zeros(0, dtype=np.int64)
-
-
-def at_common_stamps(runs: Sequence[Sequence[Estimates]]) -> list[list[Estimates]]:
-    """Return the estimates of every stamp, one set per tracker; empty ones where it has none."""
-    known = [{found.stamp_ns: found for found in run} for run in runs]
-    nothing = next((chosen(found, _NO_ROWS) for run in runs for found in run), None)
-    stamps = sorted({stamp_ns for run in known for stamp_ns in run})
-    if nothing is None:
-        return []
-    return [
-        [run.get(stamp_ns, replace(nothing, stamp_ns=stamp_ns)) for run in known]
-        for stamp_ns in stamps
-    ]
-
 
 def joined(
-    runs: Sequence[Record], regions: Sequence[Region], hysteresis: float
+    runs: Sequence[Record], regions: Sequence[Region], hysteresis: float, wait_s: float
 ) -> dict[str, list[Estimates]]:
     """Return the joint estimates by source; both have the same numbers.
 
@@ -62,31 +44,24 @@ def joined(
     runs : sequence of Record
         One per tracker.
     regions : sequence of Region
-    hysteresis : float
-        See `Handover`.
+    hysteresis, wait_s : float
+        See `JointPicture`.
     """
-    handover, filtered = Handover(regions, hysteresis), []
-    given: dict[Track, list[tuple[int, int]]] = {}
-    for found in at_common_stamps([run.filtered for run in runs]):
-        filtered.append(handover.add(found))
-        for track, number in handover.numbers.items():
-            given.setdefault(track, []).append((found[0].stamp_ns, number))
-    smoothed = [
-        handover.numbered(found, _numbers_at(given, found[0].stamp_ns))
-        for found in at_common_stamps([run.smoothed for run in runs])
+    picture = JointPicture(regions, hysteresis, wait_s, math.inf)
+    said = [
+        (own.stamp_ns, place, tracker, source, own)
+        for tracker, run in enumerate(runs)
+        for place, (source, found) in enumerate(
+            ((FILTERED, run.filtered), (SMOOTHED, run.smoothed))
+        )
+        for own in found
     ]
-    return {FILTERED: filtered, SMOOTHED: smoothed}
-
-
-def _numbers_at(
-    given: Mapping[Track, Sequence[tuple[int, int]]], stamp_ns: int
-) -> dict[Track, int]:
-    """Return the number of each track at a stamp, or else the next one that it has."""
-    numbers = {}
-    for track, known in given.items():
-        place = bisect_left(known, (stamp_ns, 0))
-        numbers[track] = known[min(place, len(known) - 1)][1]
-    return numbers
+    done = []
+    for _, _, tracker, source, own in sorted(said, key=lambda entry: entry[:3]):
+        complete = picture.add(tracker, source, own)
+        done += complete if isinstance(complete, list) else []
+    done += picture.close_all()
+    return {kind: [own for source, own in done if source == kind] for kind in SOURCES}
 
 
 def _of_bag(given: str) -> tuple[Path, TrackerConfig, Region]:
@@ -129,22 +104,35 @@ def main(argv: Sequence[str]) -> int:
         metavar="METRES",
         help="how far beyond a seam a target changes over; a fifth of the smallest margin",
     )
+    parser.add_argument(
+        "--smoothed-wait",
+        type=float,
+        default=settings.SMOOTHED_WAIT_S,
+        metavar="SECONDS",
+        help="how much later than a smoothed estimate's stamp its track may have got its number; "
+        "%(default)s",
+    )
     arguments = parser.parse_args(argv)
 
     def work() -> int:
         if len(arguments.bags) < 2:
             raise ConfigError(["BAG: one given, must be two or more"])
         paths, configs, regions = zip(*map(_of_bag, arguments.bags), strict=True)
-        margin = min(region.margin for region in regions)
-        hysteresis = HYSTERESIS * margin if arguments.hysteresis is None else arguments.hysteresis
-        if not 0.0 <= hysteresis <= margin:
+        hysteresis = settings.hysteresis(regions, arguments.hysteresis, "--hysteresis")
+        if not 0.0 <= arguments.smoothed_wait <= settings.LONGEST_S:
             raise ConfigError(
-                [f"--hysteresis: {hysteresis} given, must be from 0 to the margin, {margin:g}"]
+                [
+                    f"--smoothed-wait: {arguments.smoothed_wait} given, must be from 0 to "
+                    f"{settings.LONGEST_S:g}"
+                ]
             )
+        classes = {len(config.model.modes.classes) for config in configs}
+        if len(classes) > 1:
+            raise ConfigError([f"classes: {sorted(classes)} in the bags, must be as many in all"])
         if arguments.out.exists():
             raise BagError(f"{arguments.out}: already exists, a bag is not overwritten")
         runs = [load.record(path, config) for path, config in zip(paths, configs, strict=True)]
-        found = joined(runs, regions, hysteresis)
+        found = joined(runs, regions, hysteresis, arguments.smoothed_wait)
         _write(arguments.out, found, configs[0], paths[0])
         tracks = {n for own in found[FILTERED] for n in own.track_id.tolist()}
         Console().print(

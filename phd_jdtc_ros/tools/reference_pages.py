@@ -22,6 +22,7 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
 )
 from phd_jdtc_ros.nodes.asterix import settings as bridge
 from phd_jdtc_ros.nodes.evaluator import node
+from phd_jdtc_ros.nodes.hand_over import settings as hand_over
 from phd_jdtc_ros.nodes.replay import replay_parameters
 from phd_jdtc_ros.nodes.tracker import settings
 from phd_jdtc_ros.study.monte_carlo.definition import OSPA_AFTER_5
@@ -65,6 +66,8 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         bridge.TABLE,
     ),
     ("asterix_bridge, for every name in `radars`", "Without a value: that of all.", bridge.RADAR),
+    ("hand_over", "The offline tool has options for those that it needs.", hand_over.TABLE),
+    ("hand_over, for every name in `trackers`", "", hand_over.TRACKER),
 )
 
 

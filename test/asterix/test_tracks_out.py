@@ -125,6 +125,23 @@ def test_age_is_that_of_what_a_track_is_known_by(code, address, name):
     assert value(record, "I290", name, name) == 3.5
 
 
+@pytest.mark.parametrize(
+    ("given", "ages"),
+    [
+        ((0.5, math.nan, math.nan), {"PSR": 0.5}),
+        ((math.nan, 1.25, math.nan), {"SSR": 1.25}),
+        ((12.0, math.nan, 2.5), {"PSR": 12.0, "MDS": 2.5}),
+        ((0.25, 4.25, 100.0), {"PSR": 0.25, "SSR": 4.25, "MDS": 63.75}),
+    ],
+)
+def test_ages_are_those_of_the_sensors_that_saw_the_track(given, ages):
+    # Its address does not make the age that of Mode S where it is known what saw it.
+    record = one(replace(PLAIN, address=5, age_s=60.0, since_s=3.0, sensor_ages_s=given))
+    assert record["I290"].keys() == {"TRK", *ages}
+    assert {name: value(record, "I290", name, name) for name in ages} == ages
+    assert value(record, "I290", "TRK", "TRK") == 60.0
+
+
 @pytest.mark.parametrize("code", [0, 0o7777])
 def test_codes_at_both_ends_are_codes(code):
     assert int(value(one(replace(PLAIN, code=code)), "I060", "Mode3A"), 8) == code

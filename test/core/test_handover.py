@@ -37,7 +37,7 @@ def estimates(stamp, tracks, std=50.0):
 
 def joined(handover, stamp, west, east):
     """Return the joint tracks of a stamp: x by number."""
-    found = handover.add([estimates(stamp, west), estimates(stamp, east)])
+    found = handover.add(dict(enumerate([estimates(stamp, west), estimates(stamp, east)])))
     assert found.stamp_ns == stamp * 10**9
     return dict(zip(found.track_id.tolist(), found.position[:, 0].tolist(), strict=True))
 
@@ -81,7 +81,7 @@ def test_two_targets_near_each_other_keep_their_numbers():
     for stamp, x in enumerate(np.arange(-12e3, 14e3, 1e3)):
         west = {3: (x, 0.0), 4: (x, 400.0)} if x < 10e3 else {}
         east = {8: (x + 30.0, 400.0), 9: (x - 30.0, 0.0)} if x > -8e3 else {}
-        found = handover.add([estimates(stamp, west), estimates(stamp, east)])
+        found = handover.add(dict(enumerate([estimates(stamp, west), estimates(stamp, east)])))
         order = np.argsort(found.position[:, 1])
         numbers.append(found.track_id[order].tolist())
     assert numbers == [[1, 2]] * len(numbers)
@@ -94,7 +94,7 @@ def test_two_targets_stay_two_where_one_tracker_switches_their_identities():
         joined(handover, stamp, {3: near, 4: far}, {8: near, 9: far})
     for stamp in range(4, 4 + TOGETHER + APART + 1):
         found = handover.add(
-            [estimates(stamp, {3: near, 4: far}), estimates(stamp, {8: far, 9: near})]
+            {0: estimates(stamp, {3: near, 4: far}), 1: estimates(stamp, {8: far, 9: near})}
         )
         order = np.argsort(found.position[:, 1])
         assert found.track_id[order].tolist() == [1, 2]
@@ -151,7 +151,7 @@ def test_heights_and_identities_stay_with_their_targets():
         return replace(found, attributes=known)
 
     west, east = estimates(0, {3: (-50e3, 0.0)}), estimates(0, {7: (50e3, 0.0), 8: (60e3, 0.0)})
-    found = Handover(REGIONS, HYSTERESIS).add([told(west, 11), told(east, 22)])
+    found = Handover(REGIONS, HYSTERESIS).add(dict(enumerate([told(west, 11), told(east, 22)])))
     order = np.argsort(found.position[:, 0])
     assert found.attributes.code[order].tolist() == [11, 22, 22]
     assert found.attributes.height[order, 0].tolist() == [11.0, 22.0, 22.0]

@@ -49,6 +49,8 @@ ROOMS = {
     "late_reports": ("engine", "scans", "types"),
     "renumbering": ("arrays", "origins", "reporting", "types"),
     "region": ("arrays", "models", "reporting", "types"),
+    "gathering": ("types",),
+    "joint_picture": ("gathering", "handover", "region", "types"),
     "handover": ("arrays", "region", "renumbering", "reporting", "types"),
     "watch": ("arrays", "engine", "sectors", "types"),
     "association": (*BASE, *KERNELS),

@@ -5,7 +5,7 @@
 
 import struct
 from array import array
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 
 from msg_adapters import stamps
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.types import Detections, Estimates, Truth
+from phd_jdtc_ros.core.types import UNKNOWN, Attributes, Detections, Estimates, Truth
 
 STAMP_NS = 1_700_000_000_123_456_789
 FRAME = "radar_1"
@@ -150,3 +150,11 @@ def plain(value):
     if isinstance(value, (list, tuple, np.ndarray, array)):
         return [plain(element) for element in value]
     return value
+
+
+def with_heights(given, heights):
+    """Return estimates with heights and climb rates, NaN where unknown, and no identities."""
+    height = np.array(heights, dtype=float).reshape(-1, 2)
+    covariance = np.where(np.isnan(height[:, :1, None]), np.nan, np.diag([60.0, 1.5]))
+    none = np.full(len(given), UNKNOWN)
+    return replace(given, attributes=Attributes(height, covariance, none, none))

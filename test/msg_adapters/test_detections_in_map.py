@@ -46,6 +46,12 @@ def test_to_msg_of_a_radar_without_amplitudes_has_zeros():
     np.testing.assert_array_equal(found["amplitude"], [4.0, 30.0, 0.0])
 
 
+def test_to_msg_has_the_heights_that_are_known():
+    high = replace(HITS, height=np.array([3048.0, np.nan]))
+
+    assert columns(cloud_of(high, HITS))["z"].tolist() == [3048.0, 0.0, 0.0, 0.0]
+
+
 @pytest.mark.parametrize("reports", [(None, None), (SILENT, None), (SILENT, SILENT)])
 def test_to_msg_of_nothing_is_an_empty_cloud(reports):
     cloud = cloud_of(*reports)

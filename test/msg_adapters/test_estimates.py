@@ -169,6 +169,22 @@ def test_heights_and_identities_are_the_last_fields_and_survive_the_message():
         assert_array_equal(getattr(found, name), getattr(sample.attributes, name))
 
 
+def test_times_since_sensors_saw_targets_survive_the_message():
+    sample = with_attributes()
+    seen_ns = np.full((len(sample), 3), UNKNOWN)
+    seen_ns[0, :2] = sample.stamp_ns - np.array([1_250_000_000, 8_500_000_000])
+    known = replace(sample.attributes, seen_ns=seen_ns)
+    message = adapter.to_msg(replace(sample, attributes=known), "map")
+    ages = ["age_psr", "age_ssr", "age_mds"]
+    assert [field.name for field in message.fields][-3:] == ages
+    assert [column(message, name)[0] for name in ages[:2]] == [1.25, 8.5]
+    assert np.isnan(column(message, "age_mds")).all()
+    assert_array_equal(adapter.from_msg(message).attributes.seen_ns, seen_ns)
+    # Without times there are no such fields.
+    plain = adapter.from_msg(adapter.to_msg(sample, "map"))
+    assert plain.attributes.seen_ns is None
+
+
 def test_cloud_without_attributes_has_none():
     message = adapter.to_msg(estimates(2), "map")
     assert [field.name for field in message.fields][-1] == "state"

@@ -116,7 +116,8 @@ def test_estimated_heights_are_above_the_origins():
 def test_geojson_has_a_point_and_a_line_for_each_track():
     given = at((0.0, 100.0, 0.0, 0.0), (10e3, 0.0, 20e3, -50.0))
     given = replace(given, class_id=np.array([0, 1]), track_state=np.array([CONFIRMED, COASTING]))
-    trails = {1: np.array([[-1e3, 0.0], [0.0, 0.0]]), 2: np.array([[10e3, 20e3]])}
+    none = math.nan
+    trails = {1: np.array([[-1e3, 0.0, 9.0], [0.0, 0.0, none]]), 2: np.array([[10e3, 20e3, none]])}
     message = geo_json.to_msg(given, PLANE, NAMES, trails, Message)
     document = json.loads(message.geojson)
     assert document["type"] == "FeatureCollection"
@@ -131,6 +132,28 @@ def test_geojson_has_a_point_and_a_line_for_each_track():
     assert other["properties"]["class"] == "large"
     assert other["properties"]["state"] == "coasting"
     assert other["properties"]["style"]["color"] != point["properties"]["style"]["color"]
+
+
+def test_geojson_has_identities_and_flight_levels_where_they_are_known():
+    known = Attributes(
+        np.array([[3048.0, 0.0], [np.nan, np.nan]]),
+        np.array([np.eye(2), np.full((2, 2), np.nan)]),
+        np.array([0o42, UNKNOWN]),
+        np.array([0x3C6444, UNKNOWN]),
+    )
+    given = at((0.0, 100.0, 0.0, 0.0), (10e3, 0.0, 20e3, -50.0), attributes=known)
+    trails = {1: np.array([[-1e3, 0.0, 3048.0], [0.0, 0.0, 3043.0]])}
+    point, line, other = geo_json.of_scan(given, PLANE, NAMES, trails)["features"]
+    told = {name: point["properties"][name] for name in ("name", "code", "address", "flight_level")}
+    assert told == {
+        "name": "1 FL100 0042",
+        "code": "0042",
+        "address": "3C6444",
+        "flight_level": 100,
+    }
+    assert [place[2] for place in line["geometry"]["coordinates"]] == [3053.0, 3048.0]
+    assert other["properties"]["name"] == "2"
+    assert not {"code", "address", "flight_level"} & other["properties"].keys()
 
 
 def test_geojson_names_every_state():

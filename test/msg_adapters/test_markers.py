@@ -8,7 +8,7 @@ import pytest
 from marker_messages import marker_array
 from numpy.testing import assert_allclose
 from rclpy.serialization import deserialize_message, serialize_message
-from samples import STAMP_NS, as_sent, estimates, many_estimates, nothing
+from samples import STAMP_NS, as_sent, estimates, many_estimates, nothing, with_heights
 from visualization_msgs.msg import Marker, MarkerArray
 
 from msg_adapters import markers, stamps
@@ -184,3 +184,16 @@ def test_to_cdr_takes_each_stamp():
         assert {(m.header.stamp.sec, m.header.stamp.nanosec) for m in read.markers} == {
             divmod(stamp_ns, 10**9)
         }
+
+
+def test_everything_is_at_the_height_of_its_target_and_in_the_plane_without_one():
+    up = with_heights(estimates(count=3), [[3048.0, -5.0], [np.nan, np.nan], [900.0, 0.0]])
+    found = made(up)
+    assert found == as_sent(marker_array(up, "map", NAMES)).markers
+    high, unknown, _ = (found[1 + 3 * k : 4 + 3 * k] for k in range(3))
+    ellipse, velocity, label = high
+    assert {point.z for point in ellipse.points} == {3048.0}
+    assert [point.z for point in velocity.points] == [3048.0, 3048.0 - 5.0 * VELOCITY_SECONDS]
+    assert label.pose.position.z == 3048.0
+    assert all(point.z == 0.0 for marker in unknown for point in marker.points)
+    assert unknown[2].pose.position.z == 0.0

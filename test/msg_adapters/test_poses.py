@@ -7,7 +7,7 @@ from geometry_msgs.msg import PoseArray
 from marker_messages import pose_array
 from numpy.testing import assert_allclose, assert_array_equal
 from rclpy.serialization import deserialize_message, serialize_message
-from samples import STAMP_NS, as_sent, estimates, many_estimates, nothing
+from samples import STAMP_NS, as_sent, estimates, many_estimates, nothing, with_heights
 
 from msg_adapters import poses, stamps
 
@@ -55,3 +55,11 @@ def test_to_cdr_of_no_estimates_is_empty(class_id):
     message = made(nothing(), class_id)
     assert message.poses == []
     assert stamps.to_ns(message.header.stamp) == STAMP_NS
+
+
+def test_to_cdr_has_the_heights_that_are_known():
+    up = with_heights(estimates(3), [[3048.0, -5.0], [9144.0, 0.0], [np.nan, np.nan]])
+    for class_id in range(2):
+        heights = [pose.position.z for pose in made(up, class_id).poses]
+        assert heights == np.nan_to_num(up.attributes.height[up.class_id == class_id, 0]).tolist()
+        assert made(up, class_id) == as_sent(pose_array(up, class_id, "map"))

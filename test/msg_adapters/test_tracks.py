@@ -117,6 +117,19 @@ def test_to_path_keeps_the_places_with_their_stamps():
     assert path.poses[0].pose.orientation.w == 1.0
 
 
+@pytest.mark.parametrize(
+    ("heights", "shown"),
+    [
+        ([math.nan, 3048.0, math.nan, 3078.0], [3048.0, 3048.0, 3048.0, 3078.0]),
+        ([math.nan] * 4, [0.0] * 4),
+    ],
+)
+def test_to_path_is_at_the_heights_of_the_track(heights, shown):
+    way = [Waypoint(STAMP_NS + k, np.zeros(5), height) for k, height in enumerate(heights)]
+    path = tracks.to_path(way, "map")
+    assert [p.pose.position.z for p in path.poses] == shown
+
+
 def test_heights_are_in_the_pose_and_the_twist_where_they_are_known():
     sample = estimates(2)
     count = len(sample)

@@ -7,6 +7,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.nodes.asterix import health
+from phd_jdtc_ros.nodes.common.seen import Seen
 
 
 def input_status(stream, seen):
@@ -14,7 +15,7 @@ def input_status(stream, seen):
 
 
 def test_malformed_input_is_said_while_it_comes():
-    stream, seen = PlotStream({}), health.Seen()
+    stream, seen = PlotStream({}), Seen()
     assert input_status(stream, seen).level == DiagnosticStatus.OK
     stream.feed(b"no block")
     found = input_status(stream, seen)
@@ -23,14 +24,14 @@ def test_malformed_input_is_said_while_it_comes():
 
 
 def test_a_bridge_that_begins_again_has_nothing_to_warn_of():
-    seen, stream = health.Seen(), PlotStream({})
+    seen, stream = Seen(), PlotStream({})
     stream.feed(b"no block")
     input_status(stream, seen)
     assert input_status(PlotStream({}), seen).level == DiagnosticStatus.OK
 
 
 def test_counts_that_begin_again_rise_as_at_first():
-    seen = health.Seen()
+    seen = Seen()
     assert not seen.rose("plots", 0)
     assert seen.rose("plots", 5)
     assert not seen.rose("plots", 0)

@@ -18,12 +18,14 @@ T0 = 20_779 * 86_400 * NS
 ORIGIN = [52.0, 4.5, 0.0]
 
 
-def cloud(rows, stamp_ns=T0, heights=False):
+def cloud(rows, stamp_ns=T0, heights=False, ages=False):
     """Return a cloud of estimates; rows are mappings of fields, the others are zero."""
     names = ["x", "y", "z", "vx", "vy", "vz", "omega", "weight", "track_id", "state"]
     names += [f"cov_{row}{column}" for row in range(5) for column in range(row, 5)]
     if heights:
         names += ["cov_zz", "cov_zvz", "cov_vzvz", "code", "address"]
+    if ages:
+        names += ["age_psr", "age_ssr", "age_mds"]
     unsigned = {"track_id", "state", "code", "address"}
     defaults = {"track_id": 1, "state": 1, "code": 2**32 - 1, "address": 2**32 - 1}
     columns = {
@@ -136,6 +138,17 @@ def test_numbers_of_a_new_run_are_of_new_tracks():
     again, ended = made.reports(T0 + 2 * NS)
     assert (again.number, again.first, again.age_s, again.since_s) == (1, True, 2.0, 2.0)
     assert (ended.number, ended.last) == (2, True)
+
+
+def test_ages_of_sensors_grow_until_the_output_and_those_of_none_are_left_out():
+    made = output()
+    row = {"code": 4032, "age_psr": 0.5, "age_ssr": 8.5, "age_mds": math.nan}
+    made.take(cloud([row], heights=True, ages=True))
+    assert made.reports(T0 + 2 * NS)[0].sensor_ages_s[:2] == (2.5, 10.5)
+    record, *_ = decoded(b"".join(made.datagrams(T0 + 2 * NS)))
+    assert record["I290"].keys() == {"TRK", "PSR", "SSR"}
+    assert value(record, "I290", "PSR", "PSR") == 2.5
+    assert value(record, "I290", "SSR", "SSR") == 10.5
 
 
 def test_old_estimates_are_not_predicted_any_more():

@@ -11,7 +11,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import detections, estimates
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.types import UNKNOWN, Detections
 from phd_jdtc_ros.earth import SystemPlane
 
 START_NS, PERIOD_S, SCANS = 1_700_000_000 * 10**9, 4.0, 6
@@ -51,7 +51,8 @@ PARAMETERS = {
 }
 
 
-def clouds(config):
+def clouds(config, answers=SCANS):
+    """Yield the plots of each scan; after so many scans no transponder answers any more."""
     radar, rng = config.inputs[0], np.random.default_rng(6)
     for number in range(SCANS):
         world = AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * number * PERIOD_S
@@ -59,12 +60,75 @@ def clouds(config):
         azimuth = np.arctan2(*world.T[::-1]) + np.radians(0.1) * rng.standard_normal(2)
         found = Detections(
             *(np.stack([distance, azimuth], axis=1), None),
-            code=CODES,
-            address=ADDRESSES,
+            code=CODES if number < answers else np.full(2, UNKNOWN),
+            address=ADDRESSES if number < answers else np.full(2, UNKNOWN),
             height=HEIGHTS,
+            kind=np.full(2, 3 if number < answers else 1),
         )
         stamp_ns = START_NS + round(number * PERIOD_S * 1e9)
         yield detections.to_msg(found, stamp_ns, radar.frame, radar)
+
+
+class Tower:
+    """A live tracker and the radar that it hears."""
+
+    def __init__(self, processes, peer, directory, name):
+        self.peer = peer
+        self.output = peer.publisher(PointCloud2, f"/{name}/plots", 50)
+        self.found = peer.collect(PointCloud2, f"/{name}/tracker/filtered/estimates", 100)
+        self.node = f"/{name}/tracker"
+        topic = f"/{name}/plots"
+        given = {
+            **PARAMETERS,
+            "tower.topic": topic,
+            "tower.fields.kind": "kind",
+            f"qos_overrides.{topic}.subscription.reliability": "reliable",
+            "checkpoint.path": str(directory / f"{name}.ckpt"),
+            "checkpoint.every": 1,
+        }
+        file = directory / f"{name}.yaml"
+        file.write_text(yaml.safe_dump({self.node: {"ros__parameters": given}}))
+        ros = "--ros-args", "--params-file", file, "-r", f"__ns:=/{name}"
+        self.process = processes.start("tracker", *ros)
+        peer.meet(self.node)
+        peer.settled(self.output)
+        assert peer.spin_until(
+            lambda: (
+                self.output.get_subscription_count()
+                and peer.node.count_publishers(f"{self.node}/filtered/estimates")
+            )
+        )
+
+    def track(self, sent):
+        """Return what the tracker says of each cloud."""
+        for cloud in sent:
+            before = len(self.found)
+            self.output.publish(cloud)
+            assert self.peer.spin_until(lambda before=before: len(self.found) > before)
+        # A checkpoint is written after the estimates have gone out.
+        self.peer.meet(self.node)
+        return [bytes(cloud.data) for cloud in self.found[-len(sent) :]]
+
+
+def test_codes_addresses_and_heights_are_kept_across_a_restart(processes, peer, tmp_path):
+    sent = list(clouds(resolve({**PARAMETERS, "tower.fields.kind": "kind"}), answers=4))
+    whole = Tower(processes, peer, tmp_path, "whole").track(sent)
+    first = Tower(processes, peer, tmp_path, "again")
+    assert first.track(sent[:4]) == whole[:4]
+    first.process.kill()
+    first.process.wait(10.0)
+    peer.node.destroy_publisher(first.output)
+    second = Tower(processes, peer, tmp_path, "again")
+    # The plots do not tell whose they are any more: only the checkpoint does.
+    assert second.track(sent[4:]) == whole[4:]
+    assert "going on from" in second.process.log.read_text()
+    known = estimates.from_msg(second.found[0]).attributes
+    order = np.argsort(known.code)
+    assert known.code[order].tolist() == CODES.tolist()
+    assert known.address[order].tolist() == ADDRESSES.tolist()
+    np.testing.assert_allclose(known.height[order, 0], HEIGHTS, atol=15.0)
+    ages = (second.found[0].header.stamp.sec * 10**9 - known.seen_ns) / 1e9
+    assert ages[:, :2].tolist() == [[0.0, PERIOD_S]] * 2
 
 
 @pytest.mark.parametrize("source", ["filtered", "smoothed"])

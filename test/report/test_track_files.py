@@ -71,6 +71,7 @@ def test_csv_has_a_row_for_each_fix():
         "state": "coasting",
         "code": "",
         "address": "",
+        "flight_level": "",
     }
     assert float(found[3]["longitude"]) == pytest.approx(4.8 + 0.005865, abs=1e-5)
 
@@ -84,7 +85,7 @@ def test_geojson_has_a_line_for_each_track_and_a_point_for_a_lone_fix():
     assert seven["properties"]["times"] == pytest.approx([10.0, 12.0, 14.0])
     assert seven["properties"]["number"] == 7
     assert seven["properties"]["class"] == "large"
-    assert "code" not in seven["properties"]
+    assert not {"code", "address", "flight_level"} & seven["properties"].keys()
 
 
 def test_heights_codes_and_addresses_are_written_where_they_are_known():
@@ -95,10 +96,12 @@ def test_heights_codes_and_addresses_are_written_where_they_are_known():
     given = list(track_files.fixes(run, PLANE, NAMES))
     (row, _) = csv.DictReader(io.StringIO(track_files.to_csv(given)))
     assert (row["height"], row["code"], row["address"]) == ("2005.0", "0042", "0000FF")
+    assert row["flight_level"] == "66"
     (track,) = json.loads(track_files.to_geojson(given))["features"]
     assert [len(place) for place in track["geometry"]["coordinates"]] == [3, 3]
     assert track["properties"]["code"] == "0042"
     assert track["properties"]["address"] == "0000FF"
+    assert track["properties"]["flight_level"] == 66
 
 
 def test_of_no_tracks_the_files_are_empty_and_valid():

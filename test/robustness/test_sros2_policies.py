@@ -37,6 +37,10 @@ ARGUMENTS = {
         *("--ros-args", "-p", "radars:=[radar_1, radar_2]", "-p", "radar_2.sic:=1"),
         *("-p", "inputs:=[]", "-p", "output:='127.0.0.1:9'"),
     ),
+    "hand_over": (
+        *("--ros-args", "-p", "trackers:=[west, east]"),
+        *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0]", "-p", "east.region:=[0.0, 0.0, 1.0, 1.0]"),
+    ),
     "evaluator": ("--ros-args", "-p", "record:={directory}/bag"),
     "sensor_replay": (
         *(BAG, "--rate", "0", "--ros-args", "-p", "start_paused:=true"),

@@ -50,6 +50,7 @@ def test_resolve_takes_the_published_study():
         "joining aircraft, garbled",
         "joining aircraft, half without transponders",
         "terminal radar, heights",
+        "terminal radar, clean codes",
     ]
     assert {variant.kind for variant in study.variants} == set(KINDS)
 

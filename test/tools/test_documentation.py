@@ -16,6 +16,7 @@ from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.asterix import settings
+from phd_jdtc_ros.nodes.hand_over import settings as hand_over
 from phd_jdtc_ros.tools import params_file
 
 ROOT = Path(__file__).parents[2]
@@ -29,7 +30,8 @@ EXAMPLES = [
 ]
 SCENES = [(name, text) for name, text in EXAMPLES if name.startswith("docs/scenarios.md")]
 BRIDGES = [(name, text) for name, text in EXAMPLES if name.startswith("docs/nodes/asterix_bridge")]
-EXAMPLES = [example for example in EXAMPLES if example not in [*SCENES, *BRIDGES]]
+JOINED = [(name, text) for name, text in EXAMPLES if name.startswith("docs/nodes/hand_over")]
+EXAMPLES = [example for example in EXAMPLES if example not in [*SCENES, *BRIDGES, *JOINED]]
 
 
 def test_the_radar_page_has_its_examples():
@@ -51,6 +53,14 @@ def test_every_example_of_the_bridge_is_a_parameter_file_that_resolves(tmp_path,
     path.write_text(text)
 
     assert settings.resolve(params_file.load(path, "asterix_bridge")).radars
+
+
+@pytest.mark.parametrize(("name", "text"), JOINED, ids=[name for name, _ in JOINED])
+def test_every_example_of_the_hand_over_is_a_parameter_file_that_resolves(tmp_path, name, text):
+    path = tmp_path / "example.yaml"
+    path.write_text(text)
+
+    assert hand_over.resolve(params_file.load(path, "hand_over")).regions
 
 
 @pytest.mark.parametrize(("name", "text"), SCENES, ids=[name for name, _ in SCENES])
@@ -78,7 +88,9 @@ def test_every_page_is_in_the_sites_navigation():
     assert {*PAGES} == listed
 
 
-@pytest.mark.parametrize("name", ["tracker", "sensor_replay", "evaluator", "asterix_bridge"])
+@pytest.mark.parametrize(
+    "name", ["tracker", "sensor_replay", "evaluator", "asterix_bridge", "hand_over"]
+)
 def test_a_nodes_page_has_the_usual_sections(name):
     text = (ROOT / "docs" / "nodes" / f"{name}.md").read_text()
 

@@ -10,6 +10,7 @@ import rclpy
 from phd_jdtc_ros.core.evaluation.metric_table import METRICS
 from phd_jdtc_ros.nodes.asterix.node import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
+from phd_jdtc_ros.nodes.hand_over.node import HandOver
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.tracker.node import Tracker
 from phd_jdtc_ros.tools.reference_pages import PAGES, main, metrics, parameters
@@ -17,12 +18,17 @@ from phd_jdtc_ros.tools.reference_pages import PAGES, main, metrics, parameters
 ROOT = Path(__file__).parents[2]
 BAG = str(ROOT / "bags" / "paper_scenario")
 NAMED = ["-p", "radars:=[north]", "-p", "autostart:=false"]
+JOINED = [
+    *("-p", "trackers:=[west, east]"),
+    *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0]", "-p", "east.region:=[0.0, 0.0, 1.0, 1.0]"),
+]
 NODES = {
     # Configured: before that every parameter may change.
     "tracker": (Tracker, []),
     "sensor_replay": (lambda: SensorReplay({"bag": BAG}), []),
     "evaluator": (Evaluator, []),
     "asterix_bridge": (AsterixBridge, NAMED),
+    "hand_over": (HandOver, JOINED),
 }
 # What every node of rclpy declares for itself.
 OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")

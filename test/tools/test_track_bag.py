@@ -233,6 +233,46 @@ def test_track_bag_starts_again_after_a_long_gap(short_bag, track, tmp_path, gap
     assert not resets or (after and min(after) > max(before))
 
 
+@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+def test_track_bag_of_a_radar_that_is_late_is_that_of_the_bag_in_time(
+    short_bag, track, tmp_path, capsys, engine
+):
+    stamps_ns = sorted({entry.stamp_ns for entry in BagReader(short_bag).messages(RADARS)})
+    missed, worked_in = 2, 4
+
+    def delay(entry):
+        topic, data, log_time = entry
+        if (topic, log_time) == (RADARS[1], stamps_ns[missed]):
+            log_time = stamps_ns[worked_in] + 1
+        return [(topic, data, log_time)]
+
+    rewrite(short_bag, tmp_path / "late", delay)
+    options = *("-p", "late_reports:=rework"), *("-p", f"engine:={engine}"), *("-p", "lag:=4")
+    runs = {}
+    for name, bag in (("whole", short_bag), ("reworked", tmp_path / "late")):
+        status, runs[name] = track(bag, *options, out=name)
+        assert status == 0
+        assert "dropped: none" in capsys.readouterr().out
+    _, runs["dropped"] = track(
+        tmp_path / "late", *options, "-p", "late_reports:=drop", out="dropped"
+    )
+    assert "dropped: late 1" in capsys.readouterr().out
+
+    def data(run, topic, after):
+        return {
+            entry.stamp_ns: entry.data
+            for entry in BagReader(runs[run]).messages([topic])
+            if entry.stamp_ns > after
+        }
+
+    # What was published before the late report came is without it, and all that follows has it.
+    for topic, after in ((FILTERED, stamps_ns[worked_in]), (SMOOTHED, stamps_ns[worked_in - 4])):
+        whole = data("whole", topic, after)
+        assert len(whole) >= 3
+        assert data("reworked", topic, after) == whole
+        assert data("dropped", topic, after) != whole
+
+
 def test_track_bag_puts_swapped_scans_in_order_if_told_to(short_bag, track, tracked, tmp_path):
     swapped = {(1000 + 6 * k) * 10**9: (1000 + 6 * (k ^ 1)) * 10**9 for k in range(8)}
     rewrite(short_bag, tmp_path / "swapped", lambda e: [(e[0], e[1], swapped[e[2]])])

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
 from ..types import UNKNOWN, Attributes, Detections, Estimates
-from . import height, identity
+from . import height, identity, updates
 from .height import BoolArray, HeightModel, Heights
 from .history import History
 from .identity import Belief, IdentityModel
@@ -32,12 +32,15 @@ class AttributeModel:
     height : HeightModel
     clutter_reply : float
         Probability that a false detection has an answer.
+    ages : bool
+        Whether estimates say when each kind of sensor last saw their targets.
     """
 
     code: IdentityModel
     address: IdentityModel
     height: HeightModel
     clutter_reply: float = 0.05
+    ages: bool = False
 
 
 class Records(NamedTuple):
@@ -54,6 +57,8 @@ class Records(NamedTuple):
     address, address_weight : arrays of shape (T, K) and (T, K + 2)
     height_known, height, height_covariance : arrays of shape (T,), (T, 2) and (T, 2, 2)
         See `height.Heights`.
+    seen_ns : int array of shape (T, S)
+        When each kind of sensor last saw it; see `Attributes`.
     """
 
     origin: IntArray
@@ -65,12 +70,16 @@ class Records(NamedTuple):
     height_known: FloatArray
     height: FloatArray
     height_covariance: FloatArray
+    seen_ns: IntArray
 
     @staticmethod
-    def of(origin: IntArray, stamp_ns: int, known: Known) -> Records:
-        """Return what is known of some origins."""
+    def of(
+        origin: IntArray, stamp_ns: int, known: Known, seen_ns: IntArray | None = None
+    ) -> Records:
+        """Return what is known of some origins; without times no sensor has seen them."""
         stamps = np.full(len(origin), stamp_ns, dtype=np.int64)
-        return Records(origin, stamps, *known.code, *known.address, *known.heights)
+        seen_ns = updates.never(len(origin)) if seen_ns is None else seen_ns
+        return Records(origin, stamps, *known.code, *known.address, *known.heights, seen_ns)
 
     @property
     def known(self) -> Known:
@@ -136,6 +145,10 @@ class Evidence:
     _target: IntArray
     _origin: IntArray
     _told: _Told
+    # By edge: its detection; and the times at which sensors saw the targets before.
+    _edge_column: IntArray
+    _detections: Detections
+    _seen_ns: IntArray
 
     def take(self, pairs: IntArray) -> Evidence:
         """Return that of these pairs; the others are none of their targets' any more."""
@@ -206,24 +219,27 @@ class AttributeMemory:
         Returns
         -------
         Evidence or None
-            None if the radar reports neither identities nor heights.
+            None if the radar reports neither identities nor heights nor kinds, and nobody asks when
+            it saw its targets.
         """
-        given = detections.code, detections.address, detections.height
-        if all(part is None for part in given):
+        given = detections.code, detections.address, detections.height, detections.kind
+        if all(part is None for part in given) and not self.model.ages:
             return None
         size = len(detections)
         edge, edge_of_pair = distinct_cells(target * size + column, len(origin) * size)
         edge_column = edge % max(size, 1)
         own, place = np.unique(edge // max(size, 1), return_inverse=True)
         place = place.ravel()
-        told = self._told(self._at(origin[own], stamp_ns).known, place, edge_column, detections)
+        records = self._at(origin[own], stamp_ns)
+        told = self._told(records.known, place, edge_column, detections)
         log_factor = np.zeros(len(edge))
         for part in (told.code, told.address, told.height):
             if part is not None:
                 log_factor += part.log_factor
         log_clutter = self._log_clutter(detections)
         return Evidence(
-            log_factor[edge_of_pair], log_clutter, edge_of_pair, place, own, origin[own], told
+            *(log_factor[edge_of_pair], log_clutter, edge_of_pair, place, own, origin[own], told),
+            *(edge_column, detections, records.seen_ns),
         )
 
     def learn(
@@ -253,7 +269,11 @@ class AttributeMemory:
         known, again = evidence._told.after(evidence._edge_target, own, none)
         self.history = self.history.without(evidence._origin[again])
         told = np.flatnonzero(total > LEAST)
-        self._note(Records.of(evidence._origin, stamp_ns, known).take(told), stamp_ns)
+        seen_ns = updates.updated(
+            *(evidence._seen_ns, evidence._edge_target, evidence._edge_column, own),
+            *(evidence._detections, stamp_ns),
+        )
+        self._note(Records.of(evidence._origin, stamp_ns, known, seen_ns).take(told), stamp_ns)
 
     def born(self, origin: int, detections: Detections, stamp_ns: int) -> None:
         """Take in that a target is born at each detection, with origins from a number on.
@@ -266,7 +286,10 @@ class AttributeMemory:
         place = np.arange(count)
         told = self._told(Known.fresh(count, self.model), place, place, detections)
         known, _ = told.after(place, np.ones(count), np.zeros(count))
-        self._note(Records.of(origin + place, stamp_ns, known), stamp_ns)
+        seen_ns = updates.updated(
+            updates.never(count), place, place, np.ones(count), detections, stamp_ns
+        )
+        self._note(Records.of(origin + place, stamp_ns, known, seen_ns), stamp_ns)
 
     def told(self, estimates: Estimates, smoothed: bool) -> Estimates:
         """Return estimates with what is known of their targets, whose tracks are labels.
@@ -278,7 +301,8 @@ class AttributeMemory:
             Whether later scans are to tell the heights, too. Identities are always those of now.
         """
         origin = estimates.track_id - 1
-        known = self._at(origin, estimates.stamp_ns).known
+        records = self._at(origin, estimates.stamp_ns)
+        known = records.known
         heights = known.heights
         sure = heights.known > 0.5
         if smoothed:
@@ -291,6 +315,7 @@ class AttributeMemory:
                 height_covariance=np.where(sure[:, None, None], heights.covariance, np.nan),
                 code=known.code.reported(),
                 address=known.address.reported(),
+                seen_ns=records.seen_ns if self.model.ages and not smoothed else None,
             ),
         )
 
@@ -318,7 +343,7 @@ class AttributeMemory:
         row = inside[self.records.origin[place[inside]] == origin[inside]]
         kept = self.records.take(place[row])
         dt = (stamp_ns - kept.stamp_ns).astype(np.float64) * 1e-9
-        moved = Records.of(kept.origin, stamp_ns, kept.known.moved(dt, self.model))
+        moved = Records.of(kept.origin, stamp_ns, kept.known.moved(dt, self.model), kept.seen_ns)
         for column, value in zip(found[2:], moved[2:], strict=True):
             column[row] = value
         return found

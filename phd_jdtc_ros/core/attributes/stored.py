@@ -22,7 +22,7 @@ from ..snapshot import (
     require_whole,
     whole,
 )
-from ..types import UNKNOWN
+from ..types import SENSORS, UNKNOWN
 from .history import History
 from .identity import ADDRESSES, CANDIDATES, CODES
 from .memory import AttributeMemory, AttributeModel, Records
@@ -39,6 +39,7 @@ SHAPES = {
     "height_covariance": (2, 2),
     "mean": (2,),
     "covariance": (2, 2),
+    "seen_ns": (len(SENSORS),),
 }
 
 
@@ -79,6 +80,7 @@ def take_attributes(snapshot: Snapshot, model: AttributeModel) -> AttributeMemor
     _require_belief(f"{name}.address", records.address, records.address_weight, ADDRESSES)
     require_numbers(f"{name}.height_known", records.height_known, 0.0, 1.0)
     _require_heights(f"{name}.height", records.height, records.height_covariance)
+    require_whole(f"{name}.seen_ns", records.seen_ns, UNKNOWN, MOST_STAMP_NS)
     name = f"{NAME}.history"
     _require_origins(name, history.origin, history.stamp_ns)
     if (np.lexsort((history.stamp_ns, history.origin)) != np.arange(heights)).any():

@@ -267,7 +267,7 @@ def _slowest_s(values: Mapping[str, Any]) -> float:
 
 def _attributes(values: Mapping[str, Any]) -> AttributeModel | None:
     """Return the model of identities and heights; None where no radar reports any."""
-    fields_ = ("fields.code", "fields.address", "fields.height")
+    fields_ = ("fields.code", "fields.address", "fields.height", "fields.kind")
     if not any(values[f"{name}.{member}"] for name in values["radars"] for member in fields_):
         return None
     if not CORRECTORS[values["corrector"]].labelled:
@@ -295,6 +295,7 @@ def _attributes(values: Mapping[str, Any]) -> AttributeModel | None:
             evidence=values["height_evidence"],
         ),
         clutter_reply=values["clutter_reply_probability"],
+        ages=any(values[f"{name}.fields.kind"] for name in values["radars"]),
     )
 
 

@@ -148,6 +148,7 @@ def radar_input(values: Mapping[str, Any], name: str, site: Site | None) -> Rada
         assumed_height=get["assumed_height"][0] if get["assumed_height"] else math.nan,
         code_field=get["fields.code"],
         address_field=get["fields.address"],
+        kind_field=get["fields.kind"],
         range_std_field=get["fields.range_std"],
         azimuth_std_field=get["fields.azimuth_std"],
         range_rate_field=get["fields.range_rate"],

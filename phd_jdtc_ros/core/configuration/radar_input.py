@@ -57,6 +57,8 @@ class RadarInput:
     code_field, address_field : str
         Names of the fields with each detection's Mode A code and Mode S address; empty if there are
         none.
+    kind_field : str
+        Name of the field with what saw each detection; empty if there is none.
     range_std_field, azimuth_std_field : str
         Names of the fields with each detection's own deviations, in metres and in the unit of the
         azimuth; empty if there are none.
@@ -107,6 +109,7 @@ class RadarInput:
     assumed_height: float = math.nan
     code_field: str = ""
     address_field: str = ""
+    kind_field: str = ""
     range_std_field: str = ""
     azimuth_std_field: str = ""
     range_rate_field: str = ""

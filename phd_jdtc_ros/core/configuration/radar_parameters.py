@@ -284,6 +284,13 @@ RADAR = (
         "Name of the cloud's field with each detection's Mode S address, a whole number of 24 "
         "bits, 0 or 4294967295 if it is unknown; empty if it has none.",
     ),
+    Parameter(
+        "fields.kind",
+        "",
+        "Name of the cloud's field with what saw each detection, the TYP of I048/020: 1 primary, 2 "
+        "secondary, 3 both, 4 and 5 Mode S, 6 and 7 Mode S and primary. The estimates then have "
+        "the times since each kind of sensor saw their targets. Empty if it has none.",
+    ),
     Parameter("height", 0.0, "Height of the antenna above the world's zero, m.", -1e4, 1e5),
     Parameter(
         "assumed_height",

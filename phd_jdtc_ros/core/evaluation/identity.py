@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 from scipy.spatial.distance import cdist
 
 from .metrics import assign
-from .surveillance import LabelledPoints
+from .surveillance import BoolArray, LabelledPoints
 
 
 class IdentitySwitches:
@@ -42,12 +43,23 @@ class IdentitySwitches:
         """Forget all partners, as at the start of a run."""
         self._track_of, self._target_of = {}, {}
 
-    def add(self, truth: LabelledPoints, estimate: LabelledPoints) -> int:
-        """Add the next scan; return the number of switches in it."""
+    def add(
+        self, truth: LabelledPoints, estimate: LabelledPoints, coasting: BoolArray | None = None
+    ) -> int:
+        """Add the next scan; return the number of switches in it.
+
+        Parameters
+        ----------
+        truth, estimate : LabelledPoints
+        coasting : bool array of shape (T,) or None
+            Which tracks had no detection. They keep their partners and get no others: that they are
+            near another target says nothing of it, as where a track coasts on beside a target that
+            appears, when its own has landed. None: no track does.
+        """
         targets, tracks = truth.label.tolist(), estimate.label.tolist()
         self._track_of = {t: n for t, n in self._track_of.items() if t in set(targets)}
         self._target_of = {n: t for n, t in self._target_of.items() if n in set(tracks)}
-        pairs = self._partners(truth, estimate)
+        pairs = self._partners(truth, estimate, coasting)
         switches = sum(
             self._track_of.get(target, track) != track
             or self._target_of.get(track, target) != target
@@ -57,7 +69,9 @@ class IdentitySwitches:
         self._target_of.update((track, target) for target, track in pairs)
         return switches
 
-    def _partners(self, truth: LabelledPoints, estimate: LabelledPoints) -> list[tuple[int, int]]:
+    def _partners(
+        self, truth: LabelledPoints, estimate: LabelledPoints, coasting: BoolArray | None
+    ) -> list[tuple[int, int]]:
         """Return the pairs (target, track) of a scan: former partners first, then the nearest."""
         targets, tracks = truth.label.tolist(), estimate.label.tolist()
         near = cdist(truth.position, estimate.position) < self._cutoff
@@ -70,7 +84,8 @@ class IdentitySwitches:
             and near[row, column_of[track]]
         }
         rows = [row for row in range(len(targets)) if row not in kept]
-        columns = [column for column in range(len(tracks)) if column not in kept.values()]
+        taken = {*kept.values(), *(() if coasting is None else np.flatnonzero(coasting).tolist())}
+        columns = [column for column in range(len(tracks)) if column not in taken]
         found = assign(truth.position[rows], estimate.position[columns], self._cutoff)
         free = [(rows[r], columns[c]) for r, c in zip(*(f.tolist() for f in found), strict=True)]
         return [(targets[row], tracks[column]) for row, column in [*kept.items(), *free]]

@@ -98,6 +98,7 @@ COUNTED: Mapping[str, Value] = {
 TRACKED: Mapping[str, Value] = {
     "ospa2": lambda scan: scan.ospa2,
     "identity_switches": lambda scan: scan.identity_switches,
+    "seen_switches": lambda scan: scan.seen_switches,
 }
 VALUES: Mapping[str, Value] = {**PUBLISHED, **COUNTED, **TRACKED}
 
@@ -361,6 +362,16 @@ IDENTITY_SWITCHES = Metric(
     "two. A target and a track stay a pair while both exist, closer than c; the others are paired "
     "by position. It needs track ids of all targets and estimates.",
 )
+SEEN_SWITCHES = Metric(
+    "seen_switches",
+    "identity switches, seen",
+    "",
+    ".0f",
+    if_any("n_est", lambda run: run.sum("seen_switches")),
+    "The same without new pairs of tracks that coast: they had no detection, keep their targets, "
+    "and get no others. A track that coasts on for a turn after its target has landed is so no "
+    "track of one that takes off beside it. Tracks whose state is not known do not coast.",
+)
 HEIGHT_RMS = Metric(
     "height_rms",
     "height RMS",
@@ -399,7 +410,7 @@ GROUPS = {
 }
 OF_SETS = tuple(metric for group in GROUPS.values() for metric in group)
 # Figures of all targets only.
-OF_ALL = (OSPA2, IDENTITY_SWITCHES, FALSE_PER_SCAN, POSITION_NEAR, HEIGHT_RMS)
+OF_ALL = (OSPA2, IDENTITY_SWITCHES, SEEN_SWITCHES, FALSE_PER_SCAN, POSITION_NEAR, HEIGHT_RMS)
 METRICS = (*OF_SETS, *OF_ALL, CLASS_ACCURACY)
 
 # Definitions of other terms that are shown with the figures.

@@ -12,12 +12,12 @@ from functools import cached_property
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..types import Estimates, Truth
+from ..types import COASTING, Estimates, Truth
 from .consistency import TrackAges, mahalanobis2
 from .identity import IdentitySwitches
 from .limits import OSPA2_WINDOW
 from .metrics import Gospa, Ospa, assign, gospa, ospa
-from .surveillance import Gap, GapFinder, LabelledPoints, TrackWindow
+from .surveillance import BoolArray, Gap, GapFinder, LabelledPoints, TrackWindow
 
 ALL = "all"
 # Index of the target and of the estimate of each pair, as `metrics.assign` returns them.
@@ -51,6 +51,8 @@ class PointSet:
         Of the positions, square metres; None if it is not known, as of the truth.
     height : array of shape (T,) or None
         Metres; NaN, and None for all, if it is not known.
+    coasting : bool array of shape (T,) or None
+        Which tracks had no detection in their last scan or turn; None if that is not known.
     """
 
     position: FloatArray
@@ -59,20 +61,23 @@ class PointSet:
     velocity: FloatArray | None = None
     covariance: FloatArray | None = None
     height: FloatArray | None = None
+    coasting: BoolArray | None = None
 
     @staticmethod
     def of(targets: Truth | Estimates) -> PointSet:
         """Return the points of targets or estimates."""
-        covariance, heights = None, None
+        covariance, heights, coasting = None, None, None
         if isinstance(targets, Truth):
             heights = targets.height
         else:
             covariance = targets.position_covariance
+            coasting = targets.track_state == COASTING
             if targets.attributes is not None:
                 heights = targets.attributes.height
         return PointSet(
             *(targets.position, targets.class_id, targets.track_id, targets.velocity, covariance),
             None if heights is None else heights[:, 0],
+            coasting,
         )
 
     def __len__(self) -> int:
@@ -89,7 +94,8 @@ class PointSet:
         covariance = None if self.covariance is None else self.covariance[index]
         height = None if self.height is None else self.height[index]
         return PointSet(
-            self.position[index], self.class_id[index], label, velocity, covariance, height
+            *(self.position[index], self.class_id[index], label, velocity, covariance, height),
+            None if self.coasting is None else self.coasting[index],
         )
 
     def labelled(self) -> LabelledPoints | None:
@@ -146,8 +152,8 @@ class Comparison:
     ospa2 : float or None
         OSPA(2) of the newest scans, metres; None for a single class, or if a target or an estimate
         has no label.
-    identity_switches : int or None
-        Of the scan; None as for `ospa2`.
+    identity_switches, seen_switches : int or None
+        Of the scan, and without new pairs of tracks that coast; None as for `ospa2`.
     """
 
     truth: PointSet
@@ -160,6 +166,7 @@ class Comparison:
     gaps: tuple[Gap, ...] | None
     ospa2: float | None
     identity_switches: int | None
+    seen_switches: int | None
 
     @cached_property
     def ospa(self) -> Ospa:
@@ -199,6 +206,7 @@ class Comparison:
             gaps=None if self.gaps is None else _of_set(self.gaps, class_set(class_id)),
             ospa2=None,
             identity_switches=None,
+            seen_switches=None,
         )
 
 
@@ -221,12 +229,13 @@ class ScanComparer:
         self._finder = GapFinder()
         self._window = TrackWindow(OSPA2_WINDOW)
         self._identities = IdentitySwitches(cutoff)
+        self._seen_identities = IdentitySwitches(cutoff)
         self._ages = TrackAges()
         self._newest_ns: int | None = None
 
     def compare(self, scan: PairedScan) -> dict[str, Comparison]:
         """Return the comparison of each set at the next scan."""
-        ospa2, switches = self._of_tracks(scan)
+        ospa2, switches, seen_switches = self._of_tracks(scan)
         age = self._ages.add(scan.stamp_ns, scan.estimate.track_id, len(scan.estimate))
         everything = Comparison(
             scan.truth,
@@ -239,6 +248,7 @@ class ScanComparer:
             self._ended_gaps(scan),
             ospa2,
             switches,
+            seen_switches,
         )
         classes = {class_set(k): everything.of_class(k) for k in range(self._classes)}
         return {ALL: everything, **classes}
@@ -261,22 +271,24 @@ class ScanComparer:
         paired[scan.pairs[0]] = True
         return tuple(self._finder.add(scan.stamp_ns, points.label, scan.truth.class_id, paired))
 
-    def _of_tracks(self, scan: PairedScan) -> tuple[float | None, int | None]:
-        """Return OSPA(2) and the number of identity switches; None without labels."""
+    def _of_tracks(self, scan: PairedScan) -> tuple[float | None, int | None, int | None]:
+        """Return OSPA(2) and both numbers of identity switches; None without labels."""
         truth, estimate = scan.truth.labelled(), scan.estimate.labelled()
         if truth is None or estimate is None:
             self._forget_tracks()
-            return None, None
+            return None, None, None
         if self._newest_ns is not None and scan.stamp_ns < self._newest_ns:
             self._forget_tracks()
         self._newest_ns = scan.stamp_ns
         self._window.add(truth, estimate)
         distance = self._window.ospa2(self._cutoff, self._order).distance
-        return distance, self._identities.add(truth, estimate)
+        seen_switches = self._seen_identities.add(truth, estimate, scan.estimate.coasting)
+        return distance, self._identities.add(truth, estimate), seen_switches
 
     def _forget_tracks(self) -> None:
         self._window.clear()
         self._identities.clear()
+        self._seen_identities.clear()
 
 
 def _of_set(gaps: tuple[Gap, ...], key: str) -> tuple[Gap, ...]:

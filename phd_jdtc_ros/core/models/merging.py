@@ -64,6 +64,7 @@ def merged(detections: Detections, radar: RadarModel) -> Detections:
         height=None if height is None else _mean(group, height, count),
         code=_first(group, detections.code, count),
         address=_first(group, detections.address, count),
+        kind=_first(group, detections.kind, count),
     )
 
 

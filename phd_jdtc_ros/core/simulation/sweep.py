@@ -28,11 +28,14 @@ from ..arrays import FloatArray, IntArray
 from ..configuration.radar_input import RadarInput
 from ..models.radar import RadarModel, wrap_angle
 from ..sited_plots import over_ground
-from ..types import FULL_TURN, Coverage, Detections
+from ..types import FULL_TURN, UNKNOWN, Coverage, Detections
 from .flight import Flight, Leg
 from .platform import MovingPlatform
 from .scenario import Antenna, Scenario, truth_at
 from .simulate import BoolArray, detect, false_detections, observe, range_rates
+
+# Kinds of plots, the TYP of I048/020.
+PRIMARY, COMBINED = 1, 3
 
 # The beam is far faster than any target, so that each step leaves a small part of the error.
 STEPS = 12
@@ -361,7 +364,17 @@ def _with_answers(found: Detections, answers: Detections, layout: RadarInput) ->
         code=answers.code if layout.code_field else None,
         address=answers.address if layout.address_field else None,
         height=answers.height if layout.height_field else None,
+        kind=_kind(answers) if layout.kind_field else None,
     )
+
+
+def _kind(answers: Detections) -> IntArray:
+    """Return the kinds of a combined radar's plots: primary, or with an answer both."""
+    kind = np.full(len(answers), PRIMARY)
+    for known in (answers.code, answers.address):
+        if known is not None:
+            kind[known != UNKNOWN] = COMBINED
+    return kind
 
 
 def _coverage(antenna: Antenna, sector: int, sectors: int) -> Coverage:

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections import Counter
 from collections.abc import Mapping
 
@@ -16,28 +14,10 @@ from msg_adapters import diagnostics, names
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 
-# A radar that has sent nothing for so long is silent; how long a warning stays after its cause.
-SILENT_S, MEMORY_S = 15.0, 10.0
+from ..common.seen import Seen
 
-
-class Seen:
-    """Tells for how long counts have not risen; one that falls has begun again."""
-
-    def __init__(self) -> None:
-        self._counts: dict[str, tuple[int, float]] = {}
-
-    def since_s(self, what: str, count: int) -> float:
-        """Return for how long a count has been what it is, seconds; for ever from the start on."""
-        now = time.monotonic()
-        before, risen = self._counts.get(what, (0, -math.inf))
-        if count != before:
-            risen = now if count else -math.inf
-            self._counts[what] = count, risen
-        return now - risen
-
-    def rose(self, what: str, count: int) -> bool:
-        """Return whether a count has risen within `MEMORY_S`."""
-        return self.since_s(what, count) < MEMORY_S
+# A radar that has sent nothing for so long is silent.
+SILENT_S = 15.0
 
 
 def of_input(

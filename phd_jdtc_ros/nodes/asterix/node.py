@@ -35,6 +35,7 @@ from phd_jdtc_ros.exit_status import faults_of
 from ..common import arguments, overridable, parameters, runtime, transitions
 from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
+from ..common.seen import Seen
 from ..common.throttled import ThrottledWarnings
 from . import clouds, health, settings
 from .tracks import TrackOutput
@@ -68,7 +69,7 @@ class AsterixBridge(LifecycleNode):
         self._dropped: Counter[str] = Counter()
         self._sent: Counter[str] = Counter()
         self._fault: Exception | None = None
-        self._seen = health.Seen()
+        self._seen = Seen()
         self._health = self.create_publisher(DiagnosticArray, "/diagnostics", _qos(INPUT_DEPTH))
         self._arrived = self.create_guard_condition(self._take)
         # Those of other radars are made when they are heard.

@@ -41,6 +41,7 @@ _FLOATS = (
 )
 _VERTICAL = ("z", "vz", "cov_zz", "cov_vzvz")
 _IDENTITIES = ("code", "address")
+_AGES = ("age_psr", "age_ssr", "age_mds")
 FloatArray = npt.NDArray[np.float64]
 
 
@@ -68,6 +69,8 @@ class TrackOutput:
     def __init__(self, source: Source, plane: Plane | None, max_prediction_s: float) -> None:
         self.source = source
         self._plane = plane
+        # Estimates have heights above the map's zero, which need not be that of flight levels.
+        self._datum = 0.0 if plane is None else plane.origin[2]
         self._max_prediction_s = max_prediction_s
         self._columns: Mapping[str, npt.NDArray[Any]] | None = None
         self.stamp_ns = 0
@@ -127,10 +130,11 @@ class TrackOutput:
     ) -> dict[int, TrackReport]:
         get = {name: column.astype(np.float64) for name, column in columns.items()}
         x, y, vx, vy = _moved(get, ahead_s)
-        datum = 0.0 if self._plane is None else self._plane.origin[2]
-        height = datum + get["z"] + ahead_s * get["vz"]
+        height = self._datum + get["z"] + ahead_s * get["vz"]
         geodetic = None if self._plane is None else np.stack(self._plane.to_geodetic(x, y), axis=1)
         std = {name: np.sqrt(np.maximum(get[name], 0.0)) for name in get if name.startswith("cov_")}
+        psr, ssr, mds = (np.maximum(get[name] + ahead_s, 0.0).tolist() for name in _AGES)
+        ages = list(zip(psr, ssr, mds, strict=True))
         found: dict[int, TrackReport] = {}
         for row, number in enumerate(map(int, columns["track_id"])):
             life = self._lives[number]
@@ -152,6 +156,7 @@ class TrackOutput:
                 first=not known,
                 age_s=max(0.0, (time_ns - life.first_ns) * 1e-9),
                 since_s=max(0.0, (time_ns - life.seen_ns) * 1e-9),
+                sensor_ages_s=ages[row],
                 position_std=(float(std["cov_00"][row]), float(std["cov_22"][row])),
                 velocity_std=(float(std["cov_11"][row]), float(std["cov_33"][row])),
                 covariance=float(get["cov_02"][row]),
@@ -164,14 +169,15 @@ class TrackOutput:
 def _columns(cloud: PointCloud2) -> dict[str, npt.NDArray[Any]]:
     """Return the columns of a cloud's tracks that have a number; unknown ones as NaN and `NONE`."""
     there = set(point_cloud.field_names(cloud))
-    floats = [*_FLOATS, *(_VERTICAL if "cov_zz" in there else ())]
+    aged = all(name in there for name in _AGES)
+    floats = [*_FLOATS, *(_VERTICAL if "cov_zz" in there else ()), *(_AGES if aged else ())]
     whole = ["track_id", *(name for name in ("state", *_IDENTITIES) if name in there)]
     wanted = dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED)
     found = point_cloud.decode(cloud, wanted)
     point_cloud.require_finite({name: found[name] for name in _FLOATS})
     size = len(found["x"])
     found.setdefault("state", np.full(size, CONFIRMED))
-    for name in _VERTICAL:
+    for name in (*_VERTICAL, *_AGES):
         found.setdefault(name, np.full(size, math.nan))
     unknown = ~np.isfinite(found["cov_zz"])
     for name in _VERTICAL:

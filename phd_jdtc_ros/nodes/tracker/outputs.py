@@ -25,6 +25,7 @@ from msg_adapters import (
     diagnostics,
     estimates,
     geo_json,
+    geodetic,
     markers,
     navsat,
     plots,
@@ -67,10 +68,10 @@ class Trails:
     def add(self, found: Estimates) -> list[deque[Waypoint]]:
         """Add a scan's estimates; return the trails of their tracks, by ascending number."""
         self._unseen = {track: scans + 1 for track, scans in self._unseen.items()}
-        labelled = tracks.labelled(found)
+        labelled, heights = tracks.labelled(found), geodetic.heights(found).tolist()
         for track, row in labelled:
             trail = self._trails.setdefault(track, deque(maxlen=self._length))
-            trail.append(Waypoint(found.stamp_ns, found.state[row]))
+            trail.append(Waypoint(found.stamp_ns, found.state[row], heights[row]))
             self._unseen[track] = 0
         for track in [track for track, scans in self._unseen.items() if scans > UNSEEN_SCANS]:
             del self._trails[track], self._unseen[track]
@@ -241,7 +242,14 @@ class Outputs:
             if self._geojson is not None:
                 publisher, (kind,) = self._geojson
                 ways = {
-                    track: np.array([point.state for point in trail])[:, list(found.space.position)]
+                    track: np.column_stack(
+                        [
+                            np.array([point.state for point in trail])[
+                                :, list(found.space.position)
+                            ],
+                            tracks.known_heights(trail),
+                        ]
+                    )
                     for (track, _), trail in zip(tracks.labelled(found), trails, strict=True)
                 }
                 publisher.publish(

@@ -47,7 +47,7 @@ OF_STUDY = (
 ON_REFLECTOR, LEARNING_TURNS = 100.0, 20
 # An estimate within this distance of a target is of it, metres.
 FOUND = 200.0
-VALUES = (*PUBLISHED, *COUNTED, "identity_switches", *OF_STUDY)
+VALUES = (*PUBLISHED, *COUNTED, "identity_switches", "seen_switches", *OF_STUDY)
 BEGUN = [VALUES.index(name) for name in ("begun", "prompt")]
 
 

@@ -35,6 +35,8 @@ POSITION, VELOCITY = [0, 2], [1, 3]
 BATCH = 1.0 / 32.0
 # A radar passes a target once a turn: a track takes no second plot of one within this part of it.
 AGAIN = 0.5
+# One that has had no plot for so many turns coasts.
+SEEN_TURNS = 1.25
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,10 @@ class Tracker:
         rows = np.flatnonzero(self.hits >= self.settings.hits)
         mean, _ = self._predicted(rows, np.full(len(rows), time))
         class_id = np.zeros(len(rows), dtype=np.int64)
-        return PointSet(mean[:, POSITION], class_id, self.number[rows], mean[:, VELOCITY])
+        return PointSet(
+            *(mean[:, POSITION], class_id, self.number[rows], mean[:, VELOCITY]),
+            coasting=time - self.time[rows] > SEEN_TURNS * self.rotations.min(),
+        )
 
     def add(self, plots: Plots, batch: IntArray) -> None:
         """Update with some plots: confirmed tracks choose first; the rest start tracks."""

@@ -54,6 +54,36 @@ def test_a_number_that_is_used_again_after_its_track_has_ended_counts_nothing():
     assert switches(({"t1": 0.0}, {"n7": 0.0}), ({}, {}), ({"t2": 0.0}, {"n7": 0.0})) == [0] * 3
 
 
+def seen(*scans):
+    """Return the switches of each scan of (targets, tracks, tracks that coast)."""
+    counter = IdentitySwitches(CUTOFF)
+    return [
+        counter.add(
+            points(**truth), points(**estimate), np.array([name in coasting for name in estimate])
+        )
+        for truth, estimate, coasting in scans
+    ]
+
+
+def test_a_track_that_coasts_is_not_of_a_target_that_appears_beside_it():
+    landed, departs = {"t5": 0.0}, {"t6": 60.0}
+    scans = [(landed, {"n7": 0.0}), (departs, {"n7": 5.0}), (departs, {"n8": 60.0})]
+
+    assert switches(*scans) == [0, 1, 1]
+    assert seen(*[(*scan, ["n7"] if scan is scans[1] else []) for scan in scans]) == [0, 0, 0]
+    # If it takes the other one's detections it does not coast, and has changed its target.
+    assert seen(*[(*scan, []) for scan in scans]) == [0, 1, 1]
+
+
+def test_a_track_that_coasts_keeps_its_target():
+    kept, swapped = {"n7": 0.0, "n8": 500.0}, {"n7": 500.0, "n8": 0.0}
+
+    assert seen((BOTH, kept, []), (BOTH, kept, ["n7"]), (BOTH, kept, [])) == [0, 0, 0]
+    # A swap is counted once the tracks are seen again.
+    scans = (BOTH, kept, []), (BOTH, swapped, ["n7", "n8"]), (BOTH, swapped, [])
+    assert seen(*scans) == [0, 0, 2]
+
+
 def test_targets_that_cross_are_no_switch_however_they_are_nearest():
     near = {"t1": 0.0, "t2": 10.0}
     apart = {"t1": 300.0, "t2": -300.0}

@@ -28,7 +28,7 @@ def scan():
     estimate = points((30, 40, 1), (-9000, 0, 0), (9000, 0, 0))
     gaps = (Gap(0, 12.0, 1), Gap(0, 18.0, 2), Gap(1, 16.4, 3))
     pair = truth.only(np.array([0])), estimate.only(np.array([0])), np.array([NO_AGE])
-    labels = {"ospa2": None, "identity_switches": None}
+    labels = {"ospa2": None, "identity_switches": None, "seen_switches": None}
     return Comparison(truth, estimate, *pair, cutoff=1000.0, order=2.0, gaps=gaps, **labels)
 
 
@@ -53,6 +53,7 @@ def test_values_of_a_scan_are_those_of_the_table(scan):
         "longest_gap_s": 18.0,
         "ospa2": None,
         "identity_switches": None,
+        "seen_switches": None,
     }
     values = values_of(scan)
     assert {name: values[name] for name in expected} == expected

@@ -1,0 +1,191 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Joins the estimates of trackers that part an area, live, with numbers that stay at the seams."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from functools import partial
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from msg_adapters import diagnostics, estimates, names
+from msg_adapters.errors import RejectedMessageError, quoted
+from phd_jdtc_ros.core.gathering import Refused
+from phd_jdtc_ros.core.joint_picture import Joint, JointPicture
+from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
+
+from ..common import arguments, overridable, parameters, runtime
+from ..common.parameter_files import ParameterFile
+from ..common.runtime import WARNING_PERIOD_S
+from ..common.seen import Seen
+from ..common.throttled import ThrottledWarnings
+from . import health, settings
+
+HEALTH_PERIOD_S = 1.0
+INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
+
+
+class HandOver(Node):
+    """Subscribes to the estimates of two trackers or more, and publishes one picture of them.
+
+    Its parameters are fixed at the start.
+    """
+
+    def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
+        super().__init__("hand_over")
+        self.exit_status: int | None = None
+        self._settings = settings.resolve(parameters.given(self, files))
+        values = self._settings.values
+        parameters.declare(self, self._settings.table, values)
+        self._warnings = ThrottledWarnings(self.get_logger(), WARNING_PERIOD_S)
+        self._limit_s = float(values["max_delay_s"])
+        self._picture = JointPicture(
+            self._settings.regions,
+            self._settings.hysteresis,
+            values["smoothed_wait_s"],
+            self._limit_s,
+        )
+        self._heard = [health.Heard() for _ in self._settings.names]
+        self._silent: frozenset[int] = frozenset()
+        self._classes: int | None = None
+        self._published: Counter[str] = Counter()
+        self._tracks = 0
+        self._seen = Seen()
+        self._outputs = {
+            source: self.create_publisher(PointCloud2, f"~/{source}/estimates", _qos())
+            for source in SOURCES
+        }
+        self._health = self.create_publisher(DiagnosticArray, names.DIAGNOSTICS, _qos())
+        self.create_service(Trigger, "~/flush", self._flush)
+        for tracker in range(len(self._settings.names)):
+            for source in SOURCES:
+                overridable.subscribe(
+                    self,
+                    PointCloud2,
+                    self._settings.topic(tracker, source),
+                    partial(self._take, tracker, source),
+                    INPUT_DEPTH,
+                )
+        # By the wall clock: simulated time may stop, and with it what is to be warned of.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(HEALTH_PERIOD_S, self._publish_health, clock=steady)
+        self.get_logger().info(f"joining the estimates of {', '.join(self._settings.nodes)}")
+
+    def close(self) -> None:
+        """Log what was done; what still waited is left."""
+        self.get_logger().info(
+            f"stopped; {self._published[FILTERED]} stamps joined, "
+            f"{self._picture.handed_over} changes from one tracker to another"
+        )
+
+    def _take(self, tracker: int, source: str, cloud: PointCloud2) -> None:
+        """Take in a cloud of a tracker, and publish what is complete by it."""
+        heard = self._heard[tracker]
+        heard.take(source)
+        try:
+            found = self._read(cloud)
+        except RejectedMessageError as error:
+            heard.refused[error.reason] += 1
+            topic = self._settings.topic(tracker, source)
+            self._warnings.warn(topic, f"{topic}: {error}")
+            return
+        if self._picture.jumps_back(tracker, source, found.stamp_ns) and source == FILTERED:
+            name = self._settings.names[tracker]
+            self.get_logger().warning(f"{name}: its stamps went back; a new run begins")
+        done = self._picture.add(tracker, source, found)
+        if isinstance(done, Refused):
+            heard.refused[done.value] += 1
+            return
+        self._publish(done)
+        self._log_silent()
+
+    def _read(self, cloud: PointCloud2) -> Estimates:
+        """Return the estimates of a cloud.
+
+        Raises
+        ------
+        RejectedMessageError
+            If it is not one of estimates, or does not fit those of the others.
+        """
+        frame, allowed = cloud.header.frame_id, self._settings.values["world_frame"]
+        if frame != allowed:
+            raise RejectedMessageError("frame", f"frame is {quoted(frame)}, must be {allowed!r}")
+        found = estimates.from_msg(cloud)
+        classes = found.class_probability.shape[1]
+        if self._classes is None:
+            self._classes = classes
+        if classes != self._classes:
+            raise RejectedMessageError(
+                "classes", f"{classes} classes, must be {self._classes} as in the first estimates"
+            )
+        return found
+
+    def _publish(self, done: Sequence[Joint]) -> None:
+        for source, joint in done:
+            self._published[source] += 1
+            if source == FILTERED:
+                self._tracks = len(joint)
+            frame = self._settings.values["world_frame"]
+            self._outputs[source].publish(estimates.to_msg(joint, frame))
+
+    def _log_silent(self) -> None:
+        """Log when the picture begins to go on without a tracker, and when it has it again."""
+        before, self._silent = self._silent, self._picture.silent
+        for tracker in sorted(self._silent - before):
+            self.get_logger().warning(
+                f"{self._settings.names[tracker]}: silent, its estimates are "
+                f"{self._picture.behind_s(tracker):.1f} s behind; the picture goes on without it"
+            )
+        for tracker in sorted(before - self._silent):
+            self.get_logger().info(f"{self._settings.names[tracker]}: in the picture again")
+
+    def _flush(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        """Publish all that waits, and begin a new run."""
+        done = self._picture.close_all()
+        self._publish(done)
+        response.success, response.message = True, f"{len(done)} stamps published"
+        return response
+
+    def _publish_health(self) -> None:
+        statuses = self._statuses()
+        for status in statuses:
+            if status.level == DiagnosticStatus.WARN:
+                self._warnings.warn(status.name, f"{status.name}: {status.message}")
+        stamp_ns = self.get_clock().now().nanoseconds
+        self._health.publish(diagnostics.array(stamp_ns, statuses))
+
+    def _statuses(self) -> list[DiagnosticStatus]:
+        node = self.get_fully_qualified_name()
+        found = [
+            health.of_tracker(
+                names.health(name, node),
+                self._settings.nodes[tracker],
+                self._heard[tracker],
+                self._picture.behind_s(tracker),
+                self._limit_s,
+                self._seen,
+            )
+            for tracker, name in enumerate(self._settings.names)
+        ]
+        alone = len(self._settings.names) - len(self._picture.silent) < 2
+        handed_over = self._picture.handed_over
+        found.append(health.of_picture(node, self._published, self._tracks, handed_over, alone))
+        return found
+
+
+def _qos() -> QoSProfile:
+    return QoSProfile(depth=OUTPUT_DEPTH, reliability=ReliabilityPolicy.RELIABLE)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Run the node."""
+    files = arguments.check("hand_over", __doc__, argv)
+    return runtime.run("hand_over", lambda: HandOver(files), argv)

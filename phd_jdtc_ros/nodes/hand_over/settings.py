@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The parameters of the hand-over, and what they describe."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from msg_adapters import names
+from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.core.region import Region
+
+from ..common.parameters import check
+
+# How far beyond a seam a target changes over unless that is given, in the smallest margin.
+HYSTERESIS = 0.2
+SMOOTHED_WAIT_S = 8.0
+# Bound of all waiting, seconds.
+LONGEST_S = 600.0
+
+TRACKER = (
+    Parameter("node", "", "Full name of the tracker's node; /NAME/tracker if empty."),
+    Parameter(
+        "region",
+        [],
+        "The tracker's region: [x_min, y_min, x_max, y_max] in the world frame, m.",
+    ),
+    Parameter("region_margin", 0.0, "The tracker's region_margin, m.", 0.0),
+)
+TABLE = (
+    Parameter(
+        "trackers",
+        [],
+        "Names of the trackers that part the area, two or more, each with its region.",
+        element=str,
+    ),
+    Parameter(
+        "hysteresis",
+        0.0,
+        "How far beyond a seam a target changes over, m; at most the smallest margin, and 0 for a "
+        "fifth of that.",
+        0.0,
+    ),
+    Parameter(
+        "max_delay_s",
+        5.0,
+        "How much older than the newest estimates of all a tracker's may be, by their stamps, s. "
+        "The picture waits for it until then, and goes on without it afterwards.",
+        0.1,
+        LONGEST_S,
+    ),
+    Parameter(
+        "smoothed_wait_s",
+        SMOOTHED_WAIT_S,
+        "How much later than a smoothed estimate's stamp its track may have got its number, s. Up "
+        "to the trackers' lag nothing waits for it.",
+        0.0,
+        LONGEST_S,
+    ),
+    Parameter("world_frame", "map", "Frame of the estimates, and of the picture."),
+)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What is joined, as parameters describe it.
+
+    Parameters
+    ----------
+    values : dict of name to value
+        All parameters.
+    table : dict of name to Parameter
+    names : tuple of str
+        Of the trackers.
+    nodes : tuple of str
+        Full names of their nodes.
+    regions : tuple of Region
+    hysteresis : float
+        Metres.
+    """
+
+    values: dict[str, Any]
+    table: dict[str, Parameter]
+    names: tuple[str, ...]
+    nodes: tuple[str, ...]
+    regions: tuple[Region, ...]
+    hysteresis: float
+
+    def topic(self, tracker: int, source: str) -> str:
+        """Return the topic of a tracker's estimates."""
+        return names.estimates(source, self.nodes[tracker])
+
+
+def resolve(given: Mapping[str, Any]) -> Settings:
+    """Check the parameters of the node.
+
+    Parameters
+    ----------
+    given : mapping of dotted name to value
+
+    Raises
+    ------
+    ConfigError
+        With every fault.
+    """
+    table = {parameter.name: parameter for parameter in TABLE}
+    found = table["trackers"].coerce(given.get("trackers", []))
+    for name in found if isinstance(found, list) else []:
+        for parameter in TRACKER:
+            full = f"{name}.{parameter.name}"
+            table[full] = replace(parameter, name=full)
+    values, faults = check(table.values(), given)
+    if None not in values.values():
+        faults += _faults(values)
+    if faults:
+        raise ConfigError(faults)
+    trackers = tuple(values["trackers"])
+    regions = tuple(
+        Region(*values[f"{name}.region"], margin=values[f"{name}.region_margin"])
+        for name in trackers
+    )
+    return Settings(
+        values,
+        table,
+        trackers,
+        tuple(_node(values, name) for name in trackers),
+        regions,
+        hysteresis(regions, values["hysteresis"] or None),
+    )
+
+
+def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hysteresis") -> float:
+    """Return how far beyond a seam a target changes over, metres.
+
+    Parameters
+    ----------
+    regions : sequence of Region
+    given : float or None
+        None for `HYSTERESIS` of the smallest margin.
+    name : str
+        Of the parameter or the option.
+
+    Raises
+    ------
+    ConfigError
+        If it is more than the smallest margin.
+    """
+    margin = min(region.margin for region in regions)
+    found = HYSTERESIS * margin if given is None else given
+    if not 0.0 <= found <= margin:
+        raise ConfigError([f"{name}: {found} given, must be from 0 to the margin, {margin:g}"])
+    return found
+
+
+def _node(values: Mapping[str, Any], name: str) -> str:
+    return values[f"{name}.node"] or f"/{name}{names.TRACKER}"
+
+
+def _faults(values: Mapping[str, Any]) -> list[str]:
+    trackers = values["trackers"]
+    faults = []
+    if len(trackers) < 2:
+        faults.append(f"trackers: {trackers} given, must be two names or more")
+    nodes: dict[str, str] = {}
+    for name in trackers:
+        region = values[f"{name}.region"]
+        if len(region) != 4 or not (region[0] < region[2] and region[1] < region[3]):
+            faults.append(
+                f"{name}.region: {region} given, must be [x_min, y_min, x_max, y_max] of the "
+                "tracker's region"
+            )
+        node = _node(values, name)
+        other = nodes.setdefault(node, name)
+        if other != name:
+            faults.append(f"{name}.node: {node} given, is that of {other} too")
+    return faults

@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import math
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.gathering import Gathering, Refused
+from phd_jdtc_ros.core.types import Estimates
+
+
+def at(stamp):
+    return Estimates(
+        stamp_ns=stamp * 10**9,
+        lag=0,
+        state=np.zeros((0, 5)),
+        covariance=np.zeros((0, 5, 5)),
+        weight=np.zeros(0),
+        class_probability=np.zeros((0, 1)),
+        class_id=np.zeros(0, dtype=int),
+        track_id=np.zeros(0, dtype=int),
+    )
+
+
+def add(gathering, tracker, stamp):
+    """Return what a report closes: stamps, with the trackers that are in each."""
+    closed = gathering.add(tracker, at(stamp))
+    if isinstance(closed, Refused):
+        return closed
+    return {next(iter(one.values())).stamp_ns // 10**9: sorted(one) for one in closed}
+
+
+def test_a_stamp_is_closed_once_all_have_reported_it_or_a_later_one():
+    gathering = Gathering(2, 100.0)
+    assert add(gathering, 0, 1) == {}
+    assert add(gathering, 0, 2) == {}
+    assert add(gathering, 1, 2) == {1: [0], 2: [0, 1]}
+
+
+def test_order_of_arrival_makes_no_difference():
+    reports = [(0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+    # Only that of one tracker's own reports is sure.
+    orders = [
+        order
+        for order in permutations(reports)
+        if all(order.index((k, 1)) < order.index((k, 2)) for k in (0, 1))
+    ]
+    assert len(orders) == 30
+    for order in orders:
+        gathering, closed = Gathering(3, 100.0), {}
+        for tracker, stamp in order:
+            closed |= add(gathering, tracker, stamp)
+        assert closed == {1: [0, 1], 2: [0, 1, 2]}
+
+
+def test_one_that_is_behind_by_more_than_the_longest_delay_is_not_waited_for():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 0)
+    add(gathering, 1, 0)
+    assert add(gathering, 0, 4) == {}
+    assert gathering.silent == set()
+    assert add(gathering, 0, 8) == {4: [0], 8: [0]}
+    assert gathering.silent == {1}
+    assert gathering.behind_s(1) == pytest.approx(8.0)
+    # From then on nothing waits for it, until it has caught up.
+    assert add(gathering, 0, 12) == {12: [0]}
+    assert add(gathering, 1, 11) is Refused.LATE
+    assert gathering.silent == set()
+    assert add(gathering, 0, 16) == {}
+    assert add(gathering, 1, 16) == {16: [0, 1]}
+
+
+def test_one_that_never_says_anything_is_waited_for_from_the_first_stamp_on():
+    gathering = Gathering(2, 5.0)
+    assert add(gathering, 0, 0) == {}
+    assert add(gathering, 0, 5) == {}
+    assert add(gathering, 0, 6) == {0: [0], 5: [0], 6: [0]}
+
+
+def test_a_recording_is_closed_in_the_end_at_the_latest():
+    gathering = Gathering(2, math.inf)
+    for stamp in (0, 1000):
+        assert add(gathering, 0, stamp) == {}
+    assert [sorted(one) for one in gathering.close_all()] == [[0], [0]]
+    # A new run: earlier stamps are no late ones.
+    assert not gathering.jumps_back(0, 3 * 10**9)
+    assert add(gathering, 0, 3) == {}
+    assert add(gathering, 1, 3) == {3: [0, 1]}
+
+
+def test_what_comes_twice_is_refused_and_a_jump_back_is_known():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 4)
+    assert add(gathering, 0, 4) is Refused.DUPLICATE
+    assert gathering.jumps_back(0, 3 * 10**9)
+    assert not gathering.jumps_back(1, 3 * 10**9)
+    assert not gathering.jumps_back(0, 4 * 10**9)

@@ -1,0 +1,352 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The live hand-over between trackers that part an area, over DDS."""
+
+import numpy as np
+import pytest
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
+
+from msg_adapters import detections as plots
+from msg_adapters import diagnostics, estimates, interfaces, names
+from phd_jdtc_ros.__main__ import run
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections, Estimates
+from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.nodes.hand_over import settings
+
+NS = 10**9
+START_S, PERIOD_S, SCANS = 1_700_000_000, 4, 16
+MARGIN = 4e3
+REGIONS = {"west": [-60e3, -60e3, 0.0, 60e3], "east": [0.0, -60e3, 60e3, 60e3]}
+# East, north and velocities at the start: one that crosses the seam each way, and one that stays.
+AIRCRAFT = np.array([[-8e3, 12e3, 220.0, 0.0], [9e3, -14e3, -230.0, 0.0], [30e3, 20e3, 0.0, 150.0]])
+CODES = np.array([0o4521, 0o7000, 0o1234])
+HEIGHTS = np.array([3048.0, 9144.0, 6096.0])
+TOWER = {
+    "radars": ["tower"],
+    "engine": "gaussian",
+    "interval_s": float(PERIOD_S),
+    "lag": 2,
+    "classes": ["aircraft"],
+    "motions": ["cv"],
+    "births": [],
+    "detection_births.rates": [0.1],
+    "detection_births.velocity_std": 150.0,
+    "spawn.rate": 0.0,
+    "spawn.class_transition": [],
+    "spawn.mode_transition": [],
+    "aircraft.motions": ["cv"],
+    "aircraft.mode_transition": [1.0],
+    "amplitude": "none",
+    "tower.topic": "/tower/plots",
+    "tower.fields.amplitude": "",
+    "tower.fields.code": "squawk",
+    "tower.fields.height": "altitude",
+    "tower.detection_probability": 0.95,
+    "tower.range_std": 30.0,
+    "tower.azimuth_std_deg": 0.1,
+    "tower.max_range": 60e3,
+    "tower.clutter_rate": 2.0,
+    "tower.clutter_max_range": 60e3,
+}
+QOS = {"qos_overrides./tower/plots.subscription.reliability": "reliable"}
+
+
+def parameters(tracker):
+    return {**TOWER, "region": REGIONS[tracker], "region_margin": MARGIN}
+
+
+def given(**more):
+    """Return the parameters of the hand-over of both regions."""
+    found = {"trackers": list(REGIONS)}
+    for name, region in REGIONS.items():
+        found |= {f"{name}.region": region, f"{name}.region_margin": MARGIN}
+    return {**found, **more}
+
+
+def joining(**more):
+    """Return them as ROS arguments."""
+    words = (word for name, value in given(**more).items() for word in ("-p", f"{name}:={value}"))
+    return ["--ros-args", *words]
+
+
+def seen(scan):
+    """Return the radar's plots of a scan; none before the first."""
+    if scan < 0:
+        none = np.zeros(0, dtype=int)
+        return Detections(np.zeros((0, 2)), None, code=none, height=np.zeros(0))
+    rng = np.random.default_rng((11, scan))
+    world = AIRCRAFT[:, :2] + AIRCRAFT[:, 2:] * scan * PERIOD_S
+    distance = np.hypot(*world.T) + 30.0 * rng.standard_normal(len(world))
+    azimuth = np.arctan2(*world.T[::-1]) + np.radians(0.1) * rng.standard_normal(len(world))
+    measured = np.stack([distance, azimuth], axis=1)
+    return Detections(measured, None, code=CODES, height=HEIGHTS)
+
+
+class Stack:
+    """Two trackers in namespaces of their own, what joins them, and the radar that they hear."""
+
+    def __init__(self, processes, peer, directory):
+        self.peer = peer
+        for tracker in REGIONS:
+            file = directory / f"{tracker}.yaml"
+            given = {f"/{tracker}/tracker": {"ros__parameters": {**parameters(tracker), **QOS}}}
+            file.write_text(yaml.safe_dump(given))
+            ros = ["--ros-args", "-r", f"__ns:=/{tracker}", "--params-file", file]
+            processes.start("tracker", *ros)
+        # Both must have been heard, so that what follows is in the picture from the first scan on.
+        self.node = processes.start("hand_over", *joining(max_delay_s=600.0))
+        self.said = {
+            (tracker, source): peer.collect(
+                PointCloud2, names.estimates(source, f"/{tracker}/tracker"), 100
+            )
+            for tracker in REGIONS
+            for source in SOURCES
+        }
+        self.joint = {
+            source: peer.collect(PointCloud2, names.estimates(source, "/hand_over"), 100)
+            for source in SOURCES
+        }
+        self.output = peer.publisher(PointCloud2, "/tower/plots", 50)
+        self.config = resolve(parameters("west"))
+        peer.meet("/hand_over")
+        for tracker in REGIONS:
+            peer.meet(f"/{tracker}/tracker")
+        self.connect()
+
+    def send(self, scan):
+        radar = self.config.inputs[0]
+        stamp_ns = (START_S + scan * PERIOD_S) * NS
+        self.output.publish(plots.to_msg(seen(scan), stamp_ns, radar.frame, radar))
+
+    def connect(self):
+        """Send scans without plots until both trackers are in the picture."""
+        for scan in range(-100, 0):
+            self.send(scan)
+            if self.peer.spin_until(lambda: self.joint[FILTERED], 0.5):
+                break
+        assert self.joint[FILTERED], self.node.log.read_text()
+
+    def track(self, scan):
+        """Send a scan and wait until it is in the picture."""
+        stamp = START_S + scan * PERIOD_S
+        self.send(scan)
+        assert self.peer.spin_until(
+            lambda: any(cloud.header.stamp.sec == stamp for cloud in self.joint[FILTERED])
+        ), f"scan {scan}"
+
+    def flush(self):
+        """Have all published that waits, and wait until it has come."""
+        for node in ("/west/tracker", "/east/tracker"):
+            assert self.peer.call(Trigger, f"{node}/flush").success
+        last = START_S + (SCANS - 1) * PERIOD_S
+        everywhere = [*(self.said[tracker, SMOOTHED] for tracker in REGIONS)]
+        assert self.peer.spin_until(
+            lambda: all(found and found[-1].header.stamp.sec == last for found in everywhere)
+        )
+        self.peer.meet("/hand_over", times=2)
+        assert self.peer.call(Trigger, "/hand_over/flush").success
+        smoothed = self.joint[SMOOTHED]
+        assert self.peer.spin_until(lambda: smoothed and smoothed[-1].header.stamp.sec == last)
+
+
+def of_run(clouds):
+    """Return the bytes of clouds with plots by stamp."""
+    return {
+        cloud.header.stamp.sec: bytes(cloud.data)
+        for cloud in clouds
+        if cloud.header.stamp.sec >= START_S
+    }
+
+
+def joined_offline(said, directory):
+    """Return the clouds that the offline tool makes of what the trackers said, by source."""
+    for tracker in REGIONS:
+        with BagWriter(directory / tracker) as bag:
+            for source in SOURCES:
+                bag.add_topic(Topic(names.estimates(source), names.CLOUD))
+            for source in SOURCES:
+                for cloud in said[tracker, source]:
+                    stamp_ns = cloud.header.stamp.sec * NS
+                    bag.write(names.estimates(source), interfaces.encode(cloud), stamp_ns)
+        values = resolve(parameters(tracker)).values
+        bag_parameters.write(directory / tracker / bag_parameters.NAME, values)
+    bags, out = [str(directory / tracker) for tracker in REGIONS], directory / "joint"
+    assert run("hand_over", [*bags, "--out", str(out)]) == 0
+    return {
+        source: [
+            interfaces.decode(entry.data, names.CLOUD)
+            for entry in BagReader(out).messages([names.estimates(source)])
+        ]
+        for source in SOURCES
+    }
+
+
+@pytest.mark.live
+def test_live_picture_keeps_the_numbers_at_the_seam_and_is_that_of_the_offline_tool(
+    processes, peer, tmp_path
+):
+    stack = Stack(processes, peer, tmp_path)
+    for scan in range(SCANS):
+        stack.track(scan)
+    stack.flush()
+
+    numbers = {}
+    for source, clouds in stack.joint.items():
+        for cloud in clouds:
+            found = estimates.from_msg(cloud)
+            for number, code in zip(found.track_id, found.attributes.code, strict=True):
+                numbers.setdefault((source, int(code)), set()).add(int(number))
+        last = estimates.from_msg(clouds[-1])
+        assert sorted(last.attributes.code.tolist()) == sorted(CODES.tolist())
+    # Each aircraft has one number, and no other aircraft has it.
+    assert all(len(numbers[FILTERED, code]) == 1 for code in CODES)
+    assert len(set.union(*(numbers[FILTERED, code] for code in CODES))) == len(CODES)
+    assert all(numbers[SMOOTHED, code] == numbers[FILTERED, code] for code in CODES)
+    # Those that cross were tracked by both, each with a number of its own.
+    for tracker in REGIONS:
+        own = [estimates.from_msg(cloud) for cloud in stack.said[tracker, FILTERED]]
+        codes = {int(code) for found in own for code in found.attributes.code}
+        assert codes >= set(CODES[:2].tolist())
+
+    offline = joined_offline(stack.said, tmp_path)
+    for source in SOURCES:
+        assert of_run(stack.joint[source]) == of_run(offline[source])
+        assert len(of_run(stack.joint[source])) == SCANS
+
+
+def said(stamp, rows, classes=1):
+    """Return the cloud of a tracker's estimates: (number, x) of what flies east."""
+    state = np.zeros((len(rows), 5))
+    state[:, 0], state[:, 1] = [row[1] for row in rows], 200.0
+    covariance = np.diag(np.array([50.0, 5.0, 50.0, 5.0, 1e-3]) ** 2)
+    found = Estimates(
+        stamp_ns=stamp * NS,
+        lag=0,
+        state=state,
+        covariance=np.tile(covariance, (len(rows), 1, 1)),
+        weight=np.ones(len(rows)),
+        class_probability=np.full((len(rows), classes), 1.0 / classes),
+        class_id=np.zeros(len(rows), dtype=int),
+        track_id=np.array([row[0] for row in rows]),
+    )
+    return estimates.to_msg(found, "map")
+
+
+class Replayed:
+    """Estimates of two trackers that the test itself publishes, and what is said of them."""
+
+    def __init__(self, processes, peer, **more):
+        self.peer = peer
+        self.node = processes.start("hand_over", *joining(**more))
+        self.outputs = {
+            tracker: peer.publisher(
+                PointCloud2, names.estimates(FILTERED, f"/{tracker}/tracker"), 50
+            )
+            for tracker in REGIONS
+        }
+        self.joint = peer.collect(PointCloud2, "/hand_over/filtered/estimates", 100)
+        self.health = peer.collect(DiagnosticArray, "/diagnostics", 100)
+        peer.meet("/hand_over")
+        peer.settled(*self.outputs.values())
+
+    def stamps(self):
+        return [cloud.header.stamp.sec for cloud in self.joint]
+
+    def status(self, name):
+        """Return the newest status of that name, None before the first."""
+        found = [
+            s for array in self.health for s in array.status if s.name == f"/hand_over: {name}"
+        ]
+        return found[-1] if found else None
+
+    def until(self, name, level, words):
+        """Wait for a status of a level with these words."""
+        assert self.peer.spin_until(
+            lambda: (
+                self.status(name) is not None
+                and self.status(name).level == level
+                and words in self.status(name).message
+            )
+        ), self.status(name)
+        return self.status(name)
+
+
+@pytest.mark.live
+def test_picture_goes_on_without_a_tracker_that_falls_silent_and_says_so(processes, peer):
+    rig = Replayed(processes, peer, max_delay_s=6.0)
+    for stamp in (100, 104):
+        for tracker, x in (("west", -2e3), ("east", 30e3)):
+            rig.outputs[tracker].publish(said(stamp, [(5, x)]))
+    assert peer.spin_until(lambda: rig.stamps() == [100, 104])
+    # East says nothing more: its stamp is waited for until the others are 6 s ahead of it.
+    rig.outputs["west"].publish(said(108, [(5, -1e3)]))
+    rig.outputs["west"].publish(said(112, [(5, 0.0)]))
+    assert peer.spin_until(lambda: rig.stamps() == [100, 104, 108, 112])
+    assert [cloud.width for cloud in rig.joint] == [2, 2, 1, 1]
+    words = rig.until("east", DiagnosticStatus.WARN, "silent: its estimates are 8.0 s behind")
+    assert words.hardware_id == "/east/tracker"
+    assert rig.until("picture", DiagnosticStatus.WARN, "of one tracker alone")
+    assert "east: silent, its estimates are 8.0 s behind" in rig.node.log.read_text()
+    # It comes back with an old stamp, which is left out, and is waited for again.
+    rig.outputs["east"].publish(said(112, [(5, 31e3)]))
+    assert rig.until("east", DiagnosticStatus.WARN, "left out: late 1")
+    rig.outputs["west"].publish(said(116, [(5, 1e3)]))
+    rig.outputs["east"].publish(said(116, [(5, 31e3)]))
+    assert peer.spin_until(lambda: rig.stamps()[-1] == 116)
+    assert rig.joint[-1].width == 2
+    assert "east: in the picture again" in rig.node.log.read_text()
+    numbers = [estimates.from_msg(cloud).track_id.tolist() for cloud in rig.joint]
+    assert numbers == [[1, 2], [1, 2], [1], [1], [1, 3]]
+
+
+@pytest.mark.live
+def test_estimates_that_cannot_be_joined_are_left_out_and_counted(processes, peer):
+    rig = Replayed(processes, peer, max_delay_s=1.0)
+    rig.outputs["west"].publish(said(100, [(5, -2e3)]))
+    rig.outputs["east"].publish(said(100, [(5, 30e3)], classes=2))
+    status = rig.until("east", DiagnosticStatus.WARN, "left out: classes 1")
+    assert diagnostics.values_of(status)["refused_classes"] == "1"
+    assert rig.until("west", DiagnosticStatus.WARN, "silent for")
+    assert rig.stamps() == []
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"trackers": ["west"]}, "trackers: ['west'] given, must be two names or more"),
+        ({"west.region": []}, "west.region: [] given, must be [x_min, y_min, x_max, y_max]"),
+        ({"east.region": [1.0, 0.0, 0.0, 1.0]}, "east.region: [1.0, 0.0, 0.0, 1.0] given"),
+        ({"hysteresis": 5e3}, "hysteresis: 5000.0 given, must be from 0 to the margin, 4000"),
+        ({"west.node": "/east/tracker"}, "east.node: /east/tracker given, is that of west too"),
+        ({"west.speed": 1.0}, "west.speed: unknown parameter"),
+    ],
+)
+def test_parameters_that_do_not_fit_are_said(changes, words):
+    with pytest.raises(ConfigError) as error:
+        settings.resolve(given(**changes))
+    assert any(fault.startswith(words) for fault in error.value.faults)
+
+
+def test_target_changes_over_a_fifth_of_the_margin_behind_the_seam_unless_told_otherwise():
+    assert settings.resolve(given()).hysteresis == pytest.approx(0.2 * MARGIN)
+    assert settings.resolve(given(hysteresis=100.0)).hysteresis == 100.0
+
+
+def test_trackers_are_in_namespaces_of_their_names_unless_told_otherwise():
+    found = settings.resolve(given(**{"east.node": "/site_b/fusion"}))
+    assert found.topic(0, FILTERED) == "/west/tracker/filtered/estimates"
+    assert found.topic(1, SMOOTHED) == "/site_b/fusion/smoothed/estimates"
+
+
+def test_executable_without_parameters_is_the_node_and_says_what_it_needs(processes):
+    status, text = processes.run("hand_over")
+    assert status == 2
+    assert "hand_over: trackers: [] given, must be two names or more" in text
