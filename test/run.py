@@ -30,6 +30,8 @@ LONGEST = (
     "test/nodes/test_demo.py",
     "test/nodes/test_managed_tracker.py",
     "test/nodes/test_warm_restart.py",
+    "test/study/test_benchmarks.py",
+    "test/nodes/test_asterix_bridge_node.py",
 )
 # Two halves that take about as long as each other.
 HALF = ("test/core", "test/study")
