@@ -13,15 +13,11 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import math
-import os
 import select
-import signal
 import socket
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -69,12 +65,13 @@ def measure(quick: bool) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
         directory = Path(name)
         site = stack.enter_context(contextlib.closing(_Site(reports, config.inputs[0].rotation_s)))
-        stack.enter_context(live.tracker(directory / "tracker.log", *_tracker(directory)))
-        stack.enter_context(_bridge(directory / "bridge.log", site))
+        log = directory / "bridge.log"
+        stack.enter_context(live.node("tracker", directory / "tracker.log", *_tracker(directory)))
+        stack.enter_context(live.node("asterix_bridge", log, *_bridge(site)))
         for report in reports[:settling]:
             if not site.answered(report, live.START_S):
-                log = (directory / "bridge.log").read_text()[-500:]
-                return {"value": None, "reason": f"no tracks of the first turns: {log}"}
+                said = log.read_text()[-500:]
+                return {"value": None, "reason": f"no tracks of the first turns: {said}"}
         return site.in_real_time(reports[settling:])
 
 
@@ -88,9 +85,8 @@ def _tracker(directory: Path) -> list[str]:
     return ["--ros-args", "--params-file", str(file)]
 
 
-@contextlib.contextmanager
-def _bridge(log: Path, site: _Site) -> Iterator[None]:
-    """Run the bridge within the context."""
+def _bridge(site: _Site) -> list[str]:
+    """Return the arguments of a bridge between a site and the tracker."""
     given = {
         "inputs": f"['{site.radar}']",
         "output": f"'{site.display}'",
@@ -103,22 +99,7 @@ def _bridge(log: Path, site: _Site) -> Iterator[None]:
         "max_clock_offset_s": 86400.0,
         "world_origin": "[52.0, 4.5, 0.0]",
     }
-    words = [word for name, value in given.items() for word in ("-p", f"{name}:={value}")]
-    with log.open("wb") as stream:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "phd_jdtc_ros", "asterix_bridge", "--ros-args", *words],
-            stdout=stream,
-            stderr=subprocess.STDOUT,
-            env=dict(os.environ),
-        )
-    try:
-        yield
-    finally:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(live.STOP_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
+    return ["--ros-args", *(word for name in given for word in ("-p", f"{name}:={given[name]}"))]
 
 
 def _free() -> udp.Address:

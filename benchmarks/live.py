@@ -59,7 +59,7 @@ def of_engine(engine: str, quick: bool) -> dict[str, Any]:
     scans = _scans(20 if quick else 60)
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
-        stack.enter_context(tracker(log, "--ros-args", "-p", f"engine:={engine}"))
+        stack.enter_context(node("tracker", log, "--ros-args", "-p", f"engine:={engine}"))
         radars = stack.enter_context(contextlib.closing(Radars(resolve({}).inputs)))
         if not radars.connected(START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}
@@ -79,11 +79,11 @@ def _scans(count: int) -> list[Scan]:
 
 
 @contextlib.contextmanager
-def tracker(log: Path, *arguments: str) -> Iterator[None]:
-    """Run the tracker node with these arguments within the context."""
+def node(name: str, log: Path, *arguments: str) -> Iterator[None]:
+    """Run one of the package's nodes with these arguments within the context."""
     with log.open("wb") as stream:
         process = subprocess.Popen(
-            [sys.executable, "-m", "phd_jdtc_ros", "tracker", *arguments],
+            [sys.executable, "-m", "phd_jdtc_ros", name, *arguments],
             stdout=stream,
             stderr=subprocess.STDOUT,
             env=dict(os.environ),

@@ -61,7 +61,7 @@ def of_turns(turns: int, engine: str) -> dict[str, Any]:
     sector_ns = round(1e9 * config.inputs[0].rotation_s / traffic.SECTORS)
     with tempfile.TemporaryDirectory() as directory, contextlib.ExitStack() as stack:
         log = Path(directory) / "tracker.log"
-        stack.enter_context(live.tracker(log, *_arguments(engine)))
+        stack.enter_context(live.node("tracker", log, *_arguments(engine)))
         radars = stack.enter_context(contextlib.closing(Radars(config.inputs)))
         if not radars.connected(live.START_S):
             return {"value": None, "reason": f"no tracker was found: {log.read_text()[-500:]}"}

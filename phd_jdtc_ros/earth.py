@@ -7,12 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-import pyproj
 
 from phd_jdtc_ros.core.arrays import FloatArray
+
+if TYPE_CHECKING:
+    import pyproj
 
 # Degrees; half of the piece of meridian, 22 m, whose direction counts as that of its tangent.
 MERIDIAN_STEP = 1e-4
@@ -60,6 +63,8 @@ class SystemPlane:
                 "longitude in degrees and a height in metres, all finite"
             )
         object.__setattr__(self, "origin", origin)
+        import pyproj  # of all trackers only those on the round earth need it
+
         projection = pyproj.Proj(
             proj="sterea", lat_0=origin[0], lon_0=origin[1], ellps="WGS84", units="m"
         )

@@ -1,14 +1,15 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Run all tests: each file of live ones in a pytest of its own, three at a time, beside the others.
+"""Run all tests: each file of live ones in a pytest of its own, beside the others in two halves.
 
 Live tests wait for other processes most of the time, so several take hardly longer than one. Each
 process has a ROS domain of its own (see conftest.py), and one that crashes takes nothing else with
-it. The others run in two processes. Arguments go to every pytest. The last line is the sum of all
-of theirs, in pytest's form.
+it. Whatever is over makes place for the next. Arguments go to every pytest. The last line is the
+sum of all of theirs, in pytest's form.
 """
 
+import os
 import re
 import subprocess
 import sys
@@ -18,12 +19,26 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-# With the others beside them these keep two processors busy; more would only wait for one another.
-LIVE_AT_A_TIME = 3
+# The halves of what is not live and three files of live ones keep two processors busy, and so do
+# five of these; more would only wait for one another.
+AT_A_TIME = 5
+# Live files that take longest, which begin first so that none of them is left over at the end.
+LONGEST = (
+    "test/robustness/test_live_faults.py",
+    "test/robustness/test_full_tracker.py",
+    "test/nodes/test_sensor_replay.py",
+    "test/nodes/test_demo.py",
+    "test/nodes/test_managed_tracker.py",
+    "test/nodes/test_warm_restart.py",
+    "test/study/test_benchmarks.py",
+    "test/nodes/test_asterix_bridge_node.py",
+)
 # Two halves that take about as long as each other.
 HALF = ("test/core", "test/study")
-# More than half of all tests, of which none is live: conftest.py refuses them there.
-NEVER_LIVE = "test/core"
+# Most of all tests, of which none is live: conftest.py refuses them there.
+NEVER_LIVE = [f"test/{folder}" for folder in ("asterix", "bags", "core", "msg_adapters", "report")]
+# Some hundred processes import the same files: what one has compiled serves the others.
+ENVIRONMENT = {name: os.environ[name] for name in os.environ if name != "PYTHONDONTWRITEBYTECODE"}
 LIMIT_S = 2400.0
 # The exit status of a pytest that has nothing to run.
 NOTHING = 5
@@ -37,6 +52,7 @@ def pytest(*arguments):
         done = subprocess.run(
             command,
             cwd=ROOT,
+            env=ENVIRONMENT,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -50,12 +66,13 @@ def pytest(*arguments):
 
 
 def live_files(arguments):
-    """Return the files that have live tests, the long ones of robustness first."""
-    where = [] if arguments else [f"--ignore={NEVER_LIVE}"]
+    """Return the files that have live tests, the longest first."""
+    where = [] if arguments else [f"--ignore={folder}" for folder in NEVER_LIVE]
     status, text = pytest("--collect-only", "-q", "-m", "live", *where, *arguments)
     if status not in (0, NOTHING):
         sys.exit(text)
-    return sorted(set(re.findall(r"^(\S+\.py)::", text, re.MULTILINE)), reverse=True)
+    found = sorted(set(re.findall(r"^(\S+\.py)::", text, re.MULTILINE)))
+    return [*(file for file in LONGEST if file in found), *(f for f in found if f not in LONGEST)]
 
 
 def others(arguments):
@@ -98,9 +115,9 @@ def summary(found, seconds):
 
 def main(arguments):
     begin, found, failed = time.monotonic(), Counter(), False
-    with ThreadPoolExecutor(2) as beside, ThreadPoolExecutor(LIVE_AT_A_TIME) as pool:
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
         running = {
-            beside.submit(pytest, "-m", "not live", *own): name
+            pool.submit(pytest, "-m", "not live", *own): name
             for name, own in others(arguments).items()
         }
         for file in live_files(arguments):

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from sensor_msgs.msg import PointCloud2
+from live_and_offline import assert_same, tracked_live, tracked_offline
 
-from msg_adapters import detections, diagnostics, estimates, names
+from msg_adapters import detections, diagnostics, names
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.tools import params_file
@@ -36,44 +35,14 @@ def clouds(config):
     return sent, run[-1][0]
 
 
-def offline(config, sent):
-    """Return the filtered estimates of clouds, without a node."""
-    pipeline, (radar,) = new_pipeline(config), config.inputs
-    events = []
-    for cloud in sent:
-        report = detections.from_msg(cloud, radar)
-        events += pipeline.add(0, report.stamp_ns, report.detections)
-    return [
-        found for event in events if isinstance(event, Stepped) for found in event.step.filtered
-    ]
-
-
 def test_live_tracks_with_range_rates_are_those_of_offline_ones(processes, peer):
     config = resolve(params_file.load(PROFILE))
     sent, truth = clouds(config)
-    filtered = peer.collect(PointCloud2, names.estimates("filtered"))
     health = peer.collect(DiagnosticArray, names.DIAGNOSTICS)
-    output = peer.publisher(PointCloud2, "/front/detections", 50)
-    processes.start(
-        *("tracker", "--ros-args", "--params-file", PROFILE),
-        *("-p", "qos_overrides./front/detections.subscription.reliability:=reliable"),
-    )
-    answer = names.estimates("filtered")
-    assert peer.spin_until(
-        lambda: output.get_subscription_count() and peer.node.count_publishers(answer)
-    )
-    peer.meet()
-    for number, cloud in enumerate(sent):
-        output.publish(cloud)
-        assert peer.spin_until(lambda number=number: len(filtered) > number), number
+    found = tracked_live(processes, peer, config.inputs[0], sent, "--params-file", PROFILE)
 
-    expected = offline(config, sent)
-    found = [estimates.from_msg(message) for message in filtered]
-    assert len(found) == len(expected) == SCANS
-    for ours, theirs in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(ours.track_id, theirs.track_id)
-        # Clouds are FLOAT32.
-        np.testing.assert_allclose(ours.state, theirs.state, rtol=1e-6, atol=1e-6)
+    assert_same(found, tracked_offline(config, sent))
+    assert len(found) == SCANS
     apart = np.hypot(*(found[-1].position[:, None] - truth.position).transpose(2, 0, 1))
     assert apart.min(axis=0).max() < 3.0
 

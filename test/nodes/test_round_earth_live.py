@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from live_and_offline import assert_same, tracked_live, tracked_offline
 from pyproj import Geod, Transformer
-from sensor_msgs.msg import NavSatFix, PointCloud2
+from sensor_msgs.msg import NavSatFix
 
-from msg_adapters import detections, estimates, names, point_cloud, stamps
+from msg_adapters import names, point_cloud, stamps
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.tools import params_file
 
@@ -66,51 +66,22 @@ def clouds(radar):
     ]
 
 
-def offline(config, sent):
-    """Return the filtered estimates of clouds, without a node."""
-    pipeline, (radar,) = new_pipeline(config), config.inputs
-    events = []
-    for cloud in sent:
-        report = detections.from_msg(cloud, radar)
-        assert not report.dropped
-        events += pipeline.add(0, report.stamp_ns, report.detections)
-    return [
-        found for event in events if isinstance(event, Stepped) for found in event.step.filtered
-    ]
-
-
 def test_live_tracks_on_the_earth_are_those_of_offline_ones_and_where_the_aircraft_is(
     processes, peer
 ):
     config = resolve({**params_file.load(PROFILE), **GIVEN}, SystemPlane)
     (radar,) = config.inputs
     sent = clouds(radar)
-    filtered = peer.collect(PointCloud2, names.estimates("filtered"))
     fixes = peer.collect(NavSatFix, f"{names.TRACKER}/navsat")
-    output = peer.publisher(PointCloud2, radar.topic, 50)
     words = [f"{name}:={json.dumps(value)}" for name, value in GIVEN.items()]
-    processes.start(
-        *("tracker", "--ros-args", "--params-file", PROFILE, "-p", "publish_navsat:=true"),
+    found = tracked_live(
+        *(processes, peer, radar, sent),
+        *("--params-file", PROFILE, "-p", "publish_navsat:=true"),
         *(word for text in words for word in ("-p", text)),
-        *("-p", f"qos_overrides.{radar.topic}.subscription.reliability:=reliable"),
     )
-    answer = names.estimates("filtered")
-    assert peer.spin_until(
-        lambda: output.get_subscription_count() and peer.node.count_publishers(answer)
-    )
-    peer.meet()
-    for number, cloud in enumerate(sent):
-        output.publish(cloud)
-        assert peer.spin_until(lambda number=number: len(filtered) > number), number
 
-    expected = offline(config, sent)
-    found = [estimates.from_msg(message) for message in filtered]
-    assert len(found) == len(expected) == SCANS
-    for ours, theirs in zip(found, expected, strict=True):
-        np.testing.assert_array_equal(ours.track_id, theirs.track_id)
-        # Clouds are FLOAT32.
-        np.testing.assert_allclose(ours.state, theirs.state, rtol=1e-6, atol=1e-6)
-
+    assert_same(found, tracked_offline(config, sent))
+    assert len(found) == SCANS
     last_ns = found[-1].stamp_ns
     assert peer.spin_until(lambda: any(stamps.to_ns(fix.header.stamp) == last_ns for fix in fixes))
     (fix,) = (fix for fix in fixes if stamps.to_ns(fix.header.stamp) == last_ns)

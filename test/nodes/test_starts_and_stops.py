@@ -86,7 +86,7 @@ def test_node_refuses_stray_words(processes, tmp_path, name):
 
 def test_tracker_starts_without_what_it_does_not_need():
     # Together they took more than a second of every start.
-    heavy = ["matplotlib", "plotly", "mcap", "rich", "scipy.stats", "scipy.optimize"]
+    heavy = ["matplotlib", "plotly", "mcap", "pyproj", "rich", "scipy.stats", "scipy.optimize"]
     script = f"import sys, phd_jdtc_ros.nodes.tracker.node; print(set({heavy}) & set(sys.modules))"
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60.0

@@ -36,7 +36,7 @@ def opened(tmp_path):
         )
         return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE" in line]
 
-    def open_page(record=None, *flags, at="", then=""):
+    def write(record=None, then=""):
         record = record_of(3) if record is None else record
         evaluation = record.evaluate(1000.0, 2.0)
         path = write_report(
@@ -48,9 +48,12 @@ def opened(tmp_path):
             charts.missing(record, evaluation),
         )
         path.write_text(path.read_text().replace("</body>", f"<script>{then}</script></body>"))
-        return shown(path.as_uri() + at, *flags)
+        return path
 
-    open_page.shown = shown
+    def open_page(record=None, *flags, at="", then=""):
+        return shown(write(record, then).as_uri() + at, *flags)
+
+    open_page.shown, open_page.write = shown, write
     return open_page
 
 
@@ -100,16 +103,14 @@ def test_page_of_a_radar_with_a_hostile_name_draws_its_charts(opened, name):
         assert '<svg class="main-svg"' in part(dom, chart)
 
 
-def test_page_opens_at_the_scan_asked_for(opened):
-    dom, _ = opened(None, at="#scan=3")
-
-    assert f"12.0 s, scan 3 of {SCANS}" in dom
-
-
-def test_play_goes_on_to_the_last_scan(opened):
-    click = 'setTimeout(() => document.getElementById("play").click(), 2000);'
+def test_play_goes_on_from_the_scan_asked_for_to_the_last_one(opened):
+    click = (
+        'setTimeout(() => { document.title = document.getElementById("shown").textContent; '
+        'document.getElementById("play").click(); }, 2000);'
+    )
     dom, console = opened(None, at="#scan=3", then=click)
 
+    assert f"12.0 s, scan 3 of {SCANS}" in re.search("<title>(.*?)</title>", dom)[1]
     assert f"66.0 s, scan {SCANS} of {SCANS}" in dom
     assert ">Play<" in dom
     assert console == []
@@ -143,7 +144,7 @@ def test_page_is_no_wider_than_a_phone(opened, tmp_path, record):
         "parent.postMessage(innerWidth + ' px, ' + (scrollWidth - clientWidth) + ' hidden', '*');"
         "}, 3000));"
     )
-    opened(record, then=said)
+    opened.write(record, said)
     # A browser's own window is wider than a phone.
     frame = tmp_path / "phone.html"
     frame.write_text(

@@ -37,5 +37,5 @@ def test_tracker_keeps_its_targets_through_a_burst_of_false_detections(engine):
 @every_engine
 def test_restarted_tracker_is_soon_as_good_as_one_that_never_stopped(engine):
     with engines.using(engine):
-        figure = warm_restart.measure((21,))
+        figure = warm_restart.measure((21,), compare_cold=False)
     assert figure.reached, (figure.measured, figure.details)
