@@ -8,7 +8,7 @@ import pytest
 from scenes import small
 
 from phd_jdtc_ros.core.models import clutter_map
-from phd_jdtc_ros.core.models.clutter_grid import GroundGrid, PolarGrid
+from phd_jdtc_ros.core.models.clutter_grid import GroundGrid, PolarGrid, corners
 from phd_jdtc_ros.core.models.clutter_map import ClutterMap
 from phd_jdtc_ros.core.types import Detections
 
@@ -177,6 +177,15 @@ def test_both_kinds_of_cells_have_their_share_of_uniform_clutter(seen):
     np.testing.assert_allclose(
         square.log_share(seen, MAX_RANGE), polar.log_share(seen, MAX_RANGE), rtol=1e-12
     )
+
+
+def test_neighbouring_squares_are_told_apart_anywhere():
+    """Their numbers are beyond what floats hold exactly."""
+    grid = GroundGrid(50.0)
+    for east in (-5e3, 5e3):
+        column = np.array([[east, 50.0 * k] for k in range(6)])
+        cell, share = corners(grid, grid.places(column, column))
+        assert len(np.unique(cell[share > 0.5])) == 6
 
 
 def test_squares_are_possible_anywhere():
