@@ -82,6 +82,32 @@ def test_one_detection_is_less_than_a_quay():
     assert factor(once, PLACE)[0] < 0.1 * factor(often, PLACE)[0]
 
 
+# Six reflectors a cell apart, 42 m, three on each side of the place.
+QUAY = np.stack([np.full(6, 4e3), 1.0 + np.radians(0.6) * np.array([-6, -5, -4, 4, 5, 6])], axis=1)
+
+
+def test_among_reflectors_a_place_is_likely_to_answer_before_it_has():
+    quay = answered(2, QUAY)
+    assert factor(quay, PLACE)[0] > 300.0
+    assert factor(quay, [4e3 + 1000.0, 1.0])[0] < 1.0
+    # One reflector makes no quay.
+    single = answered(2, QUAY[:1])
+    assert factor(single, PLACE)[0] < 1.0
+
+
+def test_a_place_that_answers_alone_is_clutter_later_than_one_among_reflectors():
+    """A slow ship answers from the same place for some turns."""
+    alone, among = answered(4), answered(4, np.concatenate([PLACE, QUAY]))
+    assert factor(alone, PLACE)[0] < 0.2 * factor(among, PLACE)[0]
+    assert factor(answered(30), PLACE)[0] > 10.0 * factor(alone, PLACE)[0]
+
+
+def test_reports_of_neighbours_are_of_the_neighbourhood_per_turn():
+    quay = answered(30, QUAY)
+    (about,) = quay.about(PLACE, world(PLACE))
+    assert about == pytest.approx(6.0 - 1.0, rel=0.05)
+
+
 def test_the_last_detections_of_a_place_hardly_count():
     """A ship that moves leaves them, and has left the place before they do."""
     passed = answered(4)
