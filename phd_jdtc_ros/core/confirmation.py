@@ -11,8 +11,9 @@ Where no radar can see a target, nothing speaks against its existence, and its p
 survival alone. A track that was not detected for longer than a limit is not reported there. The
 filter goes on with it, so that it has its number again when it comes out of a blind sector.
 
-Where radars have maps of clutter, a track is confirmed only if its velocity tells that it moves:
-what does not is part of the map soon, and until then it would be reported in vain.
+Where radars have maps of clutter, a track is not confirmed if it is probably at rest: it is part of
+the map soon, and until then it would be reported in vain. Among reflectors that is likely until its
+velocity tells that it moves. Alone at sea it is reported until its velocity tells that it rests.
 
 The thresholds are those of a `reporting_rule`.
 """
@@ -29,6 +30,7 @@ import numpy.typing as npt
 from .arrays import FloatArray, IntArray
 from .models import rest
 from .models.amplitude_model import Band
+from .models.clutter_neighbourhood import crowding
 from .models.tracker_model import TrackerModel
 from .reporting import chosen
 from .reporting_rule import LEAST, ReportingRule, slowest_s
@@ -49,7 +51,7 @@ UNSEEN = 0.98
 PATIENCE = 1.5
 # Where radars have maps of clutter, a track that is at rest with a larger probability than the
 # first is not confirmed, and one with a larger than the second no longer is. A half knows nothing.
-REST, CERTAIN_REST = 0.47, 0.9
+REST, CERTAIN_REST = 0.85, 0.9
 # Scans that are less than this share of a turn apart may be of the same pass of the antenna.
 SAME_TURN = 0.5
 
@@ -74,7 +76,8 @@ def at_rest(found: Estimates, model: TrackerModel) -> FloatArray:
     """Return the probability that each target is at rest, and so clutter to all radars, (T,).
 
     It is 0 where a radar has no map of clutter, or keeps targets that are at rest. Before a
-    velocity is known it is a half, see `rest`.
+    velocity is known it is a half where nothing else answers, see `rest`, and more among
+    reflectors: the odds are divided by the probability that the neighbourhood is not one of them.
     """
     bound = rest.bound_of_rest(model.radars)
     if bound == 0.0:
@@ -82,7 +85,22 @@ def at_rest(found: Estimates, model: TrackerModel) -> FloatArray:
     axes = list(found.space.velocity)
     covariance = found.covariance[:, axes][:, :, axes]
     slower = rest.slower(found.velocity, covariance, bound)
-    return model.detection_births.at_rest(slower, bound)
+    alone = model.detection_births.at_rest(slower, bound)
+    return rest.among_reflectors(alone, _crowding(found, model))
+
+
+def _crowding(found: Estimates, model: TrackerModel) -> FloatArray:
+    """Return how probably each target's neighbourhood is one of reflectors to all radars, (T,).
+
+    The cells of a radar that moves are of the world, wherever it is.
+    """
+    maps = ((radar, radar.clutter_map) for radar in model.radars)
+    about = [
+        places.about(radar.measure(found.state), found.position)
+        for radar, places in maps
+        if places is not None
+    ]
+    return crowding(np.min(about, axis=0))
 
 
 class Records(NamedTuple):
@@ -231,7 +249,8 @@ class TrackStates:
             (corrected >= lowest) & (weight >= np.minimum(LEAST, delete)),
         )
         kept &= detected | seen | (since_ns <= 1e9 * self.rule.coasting_s)
-        kept &= at_rest(found, model) <= np.where(before.state == TENTATIVE, REST, CERTAIN_REST)
+        bound = np.where(before.state == TENTATIVE, REST, CERTAIN_REST)
+        kept &= at_rest(found, model) <= bound
         coasting = missed | long_ago | (~detected & (before.state == COASTING))
         return Records(
             label=label,

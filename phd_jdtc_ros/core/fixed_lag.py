@@ -300,7 +300,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         current = {rows.entry.stamp_ns for rows in self.forward.current}
         found = self._extracted(updated, scan.stamp_ns, 0, self.rule.least)
         self._filtered[scan.stamp_ns] = self._states.filtered(
-            found, updated.label, current, scan, self.forward.model
+            found, updated.label, current, scan, self.forward.mapped_model
         )
         self._filtered = {stamp: kept for stamp, kept in self._filtered.items() if stamp in current}
 

@@ -78,6 +78,11 @@ class ForwardFilter(ABC, Generic[RowsT, LinkT]):
         """Index of the next scan; see `origins`."""
         return self._scan_index
 
+    @property
+    def mapped_model(self) -> TrackerModel:
+        """The model, with the maps of clutter that its radars have learned."""
+        return self.clutter.mapped(self.model)
+
     @abstractmethod
     def step(self, scan: Scan, linked: bool) -> Filtered[RowsT, LinkT]:
         """Predict and update with every radar; if `linked`, link the new set to earlier ones.

@@ -436,19 +436,45 @@ def moving(states, model, stamp_ns, speed, std):
 VELOCITIES = [(0.0, 5.0), (6.0, 2.0), (2.5, 4.0), (0.3, 0.5), (4.0, 0.5)]
 
 
+def states_by_scan(model):
+    """Return whether a track with these velocities is reported, scan by scan."""
+    states = TrackStates(rule_of(model, True))
+    return [
+        bool(moving(states, model, (index + 1) * SECOND, *velocity))
+        for index, velocity in enumerate(VELOCITIES)
+    ]
+
+
+def with_answers(model, answers):
+    """Return the model with a map of a quay at 5 km, of reflectors that answer every turn."""
+    (radar,) = model.radars
+    places = radar.clutter_map
+    azimuth = 2.0 * np.pi / places.grid.columns * (4 + np.arange(answers))
+    seen = np.stack([np.full(answers, 5e3), azimuth], axis=1)
+    for _ in range(4):
+        places = places.after(seen, radar.to_world(seen), np.ones(answers), 1.0)
+    return replace(model, radars=(replace(radar, clutter_map=places),))
+
+
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
-        ({}, [False, True, True, False, True]),
+        ({}, [True, True, True, False, True]),
         ({"mast.clutter_map": False}, [True] * 5),
         ({"mast.clutter_map_speed": 0.0}, [True] * 5),
     ],
 )
-def test_where_there_is_a_map_of_clutter_tracks_are_reported_that_move(given, expected):
+def test_where_there_is_a_map_of_clutter_tracks_at_rest_are_not_reported(given, expected):
+    assert states_by_scan(resolve({**COAST, **given}).model) == expected
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [({}, [False, True, False, False, True]), ({"mast.clutter_map_speed": 0.0}, [True] * 5)],
+)
+def test_among_reflectors_only_tracks_are_reported_that_tell_that_they_move(given, expected):
     model = resolve({**COAST, **given}).model
-    states = TrackStates(rule_of(model, True))
-    found = [
-        bool(moving(states, model, (index + 1) * SECOND, *velocity))
-        for index, velocity in enumerate(VELOCITIES)
-    ]
-    assert found == expected
+    assert states_by_scan(with_answers(model, 5)) == expected
+    # One that answers beside it makes no quay.
+    alone = states_by_scan(model)
+    assert states_by_scan(with_answers(model, 1)) == alone

@@ -343,6 +343,14 @@ def test_slow_ships_do_not_hide_behind_their_own_detections(engine):
     assert ships[10:].mean() > 2.7
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_ships_alone_at_sea_are_reported_at_once_and_a_quay_is_not(engine):
+    quay, ships = followed(engine, 16, course=(SLOW_START, SLOW_VELOCITY), **MAPPED)
+    # From the second detection on.
+    assert ships[1:6].min() == 3
+    assert quay.sum() < 60
+
+
 def test_particles_have_no_map_of_a_radar_that_moves():
     """They would lose ships to it."""
     given = {**HARBOUR, **MAPPED, "mast.pose": "/ship/odometry"}
@@ -351,9 +359,13 @@ def test_particles_have_no_map_of_a_radar_that_moves():
 
 
 def test_targets_at_rest_stay_if_they_may():
-    quay, _ = followed("gaussian", 25, **MAPPED)
-    stayed, _ = followed("gaussian", 25, **MAPPED, **{"mast.clutter_map_speed": 0.0})
-    assert stayed[-5:].mean() > quay[-5:].mean() + 1.0
+    anchored = START, 0.0 * VELOCITY
+    _, ships = followed("gaussian", 20, course=anchored, **MAPPED)
+    assert ships[-5:].max() == 0
+    _, stayed = followed(
+        "gaussian", 20, course=anchored, **MAPPED, **{"mast.clutter_map_speed": 0.0}
+    )
+    assert stayed[-5:].mean() > 2.5
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -14,6 +14,7 @@
     radar                  geometry, measurement noise, range, clutter
     clutter_amplitude      laws of the amplitudes of clutter, one of them learned
     clutter_map            where clutter comes from, learned; its cells in clutter_grid
+    clutter_neighbourhood  how often the neighbourhood of a place answers
     clutter_raster         the same as a picture of the world
     clutter_memory         what a filter has learned of each radar's clutter
     rest                   whether a target is at rest, as its velocity tells

@@ -140,11 +140,12 @@ class GroundGrid:
 
 def corners(grid: Grid, places: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the four cells about each place and its shares of them, shapes (4, M)."""
-    row, column = np.floor(places)
+    # As whole numbers: those of squares of the world are beyond what floats hold exactly.
+    row, column = np.floor(places).astype(np.int64)
     below, beside = places - np.stack([row, column])
     cells, shares = [], []
     for down in (0, 1):
         for right in (0, 1):
             cells.append((row + down) * grid.columns + np.mod(column + right, grid.columns))
             shares.append((below if down else 1.0 - below) * (beside if right else 1.0 - beside))
-    return np.array(cells).astype(np.int64), np.array(shares)
+    return np.array(cells), np.array(shares)

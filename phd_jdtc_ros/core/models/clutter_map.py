@@ -14,11 +14,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only
+from . import clutter_neighbourhood
 from .clutter_grid import Grid, corners
 
 # The detections of one reflector lie some three times as densely as the cells can tell, and what
-# answers from the same place again and again is clutter rather than a target, by more than that.
-POINT = 60.0
+# answers from the same place again and again is clutter rather than a target, by more than that
+# among others that do, where detections of neighbours look like those of a target that moves.
+ALONE, POINT = 5.0, 60.0
+# Reflectors lie in lines, in a sixth of the cells of their neighbourhood or less.
+GATHERED = 6.0
 # A target that passes leaves about so many detections in a cell before it is known; more of them
 # are needed to tell a place. What answers in a smaller share of all turns is hardly a place.
 AGAIN, SELDOM = 2.0, 0.15
@@ -57,9 +61,12 @@ class ClutterMap:
     -----
     A detection counts k turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With the
     rate mu of a cell if clutter is uniform, and n detections in T turns that count, the rate is
-    (mu PRIOR_TURNS + POINT n^2 / (n + AGAIN + SELDOM T)) / (PRIOR_TURNS + T): the mean after a
-    Gamma prior, but for the two factors of n. They are what keeps quays from becoming targets, and
-    ships that move from hiding behind their own first detections.
+    (PRIOR_TURNS (mu + GATHERED A / CELLS) + b n^2 / (n + AGAIN + SELDOM T)) / (PRIOR_TURNS + T):
+    the mean after a Gamma prior, but for the two factors of n. They are what keeps quays from
+    becoming targets, and ships that move from hiding behind their own first detections. The
+    neighbourhood tells what is likely before the place has answered: with A detections per turn
+    that come from it beyond those of one reflector, all of them counted at once, the prior is that
+    of its cells, and b rises from ALONE to POINT; see `clutter_neighbourhood`.
     """
 
     grid: Grid
@@ -91,6 +98,7 @@ class ClutterMap:
             Metres.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
+        about = self.about(measurement, world)
         found = np.zeros(cell.shape)
         if len(self.cell):
             place = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
@@ -98,12 +106,31 @@ class ClutterMap:
             found = np.where(self.cell[place] == cell, np.maximum(counting, 0.0), 0.0)
         seen = (found * share).sum(axis=0)
         turns = max(self.turns - self.recent_turns, 0.0)
-        again = POINT * seen**2 / (seen + AGAIN + SELDOM * turns)
+        point = ALONE + (POINT - ALONE) * clutter_neighbourhood.crowding(about)
+        again = point * seen**2 / (seen + AGAIN + SELDOM * turns)
+        again += PRIOR_TURNS * GATHERED * about / clutter_neighbourhood.CELLS
         log_expected = np.log(rate) + self.grid.log_share(measurement, max_range)
-        with np.errstate(divide="ignore"):  # of a cell that nothing came from
+        with np.errstate(divide="ignore"):  # where nothing came from
             relative = np.logaddexp(np.log(PRIOR_TURNS), np.log(again) - log_expected)
         log_factor: FloatArray = relative - np.log(PRIOR_TURNS + turns)
         return log_factor
+
+    def about(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
+        """Return the detections per turn of the neighbourhood of each place, shape (M,).
+
+        Only those beyond what one reflector would answer.
+
+        Parameters
+        ----------
+        measurement, world : arrays of shape (M, 2)
+            As in `log_factor`.
+        """
+        found = clutter_neighbourhood.detections_about(
+            self.grid, self.cell, self.count, self.grid.places(measurement, world)
+        )
+        single = clutter_neighbourhood.SINGLE
+        beyond: FloatArray = np.maximum(found / max(self.turns, 1.0) - single, 0.0)
+        return beyond
 
     def after(
         self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float

@@ -17,6 +17,7 @@ from .clutter_amplitude import Learned
 from .clutter_count import ClutterCount
 from .clutter_map import ClutterMap
 from .radar import RadarModel
+from .tracker_model import TrackerModel
 
 
 @dataclass
@@ -56,6 +57,18 @@ class ClutterMemory:
             radar = replace(radar, clutter_count=count, clutter_rate=count.rate)
         self._informed[radar.name] = radar
         return radar
+
+    def mapped(self, model: TrackerModel) -> TrackerModel:
+        """Return a tracker's model whose radars have the maps that were learned."""
+        if not self.maps:
+            return model
+        radars = (
+            radar
+            if radar.clutter_map is None
+            else replace(radar, clutter_map=self.maps.get(radar.name, radar.clutter_map))
+            for radar in model.radars
+        )
+        return replace(model, radars=tuple(radars))
 
     def learns(self, radar: RadarModel) -> bool:
         """Return whether there is something to learn of the report of a radar as `informed`.

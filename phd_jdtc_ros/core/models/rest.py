@@ -68,6 +68,25 @@ def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> 
     return even
 
 
+def among_reflectors(probability: FloatArray, crowding: FloatArray) -> FloatArray:
+    """Return probabilities of rest where reflectors are about, shape kept.
+
+    Parameters
+    ----------
+    probability : array
+        Of being at rest where nothing else answers.
+    crowding : array of the same shape
+        Probability that a target's neighbourhood is one of reflectors; below 1.
+
+    Notes
+    -----
+    The odds are divided by the probability that it is not one. What surely moves is so anywhere.
+    """
+    motion = (1.0 - probability) * (1.0 - crowding)
+    found: FloatArray = probability / (probability + motion)
+    return found
+
+
 def bound_of_rest(radars: Sequence[RadarModel]) -> float:
     """Return the speed below which a target is clutter to every radar, m/s; 0 if there is none.
 

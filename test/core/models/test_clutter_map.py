@@ -8,7 +8,7 @@ import pytest
 from scenes import small
 
 from phd_jdtc_ros.core.models import clutter_map
-from phd_jdtc_ros.core.models.clutter_grid import GroundGrid, PolarGrid
+from phd_jdtc_ros.core.models.clutter_grid import GroundGrid, PolarGrid, corners
 from phd_jdtc_ros.core.models.clutter_map import ClutterMap
 from phd_jdtc_ros.core.types import Detections
 
@@ -80,6 +80,32 @@ def test_the_density_is_that_of_the_place_and_not_of_the_uniform_rate():
 def test_one_detection_is_less_than_a_quay():
     once, often = answered(1), answered(20)
     assert factor(once, PLACE)[0] < 0.1 * factor(often, PLACE)[0]
+
+
+# Six reflectors a cell apart, 42 m, three on each side of the place.
+QUAY = np.stack([np.full(6, 4e3), 1.0 + np.radians(0.6) * np.array([-6, -5, -4, 4, 5, 6])], axis=1)
+
+
+def test_among_reflectors_a_place_is_likely_to_answer_before_it_has():
+    quay = answered(2, QUAY)
+    assert factor(quay, PLACE)[0] > 300.0
+    assert factor(quay, [4e3 + 1000.0, 1.0])[0] < 1.0
+    # One reflector makes no quay.
+    single = answered(2, QUAY[:1])
+    assert factor(single, PLACE)[0] < 1.0
+
+
+def test_a_place_that_answers_alone_is_clutter_later_than_one_among_reflectors():
+    """A slow ship answers from the same place for some turns."""
+    alone, among = answered(4), answered(4, np.concatenate([PLACE, QUAY]))
+    assert factor(alone, PLACE)[0] < 0.2 * factor(among, PLACE)[0]
+    assert factor(answered(30), PLACE)[0] > 10.0 * factor(alone, PLACE)[0]
+
+
+def test_reports_of_neighbours_are_of_the_neighbourhood_per_turn():
+    quay = answered(30, QUAY)
+    (about,) = quay.about(PLACE, world(PLACE))
+    assert about == pytest.approx(6.0 - 1.0, rel=0.05)
 
 
 def test_the_last_detections_of_a_place_hardly_count():
@@ -177,6 +203,15 @@ def test_both_kinds_of_cells_have_their_share_of_uniform_clutter(seen):
     np.testing.assert_allclose(
         square.log_share(seen, MAX_RANGE), polar.log_share(seen, MAX_RANGE), rtol=1e-12
     )
+
+
+def test_neighbouring_squares_are_told_apart_anywhere():
+    """Their numbers are beyond what floats hold exactly."""
+    grid = GroundGrid(50.0)
+    for east in (-5e3, 5e3):
+        column = np.array([[east, 50.0 * k] for k in range(6)])
+        cell, share = corners(grid, grid.places(column, column))
+        assert len(np.unique(cell[share > 0.5])) == 6
 
 
 def test_squares_are_possible_anywhere():

@@ -58,6 +58,14 @@ def test_where_newborn_targets_are_all_slower_or_all_faster_nothing_changes():
     np.testing.assert_array_equal(everything, [1.0])
 
 
+def test_among_reflectors_rest_is_likelier_unless_the_velocity_tells():
+    probability = np.array([0.0, 0.1, 0.5, 1.0])
+    np.testing.assert_array_equal(rest.among_reflectors(probability, np.zeros(4)), probability)
+    among = rest.among_reflectors(probability, np.full(4, 0.9))
+    # The odds are ten times as large.
+    np.testing.assert_allclose(among, [0.0, 10.0 / 19.0, 10.0 / 11.0, 1.0])
+
+
 def test_a_target_at_rest_is_clutter_only_if_it_is_to_every_radar():
     plain = small().model.radars[0]
     mapped = replace(
