@@ -11,8 +11,8 @@ from scipy import sparse
 from phd_jdtc_ros.core.configuration import build
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.smc import prediction
-from phd_jdtc_ros.core.smc.guidance import Places
 from phd_jdtc_ros.core.smc.particle_set import Aged, ParticleSet
+from phd_jdtc_ros.core.smc.places import Places
 from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.types import Detections
 

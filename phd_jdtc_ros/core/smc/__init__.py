@@ -10,10 +10,10 @@ the intensity of the targets.
 The path of one scan, with the module of each step::
 
     stored set t                             particle_set
-      |  predict: survive, spawn, be born    prediction
+      |  predict: survive, spawn, be born    prediction; guidance, rated_guidance, places
       |  update, radar by radar              update
       |    correct every origin              correction
-      |  resample within (class, origin)     resampling, budget
+      |  resample within (class, origin)     resampling, budget; newborns, regularisation
     stored set t+1                           (filter: the four steps in order)
       |  kernel from set t, cached           backward_kernel, transition_density,
       |                                      spawn_intensity, kernel_thinning

@@ -16,13 +16,13 @@ from ..snapshot import Snapshot
 from ..touch import parted
 from ..types import Scan
 from ..window import Current, Entry
-from . import backward_kernel, newborns
+from . import backward_kernel, newborns, regularisation
 from .backward_kernel import ParticleEntry, Transition
 from .budget import ParticleBudget
 from .correction import Corrector
-from .guidance import places
 from .initiation import informed
 from .particle_set import Aged, ParticleSet
+from .places import places
 from .prediction import predict
 from .resampling import resample
 from .update import update_scan
@@ -69,8 +69,10 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         dt = self._interval(scan)
         touched, others = parted(self.current, scan, model, corrector.labelled)
         seen = places(scan, model)
+        radars = [radar for radar, _ in model.reports(scan)]
+        # With range rates young targets are regularised, which is in place of more particles.
+        regularises = corrector.labelled and seen.rates is not None
         if corrector.labelled:
-            radars = [radar for radar, _ in model.reports(scan)]
             before = touched
             touched = informed(before, scan.stamp_ns, seen, radars, model, rng)
             # The rows that this scan leaves alone stay rows of the same set as those that it drew.
@@ -88,10 +90,12 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
             self.attributes if corrector.labelled else None,
         )
         self.done("update")
-        young_from = index if corrector.labelled else None
+        young_from = index if corrector.labelled and not regularises else None
         stored = resample(updated, model.modes, budget, rng, young_from)
         if corrector.labelled:
             stored = newborns.spread(stored, scan, model, index, rng)
+        if regularises:
+            stored = regularisation.regularised(stored, radars, model.modes, index, rng)
         self.done("resample")
         link = None
         if linked and earlier:

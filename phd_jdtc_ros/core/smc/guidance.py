@@ -25,16 +25,12 @@ the defensive mixture of Hesterberg, Technometrics 37(2), 1995.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..models import motion
 from ..models.motion import MotionModel
-from ..models.radar import LEAST_RANGE, RadarModel
-from ..models.tracker_model import TrackerModel
-from ..types import Detections, Scan
+from .places import Places
 
 # The process noise is guided by detections whose larger deviation is below this many of its own.
 SHARP = 6.0
@@ -44,58 +40,6 @@ BLIND_SHARE = 0.3
 GATE_SIGMA = 6.0
 # Particles times detections that are compared at once; with more, none is guided.
 MOST_PAIRS = 1 << 22
-
-
-@dataclass(frozen=True)
-class Places:
-    """The detections of a scan in the world.
-
-    Parameters
-    ----------
-    position : array of shape (M, 2)
-        At the time of the detection, metres.
-    covariance : array of shape (M, 2, 2)
-        Square metres.
-    time_s : array of shape (M,)
-        Relative to the scan's stamp, seconds.
-    """
-
-    position: FloatArray
-    covariance: FloatArray
-    time_s: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.position)
-
-    def sharper_than(self, std: float) -> Places:
-        """Return the detections whose larger deviation is below `std`, metres."""
-        rows = np.flatnonzero(np.linalg.eigvalsh(self.covariance)[:, 1] < std**2)
-        return Places(self.position[rows], self.covariance[rows], self.time_s[rows])
-
-
-def places(scan: Scan, model: TrackerModel) -> Places:
-    """Return where a scan's detections are, of all radars."""
-    found = [_places(detections, radar) for radar, detections in model.reports(scan)]
-    return Places(
-        np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),
-        np.concatenate([np.zeros((0, 2, 2)), *(part.covariance for part in found)]),
-        np.concatenate([np.zeros(0), *(part.time_s for part in found)]),
-    )
-
-
-def _places(detections: Detections, radar: RadarModel) -> Places:
-    own = radar.detection_noise(detections)
-    std = np.tile(radar.noise_std, (len(detections), 1)) if own is None else own
-    distance, azimuth = detections.measurement.T
-    bearing = azimuth + radar.yaw
-    along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    sides = (std[:, 0], std[:, 1] * np.maximum(distance, LEAST_RANGE))
-    covariance = np.zeros((len(detections), 2, 2))
-    for side, axis in zip(sides, (along, across), strict=True):
-        covariance += (side**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
-    time_s = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
-    return Places(radar.to_world(detections.measurement), covariance, time_s)
 
 
 def sample(

@@ -27,8 +27,8 @@ from ..origins import is_detected
 from ..window import Current, Entry
 from .backward_kernel import CurrentParticles
 from .correction import scale_rows
-from .guidance import Places
 from .particle_set import ParticleSet
+from .places import Places
 
 # Velocities are drawn again where they spread a target over this many deviations of a detection.
 BROAD = 2.0

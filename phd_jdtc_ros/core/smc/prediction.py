@@ -16,11 +16,11 @@ from ..arrays import FloatArray, IntArray, factorize, sum_by
 from ..models import birth
 from ..models.birth import BirthTerm
 from ..models.tracker_model import TrackerModel
-from . import guidance, resampling
+from . import rated_guidance, resampling
 from .budget import ParticleBudget
 from .correction import Corrector
-from .guidance import Places
 from .particle_set import Aged, ParticleSet
+from .places import Places
 
 
 def predict(
@@ -142,7 +142,7 @@ def _survivors(
     for index, motion_model in enumerate(modes.motions):
         chosen = np.flatnonzero(mode == index)
         earlier = particles.state.take(copy.take(chosen), axis=0)
-        state[chosen], factor[chosen] = guidance.sample(motion_model, earlier, dt, seen, rng)
+        state[chosen], factor[chosen] = rated_guidance.sample(motion_model, earlier, dt, seen, rng)
     origin = particles.origin[copy]
     if (factor != 1.0).any():
         weight = _of_equal_mass(weight * factor, weight, origin)

@@ -7,7 +7,7 @@ from scipy.stats import multivariate_normal, norm
 
 from phd_jdtc_ros.core.models.motion import ConstantVelocity, CoordinatedTurn
 from phd_jdtc_ros.core.smc import guidance
-from phd_jdtc_ros.core.smc.guidance import Places
+from phd_jdtc_ros.core.smc.places import Places
 
 DT = 4.0
 CV = ConstantVelocity(100.0)

@@ -11,8 +11,8 @@ from sweep import configuration
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.range_rate import RangeRateModel
 from phd_jdtc_ros.core.origins import first_detected, first_predicted
-from phd_jdtc_ros.core.smc.guidance import Places
 from phd_jdtc_ros.core.smc.initiation import informed
+from phd_jdtc_ros.core.smc.places import Places
 from phd_jdtc_ros.core.window import Current, Entry
 
 STD = 150.0
