@@ -84,10 +84,8 @@ demo: $(VENV)/.ready
 RUNS ?= 50
 
 study: $(VENV)/.ready-study
-	@$(RUN) -m phd_jdtc_ros monte_carlo --runs $(RUNS)
-	@$(RUN) -m phd_jdtc_ros madap
-	@$(RUN) -m phd_jdtc_ros registration
-	@$(RUN) -m phd_jdtc_ros seam
+	@$(RUN) -m phd_jdtc_ros monte_carlo --runs $(RUNS) \
+	    --beside madap --beside registration --beside seam
 
 bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)

@@ -71,6 +71,7 @@ def gaussian_engine(config: TrackerConfig) -> GaussianEngine:
         merge_distance=values["merge_distance"],
         least_existence=values["detection_births.least_probability"],
         most=values["max_hypotheses"],
+        least_mode=values["least_mode"],
     )
     return GaussianEngine(
         forward=GaussianFilter(config.model, bounds),

@@ -26,7 +26,7 @@ from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.study import figures, monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Outcome, Plan, Scene, Store, Study, Task
 
-from . import command, params_file
+from . import beside, command, params_file
 
 PUBLISHED = Path("config/studies/published.yaml")
 # Of the published tables; the tracker's parameters were found on other seeds.
@@ -150,14 +150,17 @@ def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:
     return study, monte_carlo.plan(study, seeds)
 
 
-def _backend(arguments: argparse.Namespace) -> Callable[..., None]:
-    """Return the function that runs tasks, given a callback for their outcomes."""
+def _backend(arguments: argparse.Namespace, busy: Callable[[], int]) -> Callable[..., None]:
+    """Return the function that runs tasks, given a callback for their outcomes.
+
+    `busy` tells how many processors of this machine are taken.
+    """
 
     def on_dask(tasks: Sequence[Task], report: monte_carlo.Report) -> None:
         monte_carlo.run_on_dask(tasks, arguments.dask, report)
 
     def on_processes(tasks: Sequence[Task], report: monte_carlo.Report) -> None:
-        monte_carlo.run_on_processes(tasks, arguments.workers, report)
+        monte_carlo.run_on_processes(tasks, arguments.workers, report, busy=busy)
 
     return on_dask if arguments.dask else on_processes
 
@@ -192,6 +195,13 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument(
         "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
     )
+    parser.add_argument(
+        "--beside",
+        action="append",
+        choices=beside.NAMES,
+        default=[],
+        help="another study that runs at the same time; may be repeated",
+    )
     command.add_cutoff_argument(parser)
     arguments = parser.parse_args(argv)
 
@@ -200,7 +210,10 @@ def main(argv: Sequence[str]) -> int:
         # On SIGTERM the worker processes are stopped too.
         before = signal.signal(signal.SIGTERM, signal.default_int_handler)
         try:
-            return run(study, plan, arguments.out, _backend(arguments))
+            studies = [(name,) for name in arguments.beside]
+            with beside.Beside(studies, arguments.out) as others:
+                status = run(study, plan, arguments.out, _backend(arguments, others.busy))
+                return max(status, others.finish())
         finally:
             signal.signal(signal.SIGTERM, before)
 

@@ -108,7 +108,7 @@ def test_newborn_gaussians_are_one_hypothesis_for_each_fold():
         None,
         range_rate=np.array([9.0, 0.0, np.nan]),
     )
-    bounds = Bounds(100, 0.0, 0.0, 0.0, 1000)
+    bounds = Bounds(100, 0.0, 0.0, 0.0, 1000, 1.0)
     _, newborn, _ = gaussian_update.update(nothing, report, radar, dynamics, bounds, 0.1)
     found = newborn_mixture(newborn, dynamics, 1000)
 

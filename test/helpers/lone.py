@@ -21,6 +21,8 @@ GIVEN = {
     "interval_s": INTERVAL_S,
     "max_gap_scans": 1e5,
     "amplitude": "none",
+    # Motions are mixed with every scan, as by a textbook's interacting multiple models.
+    "least_mode": 1.0,
     "spawn.rate": 0.0,
     "spawn.class_transition": [],
     "spawn.mode_transition": [],

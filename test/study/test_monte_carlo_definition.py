@@ -59,12 +59,13 @@ def test_resolve_finds_every_published_goal_among_what_is_run():
     """A goal of a variant, case or lag that is not run would never be judged."""
     study = load_study(ROOT / "config" / "studies" / "published.yaml", {})
     variants = {variant.name: variant for variant in study.variants}
+    cases = {case.name: case for case in study.cases}
 
     for goal in study.goals:
         others = (goal.relative_to or goal.variant, goal.relative_case)
         for name, case in ((goal.variant, goal.case), others):
             assert case in variants[name].cases
-            assert goal.lag in variants[name].lags
+            assert goal.lag in cases[case].lags_of(variants[name])
 
 
 def test_a_case_has_a_cutoff_of_its_own_and_only_the_variants_that_name_it(study_file):
@@ -137,6 +138,24 @@ def test_resolve_lists_every_fault(study_file):
         "variants.wrong.kind",
         "variants.wrong.size",
     ]
+
+
+def test_variants_have_those_of_their_lags_that_the_case_has(study_file):
+    def given(lags):
+        def change(document):
+            document["cases"]["quiet"]["lags"] = lags
+
+        return change
+
+    study = load_study(study_file(given([0])), {})
+    tasks = monte_carlo.plan(study, [0]).tasks
+    found = {v.name: v.lags for task in tasks if task.case == "quiet" for v in task.variants}
+    assert set(found.values()) == {(0,)}
+
+    wrong = faults(study_file, given([1]))
+    # One variant has it, the others do not.
+    assert "cases.quiet.lags: [1] given, corrected has none of them" in wrong
+    assert not any("fewer" in fault for fault in wrong)
 
 
 def test_resolve_lists_faults_of_the_variants_parameters(study_file):

@@ -3,6 +3,7 @@
 
 import os
 import signal
+import time
 from dataclasses import replace
 from functools import partial
 
@@ -27,6 +28,17 @@ def die_of_one(seed, task):
     return Outcome(task)
 
 
+def alone(active, task):
+    """Return an error if another task is running."""
+    try:
+        active.touch(exist_ok=False)
+    except FileExistsError:
+        return Outcome(task, error="another task is running")
+    time.sleep(0.05)
+    active.unlink()
+    return Outcome(task)
+
+
 def many(tasks, count):
     return [replace(tasks[0], seed=seed) for seed in range(count)]
 
@@ -43,6 +55,17 @@ def test_run_on_processes_does_what_perform_does(tasks):
     for outcome in found:
         expected = perform(outcome.task).scores["corrected"].values
         np.testing.assert_array_equal(outcome.scores["corrected"].values, expected)
+
+
+def test_run_on_processes_leaves_a_processor_to_what_takes_it(tasks, tmp_path):
+    found = []
+    work = partial(alone, tmp_path / "active")
+    monte_carlo.run_on_processes(many(tasks, 4), 2, found.append, work, busy=lambda: 1)
+    assert seeds(found) == [0, 1, 2, 3]
+    # However much is taken, one worker goes on.
+    monte_carlo.run_on_processes(many(tasks, 1), 1, found.append, work, busy=lambda: 1)
+    assert seeds(found) == [0, 0, 1, 2, 3]
+    assert not any(outcome.error for outcome in found)
 
 
 def test_run_on_processes_runs_a_dead_workers_tasks_again(tasks, tmp_path):

@@ -127,7 +127,8 @@ TOP = (
     Parameter(
         "hypotheses_per_target",
         8,
-        "Largest number of association hypotheses of a target, with engine gaussian.",
+        "Largest number of association hypotheses of a target, with engine gaussian; each may go "
+        "on once for each motion, see least_mode.",
         1,
         1000,
     ),
@@ -146,6 +147,15 @@ TOP = (
         "gaussian.",
         0.0,
         100.0,
+    ),
+    Parameter(
+        "least_mode",
+        0.05,
+        "Probability, given one of a target's hypotheses, below which one of its motions does not "
+        "go on as a hypothesis of its own; 1: none does, and motions are mixed with every scan, "
+        "which is faster and less accurate. With engine gaussian.",
+        0.0,
+        1.0,
     ),
     Parameter(
         "max_hypotheses",

@@ -95,7 +95,7 @@ def backward(
             found = [part.reshape(*mean.shape[:-1], *part.shape[1:]) for part in found]
             return Backward(*found), precision.reshape(covariance.shape)
     size = mean.shape[-1]
-    precision = _inverse(later + unsupported[..., None] * np.eye(size))
+    precision = inverse(later + unsupported[..., None] * np.eye(size))
     gain = cross @ precision
     base = covariance - gain @ _turned(cross)
     offset = mean - (gain @ later_mean[..., None])[..., 0]
@@ -280,13 +280,13 @@ def _floored(covariance: FloatArray) -> tuple[FloatArray, int]:
     return sound, int(np.count_nonzero(low))
 
 
-def _inverse(matrix: FloatArray) -> FloatArray:
+def inverse(matrix: FloatArray) -> FloatArray:
     """Return the inverses of covariances; of singular ones, those on the axes that they span."""
     try:
-        inverse = np.linalg.inv(matrix)
+        found = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:
-        inverse = np.linalg.pinv(matrix, hermitian=True)
-    return np.asarray(inverse, dtype=np.float64)
+        found = np.linalg.pinv(matrix, hermitian=True)
+    return np.asarray(found, dtype=np.float64)
 
 
 def inverse_of_pairs(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -1,7 +1,10 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Reduction of each target's hypotheses: improbable ones are dropped, similar ones merged."""
+"""Reduction of each target's hypotheses: improbable ones are dropped, similar ones merged.
+
+Of those that are left, each probable motion mode then goes on as a hypothesis of its own.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ class Bounds:
     Parameters
     ----------
     hypotheses : int
-        Per target; at most.
+        Per target; at most, before each goes on once for each of its motion modes.
     least_share : float
         Of the target's existence probability; hypotheses with less are dropped.
     merge_distance : float
@@ -31,6 +34,9 @@ class Bounds:
         Targets with a smaller existence probability are dropped.
     most : int
         Hypotheses of all targets together.
+    least_mode : float
+        Of a hypothesis; motion modes with a smaller share do not go on as hypotheses of their own.
+        With 1 none does, and modes are mixed by every prediction.
     """
 
     hypotheses: int
@@ -38,6 +44,7 @@ class Bounds:
     merge_distance: float
     least_existence: float
     most: int
+    least_mode: float
 
 
 @dataclass(frozen=True)
@@ -130,8 +137,13 @@ def reduced(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]
     takes in all that are within the merge distance of it, then the most probable of those left, and
     so on. Each motion mode's Gaussian keeps the mean and covariance of what it takes in.
 
+    To merge hypotheses of different motion modes only now, after an update, is the second-order
+    generalised pseudo-Bayesian filter; to keep those that are not near to each other is more exact.
+
     References
     ----------
+    Chang and Athans, "State estimation for discrete systems with switching parameters", IEEE
+    Transactions on Aerospace and Electronic Systems 14(3), 1978.
     Salmond, "Mixture reduction algorithms for target tracking in clutter", Proceedings of SPIE
     1305, 1990, the clustering algorithm.
     """
@@ -157,10 +169,33 @@ def reduced(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]
     part = weight[child]
     part = np.where(part > 0.0, mixture.weight / np.where(part > 0.0, part, 1.0), 0.0)
     covariance, floored = kalman.floored(covariance)
+    merged = Mixture(mixture.origin[first], weight, mean, covariance)
+    return *_by_mode(merged, Ancestry(child, ordered.parent, part), bounds.least_mode), floored
+
+
+def _by_mode(mixture: Mixture, ancestry: Ancestry, least: float) -> tuple[Mixture, Ancestry]:
+    """Return hypotheses of one motion mode each, of those with a share of at least `least`.
+
+    Modes with less stay with the most probable one.
+    """
+    mass = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
+    own = (mixture.mode_weight >= least * mass[:, None]) & (mixture.mode_weight > 0.0)
+    main = mixture.mode_weight.argmax(axis=1)
+    own[np.arange(len(mixture)), main] = True
+    if len(mixture) == np.count_nonzero(own):
+        return mixture, ancestry
+    row, mode = np.nonzero(own)
+    kept = mode[:, None] == np.arange(own.shape[1])
+    kept |= ~own[row] & (mode == main[row])[:, None]
+    each = mixture.take(row)
+    # The rows of `ancestry` of each hypothesis, once for each of its modes.
+    first = np.searchsorted(ancestry.child, row)
+    count = np.searchsorted(ancestry.child, row, side="right") - first
+    child = np.arange(len(row)).repeat(count)
+    edge = np.arange(len(child)) + (first - (np.cumsum(count) - count)).repeat(count)
     return (
-        Mixture(mixture.origin[first], weight, mean, covariance),
-        Ancestry(child, ordered.parent, part),
-        floored,
+        each.told(each.weight * kept[..., None], each.mean, each.covariance),
+        Ancestry(child, ancestry.parent[edge], ancestry.share[edge] * kept[child][..., None]),
     )
 
 
@@ -169,6 +204,8 @@ def _existing(mixture: Mixture, bounds: Bounds) -> IntArray:
     existence = mixture.existence
     kept = existence >= bounds.least_existence
     size = np.bincount(mixture.target, minlength=len(existence))
+    if bounds.least_mode < 1.0:  # each may go on once for each of its motion modes
+        size *= mixture.mean.shape[1]
     if size[kept].sum() > bounds.most:
         order = np.argsort(-existence, kind="stable")
         most = order[np.cumsum(size[order]) <= bounds.most]
@@ -196,7 +233,7 @@ def _clusters(mixture: Mixture, distance: float) -> IntArray:
     while len(free):
         _, place, group = np.unique(target[free], return_index=True, return_inverse=True)
         centre = free[place]  # the most probable: rows of a target come in this order
-        inverse = np.linalg.inv(covariance[centre])
+        inverse = kalman.inverse(covariance[centre])
         apart = mean[free] - mean[centre][group]
         square = (apart[:, None] @ inverse[group] @ apart[..., None])[:, 0, 0]
         near = (square <= distance) | (free == centre[group])

@@ -126,6 +126,8 @@ class Case:
         Targets that are not scored, where antennas turn.
     run_share : float
         Share of the runs that are asked for, above 0 and at most 1; for cases that cost much.
+    lags : tuple of int or None
+        Those of a variant that are run on this case; None for all.
     """
 
     name: str
@@ -135,6 +137,11 @@ class Case:
     cutoff: float | None = None
     ignored: Ignored = TAXIING
     run_share: float = 1.0
+    lags: tuple[int, ...] | None = None
+
+    def lags_of(self, variant: Variant) -> tuple[int, ...]:
+        """Return the lags that a variant is run with on this case."""
+        return tuple(lag for lag in variant.lags if self.lags is None or lag in self.lags)
 
 
 @dataclass(frozen=True)

@@ -83,6 +83,12 @@ def resolve(
         for index, given in enumerate(_list(document, "goals", faults))
     ]
     cases = tuple(case for case in checked if case is not None)
+    faults += [
+        f"cases.{case.name}.lags: {list(case.lags or ())} given, {variant.name} has none of them"
+        for case in cases
+        for variant in variants
+        if case.name in variant.cases and variant.lags and not case.lags_of(variant)
+    ]
     study = Study(cases, tuple(variants), tuple(goals), dict(assigned))
     by_variant = dict(_tracker_faults(study))
     left_out = {}
@@ -112,8 +118,9 @@ def _case(
     """Return a case, or None after adding its faults to `faults`."""
     prefix = f"cases.{name}."
     known = ("scenario", "parameters", "cutoff", "only_named", "ignored", "run_share")
-    known = (*known, "transponders")
+    known = (*known, "transponders", "lags")
     faults += _unknown_keys(given, prefix, known)
+    lags = _lags(given["lags"], f"{prefix}lags", faults) if "lags" in given else None
     run_share = _run_share(given, prefix, faults)
     ignored = _ignored(given, prefix, faults)
     cutoff = CUTOFF.coerce(given["cutoff"]) if "cutoff" in given else math.nan
@@ -143,7 +150,7 @@ def _case(
         if highest >= classes:
             raise ConfigError([f"class {highest} of a target, must be below {classes}"])
         own = cutoff if isinstance(cutoff, float) and math.isfinite(cutoff) else None
-        return Case(name, scenario, parameters, classes, own, ignored, run_share)
+        return Case(name, scenario, parameters, classes, own, ignored, run_share, lags)
     except ConfigError as error:
         for fault in error.faults:
             name = fault.split(":")[0]

@@ -29,7 +29,11 @@ Work: TypeAlias = Callable[[Task], Outcome]
 
 
 def run_on_processes(
-    tasks: Iterable[Task], workers: int, report: Report, work: Work = perform
+    tasks: Iterable[Task],
+    workers: int,
+    report: Report,
+    work: Work = perform,
+    busy: Callable[[], int] = lambda: 0,
 ) -> None:
     """Run tasks on processes of this machine.
 
@@ -41,6 +45,9 @@ def run_on_processes(
         Called in this process whenever a task ends.
     work : callable
         Called by a worker with a task.
+    busy : callable
+        Returns how many of the workers' processors something else takes at the time; all but one
+        worker wait for it.
 
     Notes
     -----
@@ -52,7 +59,7 @@ def run_on_processes(
     while waiting or suspects:
         queue, at_once = (suspects, 1) if suspects else (waiting, workers)
         with _pool(at_once) as pool:
-            lost = _feed(pool, queue, at_once, report, work)
+            lost = _feed(pool, queue, lambda most=at_once: max(most - busy(), 1), report, work)
         for task, tries in lost:
             if tries + 1 < TRIES:
                 suspects.append((task, tries + 1))
@@ -85,7 +92,7 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 def _feed(
     pool: ProcessPoolExecutor,
     queue: deque[tuple[Task, int]],
-    at_once: int,
+    at_once: Callable[[], int],
     report: Report,
     work: Work,
 ) -> list[tuple[Task, int]]:
@@ -96,7 +103,7 @@ def _feed(
     running: dict[Future[Outcome], tuple[Task, int]] = {}
     while queue or running:
         broken = False
-        while queue and len(running) < at_once and not broken:
+        while queue and len(running) < at_once() and not broken:
             try:
                 running[_submit(pool, work, queue[0][0])] = queue[0]
                 queue.popleft()

@@ -126,7 +126,8 @@ def plan(study: Study, seeds: Sequence[int]) -> Plan:
     first_seed: list[tuple[Task, int]] = []
     for case in study.cases:
         groups: dict[tuple[str, int], list[Variant]] = {}
-        for variant in study.variants:
+        for one in study.variants:
+            variant = replace(one, lags=case.lags_of(one))
             if case.name in variant.cases and variant.name not in left_out:
                 # Only variants of this package's tracker can share a filter.
                 name = "" if variant.kind in TRACKERS else variant.name

@@ -9,7 +9,18 @@ from functools import partial
 import numpy as np
 import pytest
 import textbook
-from lone import MEAN, STD, UNREDUCED, lone, mixture_of, path, scan_at, started
+from lone import (
+    MEAN,
+    START_NS,
+    STD,
+    TWO_MOTIONS,
+    UNREDUCED,
+    lone,
+    mixture_of,
+    path,
+    scan_at,
+    started,
+)
 
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.gaussian import kalman, pairs
@@ -139,34 +150,41 @@ def histories(config, seconds, scans, existence):
     """Return all that can have happened to one target that exists at first.
 
     Each is a list of its distributions, one per scan until its death; with its probability, and
-    with the moves between them, for the backward step.
+    with the moves between them, for the backward step. With several motions, each change of the
+    motion is another history.
     """
-    (radar,), (motion,) = config.model.radars, config.model.modes.motions
-    mean, std = MEAN.copy(), STD.copy()
-    mean[4] = std[4] = 0.0
-    first = textbook.Normal(mean, np.diag(std**2))
+    (radar,), modes = config.model.radars, config.model.modes
+    alive = []
+    for motion in modes.motions:
+        own = np.isin(np.arange(5), motion.support)
+        first = textbook.Normal(np.where(own, MEAN, 0.0), np.diag(np.where(own, STD, 0.0) ** 2))
+        alive.append((existence / len(modes), [first], []))
+    last = list(range(len(modes)))
     never = (1.0 - existence) * np.prod([clutter_density(radar) ** len(m) for m in scans])
-    alive, ended = [(existence, [first], [])], [(never, [], [])]
+    ended = [(never, [], [])]
     previous = 0.0
     for second, measurement in zip(seconds, scans, strict=True):
         dt, previous = second - previous, second
-        survival = float(config.model.modes.survival(dt)[0])
+        survival = float(modes.survival(dt)[0])
         rest = clutter_density(radar) ** len(measurement)
         later_scans = scans[list(seconds).index(second) :]
         silent = np.prod([clutter_density(radar) ** len(m) for m in later_scans])
-        following = []
-        for probability, states, moves in alive:
+        following, followed_by = [], []
+        for (probability, states, moves), mode in zip(alive, last, strict=True):
             ended.append((probability * (1.0 - survival) * silent, states, moves))
-            later, gain = textbook.predict(states[-1], motion, dt)
-            p = probability * survival
-            following.append(
-                (p * (1.0 - DETECTION) * rest, [*states, later], [*moves, (later, gain)])
-            )
-            for measured in measurement:
-                told, log_likelihood = textbook.update(later, radar, measured)
-                explained = p * DETECTION * np.exp(log_likelihood) * rest / clutter_density(radar)
-                following.append((explained, [*states, told], [*moves, (later, gain)]))
-        alive = following
+            for to, motion in enumerate(modes.motions):
+                later, gain = textbook.predict(states[-1], motion, dt)
+                p = probability * survival * modes.transition(dt)[mode, to]
+                following.append(
+                    (p * (1.0 - DETECTION) * rest, [*states, later], [*moves, (later, gain)])
+                )
+                for measured in measurement:
+                    told, log_likelihood = textbook.update(later, radar, measured)
+                    explained = p * DETECTION * np.exp(log_likelihood)
+                    explained *= rest / clutter_density(radar)
+                    following.append((explained, [*states, told], [*moves, (later, gain)]))
+                followed_by += [to] * (1 + len(measurement))
+        alive, last = following, followed_by
     every = [*ended, *alive]
     total = sum(probability for probability, *_ in every)
     return [(probability / total, states, moves) for probability, states, moves in every]
@@ -224,6 +242,29 @@ def test_one_target_is_the_sum_over_all_its_histories(empty, existence, survival
     smoothed = engine.flush()
     assert len(smoothed) == 4
     for index, found in enumerate(smoothed):
+        check(found, *at_scan(every, index + 1))
+
+
+@pytest.mark.parametrize("empty", [(), (1,)])
+def test_target_whose_motions_go_on_apart_is_the_sum_over_all_their_changes(empty):
+    rng = np.random.default_rng(7)
+    given = {"lag": 3, "least_mode": 0.0, "confirm_probability": 1e-9, "delete_probability": 1e-9}
+    config = configuration({**TWO_MOTIONS, **given})
+    (radar,) = config.model.radars
+    seconds = [6.0, 12.0, 21.0]
+    scans = measured_scans(radar, seconds, rng, empty)
+    engine = new_engine(config)
+    both = mixture_of(engine.forward.dynamics, [(0.8, MEAN, STD)]).take(np.array([0, 0]))
+    apart = both.told(both.weight * np.eye(2)[:, :, None], both.mean, both.covariance)
+    engine.forward.start_from(START_NS, apart)
+    filtered = [
+        engine.step(scan_at(*told)).filtered[0] for told in zip(seconds, scans, strict=True)
+    ]
+    for index, found in enumerate(filtered):
+        told = histories(config, seconds[: index + 1], scans[: index + 1], 0.8)
+        check(found, *at_scan(told, index + 1))
+    every = histories(config, seconds, scans, 0.8)
+    for index, found in enumerate(engine.flush()):
         check(found, *at_scan(every, index + 1))
 
 

@@ -66,12 +66,14 @@ def scans_along(radar, seconds, rng, turn_rate=0.0):
         yield scan_at(second, np.concatenate([seen, false]))
 
 
+@pytest.mark.parametrize("least_mode", [0.05, 1.0])
 @pytest.mark.parametrize("azimuth_std", [1e-9, 1.0])
 @pytest.mark.parametrize("range_std", [1e-9, 300.0])
-def test_least_noise_that_the_configuration_allows(range_std, azimuth_std):
+def test_least_noise_that_the_configuration_allows(range_std, azimuth_std, least_mode):
     config = lone(
         {
             **CLUTTER,
+            "least_mode": least_mode,
             "radar.range_std": range_std,
             "radar.azimuth_std_deg": azimuth_std,
             "cv.noise_density": 1e-9,

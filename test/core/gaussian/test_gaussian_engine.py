@@ -47,10 +47,11 @@ def test_children_are_of_the_origin_of_their_parents_though_rows_go_between_rada
 @pytest.mark.parametrize("bound", [1, 3, 8])
 def test_bounds_hold_after_every_scan(bound):
     engine = gaussian({"hypotheses_per_target": bound, "max_hypotheses": 100, **BIRTHS})
+    modes = len(engine.forward.dynamics.motions)
     for scan in SCANS:
         figures = engine.step(scan).figures
         stored = engine.forward.current[-1].entry.stored
-        assert np.bincount(stored.target).max() <= bound
+        assert np.bincount(stored.target).max() <= bound * modes
         assert len(stored) == figures["hypotheses"] <= 100
         assert stored.existence.max() <= 1.0 + 1e-9
         assert stored.existence.min() >= engine.forward.bounds.least_existence

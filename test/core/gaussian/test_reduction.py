@@ -9,7 +9,14 @@ from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched, probable, red
 
 pytestmark = pytest.mark.usefixtures("backend")
 
-BOUNDS = Bounds(hypotheses=5, least_share=1e-3, merge_distance=0.5, least_existence=1e-4, most=1000)
+BOUNDS = Bounds(
+    hypotheses=5,
+    least_share=1e-3,
+    merge_distance=0.5,
+    least_existence=1e-4,
+    most=1000,
+    least_mode=1.0,
+)
 
 
 def bounds(**changed):
@@ -77,6 +84,29 @@ def test_merging_conserves_weight_mean_and_covariance_of_each_mode(seed, distanc
         after.weight[ancestry.child] * ancestry.share,
         before.mixture.weight[ancestry.parent],
     )
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("least", [0.0, 0.3])
+def test_probable_modes_go_on_as_hypotheses_of_their_own(seed, least):
+    before = branched(np.random.default_rng(seed), [1, 4, 7])
+    whole, _, _ = reduced(before, bounds(merge_distance=3.0))
+    after, ancestry, _ = reduced(before, bounds(merge_distance=3.0, least_mode=least))
+    share = whole.mode_weight / whole.mass[:, None]
+    assert len(after) == np.maximum((share >= least).sum(axis=1), 1).sum() > len(whole)
+    for mode in range(2):
+        for ours, theirs in zip(moments_of(whole, mode), moments_of(after, mode), strict=True):
+            for part, other in zip(ours, theirs, strict=True):
+                np.testing.assert_allclose(part, other, rtol=1e-8, atol=1e-7)
+    if least == 0.0:
+        assert ((after.mode_weight > 0.0).sum(axis=1) == 1).all()
+    # Improbable modes stay with the most probable one.
+    lost = np.sort(after.weight[after.weight > 0.0]) - np.sort(whole.weight[whole.weight > 0.0])
+    np.testing.assert_allclose(lost, 0.0, atol=1e-15)
+    assert (np.diff(ancestry.child) >= 0).all()
+    told = np.zeros_like(before.mixture.weight)
+    np.add.at(told, ancestry.parent, after.weight[ancestry.child] * ancestry.share)
+    np.testing.assert_allclose(told, before.mixture.weight)
 
 
 def test_hypotheses_within_the_distance_are_merged_and_no_others():
