@@ -8,7 +8,7 @@ is in lock-step with the tracker, so it runs as fast as the CPU allows and loses
 tracker has the parameters beside the bag, unless others are given. What an earlier demo has left is
 replaced once the nodes have ended well; until then it stays as it is.
 
-A bag with a recording of ASTERIX beside it is played as its radars would send it: `asterix_demo`.
+A bag with a recording of ASTERIX beside it is played as its radars would send it.
 """
 
 from __future__ import annotations

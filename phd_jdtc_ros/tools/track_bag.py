@@ -3,8 +3,8 @@
 
 """Offline tracking: reads a bag with detections and writes a bag with estimates.
 
-The detections take the same path as in the live node (`readers`, then `core.pipeline`), so that the
-estimates are equal to the live ones. Two runs write the same bytes.
+The detections take the same path as in the live node, so that the estimates are equal to the live
+ones. Two runs write the same bytes.
 """
 
 from __future__ import annotations
