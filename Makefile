@@ -17,12 +17,16 @@ EXTRAS     := [ros]
 TEST_EXTRAS := [ros,fast,test,study,peers,docs,dev]
 endif
 
+INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS)
+NOT_INSTALLED := { echo "not installed: the packages come from PyPI, by way of pip's settings" >&2; exit 1; }
+
 .PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage mutants check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
 	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes;"
 	@echo "             PROFILE=air_traffic from two radars' ASTERIX to tracks as ASTERIX;"
+	@echo "             PROFILE=marine, automotive, phd, surveillance: other radars, other filters;"
 	@echo "             ENGINE=gaussian for the other engine, into out/demo_gaussian"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=12 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
@@ -56,25 +60,24 @@ $(VENV)/.made:
 
 $(VENV)/.ready: $(VENV)/.made setup.py constraints.txt constraints-ros.txt
 	@echo "installing into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.$(EXTRAS)'
+	@$(INSTALL) -e '.$(EXTRAS)' || $(NOT_INSTALLED)
 	@touch $@
 
 $(VENV)/.ready-test: $(VENV)/.ready
 	@echo "installing the test tools into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.$(TEST_EXTRAS)'
+	@$(INSTALL) -e '.$(TEST_EXTRAS)' || $(NOT_INSTALLED)
 	@# The decoder that tests compare with has the import name of libasterix: a place of its own.
-	@$(RUN) -m pip install --quiet --disable-pip-version-check --upgrade $(PIP_FLAGS) \
-	    --target $(VENV)/asterix_decoder asterix_decoder
+	@$(INSTALL) --upgrade --target $(VENV)/asterix_decoder asterix_decoder || $(NOT_INSTALLED)
 	@touch $@
 
 $(VENV)/.ready-study: $(VENV)/.ready
 	@echo "installing what studies and documentation need into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[study,peers,docs]'
+	@$(INSTALL) -e '.[study,peers,docs]' || $(NOT_INSTALLED)
 	@touch $@
 
 $(VENV)/.ready-bench: $(VENV)/.ready
 	@echo "installing what the benchmark needs into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[study,peers,fast]'
+	@$(INSTALL) -e '.[study,peers,fast]' || $(NOT_INSTALLED)
 	@touch $@
 
 demo: $(VENV)/.ready
@@ -123,7 +126,7 @@ coverage: $(VENV)/.ready-test
 
 $(VENV)/.ready-mutants: $(VENV)/.ready-test
 	@echo "installing what mutation tests need into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[mutants]'
+	@$(INSTALL) -e '.[mutants]' || $(NOT_INSTALLED)
 	@touch $@
 
 mutants: $(VENV)/.ready-mutants
