@@ -17,12 +17,16 @@ EXTRAS     := [ros]
 TEST_EXTRAS := [ros,fast,test,study,peers,docs,dev]
 endif
 
+INSTALL := $(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS)
+NOT_INSTALLED := { echo "not installed: the packages come from PyPI, by way of pip's settings" >&2; exit 1; }
+
 .PHONY: help setup demo study bench faults soak fuzz docs pictures test coverage mutants check format bags parameters clean
 
 help:
 	@echo "make demo    replay the shipped bag through the tracker, show the scores, write out/demo;"
 	@echo "             BAG=three_classes for another of bags/, into out/demo_three_classes;"
 	@echo "             PROFILE=air_traffic from two radars' ASTERIX to tracks as ASTERIX;"
+	@echo "             PROFILE=marine, automotive, phd, surveillance: other radars, other filters;"
 	@echo "             ENGINE=gaussian for the other engine, into out/demo_gaussian"
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=12 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
@@ -33,14 +37,14 @@ help:
 	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz;"
 	@echo "             ENGINE=gaussian for the other engine"
 	@echo "make docs    the documentation as a site, into out/docs"
-	@echo "make pictures  the documentation's pictures anew, of the demo and of what else is in out/"
+	@echo "make pictures  the documentation's pictures again, of the demo and of what else is in out/"
 	@echo "make test    run the tests"
 	@echo "make coverage  the same, with the lines that they run: 90 % of all, 95 % of core and adapters"
 	@echo "make mutants  mutation tests of the association, the correctors and the smoother, into"
 	@echo "             out/mutants; PARTS=association for one of them"
 	@echo "make check   linters and types"
 	@echo "make format  format the code"
-	@echo "make bags    write the shipped bags anew (they come out byte for byte the same)"
+	@echo "make bags    write the shipped bags again; they come out byte for byte the same"
 	@echo "make parameters  write docs/parameters.md and docs/metrics.md from the code"
 	@echo "make setup   only prepare .venv"
 	@echo "make clean   remove .venv and everything generated"
@@ -56,25 +60,24 @@ $(VENV)/.made:
 
 $(VENV)/.ready: $(VENV)/.made setup.py constraints.txt constraints-ros.txt
 	@echo "installing into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.$(EXTRAS)'
+	@$(INSTALL) -e '.$(EXTRAS)' || $(NOT_INSTALLED)
 	@touch $@
 
 $(VENV)/.ready-test: $(VENV)/.ready
 	@echo "installing the test tools into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.$(TEST_EXTRAS)'
+	@$(INSTALL) -e '.$(TEST_EXTRAS)' || $(NOT_INSTALLED)
 	@# The decoder that tests compare with has the import name of libasterix: a place of its own.
-	@$(RUN) -m pip install --quiet --disable-pip-version-check --upgrade $(PIP_FLAGS) \
-	    --target $(VENV)/asterix_decoder asterix_decoder
+	@$(INSTALL) --upgrade --target $(VENV)/asterix_decoder asterix_decoder || $(NOT_INSTALLED)
 	@touch $@
 
 $(VENV)/.ready-study: $(VENV)/.ready
 	@echo "installing what studies and documentation need into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[study,peers,docs]'
+	@$(INSTALL) -e '.[study,peers,docs]' || $(NOT_INSTALLED)
 	@touch $@
 
 $(VENV)/.ready-bench: $(VENV)/.ready
 	@echo "installing what the benchmark needs into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[study,peers,fast]'
+	@$(INSTALL) -e '.[study,peers,fast]' || $(NOT_INSTALLED)
 	@touch $@
 
 demo: $(VENV)/.ready
@@ -121,7 +124,7 @@ coverage: $(VENV)/.ready-test
 
 $(VENV)/.ready-mutants: $(VENV)/.ready-test
 	@echo "installing what mutation tests need into $(VENV) ..."
-	@$(RUN) -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS) -e '.[mutants]'
+	@$(INSTALL) -e '.[mutants]' || $(NOT_INSTALLED)
 	@touch $@
 
 mutants: $(VENV)/.ready-mutants

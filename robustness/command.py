@@ -135,8 +135,10 @@ def run(measures: Iterator[Measure], console: Console) -> list[Figure]:
     """Measure one after the other, and print each result."""
     found = []
     begin = time.monotonic()
-    for measure in measures:
-        figure = measure()
+    for count, measure in enumerate(measures, 1):
+        # Many take minutes.
+        with console.status(f"measuring figure {count}"):
+            figure = measure()
         console.print(
             f"{time.monotonic() - begin:4.0f} s  {figure.name}: {figure.measured or figure.reason}",
             highlight=False,

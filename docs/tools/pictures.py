@@ -18,11 +18,13 @@ ROOT = Path(__file__).parents[2]
 IMAGES = ROOT / "docs" / "images"
 PAGE = ROOT / "out" / "demo" / "report.html"
 REPORT = "report.png"
+# The one of `make study` has a curve for each of its thirty variants.
+CORRECTIONS = "the command in docs/study.md, The effect of each correction"
 # Each picture by its source, and what makes that.
 SOURCES = {
     "out/demo/trajectories.png": "make demo",
     "out/demo/ospa.png": "make demo",
-    "out/study/figures/clutter_20/ospa_against_lag.png": "make study",
+    "out/study_corrections/figures/clutter_20/ospa_against_lag.png": CORRECTIONS,
     "out/bench/cost_against_particles_per_target.png": "make bench",
     "out/bench/cost_against_targets.png": "make bench",
     "out/bench/step_against_targets.png": "make bench",
@@ -39,7 +41,7 @@ def copy_all() -> list[str]:
         if path.exists():
             shutil.copyfile(path, IMAGES / path.name)
         else:
-            missing.append(f"left as it is: docs/images/{path.name}; `{command}` makes {source}")
+            missing.append(f"left as it is: docs/images/{path.name}; {command} makes {source}")
     return missing
 
 

@@ -239,12 +239,12 @@ def _reduction(before: float | None, after: float | None) -> str:
 
 
 def _headline(summary: dict[str, Any]) -> str:
-    parts = []
+    parts, times = [], []
     if summary.get("engine"):
         parts.append(f"engine: {summary['engine']}")
     if summary["class_accuracy"] is not None and not Sets.of_summary(summary).one_class:
         parts.append(f"right class: {CLASS_ACCURACY.text(summary['class_accuracy'])}")
     if "step_ms" in summary:
         step = summary["step_ms"]
-        parts.append(f"CPU per scan: median {step['median']:.1f} ms, p99 {step['p99']:.1f} ms")
-    return "; ".join(parts)
+        times = [f"CPU per scan: median {step['median']:.1f} ms, p99 {step['p99']:.1f} ms"]
+    return "\n".join(filter(None, ("; ".join(parts), *times)))

@@ -108,12 +108,8 @@ def _parser() -> ArgumentParser:
         default=[],
         help="of captures: only what was sent to this UDP port; may be repeated",
     )
-    parser.add_argument(
-        "--params-file", type=Path, action="append", default=[], help="ROS parameter file"
-    )
-    parser.add_argument(
-        "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
-    )
+    command.add_params_file_argument(parser)
+    command.add_assignments_argument(parser)
     return parser
 
 

@@ -25,6 +25,11 @@ from . import params_file, tracker_params
 
 # Default cut-off c (metres) and order p of OSPA.
 CUTOFF, ORDER = 1000.0, 2.0
+# What a scenario file is for, where a bag is read.
+SCENARIO = (
+    "scenario file, whose parameters are used; without one and without --params-file those beside "
+    "the bag, or else the reference scenario's"
+)
 # What a bag may be given as.
 BAG = "rosbag2 directory, MCAP file, or the name of a shipped bag"
 
@@ -44,19 +49,34 @@ def guarded(name: str, work: Callable[[], int]) -> int:
         return INTERRUPTED
 
 
-def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that set tracker parameters."""
+def add_parameter_arguments(parser: argparse.ArgumentParser, scenario: str = SCENARIO) -> None:
+    """Add the arguments that set tracker parameters; `scenario` is the help of scenario files."""
+    parser.add_argument("--scenario", type=Path, help=scenario)
+    add_params_file_argument(parser)
+    add_assignments_argument(parser)
+
+
+def add_params_file_argument(parser: argparse.ArgumentParser) -> None:
+    """Add the argument that names parameter files."""
     parser.add_argument(
-        "--scenario",
+        "--params-file",
         type=Path,
-        help="scenario file, whose parameters are used; without one and without --params-file "
-        "those beside the bag, or else the reference scenario's",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="ROS parameter file; may be repeated, later ones override",
     )
+
+
+def add_assignments_argument(parser: argparse.ArgumentParser) -> None:
+    """Add the argument that sets single parameters."""
     parser.add_argument(
-        "--params-file", type=Path, action="append", default=[], help="ROS parameter file"
-    )
-    parser.add_argument(
-        "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
+        "-p",
+        dest="assignments",
+        action="append",
+        default=[],
+        metavar="NAME:=VALUE",
+        help="a parameter, which overrides those of files; may be repeated",
     )
 
 

@@ -43,7 +43,7 @@ def scores(bag: Path, config: TrackerConfig, directory: Path) -> dict[str, Any]:
         Of the new bag with the estimates.
 
     """
-    tracker = track_bag(BagReader(bag), config, directory)
+    tracker = track_bag(BagReader(bag), config, directory, f"tracking with {config.engine}")
     run = load.record(directory, config)
     evaluation = run.evaluate(command.CUTOFF, command.ORDER)
     return metrics(evaluation, np.array(tracker.step_ms), config.engine)

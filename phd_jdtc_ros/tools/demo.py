@@ -8,7 +8,7 @@ is in lock-step with the tracker, so it runs as fast as the CPU allows and loses
 tracker has the parameters beside the bag, unless others are given. What an earlier demo has left is
 replaced once the nodes have ended well; until then it stays as it is.
 
-A bag with a recording of ASTERIX beside it is played as its radars would send it: `asterix_demo`.
+A bag with a recording of ASTERIX beside it is played as its radars would send it.
 """
 
 from __future__ import annotations
@@ -25,12 +25,14 @@ from pathlib import Path
 from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.core.configuration import scene
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.engines import ENGINES
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.report.pictures import figures
 
-from . import asterix_demo, command, comparison, report
+from . import asterix_demo, command, comparison, params_file, report, tracker_params
 from .demo_nodes import (
     FINISH_S,
     METRICS,
@@ -103,6 +105,29 @@ def _default_out(given: str, engine: str | None) -> Path:
     return Path("out", "_".join(parts))
 
 
+def _cutoff(given: str, shown: str) -> float:
+    """Return c of OSPA and GOSPA, metres, for a bag; of one that is not shipped as for `shown`."""
+    cutoffs = resources.BAG_CUTOFFS
+    return cutoffs.get(given, cutoffs.get(shown, command.CUTOFF))
+
+
+def _places(profile: Path, bag: Path) -> list[str]:
+    """Return assignments of where the radars of a bag are, if a profile has them elsewhere.
+
+    A profile is of a kind of radar, and a bag of certain radars.
+    """
+    beside = bag_parameters.read(bag)
+    if beside is None:
+        return []
+    recorded, given = (
+        tracker_params.config(values).values for values in (beside, params_file.load(profile))
+    )
+    places = scene.other_places(recorded, given)
+    if places:
+        print(f"demo: {', '.join(places)} as in {bag_parameters.path_of(bag)}", file=sys.stderr)
+    return [f"{name}:={bag_parameters.scalar(value)}" for name, value in places.items()]
+
+
 def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
     """Add the scores of the other engine on the same bag to the metrics, if it can track it."""
     path = out / METRICS
@@ -156,21 +181,22 @@ def main(argv: Sequence[str]) -> int:
     arguments = parser.parse_args(argv)
 
     def work() -> int:
-        cutoff = arguments.cutoff
-        if cutoff is None:
-            cutoff = resources.PROFILE_CUTOFFS.get(arguments.profile, command.CUTOFF)
-        given = arguments.bag or resources.DEFAULT_BAG
+        shown = resources.DEFAULT_BAG
         if arguments.profile:
             path, shown = resources.profile(arguments.profile)
-            given = arguments.bag or shown
-            # Beside a recording of other radars are the profile's parameters with these radars.
-            if given != shown or asterix_demo.recording(resources.bag(given)) is None:
-                arguments.params_file.insert(0, path)
-        if arguments.engine:
-            arguments.assignments.append(f"engine:={arguments.engine}")
+        given = arguments.bag or shown
+        cutoff = arguments.cutoff
+        if cutoff is None:
+            cutoff = _cutoff(given, shown)
         bag = resources.bag(given)
         if not bag.exists():
             raise BagError(f"{bag}: no such bag")
+        # Beside a recording of other radars are the profile's parameters with these radars.
+        if arguments.profile and (given != shown or asterix_demo.recording(bag) is None):
+            arguments.assignments[:0] = _places(path, bag)
+            arguments.params_file.insert(0, path)
+        if arguments.engine:
+            arguments.assignments.append(f"engine:={arguments.engine}")
         out: Path = arguments.out or _default_out(arguments.profile or given, arguments.engine)
         config = command.tracker_config(arguments, bag)
         _check_recording(out)

@@ -87,13 +87,11 @@ def _shortened(document: Mapping[str, Any], minutes: float | None) -> dict[str, 
 def main(argv: Sequence[str]) -> int:
     """Run the benchmark."""
     parser = ArgumentParser("madap", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="%(default)s")
     parser.add_argument("--minutes", type=float, help="the first of the run only")
     parser.add_argument("--out", type=Path, default=Path("out/study"), help="%(default)s")
-    parser.add_argument("--params-file", type=Path, action="append", default=[])
-    parser.add_argument(
-        "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
-    )
+    command.add_params_file_argument(parser)
+    command.add_assignments_argument(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:

@@ -168,7 +168,9 @@ def _backend(arguments: argparse.Namespace, busy: Callable[[], int]) -> Callable
 def main(argv: Sequence[str]) -> int:
     """Run the study tool."""
     parser = ArgumentParser("monte_carlo", description=__doc__)
-    parser.add_argument("--study", type=Path, default=published_study(), help="study file")
+    parser.add_argument(
+        "--study", type=Path, default=published_study(), help="study file (%(default)s)"
+    )
     parser.add_argument("--runs", type=int, default=50, help="seeds per case (%(default)s)")
     parser.add_argument(
         "--in-full",
@@ -192,9 +194,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--variant", action="append", default=[], help="only this one; may be repeated"
     )
-    parser.add_argument(
-        "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
-    )
+    command.add_assignments_argument(parser)
     parser.add_argument(
         "--beside",
         action="append",

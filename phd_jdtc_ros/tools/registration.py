@@ -112,7 +112,7 @@ def merge(path: Path, goals: Sequence[Mapping[str, Any]]) -> None:
 def main(argv: Sequence[str]) -> int:
     """Run the study."""
     parser = ArgumentParser("registration", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="%(default)s")
     parser.add_argument("--minutes", type=float, help="the first of the run only")
     parser.add_argument("--out", type=Path, default=Path("out/study"), help="%(default)s")
     arguments = parser.parse_args(argv)

@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 
 from phd_jdtc_ros import resources
+from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
@@ -53,6 +54,8 @@ def write(
         c of OSPA, metres.
     """
     run = load.record(bag, config)
+    if out.exists() and not out.is_dir():
+        raise BagError(f"{out}: is a file, must be a directory")
     if run.class_fault:
         print(f"report: {run.class_fault}", file=sys.stderr)
     out.mkdir(parents=True, exist_ok=True)

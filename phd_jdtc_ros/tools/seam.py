@@ -50,10 +50,8 @@ def main(argv: Sequence[str]) -> int:
     parser = ArgumentParser("seam", description=__doc__)
     parser.add_argument("--seed", type=int, action="append", help="may be repeated; 11 and 12")
     parser.add_argument("--out", type=Path, default=Path("out/study"), help="%(default)s")
-    parser.add_argument("--params-file", type=Path, action="append", default=[])
-    parser.add_argument(
-        "-p", dest="assignments", action="append", default=[], metavar="NAME:=VALUE"
-    )
+    command.add_params_file_argument(parser)
+    command.add_assignments_argument(parser)
     arguments = parser.parse_args(argv)
 
     def work() -> int:

@@ -138,9 +138,11 @@ def _seen(run: Scenario, config: TrackerConfig, seed: int) -> Iterator[tuple[int
 def main(argv: Sequence[str]) -> int:
     """Run the simulation tool."""
     parser = ArgumentParser("simulate", description=__doc__)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0, help="%(default)s")
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
-    command.add_parameter_arguments(parser)
+    command.add_parameter_arguments(
+        parser, "scenario file to simulate; without one the reference scenario"
+    )
     arguments = parser.parse_args(argv)
 
     def work() -> int:
@@ -154,7 +156,8 @@ def main(argv: Sequence[str]) -> int:
         check_platform(run, config)
         check_sites(config)
         write_bag(arguments.out, run, config, arguments.seed)
-        print(f"{arguments.out}: {run.scans} scans, {len(radars)} radars, seed {arguments.seed}")
+        several = "radar" if len(radars) == 1 else "radars"
+        print(f"{arguments.out}: {run.scans} scans, {len(radars)} {several}, seed {arguments.seed}")
         return OK
 
     return command.guarded("simulate", work)

@@ -3,8 +3,8 @@
 
 """Offline tracking: reads a bag with detections and writes a bag with estimates.
 
-The detections take the same path as in the live node (`readers`, then `core.pipeline`), so that the
-estimates are equal to the live ones. Two runs write the same bytes.
+The detections take the same path as in the live node, so that the estimates are equal to the live
+ones. Two runs write the same bytes.
 """
 
 from __future__ import annotations
@@ -162,8 +162,12 @@ class OfflineTracker:
             self._bag.write(names.estimates(source), interfaces.encode(message), values.stamp_ns)
 
 
-def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTracker:
+def track_bag(
+    source: BagReader, config: TrackerConfig, out: Path, doing: str = "tracking"
+) -> OfflineTracker:
     """Track a bag and write the estimates, with the bag's detections and truth, into a new one.
+
+    The progress is shown with what is `doing`.
 
     Raises
     ------
@@ -187,7 +191,7 @@ def track_bag(source: BagReader, config: TrackerConfig, out: Path) -> OfflineTra
         total = sum(source.counts[topic] for topic in copied)
         console = Console(stderr=True)
         try:
-            for entry in track(source.messages(copied), "tracking", total, console=console):
+            for entry in track(source.messages(copied), doing, total, console=console):
                 bag.write(entry.topic, entry.data, entry.stamp_ns)
                 if entry.topic in topics:
                     tracker.add(entry)

@@ -82,6 +82,17 @@ def test_broken_parameter_file_is_one_line(processes, tmp_path, name):
     assert len(text.splitlines()) == 1
 
 
+def test_file_without_any_parameters_is_told_in_words(processes, tmp_path):
+    path = tmp_path / "p.yaml"
+    path.write_text("tracker:\n  ros_parameters:\n    radars: [a, b]\n")
+    status, text = processes.run("tracker", "--ros-args", "--params-file", path)
+
+    assert (status, text) == (
+        2,
+        f"tracker: {path}: has no ros__parameters under a node's name\n",
+    )
+
+
 @pytest.mark.parametrize("name", NODES)
 def test_key_given_twice_ends_a_node(processes, tmp_path, name):
     path = tmp_path / "p.yaml"

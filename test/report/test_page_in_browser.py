@@ -7,12 +7,14 @@ import re
 import subprocess
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from headless import BROWSER, FLAGS, NAMES
-from records import SCANS, record_of, truth_of
+from records import SCANS, record_of, stamp_ns, truth_of
 
 from phd_jdtc_ros.report.page import charts
 from phd_jdtc_ros.report.page.html import write_report
+from phd_jdtc_ros.report.record import Plot
 
 DUMPING = ("--virtual-time-budget=20000", "--enable-logging=stderr", "--dump-dom")
 PHONE = 390
@@ -136,24 +138,46 @@ def test_page_is_light_or_dark_as_the_reader_has_it(opened):
     assert console == []
 
 
+def framed(opened, tmp_path, record, width, said):
+    """Return the DOM and the console's lines of a page in a window that is `width` pixels wide.
+
+    A browser's own window is wider than a phone. The title is what the script `said` returns.
+    """
+    post = f"parent.postMessage(innerWidth + ' px, ' + ({said})(), '*')"
+    opened.write(record, f"addEventListener('load', () => setTimeout(() => {post}, 3000));")
+    frame = tmp_path / "frame.html"
+    frame.write_text(
+        f'<iframe src="report.html" width={width} height=800 style="border: 0"></iframe><script>'
+        "addEventListener('message', (event) => { document.title = event.data; });</script>"
+    )
+    return opened.shown(frame.as_uri())
+
+
 @pytest.mark.parametrize("record", [record_of(3), record_of(1, truth=())], ids=["all", "part"])
 def test_page_is_no_wider_than_a_phone(opened, tmp_path, record):
     said = (
-        "addEventListener('load', () => setTimeout(() => {"
-        "const { scrollWidth, clientWidth } = document.documentElement;"
-        "parent.postMessage(innerWidth + ' px, ' + (scrollWidth - clientWidth) + ' hidden', '*');"
-        "}, 3000));"
+        "() => { const { scrollWidth, clientWidth } = document.documentElement;"
+        "return scrollWidth - clientWidth + ' hidden'; }"
     )
-    opened.write(record, said)
-    # A browser's own window is wider than a phone.
-    frame = tmp_path / "phone.html"
-    frame.write_text(
-        f'<iframe src="report.html" width={PHONE} height=800 style="border: 0"></iframe><script>'
-        "addEventListener('message', (event) => { document.title = event.data; });</script>"
-    )
-    dom, console = opened.shown(frame.as_uri())
+    dom, console = framed(opened, tmp_path, record, PHONE, said)
 
     assert f"<title>{PHONE} px, 0 hidden</title>" in dom
+    assert console == []
+
+
+@pytest.mark.parametrize("width", [PHONE, 1200])
+def test_the_scan_shown_is_told_in_one_line(opened, tmp_path, width):
+    nothing = np.zeros((0, 2)), np.zeros(0)
+    plots = tuple(Plot(stamp_ns(k), "radar_1", *nothing) for k in range(1075))
+    record = record_of(1, plots=plots, truth=(), filtered=(), smoothed=())
+    said = (
+        "() => { show(1059);"
+        "const line = parseFloat(getComputedStyle(shown).lineHeight);"
+        "return shown.textContent + ', ' + Math.round(shown.offsetHeight / line) + ' lines'; }"
+    )
+    dom, console = framed(opened, tmp_path, record, width, said)
+
+    assert f"<title>{width} px, 105.9 min, scan 1060 of 1075, 1 lines</title>" in dom
     assert console == []
 
 

@@ -273,7 +273,7 @@ def test_score_tables_fits_80_columns():
 def test_score_tables_says_what_it_is_of(evaluation):
     (title, _, caption), *_ = tables(metrics(evaluation, np.array([1.25, 1.25])))
     assert title == "means over 2 scans (OSPA: p = 2, c = 1000 m)"
-    assert caption == ["right class: 100.0%; CPU per scan: median 1.2 ms, p99 1.2 ms"]
+    assert caption == ["right class: 100.0%", "CPU per scan: median 1.2 ms, p99 1.2 ms"]
 
 
 def test_score_tables_leaves_out_what_was_not_measured(evaluation):

@@ -76,6 +76,16 @@ def test_numbers_count_truth_and_estimates():
     assert list(line(figure, "smoothed", 3).y) == [1] * 12
 
 
+@pytest.mark.parametrize(
+    ("highest", "step"), [(1, 1), (4, 1), (5, 2), (9, 5), (20, 5), (35, 10), (73, 20), (1500, 500)]
+)
+def test_numbers_have_round_ticks(highest, step):
+    found = estimates_of(0, highest, 0)
+    figure = time_charts.numbers(record_of(1, truth=(), filtered=(found,), smoothed=())).figure
+
+    assert figure.layout.yaxis.dtick == step
+
+
 def test_numbers_without_truth_draw_none():
     drawn = time_charts.numbers(record_of(truth=()))
 

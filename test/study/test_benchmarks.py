@@ -22,6 +22,7 @@ from benchmarks import (
     goals,
     late,
     limit,
+    messages,
     plots,
     recursion,
     scenes,
@@ -37,6 +38,7 @@ from benchmarks import (
 from benchmarks import report as tables
 from benchmarks.radars import Reply
 from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario, truth_after, truth_at
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
@@ -492,3 +494,20 @@ def test_figures_of_asterix_are_judged():
     assert (rate["value"], rate["reached"]) == (25_000.0, True)
     late = figures["ASTERIX in to ASTERIX out, 100 aircraft, p99, s beyond a sector"]
     assert (late["value"], late["reached"]) == (pytest.approx(0.125), False)
+
+
+def test_messages_are_measured_around_a_step_that_finds_the_same():
+    pipeline = new_pipeline(resolve({}))
+    found = messages._estimates(2)
+    messages.step_at_no_cost(pipeline.engine, found, 2)
+    events = [
+        event
+        for index, report in enumerate(messages._reports(2))
+        for event in pipeline.add(index, 10**12, report)
+    ]
+
+    (stepped,) = events
+    assert isinstance(stepped, Stepped)
+    assert (stepped.step.filtered, stepped.step.smoothed) == ((found,), (found,))
+    assert len(found) == messages.ESTIMATES
+    assert pipeline.engine.step(stepped.scan).targets == messages.ESTIMATES

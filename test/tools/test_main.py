@@ -46,13 +46,14 @@ def test_help_is_the_usage(flag):
     assert_usage(out)
 
 
-@pytest.mark.parametrize("name", ["simulate", "track_bag", "report"])
+@pytest.mark.parametrize("name", ["simulate", "track_bag", "demo"])
 def test_help_of_an_offline_executable_names_its_arguments(name):
     status, out, err = start(name, "--help")
     assert (status, err) == (0, "")
     assert out.startswith(f"usage: {name} ")
     assert "--out" in out
     assert "NAME:=VALUE" in out
+    assert "`" not in out  # names of modules are for those who read the code
 
 
 def test_an_executable_passes_its_status_on(tmp_path):

@@ -83,6 +83,15 @@ def test_report_refuses_a_directory_that_cannot_be_made(short_bag, tmp_path, cap
     assert capsys.readouterr().err == f"report: {out}: Not a directory\n"
 
 
+def test_report_refuses_a_file_for_its_directory(short_bag, tmp_path, capsys):
+    path = tmp_path / "page.html"
+    path.write_text("mine")
+
+    assert run("report", [str(short_bag), "--out", str(path)]) == 2
+    assert capsys.readouterr().err == f"report: {path}: is a file, must be a directory\n"
+    assert path.read_text() == "mine"
+
+
 def test_report_without_plotly_writes_the_pictures_and_says_what_to_install(tracked, tmp_path):
     script = (
         "import sys; sys.modules['plotly'] = None; from phd_jdtc_ros.__main__ import run; "

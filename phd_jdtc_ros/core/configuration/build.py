@@ -41,7 +41,7 @@ from .checks import CHECKS, square
 from .parameters import BIRTH, MOTION, REPLACED, schema
 from .radar_build import platform_of, radar_input, radar_model, site_of, watch_of
 from .radar_input import RadarInput
-from .schema import ConfigError
+from .schema import ConfigError, unknown
 
 # An address stays with its aircraft; but a track may have taken over another's.
 ADDRESS_KEPT_S = 1e6
@@ -188,7 +188,8 @@ def resolve(
         if coerced is None:
             faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
         values[name] = coerced
-    faults += [_unknown(name) for name in given if name not in table]
+    faults += [_replaced(name) for name in given if name in REPLACED]
+    faults += unknown((name for name in given if name not in REPLACED), table)
     if not faults:
         faults = [fault for check in CHECKS for fault in check(values)]
     if not faults and values["world_origin"] and plane_about is None:
@@ -199,11 +200,9 @@ def resolve(
     return _build(values, plane_about(origin) if plane_about is not None and origin else None)
 
 
-def _unknown(name: str) -> str:
-    """Return what is wrong with a parameter that there is not, or no longer."""
-    if name in REPLACED:
-        return f"{name}: no longer a parameter, use {REPLACED[name]}"
-    return f"{name}: unknown parameter"
+def _replaced(name: str) -> str:
+    """Return what is wrong with a parameter that is no longer there."""
+    return f"{name}: no longer a parameter, use {REPLACED[name]}"
 
 
 def _build(values: dict[str, Any], plane: Plane | None) -> TrackerConfig:

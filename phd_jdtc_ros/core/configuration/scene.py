@@ -17,6 +17,8 @@ from .radar_parameters import RADAR
 
 # What the whole scene has.
 OF_ALL = ("world_origin",)
+# What says where a radar is.
+PLACE = ("position", "geodetic", "yaw_deg", "pose", "pose_message", "pose_yaw")
 # The lists that name the scene's parts, and the parameters of each part that belong to it.
 # What a radar is corrected for is found in a recording, and is no part of its scene.
 CORRECTIONS = ("range_bias", "range_gain", "azimuth_bias_deg", "time_offset_s")
@@ -60,6 +62,16 @@ def differences(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> list[s
         for part in (name for name in before if name in now):
             found += _of_part(recorded, given, part, members)
     return found
+
+
+def other_places(recorded: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return where the radars of a recording are, of those parameters that are given otherwise.
+
+    Parameters are those of `differences`. A radar that only one of both has is left out.
+    """
+    radars = [radar for radar in recorded["radars"] if radar in given["radars"]]
+    names = (*OF_ALL, *(f"{radar}.{member}" for radar in radars for member in PLACE))
+    return {name: recorded[name] for name in names if recorded[name] != given[name]}
 
 
 def _of_part(

@@ -6,8 +6,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -18,6 +19,9 @@ Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
 INFINITY = math.inf
 # Lower bound of parameters that must be positive.
 SMALL = 1e-9
+# How much a misspelt name is like the one that is meant, and how many are looked for: more than
+# these are another program's, and each takes time.
+LIKENESS, MISSPELT = 0.8, 20
 
 
 @dataclass(frozen=True)
@@ -127,6 +131,30 @@ def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield from flatten(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
+
+
+def unknown(given: Iterable[str], known: Collection[str]) -> list[str]:
+    """Return a fault for each parameter that there is not, with the one that was probably meant.
+
+    Parameters
+    ----------
+    given : iterable of str
+        Dotted names.
+    known : collection of str
+        Dotted names of all parameters.
+    """
+    names = [name for name in given if name not in known]
+    if len(names) > MISSPELT:
+        return [f"{name}: unknown parameter" for name in names]
+    return [f"{name}: unknown parameter{_meant(name, known)}" for name in names]
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    """Return a question for the most similar name of the same group, empty without one."""
+    group = name.rpartition(".")[0]
+    near = [each for each in known if each.rpartition(".")[0] == group]
+    found = get_close_matches(name, near, 1, LIKENESS)
+    return f", is {found[0]} meant?" if found else ""
 
 
 class ConfigError(ValueError):

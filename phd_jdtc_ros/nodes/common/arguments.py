@@ -44,7 +44,8 @@ def check(name: str, purpose: str, argv: Sequence[str]) -> tuple[ParameterFile, 
     parser = ArgumentParser(
         name,
         usage="%(prog)s [-h] [--ros-args ...]",
-        description=purpose,
+        # The rest of a node's docstring is for those who read its code.
+        description=purpose.partition("\n\n")[0],
         epilog=f"ROS arguments are, for instance: {_EXAMPLES}",
     )
     others, files = split(name, argv)

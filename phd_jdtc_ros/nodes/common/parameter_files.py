@@ -117,9 +117,14 @@ def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
     found, faults = [], []
     for path in _paths(argv):
         try:
-            found.append(read(path))
+            file = read(path)
         except ConfigError as error:
             faults += error.faults
+            continue
+        # rclpy would say no more than the line at which it gave up.
+        if not file.sections:
+            faults.append(f"{path}: has no ros__parameters under a node's name")
+        found.append(file)
     if faults:
         raise ConfigError(faults)
     return tuple(found)

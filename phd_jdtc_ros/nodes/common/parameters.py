@@ -14,7 +14,7 @@ import rclpy
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter, unknown
 
 from .parameter_files import ParameterFile
 
@@ -120,7 +120,7 @@ def set_read_only(node: Node, names: Iterable[str], read_only: bool) -> None:
 def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Return the values of a plain table's parameters, and every fault of the given ones."""
     by_name = {parameter.name: parameter for parameter in table}
-    faults = [f"{name}: unknown parameter" for name in found if name not in by_name]
+    faults = unknown(found, by_name)
     values = {}
     for name, parameter in by_name.items():
         value = found.get(name, parameter.default)

@@ -135,10 +135,14 @@ def flags(argv: Sequence[str]) -> dict[str, Any]:
     parser.add_argument(
         "bag", nargs="?", help="rosbag2 directory, MCAP file, or the name of a shipped bag"
     )
-    parser.add_argument("--rate", type=float, help="speed; 0 is lock-step")
-    parser.add_argument("--start", type=float, dest="start_s", help="skip, s")
-    parser.add_argument("--duration", type=float, dest="duration_s", help="play this much, s")
-    parser.add_argument("--loop", action="store_true", default=None)
-    parser.add_argument("--start-paused", action="store_true", default=None)
+    parser.add_argument("--rate", type=float, help="speed, 1 by default; 0 is lock-step")
+    parser.add_argument("--start", type=float, dest="start_s", metavar="S", help="skip, s")
+    parser.add_argument(
+        "--duration", type=float, dest="duration_s", metavar="S", help="play this much, s"
+    )
+    parser.add_argument("--loop", action="store_true", default=None, help="begin again at the end")
+    parser.add_argument(
+        "--start-paused", action="store_true", default=None, help="wait for ~/resume or ~/step"
+    )
     given = vars(parser.parse_args(argv))
     return {name: value for name, value in given.items() if value is not None}

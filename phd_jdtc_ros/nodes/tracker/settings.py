@@ -17,7 +17,7 @@ from typing import Any
 from phd_jdtc_ros.core.configuration import build
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.parameters import schema
-from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter, unknown
 from phd_jdtc_ros.earth import SystemPlane
 
 from ..common.parameters import check
@@ -186,7 +186,7 @@ def edited(
     table = _table(wanted)
     found = {name: wanted.get(name, parameter.default) for name, parameter in table.items()}
     checked, faults = check(table.values(), found)
-    faults += [f"{name}: unknown parameter" for name in changes if name not in table]
+    faults += unknown(changes, table)
     if faults:
         raise ConfigError(faults)
     return table, checked
@@ -202,11 +202,10 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     """
     faults = [
         f"{name}: cannot change while the tracker is configured, clean it up before"
-        if name in settings.table
-        else f"{name}: unknown parameter"
         for name in changes
-        if name not in settings.mutable
+        if name in settings.table and name not in settings.mutable
     ]
+    faults += unknown(changes, settings.table)
     allowed = {name: value for name, value in changes.items() if name in settings.mutable}
     try:
         found = resolve({**settings.values, **allowed})

@@ -63,6 +63,11 @@ function cursor(scan) {
     y0: 0, y1: 1, line: { color: colour("--soft"), width: 1, dash: "dot" } }];
 }
 
+// What the slider's position is.
+function position(scan) {
+  return `${run.times[scan].toFixed(1)} ${run.unit}, scan ${scan + 1} of ${run.times.length}`;
+}
+
 function set(trace, key, value) {
   const [outer, inner] = key.split(".");
   if (inner) trace[outer][inner] = value;
@@ -82,7 +87,7 @@ function show(scan) {
   Plotly.redraw(map.element);
   for (const chart of overTime) Plotly.relayout(chart.element, { shapes: cursor(scan) });
   slider.value = scan;
-  shown.textContent = `${run.times[scan].toFixed(1)} ${run.unit}, scan ${scan + 1} of ${run.times.length}`;
+  shown.textContent = position(scan);
 }
 
 function nearest(time) {
@@ -131,6 +136,8 @@ async function draw() {
   }
   if (map) {
     slider.max = run.times.length - 1;
+    // Room for the longest text, so that the slider keeps its length.
+    shown.style.minWidth = `${position(run.times.length - 1).length}ch`;
     slider.addEventListener("input", () => go(Number(slider.value)));
     play.addEventListener("click", () => (timer === null ? start() : stop()));
     document.getElementById("back").addEventListener("click", () => go(Number(slider.value) - 1));

@@ -189,8 +189,8 @@ def tiles(summary: Mapping[str, Any]) -> str:
         ("smoothed OSPA", _text(OSPA[0], _score(summary, SMOOTHED, "all", "ospa"))),
         ("class accuracy", "" if one_class else percent(summary.get("class_accuracy"), 1)),
         ("identity switches", _text(IDENTITY_SWITCHES, summary.get("identity_switches"))),
-        ("step time, median", number(step_ms.get("median"), 1, " ms")),
-        ("step time, 99 %", number(step_ms.get("p99"), 1, " ms")),
+        ("step, median", number(step_ms.get("median"), 1, " ms")),
+        ("step, 99 %", number(step_ms.get("p99"), 1, " ms")),
         ("scans scored", number(summary.get("scans") or None)),
     ]
     return "\n".join(

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -85,7 +86,7 @@ def numbers(record: Record) -> Chart:
                 value = np.array([_count(found.class_id, key) for found in run])
                 _line(figure, row, key, source, time, value, "", shape="hvh")
     highest = max(max(trace.y, default=0) for trace in figure.data)
-    figure.update_yaxes(rangemode="tozero", tick0=0, dtick=max(1, -(-highest // 4)))
+    figure.update_yaxes(rangemode="tozero", tick0=0, dtick=_round_step(highest / 4))
     several = not record.sets.one_class
     caption = NUMBER_CAPTION.format(
         in_all=", in all and per class" if several else "",
@@ -105,6 +106,12 @@ def _distances(
     scans = [scan for _, scan in sorted(evaluation.scores[source].items())]
     time = times(Clock.of(record), [scan.stamp_ns for scan in scans])
     return time, np.array([scan.values[key]["ospa"] for scan in scans])
+
+
+def _round_step(least: float) -> int:
+    """Return the smallest of 1, 2, 5, 10, 20, 50 ... that is at least `least`."""
+    steps = (digit * 10**power for power in count() for digit in (1, 2, 5))
+    return next(step for step in steps if step >= least)
 
 
 def _count(class_id: Any, key: str) -> int:

@@ -107,6 +107,26 @@ def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed()
         assert allowed in found[name]
 
 
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        ("intervall_s", "intervall_s: unknown parameter, is interval_s meant?"),
+        ("radar_2.rang_std", "radar_2.rang_std: unknown parameter, is radar_2.range_std meant?"),
+        ("radar_3.range_std", "radar_3.range_std: unknown parameter"),
+        ("survival", "survival: unknown parameter"),
+    ],
+)
+def test_resolve_tells_which_parameter_is_meant(given, fault):
+    assert faults_of({given: 1.0}) == [fault]
+
+
+def test_resolve_looks_for_no_parameter_among_very_many():
+    faults = faults_of({f"intervall_{k}": 1.0 for k in range(100)})
+
+    assert faults[0] == "intervall_0: unknown parameter"
+    assert len(faults) == 100
+
+
 def test_resolve_error_reads_as_its_faults():
     with pytest.raises(ConfigError, match=r"(?s)lag: .*\nseed: "):
         build.resolve({"lag": 1.5, "seed": -1})

@@ -4,7 +4,7 @@
 import pytest
 
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.scene import differences
+from phd_jdtc_ros.core.configuration.scene import differences, other_places
 
 REFERENCE = resolve({}).values
 
@@ -54,3 +54,15 @@ def test_differences_leaves_birth_places_out_where_targets_are_born_at_detection
 
 def test_differences_ignores_what_is_not_given():
     assert differences(REFERENCE, {}) == []
+
+
+def test_other_places_are_those_recorded_of_radars_that_both_have():
+    recorded = resolve({"radars": ["a", "b"], "a.position": [1.0, 2.0], "a.pose": "/ship"}).values
+    given = resolve({"radars": ["a"], "a.yaw_deg": 3.0, "a.range_std": 5.0}).values
+
+    assert other_places(recorded, given) == {
+        "a.position": [1.0, 2.0],
+        "a.yaw_deg": 0.0,
+        "a.pose": "/ship",
+    }
+    assert other_places(recorded, recorded) == {}

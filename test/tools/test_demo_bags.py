@@ -1,0 +1,64 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the demo's tracker and evaluator are given, by profile and bag."""
+
+import pytest
+
+from phd_jdtc_ros.core.configuration import scene
+from phd_jdtc_ros.exit_status import FAILED
+from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.resources import bag
+from phd_jdtc_ros.tools import demo, tracker_params
+
+
+@pytest.fixture
+def given(monkeypatch, tmp_path):
+    """Return a function that returns the configuration and c that a demo gives to its nodes."""
+    seen = []
+
+    def run_nodes(bag, config, out, logs, cutoff):
+        seen.append((config, cutoff))
+        return False
+
+    def start(*arguments):
+        monkeypatch.setattr(demo, "run_nodes", run_nodes)
+        assert demo.main([*arguments, "--out", str(tmp_path / "out")]) == FAILED
+        return seen.pop()
+
+    return start
+
+
+def test_radars_of_a_profile_are_where_the_bag_has_them(given, capsys):
+    config, _ = given("--profile", "marine", "--bag", "coastal_ship")
+    expected = tracker_params.config(bag_parameters.read(bag("coastal_ship")))
+
+    assert scene.other_places(expected.values, config.values) == {}
+    assert list(config.carried) == ["/own_ship/odometry"]
+    said = capsys.readouterr().err
+    assert said.startswith("demo: mast.position, mast.yaw_deg, mast.pose as in ")
+    assert "recorded" not in said
+
+
+def test_assignments_override_where_the_bag_has_a_radar(given):
+    words = "--profile", "marine", "--bag", "coastal_ship", "-p", "mast.position:=[1.0, 2.0]"
+    config, _ = given(*words)
+
+    assert config.values["mast.position"] == [1.0, 2.0]
+    assert config.values["mast.pose"] == "/own_ship/odometry"
+
+
+@pytest.mark.parametrize(
+    ("words", "cutoff"),
+    [
+        ((), 1000.0),
+        (("--bag", "autoferry_2"), 50.0),
+        (("--bag", "coastal_ship"), 200.0),
+        (("--profile", "marine"), 200.0),
+        (("--profile", "air_traffic", "--bag", "terminal_radar"), 1000.0),
+        (("--profile", "marine", "--bag", str(bag("coastal_ship"))), 200.0),
+        (("--bag", "automotive", "--cutoff", "30"), 30.0),
+    ],
+)
+def test_cutoff_is_that_of_the_bag_unless_it_is_given(given, words, cutoff):
+    assert given(*words)[1] == cutoff
