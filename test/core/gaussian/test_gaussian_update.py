@@ -167,6 +167,7 @@ def test_gaussian_is_detected_with_the_probability_at_its_range():
 def test_class_is_detected_as_probably_as_its_band_says():
     config = lone(
         {
+            **TWO_MOTIONS,
             **UNREDUCED,
             "classes": ["low", "high"],
             "amplitude": "band",
@@ -177,8 +178,8 @@ def test_class_is_detected_as_probably_as_its_band_says():
                 for name, value in (
                     ("snr_band_db", band),
                     ("survival_probability", 1.0),
-                    ("motions", ["cv"]),
-                    ("mode_transition", [1.0]),
+                    ("motions", ["cv", "ct"]),
+                    ("mode_transition", [0.9, 0.1, 0.25, 0.75]),
                 )
             },
         }
@@ -335,8 +336,31 @@ def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
     assert newborn.share == 0.25
 
 
+@pytest.mark.parametrize(
+    ("existence", "missed", "odds", "kept"),
+    [
+        # A target has one of two detections, or the other.
+        (0.9, 0.1, [1.0, 2.5], [1]),
+        (0.9, 0.1, [1.0, 2.0], [0, 1]),
+        # It may be missed instead, or may not exist.
+        (0.5, 0.4, [0.45, 0.2], []),
+        (0.5, 0.1, [0.45, 0.2], [0]),
+    ],
+)
+def test_likely_pairs_are_those_of_a_share_of_all_that_may_be(
+    existence, missed, odds, kept, monkeypatch
+):
+    monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
+    mixture = mixture_of(Dynamics(lone({}).model), [(existence, MEAN, STD)])
+    row, column = np.zeros(2, dtype=int), np.arange(2)
+    others = OtherSources(np.zeros(2), np.ones((1, 2)))
+    weight = np.array(odds)[:, None, None]
+    found = pairs.likely(mixture, row, column, weight, np.full((1, 1, 1), missed), others)
+    np.testing.assert_array_equal(found, kept)
+
+
 @pytest.mark.parametrize("count", [1, 3])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_likely_pairs_may_be_more_than_the_least_share_of_their_target(seed, count, monkeypatch):
     rng = np.random.default_rng(seed)
     monkeypatch.setattr(pairs, "LEAST_SHARE", 0.3)
