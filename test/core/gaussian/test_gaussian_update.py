@@ -280,7 +280,7 @@ class Notebook:
         return replace(radar, clutter_rate=self.rate, clutter_map_speed=20.0)
 
     def learns(self, radar):
-        return True
+        return radar.clutter_rate == self.rate
 
     def learn(self, radar, detections, claimed, still):
         self.told.append((radar.clutter_rate, detections, claimed, still))
