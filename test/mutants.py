@@ -8,7 +8,8 @@ module that it changed: a mutant that passes them all survives. Loops that numba
 of NumPy here, because a mutant of a compiled one would be compiled for every test.
 
 A mutant that no test can tell from the original is equivalent, and is listed with the reason in
-``equivalent_mutants.yaml``. The share is that of the others. Names of parts may be given.
+``equivalent_mutants.yaml``. The share is that of the others, and the goal is for each part. Names
+of parts may be given.
 """
 
 import ast
@@ -50,50 +51,50 @@ class Part:
         Patterns of paths below the core.
     tests : tuple of str
         Paths below ``test/core``.
+    without : tuple of str
+        Names of tests in them that take a second or more; every survivor would run them all.
     """
 
     modules: tuple[str, ...]
     tests: tuple[str, ...]
+    without: tuple[str, ...] = ()
 
 
+UPDATE = (
+    "gaussian/test_gaussian_update.py",
+    "gaussian/test_update_with_rates_and_replies.py",
+    "gaussian/test_joint_update.py",
+)
 PARTS = {
     "association": Part(
         (
-            "association/batches.py",
             "association/belief_propagation.py",
             "association/bernoulli.py",
             "association/clusters.py",
-            "association/exact_marginals.py",
             "association/marginals.py",
         ),
         ("association",),
     ),
-    "correction": Part(("smc/correction.py",), ("smc/test_correction.py",)),
-    "gaussian update": Part(
-        (
-            "gaussian/amplitude.py",
-            "gaussian/pairs.py",
-            "gaussian/stillness.py",
-            "gaussian/update.py",
-        ),
-        (
-            "gaussian/test_joint_update.py",
-            "gaussian/test_enumeration.py",
-            "gaussian/test_gaussian_update.py",
-            "models/test_detection_birth.py",
-        ),
+    "exact association": Part(
+        ("association/batches.py", "association/exact_marginals.py"), ("association",)
     ),
+    "correction": Part(("smc/correction.py",), ("smc/test_correction.py",)),
+    "gaussian pairs": Part(
+        ("gaussian/amplitude.py", "gaussian/pairs.py", "gaussian/stillness.py"), UPDATE
+    ),
+    "gaussian update": Part(("gaussian/update.py",), UPDATE),
     "gaussian births": Part(
         ("gaussian/located.py", "gaussian/newborn.py"),
         (
             "gaussian/test_gaussian_update.py",
-            "gaussian/test_range_rate_update.py",
-            "models/test_detection_birth.py",
-            "test_range_rates_agree.py",
+            "gaussian/test_located.py",
+            "gaussian/test_newborn_gaussians.py",
         ),
     ),
     "smoother": Part(
-        ("backward.py", "smc/smoother.py"), ("smc/test_smoother.py", "test_backward.py")
+        ("backward.py", "smc/smoother.py"),
+        ("smc/test_smoother.py", "test_backward.py"),
+        ("rauch_tung_striebel",),
     ),
     "gaussian smoother": Part(
         ("gaussian/generations.py", "gaussian/smoother.py"),
@@ -137,11 +138,12 @@ def configuration(part):
     tests = [
         path for path in (f"test/core/{name}" for name in part.tests) if (ROOT / path).exists()
     ]
+    left_out = " and ".join(f"not {name}" for name in ("numba", "backends", *part.without))
     options = {
         "source_paths": ["phd_jdtc_ros"],
         "only_mutate": [f"{CORE}/{module}" for module in part.modules],
         "also_copy": ["msg_adapters", "robustness", "config"],
-        "pytest_add_cli_args": ["-p", "no:cacheprovider", "-k", "not numba and not backends"],
+        "pytest_add_cli_args": ["-p", "no:cacheprovider", "-k", left_out],
         "pytest_add_cli_args_test_selection": tests,
     }
     lines = [f"{name} = {json.dumps(value)}" for name, value in options.items()]
@@ -265,15 +267,19 @@ def main(names):
         )
     tested = sum(one.mutants - one.equivalent for one in results.values())
     share = sum(one.killed for one in results.values()) / tested
+    short = [name for name, one in results.items() if one.share < GOAL]
     summary = {
         "share": share,
         "goal": GOAL,
-        "reached": share >= GOAL,
+        "reached": not short,
         "parts": {name: {**asdict(one), "share": one.share} for name, one in results.items()},
     }
     (OUT / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-    print(f"all: {share:.1%} of {tested} mutants killed, goal {GOAL:.0%}; {OUT / 'summary.json'}")
-    return int(share < GOAL)
+    print(
+        f"all: {share:.1%} of {tested} mutants killed, goal {GOAL:.0%} of each part; "
+        f"{OUT / 'summary.json'}"
+    )
+    return f"fewer: {', '.join(short)}" if short else 0
 
 
 if __name__ == "__main__":

@@ -243,3 +243,62 @@ def test_stamp_that_is_not_later_is_refused():
     of.step(sector(3))
     with pytest.raises(ValueError, match="not later than"):
         of.step(sector(3))
+
+
+# --- Scans that come late -------------------------------------------------------------------------
+
+
+def same(ours, theirs):
+    """Check that estimates are the same, tracks included."""
+    assert [found.stamp_ns for found in ours] == [found.stamp_ns for found in theirs]
+    for one, other in zip(ours, theirs, strict=True):
+        np.testing.assert_array_equal(one.weight, other.weight)
+        np.testing.assert_array_equal(one.track_id, other.track_id)
+        np.testing.assert_array_equal(one.state, other.state)
+
+
+@pytest.mark.parametrize("late", [1, 5, 7])
+@pytest.mark.parametrize("period_ns", [0, 700_000_000])
+@pytest.mark.parametrize("tuned", [None, 7])
+def test_reworked_engine_is_one_that_had_the_late_scan_in_time(late, period_ns, tuned):
+    of, timely = (
+        MarkEngine(MarkFilter(MODEL), Lag(4), Schedule(period_ns), rule(0.5)) for _ in range(2)
+    )
+    held, given = {}, ([], [])
+    for index in range(9):
+        if index == tuned:
+            of.retune(MODEL, rule(4.5))
+        if index != late:
+            held[index] = of.hold()
+            assert held[index].stamp_ns == of.forward.stamp_ns
+            step = of.step(sector(index))
+            given[0].extend(step.filtered)
+            given[1].extend(step.smoothed)
+    again = [(held[max(index, late + 1)], sector(index)) for index in range(late, 9)]
+    found = of.rework(again)
+
+    before, every = [], ([], [])
+    for index in range(9):
+        if index == (late if tuned == late else tuned):
+            timely.retune(MODEL, rule(4.5))
+        before.append(timely.hold())
+        step = timely.step(sector(index))
+        every[0].extend(step.filtered)
+        every[1].extend(step.smoothed)
+    for ours, theirs, out in zip((found.filtered, found.smoothed), every, given, strict=True):
+        last = out[-1].stamp_ns if out else -1
+        due = [one for one in theirs if one.stamp_ns > last]
+        same(ours, due if period_ns or ours is found.smoothed else [])
+    # What it holds before each of these scans, and what it goes on with.
+    assert [one.stamp_ns for one in found.held] == [one.stamp_ns for one in before[late:]]
+    mine, theirs = of.snapshot(), timely.snapshot()
+    assert mine.facts == theirs.facts
+    assert mine.arrays.keys() == theirs.arrays.keys()
+    for name, array in mine.arrays.items():
+        np.testing.assert_array_equal(array, theirs.arrays[name])
+    # A second rework starts from what the first one held.
+    twice = of.rework(list(zip(found.held, (scan for _, scan in again), strict=True)))
+    assert (twice.filtered, twice.smoothed) == ((), ())
+    assert of.snapshot().facts == theirs.facts
+    for one, other in zip(run(of, 9, 14), run(timely, 9, 14), strict=True):
+        same(one, other)

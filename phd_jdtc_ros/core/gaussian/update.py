@@ -147,7 +147,7 @@ def _others(
     evidence: Evidence | None,
 ) -> OtherSources:
     """Return the other sources of the detections, given log p_D L_z of the pairs, (P, R, S)."""
-    largest = log_mass.max(axis=(1, 2), initial=-np.inf)
+    largest = log_mass.max(axis=(1, 2))
     log_clutter = 0.0 if evidence is None else evidence.log_clutter
     return other_sources(detections, radar, model, dt, column, largest, earlier, log_clutter)
 

@@ -78,7 +78,8 @@ def test_sums_of_a_thousand_clusters_take_a_few_batches(monkeypatch):
     np.testing.assert_array_equal(np.sort(sums.target), np.arange(targets))
 
 
-def test_batches_hold_as_many_clusters_as_fit_the_table(monkeypatch):
+def batches_of(shapes, monkeypatch):
+    """Return how many clusters each batch has, and how many columns."""
     made = []
 
     def counted(batch):
@@ -87,13 +88,22 @@ def test_batches_hold_as_many_clusters_as_fit_the_table(monkeypatch):
 
     exact = batches.ExactMarginals
     monkeypatch.setattr(batches, "ExactMarginals", counted)
-    # A table of a cluster of three rows and two columns has 4 * 2 * 4 entries.
-    monkeypatch.setattr(batches, "LARGEST_BATCH", 3 * 32)
-    target, detection, targets, size = graph_of([(3, 2)] * 7 + [(3, 3)] * 2)
+    target, detection, targets, size = graph_of(shapes)
     cluster = cluster_of_nodes(target, detection, targets, size)
     loops, _ = affordable_loops(cluster, cluster[target], targets)
     sum_exactly(loops, cluster, target, detection, np.ones(len(target)), targets)
+    return made
+
+
+def test_batches_hold_as_many_clusters_as_fit_the_table(monkeypatch):
+    # A table of a cluster of three rows and two columns has 4 * 2 * 4 entries.
+    monkeypatch.setattr(batches, "LARGEST_BATCH", 3 * 32)
+    made = batches_of([(3, 2)] * 7 + [(3, 3)] * 2, monkeypatch)
     assert made == [(3, 2), (3, 2), (1, 2), (1, 3), (1, 3)]
+
+
+def test_batches_hold_clusters_with_targets_for_columns_together(monkeypatch):
+    assert batches_of([(2, 12)] * 4 + [(3, 2)] * 2, monkeypatch) == [(2, 2), (4, 2)]
 
 
 def test_loops_of_as_many_detections_as_are_few_keep_them_for_columns():
@@ -115,3 +125,21 @@ def test_loops_of_just_the_bound_are_affordable(bound, left_out, monkeypatch):
     assert loops_of([(2, 2)])[1] == 0
     monkeypatch.setattr(batches, bound, work - 1)
     assert loops_of([(2, 2)])[1] == left_out
+
+
+def test_loops_share_the_steps_of_a_batch(monkeypatch):
+    # Of the 96 entries of a batch a table of three rows of sums, both ways, and four states has 24.
+    monkeypatch.setattr(batches, "LARGEST_BATCH", 96)
+    work = 4 * (4 + batches.STEP // 4)
+    monkeypatch.setattr(batches, "LARGEST_CLUSTER", work)
+    assert loops_of([(2, 2)])[1] == 0
+    monkeypatch.setattr(batches, "LARGEST_CLUSTER", work - 1)
+    assert loops_of([(2, 2)])[1] == 1
+
+
+def test_loops_of_equal_cost_are_taken_in_their_order(monkeypatch):
+    monkeypatch.setattr(batches, "LARGEST_BATCH", 1)
+    monkeypatch.setattr(batches, "MOST_WORK", 25 * 4 * (4 + batches.STEP))
+    loops, others, cluster = loops_of([(2, 2), (3, 3)] * 50)
+    assert others == 75
+    np.testing.assert_array_equal(np.sort(loops.cluster), np.unique(cluster)[:50:2])

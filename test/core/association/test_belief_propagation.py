@@ -75,3 +75,29 @@ def test_propagation_of_extreme_odds_is_finite(clutter):
     assert np.isfinite(edge).all()
     total = np.bincount(target, edge, targets) + none
     np.testing.assert_allclose(total, 1.0, rtol=1e-12)
+
+
+def loopy(units=1.0):
+    """Return the parameters of one cluster with loops, odds and clutter in these units."""
+    rng = np.random.default_rng(5)
+    target, detection, targets, size = clusters_of(rng, [(9, 9)], 0.6)
+    odds, clutter = rng.exponential(5.0, len(target)), rng.uniform(0.1, 2.0, size)
+    cluster = cluster_of_nodes(target, detection, targets, size)[target]
+    return target, detection, units * odds, targets, units * clutter, cluster
+
+
+@pytest.mark.parametrize("units", [1e-7, 1e7])
+def test_propagation_goes_on_for_as_long_in_all_units(units):
+    for one, other in zip(propagate(*loopy()), propagate(*loopy(units)), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+def test_propagation_of_many_edges_takes_fewer_iterations(monkeypatch):
+    monkeypatch.setattr(belief_propagation, "ITERATIONS", 6)
+    expected = propagate(*loopy())[0]
+    monkeypatch.undo()
+    edges = len(expected)
+    monkeypatch.setattr(belief_propagation, "LEAST_ITERATIONS", 2)
+    monkeypatch.setattr(belief_propagation, "MOST_WORK", 7 * edges - 1)
+    np.testing.assert_array_equal(propagate(*loopy())[0], expected)
+    assert np.abs(expected - undropped(*loopy()[:5])).max() > 1e-4

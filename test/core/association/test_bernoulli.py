@@ -170,3 +170,15 @@ def test_cells_of_targets_and_detections_are_distinguished_with_one_detection():
     total = (absent + unseen).prod() + (absent + unseen)[::-1].sum()
     np.testing.assert_allclose(detected, (absent + unseen)[::-1] / total, rtol=1e-9)
     np.testing.assert_allclose(missed[[0, 2]], [0.45 / 0.55, 0.15 / 0.85], rtol=1e-9)
+
+
+def test_pair_of_a_row_that_is_not_detected_has_no_mass():
+    # The second target is out of the radar's sight, but within the gate.
+    weight, p_d = np.array([0.5, 0.6]), np.array([0.9, 0.0])
+    claims = Claims(np.arange(2), np.zeros(2, dtype=int), weight * p_d, np.ones(1), p_d)
+    shares = bernoulli.bernoulli(np.arange(2), 2, weight, claims)
+    alone = Claims(np.arange(1), np.zeros(1, dtype=int), weight[:1] * p_d[:1], np.ones(1), p_d[:1])
+    expected = bernoulli.bernoulli(np.arange(1), 1, weight[:1], alone)
+    np.testing.assert_array_equal(shares.pair, [expected.pair[0], 0.0])
+    np.testing.assert_array_equal(shares.claimed, expected.claimed)
+    np.testing.assert_allclose(shares.missed, [expected.missed[0], 1.0], rtol=1e-12)

@@ -26,6 +26,15 @@ def corrected(likelihood, weight, other, p_d=0.9, origin=None, corrector=BERNOUL
     return corrector.correct(phd, claims(likelihood, weight, other, p_d))[:2]
 
 
+def pair_weights(likelihood, weight, other, p_d, origin, corrector):
+    """Return the weight of each pair, (N, M); zero where there is none."""
+    phd = intensity(np.zeros((len(weight), 5)), weight, origin=origin)
+    told = claims(likelihood, weight, other, p_d)
+    found = np.zeros_like(likelihood)
+    found[told.row, told.column] = corrector.correct(phd, told).pair
+    return found
+
+
 @pytest.mark.parametrize("existence", [0.01, 0.5, 0.99, 1.0])
 def test_bernoulli_missed_target_keeps_the_existence_of_bayes_rule(existence):
     phd, _ = corrected(np.zeros((2, 0)), [existence / 2.0] * 2, [])
@@ -78,6 +87,8 @@ def test_bernoulli_targets_have_the_posterior_of_all_association_events(targets,
         phd.component_mass, np.bincount(target, missed + detected.sum(axis=1)), rtol=1e-9
     )
     np.testing.assert_allclose(claimed, detected.sum(axis=0), rtol=1e-9)
+    pairs = pair_weights(likelihood, weight, other, p_d, origin, BERNOULLI)
+    np.testing.assert_allclose(pairs, detected, rtol=1e-9)
 
 
 def test_bernoulli_target_between_two_detections_is_one_and_poisson_makes_it_two():
@@ -137,9 +148,18 @@ def test_poisson_keeps_a_component_for_every_detection():
     np.testing.assert_allclose(masses, [0.54 / 1.54, 0.54 / 3.54])
 
 
+def test_poisson_pair_has_its_share_of_its_detection():
+    likelihood = np.array([[2.0, 0.0], [1.0, 4.0], [0.5, 3.0]])
+    weight, other = np.array([0.1, 0.2, 0.3]), np.array([1.0, 3.0])
+    mass = 0.9 * weight[:, None] * likelihood
+    pairs = pair_weights(likelihood, weight, other, 0.9, None, POISSON)
+    np.testing.assert_allclose(pairs, mass / (other + mass.sum(axis=0)), rtol=1e-12)
+
+
 @pytest.mark.parametrize("corrector", CORRECTORS.values(), ids=CORRECTORS)
 def test_corrector_of_nothing_claims_nothing(corrector):
-    phd, claimed = corrected(np.zeros((0, 3)), [], [1.0, 1.0, 1.0], corrector=corrector)
+    # There is no clutter at the last detection.
+    phd, claimed = corrected(np.zeros((0, 3)), [], [1.0, 1.0, 0.0], corrector=corrector)
     assert len(phd) == 0
     np.testing.assert_array_equal(claimed, 0.0)
 

@@ -1,0 +1,324 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The update with range rates and known attributes: which pairs count, and what they weigh."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import pytest
+from lone import MEAN, STD, UNREDUCED, lone, mixture_of
+from matchings import posterior
+
+from phd_jdtc_ros.core import origins
+from phd_jdtc_ros.core.association import batches
+from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.core.gaussian import kalman, range_rate
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.mixture import Mixture
+from phd_jdtc_ros.core.gaussian.reduction import Branched
+from phd_jdtc_ros.core.gaussian.update import update, update_scan
+from phd_jdtc_ros.core.types import Detections, Scan
+
+DETECTION = 0.8
+GIVEN = {
+    **UNREDUCED,
+    "radar.clutter_rate": 5.0,
+    "radar.clutter_max_range": 2e4,
+    "radar.detection_probability": DETECTION,
+}
+RATED = {"radar.fields.range_rate": "range_rate", "radar.range_rate_std": 2.0}
+# Three targets with one, two and one hypotheses.
+ORIGIN = np.array([1, 2, 2, 4])
+STAMP_NS = 7 * 10**9
+
+
+@dataclass(frozen=True)
+class Reply:
+    """Stands for evidence: of some pairs."""
+
+    log_factor: np.ndarray
+    log_clutter: np.ndarray
+    column: np.ndarray
+
+    def take(self, pairs):
+        return replace(self, log_factor=self.log_factor[pairs], column=self.column[pairs])
+
+
+class Register:
+    """Stands for what is known of attributes, by origin and detection; it notes what it is told."""
+
+    def __init__(self, factor, clutter):
+        self.log_factor, self.log_clutter = np.log(factor), np.log(clutter)
+        self.learned, self.newborn, self.stamps = [], [], []
+
+    def at(self, stamp_ns):
+        self.stamps.append(stamp_ns)
+        return self
+
+    def evidence(self, origin, target, column, detections):
+        assert len(self.log_clutter) == len(detections)
+        return Reply(self.log_factor[origin[target], column], self.log_clutter, column)
+
+    def learn(self, evidence, mass, existence):
+        self.learned.append((evidence.column, mass, existence))
+
+    def born(self, origin, detections):
+        self.newborn.append((origin, detections))
+
+
+class Clutter:
+    """Stands for what is known of clutter: there is a hundred times as much."""
+
+    def informed(self, radar):
+        return replace(radar, clutter_rate=100.0 * radar.clutter_rate)
+
+    def learns(self, radar):
+        return False
+
+
+def hypotheses(config, rng):
+    """Return the three targets, near each other."""
+    single = mixture_of(Dynamics(config.model), [(1.0, MEAN, STD)])
+    mean = single.mean + rng.normal(0.0, [200.0, 10.0, 200.0, 10.0, 0.0], (4, 1, 5))
+    weight = np.array([0.9, 0.3, 0.4, 0.5])[:, None, None]
+    return Mixture(ORIGIN, weight, mean, np.repeat(single.covariance, 4, axis=0))
+
+
+def report(radar, rng, **more):
+    """Return three detections near the targets."""
+    place = radar.measure(MEAN[None]) + rng.standard_normal((3, 2)) * radar.noise_std
+    return Detections(place, None, **more)
+
+
+def updated(config, mixture, detections, attributes=None):
+    (radar,), bounds = config.model.radars, new_engine(config).forward.bounds
+    predicted = Branched(mixture, np.arange(len(mixture)))
+    branched, _, _ = update(
+        *(predicted, detections, radar, Dynamics(config.model), bounds, 6.0),
+        attributes=attributes,
+    )
+    return branched
+
+
+def evidence_of(config, mixture, detections):
+    """Return the log likelihood of each pair over the density of clutter, (H, M)."""
+    (radar,) = config.model.radars
+    rates = radar.rates_of(detections)
+    found = np.empty((len(mixture), len(detections)))
+    for row, z in np.ndindex(found.shape):
+        one = mixture.mean[row], mixture.covariance[row]
+        own = np.array([z])
+        told = kalman.located(*one, radar, detections.measurement[own], radar.noise_std[None])
+        found[row, z] = told.log_likelihood[0]
+        if rates is not None:
+            later = kalman.updated(*one, radar, told)
+            found[row, z] += range_rate.rated(*later, radar, rates.take(own)).log_likelihood[0]
+    return found - radar.log_clutter_intensity(detections)
+
+
+@pytest.mark.parametrize("replies", [False, True], ids=["no replies", "replies"])
+@pytest.mark.parametrize("rated", [False, True], ids=["no rates", "rates"])
+@pytest.mark.parametrize("seed", range(3))
+def test_weights_are_those_of_all_events_with_rates_and_replies(rated, replies, seed, monkeypatch):
+    monkeypatch.setattr(kalman, "located", partial(kalman.located, converged=0.0))
+    rng = np.random.default_rng(seed)
+    config = lone({**GIVEN, **(RATED if rated else {})})
+    (radar,) = config.model.radars
+    rate = radar.range_rate_of(MEAN[None])[0] + np.array([0.0, 20.0, np.nan])
+    seen, mixture = report(radar, rng, range_rate=rate), hypotheses(config, rng)
+    factor, clutter, known = np.ones((5, 3)), np.ones(3), None
+    if replies:
+        # The second target and the first detection contradict each other.
+        factor[[1, 2, 4]] = [[3.0, 0.3, 1.0], [1e-13, 2.0, 0.7], [0.2, 1.0, 5.0]]
+        clutter[:] = 0.2, 4.0, 1.0
+        known = Register(factor, clutter)
+    ratio = np.exp(evidence_of(config, mixture, seen)) * factor[ORIGIN] / clutter
+    weight, target = mixture.mass, mixture.target
+    missed, detected = posterior(
+        target, weight, (1.0 - DETECTION) * weight, DETECTION * weight[:, None] * ratio
+    )
+
+    branched = updated(config, mixture, seen, known)
+    found = np.zeros((4, 4))
+    for row in range(4):
+        own = np.flatnonzero(branched.parent == row)
+        order = np.argsort(branched.mixture.mass[own])
+        found[row, : len(own)] = branched.mixture.mass[own[order][::-1]]
+    expected = np.sort(np.column_stack([missed, detected]), axis=1)[:, ::-1]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+    assert len(branched.mixture) == (14 if replies else 16)
+    if replies:
+        ((column, mass, existence),) = known.learned
+        # All pairs but the two that contradict each other.
+        np.testing.assert_array_equal(np.bincount(column), [2, 4, 4])
+        told = [detected[[0, 3], 0], detected[:, 1], detected[:, 2]]
+        for z, own in enumerate(told):
+            np.testing.assert_allclose(np.sort(mass[column == z]), np.sort(own), rtol=1e-9)
+        np.testing.assert_allclose(
+            existence, np.bincount(target, missed + detected.sum(axis=1)), rtol=1e-9
+        )
+
+
+@pytest.mark.parametrize("rated", [False, True], ids=["no rates", "rates"])
+def test_hypothesis_with_a_detection_is_where_that_puts_its_gaussian(rated):
+    config = lone({**GIVEN, **(RATED if rated else {})})
+    (radar,) = config.model.radars
+    mixture = mixture_of(
+        Dynamics(config.model), [(0.5, MEAN, STD), (0.5, MEAN * [-1, 1, 1, 1, 1], STD)]
+    )
+    place = radar.measure(mixture.mean[1]) + np.array([100.0, 0.02])
+    seen = Detections(place, None, range_rate=radar.range_rate_of(mixture.mean[1]) + 10.0)
+    told = kalman.located(
+        mixture.mean[1], mixture.covariance[1], radar, place, radar.noise_std[None]
+    )
+    mean, covariance = kalman.updated(mixture.mean[1], mixture.covariance[1], radar, told)
+    if rated:
+        later = range_rate.rated(mean, covariance, radar, radar.rates_of(seen))
+        mean, covariance = later.mean, later.covariance
+    found = updated(config, mixture, seen)
+    np.testing.assert_array_equal(np.sort(found.parent), [0, 1, 1])
+    detected = int(np.argmax(found.mixture.mass * (found.parent == 1)))
+    np.testing.assert_allclose(found.mixture.mean[detected], mean, rtol=1e-12)
+    np.testing.assert_allclose(found.mixture.covariance[detected], covariance, rtol=1e-12)
+    assert np.isfinite(covariance).all()
+    for row in np.flatnonzero(np.arange(3) != detected):
+        one = found.parent[row]
+        np.testing.assert_array_equal(found.mixture.mean[row], mixture.mean[one])
+        np.testing.assert_array_equal(found.mixture.covariance[row], mixture.covariance[one])
+
+
+def pairs_of(config, detections, known=None):
+    """Return how many pairs of one target with the detections count."""
+    mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
+    return len(updated(config, mixture, detections, known).mixture) - 1
+
+
+def test_pairs_with_improbable_range_rates_are_left_out():
+    config = lone({**GIVEN, **RATED})
+    (radar,) = config.model.radars
+    place = radar.measure(np.stack([MEAN, MEAN]))
+    rate = radar.range_rate_of(MEAN[None])[0] + np.array([0.0, 400.0])
+    assert pairs_of(config, Detections(place, None)) == 2
+    assert pairs_of(config, Detections(place, None, range_rate=rate)) == 1
+    assert pairs_of(config, Detections(place, None, range_rate=rate[::-1])) == 1
+
+
+def test_pairs_that_replies_make_improbable_are_left_out():
+    config = lone(GIVEN)
+    place = config.model.radars[0].measure(MEAN[None])
+    for factor, clutter, count in ((1.0, 1.0, 1), (1e-7, 1.0, 0), (1.0, 1e7, 0), (1e-7, 1e-7, 1)):
+        known = Register(np.full((1, 1), factor), np.full(1, clutter))
+        assert pairs_of(config, Detections(place, None), known) == count
+
+
+def test_pairs_with_improbable_amplitudes_are_left_out():
+    # Clutter is of the lowest amplitudes, and the targets are strong.
+    config = lone(
+        {
+            **GIVEN,
+            "amplitude": "memory",
+            "radar.detection_probability": 0.0,
+            "radar.clutter_rate": 5000.0,
+            "target.snr_band_db": [38.0, 40.0],
+        }
+    )
+    place = config.model.radars[0].measure(MEAN[None])
+    assert pairs_of(config, Detections(place, np.array([100.0]))) == 1
+    assert pairs_of(config, Detections(place, np.array([3.8]))) == 0
+
+
+# --- A scan of two radars -------------------------------------------------------------------------
+
+TWO_RADARS = {
+    **GIVEN,
+    "radars": ["radar", "other"],
+    "other.position": [1e4, 0.0],
+    "other.detection_probability": DETECTION,
+    "other.clutter_rate": 5.0,
+    "detection_births.rates": [0.05],
+}
+
+
+def scan_update(config, predicted, survivors, reports, **known):
+    bounds = new_engine(config).forward.bounds
+    return update_scan(
+        predicted,
+        survivors,
+        Scan(STAMP_NS, reports),
+        Dynamics(config.model),
+        bounds,
+        6.0,
+        4,
+        **known,
+    )
+
+
+def test_hypotheses_of_births_have_no_parents():
+    config = lone(GIVEN)
+    mixture = hypotheses(config, np.random.default_rng(0))
+    nothing = Detections(np.zeros((0, 2)), None)
+    for survivors in (0, 1, 3, 4):
+        branched, approximate = scan_update(config, mixture, survivors, (nothing,))
+        same = (branched.mixture.mean[:, None] == mixture.mean).all(axis=(2, 3))
+        own = np.nonzero(same)[1]
+        np.testing.assert_array_equal(branched.parent, np.where(own < survivors, own, -1))
+        assert approximate == 0
+
+
+def test_scan_counts_the_large_clusters_of_all_radars(monkeypatch):
+    config = lone(TWO_RADARS)
+    rng = np.random.default_rng(0)
+    mixture = hypotheses(config, rng)
+    reports = tuple(report(radar, rng) for radar in config.model.radars)
+    assert scan_update(config, mixture, 4, reports)[1] == 0
+    monkeypatch.setattr(batches, "LARGEST_CLUSTER", 0)
+    assert scan_update(config, mixture, 4, reports)[1] == 2
+
+
+def test_scan_tells_what_is_known_its_stamp_and_the_newborn_of_each_radar():
+    config = lone(TWO_RADARS)
+    nothing = hypotheses(config, np.random.default_rng(0)).take(np.zeros(0, dtype=int))
+    places = np.zeros((3, 5))
+    places[:, [0, 2]] = [[5e3, 0], [0, 5e3], [5e3, 5e3]]
+    reports = tuple(
+        Detections(radar.measure(places[own]), None)
+        for radar, own in zip(config.model.radars, (slice(2), slice(2, 3)), strict=True)
+    )
+    known = Register(np.ones((0, 3)), np.ones(2))
+    first = origins.first_detected(4)
+    known.evidence = lambda *_: None
+    branched, _ = scan_update(config, nothing, 0, reports, attributes=known)
+    assert known.stamps == [STAMP_NS]
+    assert [origin for origin, _ in known.newborn] == [first, first + 2]
+    for (_, told), seen in zip(known.newborn, reports, strict=True):
+        np.testing.assert_array_equal(told.measurement, seen.measurement)
+    np.testing.assert_array_equal(branched.mixture.label, first + np.arange(3))
+
+
+@pytest.mark.parametrize("other", [None, Detections(np.zeros((0, 2)), None)])
+def test_scan_leaves_to_later_radars_the_births_that_earlier_ones_missed(other):
+    config = lone(TWO_RADARS)
+    nothing = hypotheses(config, np.random.default_rng(0)).take(np.zeros(0, dtype=int))
+    seen = Detections(config.model.radars[1].measure(MEAN[None]), None)
+    mass = scan_update(config, nothing, 0, (other, seen))[0].mixture.mass.sum()
+    alone = scan_update(config, nothing, 0, (None, seen))[0].mixture.mass.sum()
+    missed = 1.0 if other is None else 1.0 - DETECTION
+    assert mass / (1.0 - mass) == pytest.approx(missed * alone / (1.0 - alone), rel=1e-9)
+
+
+def test_scan_goes_by_what_is_known_of_replies_and_of_clutter():
+    config = lone(GIVEN)
+    rng = np.random.default_rng(0)
+    mixture = hypotheses(config, rng)
+    seen = report(config.model.radars[0], rng)
+    known = Register(rng.uniform(0.2, 5.0, (5, 3)), rng.uniform(0.2, 5.0, 3))
+    expected = updated(config, mixture, seen, known)
+    branched, _ = scan_update(config, mixture, 4, (seen,), attributes=known)
+    np.testing.assert_array_equal(branched.mixture.mass, expected.mixture.mass)
+
+    clutter = Clutter()
+    branched, _ = scan_update(config, mixture, 4, (seen,), clutter=clutter)
+    more = lone({**GIVEN, "radar.clutter_rate": 500.0})
+    np.testing.assert_array_equal(branched.mixture.mass, updated(more, mixture, seen).mixture.mass)
