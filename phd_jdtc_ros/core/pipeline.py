@@ -143,6 +143,11 @@ class Pipeline:
         """Whether a report is held back: its scan is not complete, or its pose is not known."""
         return self._grouper.waiting or self._posed.waiting
 
+    @property
+    def waits_for_pose(self) -> bool:
+        """Whether a report is held back because its pose, or an earlier one's, is not known."""
+        return self._posed.waiting
+
     def add(
         self, radar: int, stamp_ns: int, detections: Detections, sector: int | None = None
     ) -> Iterator[Event] | Rejection:

@@ -111,7 +111,9 @@ class Tower:
 
 
 def test_codes_addresses_and_heights_are_kept_across_a_restart(processes, peer, tmp_path):
-    sent = list(clouds(resolve({**PARAMETERS, "tower.fields.kind": "kind"}), answers=4))
+    sent = list(
+        clouds(resolve({**PARAMETERS, "tower.fields.kind": "kind"}, SystemPlane), answers=4)
+    )
     whole = Tower(processes, peer, tmp_path, "whole").track(sent)
     first = Tower(processes, peer, tmp_path, "again")
     assert first.track(sent[:4]) == whole[:4]

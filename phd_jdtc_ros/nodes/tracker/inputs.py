@@ -78,6 +78,7 @@ class Inputs:
         self._looked_s = self._judged_s = time.monotonic()
         self._warnings = ThrottledWarnings(node.get_logger(), WARNING_PERIOD_S)
         self._neutral: set[str] = set()
+        # Those of the radars, in their order, then those of the platforms.
         self._subscriptions: list[Subscription] = []
 
     def subscribe(
@@ -113,6 +114,28 @@ class Inputs:
             self._subscriptions.append(
                 endpoints.subscription(self._node, kind, topic, take, health, POSES_KEPT)
             )
+
+    def take_poses(self, waiting: Callable[[], bool]) -> None:
+        """Take in the poses that have arrived, as long as a cloud waits for them.
+
+        An executor takes one message of each topic in turn. After a long step several clouds may
+        have arrived: the next would overtake the poses of the one that waits, and have it given up.
+
+        Parameters
+        ----------
+        waiting : callable
+            Returns whether a cloud waits for a pose.
+        """
+        for subscription in self._subscriptions[len(self.radars) :]:
+            handle = subscription.handle
+            for _ in range(POSES_KEPT):
+                if not waiting():
+                    return
+                with handle:
+                    taken = handle.take_message(subscription.msg_type, subscription.raw)
+                if taken is None:
+                    break
+                subscription.callback(*taken)
 
     def destroy(self) -> None:
         """Destroy all subscriptions."""
