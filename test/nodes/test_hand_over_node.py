@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+import tower
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from sensor_msgs.msg import PointCloud2
@@ -22,40 +23,14 @@ from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.nodes.hand_over import settings
 
 NS = 10**9
-START_S, PERIOD_S, SCANS = 1_700_000_000, 4, 16
+START_S, PERIOD_S, SCANS = 1_700_000_000, round(tower.PERIOD_S), 16
 MARGIN = 4e3
 REGIONS = {"west": [-60e3, -60e3, 0.0, 60e3], "east": [0.0, -60e3, 60e3, 60e3]}
 # East, north and velocities at the start: one that crosses the seam each way, and one that stays.
 AIRCRAFT = np.array([[-8e3, 12e3, 220.0, 0.0], [9e3, -14e3, -230.0, 0.0], [30e3, 20e3, 0.0, 150.0]])
 CODES = np.array([0o4521, 0o7000, 0o1234])
 HEIGHTS = np.array([3048.0, 9144.0, 6096.0])
-TOWER = {
-    "radars": ["tower"],
-    "engine": "gaussian",
-    "interval_s": float(PERIOD_S),
-    "lag": 2,
-    "classes": ["aircraft"],
-    "motions": ["cv"],
-    "births": [],
-    "detection_births.rates": [0.1],
-    "detection_births.velocity_std": 150.0,
-    "spawn.rate": 0.0,
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
-    "aircraft.motions": ["cv"],
-    "aircraft.mode_transition": [1.0],
-    "amplitude": "none",
-    "tower.topic": "/tower/plots",
-    "tower.fields.amplitude": "",
-    "tower.fields.code": "squawk",
-    "tower.fields.height": "altitude",
-    "tower.detection_probability": 0.95,
-    "tower.range_std": 30.0,
-    "tower.azimuth_std_deg": 0.1,
-    "tower.max_range": 60e3,
-    "tower.clutter_rate": 2.0,
-    "tower.clutter_max_range": 60e3,
-}
+TOWER = {**tower.PARAMETERS, "tower.fields.height": "altitude"}
 QOS = {"qos_overrides./tower/plots.subscription.reliability": "reliable"}
 
 

@@ -5,8 +5,10 @@
 
 import numpy as np
 import pytest
+import tower
 import yaml
 from sensor_msgs.msg import PointCloud2
+from tower import PERIOD_S
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import detections, estimates
@@ -14,40 +16,17 @@ from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 from phd_jdtc_ros.earth import SystemPlane
 
-START_NS, PERIOD_S, SCANS = 1_700_000_000 * 10**9, 4.0, 6
+START_NS, SCANS = 1_700_000_000 * 10**9, 6
 # East, north and velocities at the start; codes, addresses and heights.
 AIRCRAFT = np.array([[20e3, 5e3, -200.0, 0.0], [-12e3, -15e3, 100.0, 150.0]])
 CODES, ADDRESSES = np.array([0o4521, 0o7000]), np.array([0x3C6444, 0x4CA123])
 # Above the world's zero, which is 500 feet up.
 HEIGHTS = np.array([3048.0, 9144.0])
 PARAMETERS = {
-    "radars": ["tower"],
+    **tower.PARAMETERS,
     "world_origin": [50.0, 8.5, 152.4],
-    "engine": "gaussian",
-    "interval_s": PERIOD_S,
-    "lag": 2,
-    "classes": ["aircraft"],
-    "motions": ["cv"],
-    "births": [],
-    "detection_births.rates": [0.1],
-    "detection_births.velocity_std": 150.0,
-    "spawn.rate": 0.0,
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
-    "aircraft.motions": ["cv"],
-    "aircraft.mode_transition": [1.0],
-    "amplitude": "none",
-    "tower.topic": "/tower/plots",
-    "tower.fields.amplitude": "",
-    "tower.fields.code": "squawk",
     "tower.fields.address": "icao",
     "tower.fields.height": "altitude",
-    "tower.detection_probability": 0.95,
-    "tower.range_std": 30.0,
-    "tower.azimuth_std_deg": 0.1,
-    "tower.max_range": 60e3,
-    "tower.clutter_rate": 2.0,
-    "tower.clutter_max_range": 60e3,
 }
 
 

@@ -6,42 +6,23 @@
 import moving
 import numpy as np
 import pytest
-import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
+from moving_messages import CLOUDS, sent
 from nav_msgs.msg import Odometry
-from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, diagnostics, estimates, interfaces, names, platform_poses
+from msg_adapters import diagnostics, estimates, interfaces, names, platform_poses
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.schema import flatten
 from phd_jdtc_ros.core.types import Pose
-from phd_jdtc_ros.nodes.common import arguments
-from phd_jdtc_ros.nodes.tracker.node import Tracker
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.page import scan_map
 from phd_jdtc_ros.tools import track_bag
 
 KINDS = {"odometry": Odometry, "pose_stamped": PoseStamped}
-CLOUDS = "/mast/detections"
-
-
-def sent(kind="odometry", frame="map", count=moving.SCANS):
-    """Return (topic, bytes, stamp) of all messages, poses between scans and not with them."""
-    settings, found = moving.config(), []
-    for index, scan in enumerate(moving.scans(count)):
-        stamp_ns = moving.stamp(index * moving.INTERVAL_S)
-        cloud = detections.to_msg(scan, stamp_ns, "mast", settings.inputs[0])
-        found.append((CLOUDS, interfaces.encode(cloud), stamp_ns))
-    for time_s in np.arange(-0.3, count * moving.INTERVAL_S - 2.5, 0.4):
-        stamp_ns = moving.stamp(time_s)
-        pose = moving.ship(time_s)
-        data = platform_poses.to_cdr(pose, stamp_ns, frame, kind, "own_ship")
-        found.append((moving.ODOMETRY, data, stamp_ns))
-    return sorted(found, key=lambda message: message[2])
 
 
 def write_bag(path, messages, kind="odometry"):
@@ -112,49 +93,6 @@ def test_a_moving_radar_is_tracked_live_as_offline(tracker, peer, tmp_path, kind
         assert one.stamp_ns == other.stamp_ns
         np.testing.assert_allclose(one.state, other.state, rtol=1e-5, atol=1e-3)
     assert moving.errors(heard).max() < 25.0
-
-
-def test_clouds_do_not_overtake_poses_that_have_arrived(peer, tmp_path):
-    file = tmp_path / "moving.yaml"
-    qos = {
-        f"qos_overrides.{topic}.subscription.reliability": "reliable"
-        for topic in (CLOUDS, moving.ODOMETRY)
-    }
-    given = {"/tracker": {"ros__parameters": {**dict(flatten(moving.PARAMETERS)), **qos}}}
-    file.write_text(yaml.safe_dump(given))
-    argv = ["--ros-args", "--params-file", str(file)]
-    rclpy.init(args=argv)
-    # Here and not in a process of its own, because it is not to spin until all has arrived.
-    tracker = Tracker(arguments.check("tracker", "", argv))
-    executor = SingleThreadedExecutor()
-    executor.add_node(tracker)
-    outputs = {
-        CLOUDS: peer.publisher(PointCloud2, CLOUDS, 50),
-        moving.ODOMETRY: peer.publisher(Odometry, moving.ODOMETRY, 50),
-    }
-    found = peer.collect(PointCloud2, "/tracker/filtered/estimates", 1000)
-    try:
-        assert peer.spin_until(
-            lambda: (
-                all(output.get_subscription_count() for output in outputs.values())
-                and peer.node.count_publishers("/tracker/filtered/estimates")
-            )
-        )
-        for topic, data, _ in sent(count=9):
-            outputs[topic].publish(data)
-        assert all(output.wait_for_all_acked() for output in outputs.values())
-
-        def done():
-            executor.spin_once(timeout_sec=0.0)
-            return len(found) == 8
-
-        # The last scan waits for a pose that never comes.
-        assert peer.spin_until(done)
-    finally:
-        tracker.close()
-        executor.shutdown()
-        tracker.destroy_node()
-        rclpy.shutdown()
 
 
 def test_poses_of_another_frame_are_counted_and_their_scans_too(tracker, peer):

@@ -5,6 +5,8 @@
 
 import numpy as np
 import pytest
+import tower
+from tower import PERIOD_S
 
 from phd_jdtc_ros.core.attributes import updates
 from phd_jdtc_ros.core.configuration.build import resolve
@@ -12,32 +14,12 @@ from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, UNKNOWN, Detections, Scan
 
 NS = 10**9
-START_NS, PERIOD_S = 1_700_000_000 * NS, 4.0
+START_NS = 1_700_000_000 * NS
 TOWER = {
-    "radars": ["tower"],
-    "engine": "gaussian",
-    "interval_s": PERIOD_S,
+    **tower.PARAMETERS,
     "lag": 1,
-    "classes": ["aircraft"],
-    "motions": ["cv"],
-    "births": [],
-    "detection_births.rates": [0.1],
-    "detection_births.velocity_std": 150.0,
-    "spawn.rate": 0.0,
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
-    "aircraft.motions": ["cv"],
-    "aircraft.mode_transition": [1.0],
-    "amplitude": "none",
-    "tower.fields.amplitude": "",
     "tower.fields.code": "code",
     "tower.fields.time": "time",
-    "tower.detection_probability": 0.95,
-    "tower.range_std": 30.0,
-    "tower.azimuth_std_deg": 0.1,
-    "tower.max_range": 60e3,
-    "tower.clutter_rate": 2.0,
-    "tower.clutter_max_range": 60e3,
 }
 
 

@@ -1,0 +1,26 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The messages of a ship's radar and of its odometry; see `moving`."""
+
+import moving
+import numpy as np
+
+from msg_adapters import detections, interfaces, platform_poses
+
+CLOUDS = "/mast/detections"
+
+
+def sent(kind="odometry", frame="map", count=moving.SCANS):
+    """Return (topic, bytes, stamp) of all messages, poses between scans and not with them."""
+    settings, found = moving.config(), []
+    for index, scan in enumerate(moving.scans(count)):
+        stamp_ns = moving.stamp(index * moving.INTERVAL_S)
+        cloud = detections.to_msg(scan, stamp_ns, "mast", settings.inputs[0])
+        found.append((CLOUDS, interfaces.encode(cloud), stamp_ns))
+    for time_s in np.arange(-0.3, count * moving.INTERVAL_S - 2.5, 0.4):
+        stamp_ns = moving.stamp(time_s)
+        pose = moving.ship(time_s)
+        data = platform_poses.to_cdr(pose, stamp_ns, frame, kind, "own_ship")
+        found.append((moving.ODOMETRY, data, stamp_ns))
+    return sorted(found, key=lambda message: message[2])
