@@ -17,6 +17,10 @@ from ..arrays import FloatArray, IntArray
 from . import kalman, moments
 from .mixture import Mixture
 
+# Of the most hypotheses: those of one mode each may have so many. The others are for the detections
+# of the next scan, each of which branches a hypothesis.
+ROOM = 0.25
+
 
 @dataclass(frozen=True)
 class Bounds:
@@ -170,19 +174,22 @@ def reduced(branched: Branched, bounds: Bounds) -> tuple[Mixture, Ancestry, int]
     part = np.where(part > 0.0, mixture.weight / np.where(part > 0.0, part, 1.0), 0.0)
     covariance, floored = kalman.floored(covariance)
     merged = Mixture(mixture.origin[first], weight, mean, covariance)
-    return *_by_mode(merged, Ancestry(child, ordered.parent, part), bounds.least_mode), floored
+    return *_by_mode(merged, Ancestry(child, ordered.parent, part), bounds), floored
 
 
-def _by_mode(mixture: Mixture, ancestry: Ancestry, least: float) -> tuple[Mixture, Ancestry]:
-    """Return hypotheses of one motion mode each, of those with a share of at least `least`.
+def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixture, Ancestry]:
+    """Return hypotheses of one motion mode each, of those with a share of at least `least_mode`.
 
-    Modes with less stay with the most probable one.
+    Modes with less stay with the most probable one. Where these are so many that the next scan
+    could cost targets, none goes on by itself: modes are mixed, as with a `least_mode` of 1.
     """
+    least = bounds.least_mode
     mass = np.where(mixture.mass > 0.0, mixture.mass, 1.0)
     own = (mixture.mode_weight >= least * mass[:, None]) & (mixture.mode_weight > 0.0)
     main = mixture.mode_weight.argmax(axis=1)
     own[np.arange(len(mixture)), main] = True
-    if len(mixture) == np.count_nonzero(own):
+    count = np.count_nonzero(own)
+    if count == len(mixture) or count > ROOM * bounds.most:
         return mixture, ancestry
     row, mode = np.nonzero(own)
     kept = mode[:, None] == np.arange(own.shape[1])
@@ -190,9 +197,9 @@ def _by_mode(mixture: Mixture, ancestry: Ancestry, least: float) -> tuple[Mixtur
     each = mixture.take(row)
     # The rows of `ancestry` of each hypothesis, once for each of its modes.
     first = np.searchsorted(ancestry.child, row)
-    count = np.searchsorted(ancestry.child, row, side="right") - first
-    child = np.arange(len(row)).repeat(count)
-    edge = np.arange(len(child)) + (first - (np.cumsum(count) - count)).repeat(count)
+    size = np.searchsorted(ancestry.child, row, side="right") - first
+    child = np.arange(len(row)).repeat(size)
+    edge = np.arange(len(child)) + (first - (np.cumsum(size) - size)).repeat(size)
     return (
         each.told(each.weight * kept[..., None], each.mean, each.covariance),
         Ancestry(child, ancestry.parent[edge], ancestry.share[edge] * kept[child][..., None]),
@@ -204,8 +211,6 @@ def _existing(mixture: Mixture, bounds: Bounds) -> IntArray:
     existence = mixture.existence
     kept = existence >= bounds.least_existence
     size = np.bincount(mixture.target, minlength=len(existence))
-    if bounds.least_mode < 1.0:  # each may go on once for each of its motion modes
-        size *= mixture.mean.shape[1]
     if size[kept].sum() > bounds.most:
         order = np.argsort(-existence, kind="stable")
         most = order[np.cumsum(size[order]) <= bounds.most]

@@ -167,6 +167,16 @@ def test_least_probable_targets_are_dropped_beyond_the_most_hypotheses():
     assert existence[dropped].max() <= after.existence.min()
 
 
+@pytest.mark.parametrize(("most", "apart"), [(500, True), (300, False)])
+def test_modes_that_go_on_apart_cost_no_target(most, apart):
+    # Once for each of two modes, thirty targets of two hypotheses are 120.
+    before = branched(np.random.default_rng(1), [2] * 30, spread=1e4)
+    whole, _, _ = reduced(before, bounds(most=most))
+    after, _, _ = reduced(before, bounds(most=most, least_mode=0.0))
+    assert len(np.unique(after.label)) == 30
+    assert len(after) == (2 * len(whole) if apart else len(whole))
+
+
 def test_nothing_is_reduced_to_nothing():
     none = Mixture.empty(2, 2, 5)
     after, ancestry, floored = reduced(Branched(none, np.zeros(0, dtype=int)), BOUNDS)
