@@ -108,6 +108,9 @@ class Turns:
         Whether sectors are numbered clockwise from north; see `sectors`.
     reset_threshold_s : float
         A stamp that is further behind the latest than this begins a new run.
+    azimuth_bias : float
+        What the antenna's azimuths, by which sectors are cut, are too large by, radians
+        counter-clockwise. Those of the detections are right already.
 
     Attributes
     ----------
@@ -120,6 +123,7 @@ class Turns:
     sectors: int = 0
     compass: bool = False
     reset_threshold_s: float = math.inf
+    azimuth_bias: float = 0.0
     doubts: Counter[str] = field(init=False, default_factory=Counter)
 
     def __post_init__(self) -> None:
@@ -214,7 +218,13 @@ class Turns:
         return pieces
 
     def _known(self, sector: int | None) -> Coverage:
-        return NOTHING if sector is None else coverage_of(sector, self.sectors, self.compass)
+        return NOTHING if sector is None else self._coverage(sector)
+
+    def _coverage(self, sector: int) -> Coverage:
+        """Return the true azimuths of a sector."""
+        measured = coverage_of(sector, self.sectors, self.compass)
+        start = math.remainder(measured.start - self.azimuth_bias, FULL_TURN)
+        return Coverage(start, measured.width)
 
     def _cloud(self, stamp_ns: int, detections: Detections) -> _Cloud:
         if self._zero_ns is None:
@@ -257,7 +267,7 @@ class Turns:
         if number is not None:
             self._number = number
             self._reported_s[number] = cloud.stamp_s
-            coverage = coverage_of(number, self.sectors, self.compass)
+            coverage = self._coverage(number)
             if antenna is None or not cloud.timed:
                 return [self._piece(cloud.stamp_ns, cloud, coverage)]
             start = self._start_of(coverage, cloud, antenna)
@@ -282,7 +292,7 @@ class Turns:
             if len(cloud) or self._number is None or not self._step:
                 return None
             return (self._number + self._step * (cloud.missing + 1)) % self.sectors
-        coverage = coverage_of(sector, self.sectors, self.compass)
+        coverage = self._coverage(sector)
         middle = coverage.start + 0.5 * coverage.width
         near = np.abs(wrapped(cloud.azimuth - middle)) <= 0.5 * coverage.width + self._margin
         if len(cloud) >= LEAST_NEAR and 2 * np.count_nonzero(near) < len(cloud):

@@ -328,6 +328,23 @@ def test_a_sector_covers_what_its_number_says(sectors, timed, compass):
     assert not +turns.doubts
 
 
+@pytest.mark.parametrize("compass", [False, True])
+@pytest.mark.parametrize("timed", [False, True])
+def test_a_sector_of_a_misaligned_antenna_covers_where_it_truly_was(timed, compass):
+    # The antenna is 3 degrees clockwise of where it says, and its sectors with it.
+    bias = np.radians(3.0)
+    cut = -0.5 * np.pi + bias if compass else -bias
+    radar = TurningRadar(sectors=16, timed=timed, clockwise=compass, cut=cut)
+    reports = radar.reports(4)
+    off = {}
+    for told in (0.0, bias):
+        turns = turns_of(radar, compass=compass, azimuth_bias=told)
+        pairs = zip(reports, fed(turns, reports, True), strict=True)
+        off[told] = max(degrees_off(sent, pieces) for sent, pieces in pairs)
+    assert off[bias] < 1.5
+    assert off[0.0] > 5.0
+
+
 @pytest.mark.parametrize("timed", [False, True])
 def test_empty_sectors_go_on_with_the_numbers(timed):
     radar = TurningRadar(sectors=16, timed=timed, cut=0.0)

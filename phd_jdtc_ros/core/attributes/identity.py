@@ -65,13 +65,17 @@ class IdentityModel:
         each = self.shared_probability / len(self.shared)
         return np.where(np.isin(identity, self.shared), each, own)
 
+    @property
+    def answered(self) -> float:
+        """Probability that a detection of an unknown target has an answer."""
+        return self.equipped * self.reply + (1.0 - self.equipped) * self.garbled
+
     def nobodys(self, identity: IntArray) -> FloatArray:
         """Return the probability of what detections of unknown targets show; shape kept."""
         prior = self.prior(identity)
         answer = self.reply * ((1.0 - self.garbled) * prior + self.garbled / self.size)
         shown = self.equipped * answer + (1.0 - self.equipped) * self.garbled * prior
-        silent = self.equipped * (1.0 - self.reply) + (1.0 - self.equipped) * (1.0 - self.garbled)
-        return np.where(identity == UNKNOWN, silent, shown)
+        return np.where(identity == UNKNOWN, 1.0 - self.answered, shown)
 
 
 class Belief(NamedTuple):

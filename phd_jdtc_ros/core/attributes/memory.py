@@ -379,9 +379,8 @@ class AttributeMemory:
         if not shown:
             return np.zeros(len(detections))
         answered = np.stack([part != UNKNOWN for part in shown]).any(axis=0)
-        model, code = self.model, self.model.code
-        reply = code.equipped * code.reply
-        odds = np.array([(1.0 - model.clutter_reply) / (1.0 - reply), model.clutter_reply / reply])
+        false, true = self.model.clutter_reply, self.model.code.answered
+        odds = np.array([(1.0 - false) / (1.0 - true), false / true])
         factor: FloatArray = np.log(odds)[answered.astype(np.int64)]
         return factor
 

@@ -131,7 +131,10 @@ class TrackerConfig:
     def turns(self) -> tuple[Turns, ...]:
         """Return what cuts each radar's reports, in the configured order; all new."""
         return tuple(
-            Turns(radar.rotation_s, radar.sectors, radar.compass, self.reset_threshold_s)
+            Turns(
+                *(radar.rotation_s, radar.sectors, radar.compass, self.reset_threshold_s),
+                azimuth_bias=radar.bias.azimuth,
+            )
             for radar in self.inputs
         )
 

@@ -279,25 +279,27 @@ def reports_of(
     that of what targets answer.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
-    offset = antenna.bearing / FULL_TURN
+    # Turns and sectors begin where the antenna says so, not where it is.
+    ahead = scenario.bias(index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
+    turned, offset = plots.turns + ahead, antenna.bearing / FULL_TURN + ahead
     answers = _answers(scenario, index, plots, seed)
     parts = max(layout.sectors, 1)
     first = int(np.ceil(offset)) * parts
     end_turn = scenario.duration_s / radar.rotation_s + offset
     last = int(np.floor(end_turn * parts + 1e-9))
-    edges = np.searchsorted(plots.turns * parts, np.arange(first, last + 1))
+    edges = np.searchsorted(turned * parts, np.arange(first, last + 1))
     reports = []
     for number, begin, end in zip(range(first, last), edges[:-1], edges[1:], strict=True):
         end_s = ((number + 1) / parts - offset) * radar.rotation_s
         rows = slice(int(begin), int(end))
-        time_s = (plots.turns[rows] - (number + 1) / parts) * radar.rotation_s
+        time_s = (turned[rows] - (number + 1) / parts) * radar.rotation_s
         coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
         detections = _reported(plots, rows, time_s, coverage, layout)
         if scenario.transponders is not None:
             own = answers.take(np.arange(len(plots.turns))[rows])
             detections = _with_answers(detections, own, layout)
         elif layout.height_field and layout.site is not None:
-            detections = replace(detections, height=_heights(scenario, plots, rows, radar, offset))
+            detections = replace(detections, height=_heights(scenario, index, plots, rows))
         detections = placed(detections, layout)
         reports.append(Report(index, scenario.ns_after(end_s), detections, plots.source[rows]))
     return reports
@@ -316,11 +318,10 @@ def _reported(
     )
 
 
-def _heights(
-    scenario: Scenario, plots: Plots, rows: slice, radar: RadarModel, offset: float
-) -> FloatArray:
+def _heights(scenario: Scenario, index: int, plots: Plots, rows: slice) -> FloatArray:
     """Return the heights of the targets of some plots, metres; NaN for clutter."""
-    time_s = (plots.turns[rows] - offset) * radar.rotation_s
+    offset = scenario.antennas[index].bearing / FULL_TURN
+    time_s = (plots.turns[rows] - offset) * scenario.radars[index].rotation_s
     source = plots.source[rows]
     height = np.full(len(source), np.nan)
     for number in np.unique(source[source > 0]).tolist():

@@ -20,9 +20,9 @@ from msg_adapters import diagnostics, doubts, names
 
 from ..common.sequence_numbers import SequenceNumbers
 
-# Added to the scans that a radar may miss. Noticing it takes up to 0.1 s more, so that a radar is
-# reported silent within half a second after those scans.
-SILENCE_SLACK_S = 0.3
+# Added to the scans that a radar may miss. Noticing it takes two looks, up to 0.2 s, and the
+# message its way, so that a radar is reported silent within half a second after those scans.
+SILENCE_SLACK_S = 0.25
 # How long a warning stays after its cause.
 WARNING_MEMORY_S = 10.0
 # A killed publisher stays in the graph for the middleware's lease, by default at most 20 s. Two

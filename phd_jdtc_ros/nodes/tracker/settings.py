@@ -94,7 +94,7 @@ TABLE = (
     Parameter(
         "silent_after_scans",
         2.0,
-        "Number of its scans that a radar may miss; half a second later it is reported silent.",
+        "Number of its scans that a radar may miss; within half a second more it is called silent.",
         0.5,
         1000.0,
         mutable=True,

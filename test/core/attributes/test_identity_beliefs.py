@@ -39,6 +39,12 @@ def shows(shown, own):
     return MODEL.reply * ((1.0 - MODEL.garbled) * (shown == own) + MODEL.garbled / SIZE)
 
 
+def test_what_unknown_targets_show_sums_to_one():
+    everything = MODEL.nobodys(np.array([*range(SIZE), UNKNOWN]))
+    assert everything.sum() == pytest.approx(1.0)
+    assert everything[:-1].sum() == pytest.approx(MODEL.answered)
+
+
 def full(belief):
     """Return a belief by state of a target, one row for each target."""
     rows = []
@@ -203,7 +209,8 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
         prior, _ = textbook.predict(start, motion, seconds)
         for j in range(2):
             kinematic[t, j] = detection * np.exp(textbook.update(prior, radar, measurement[j])[1])
-    reply = MODEL.equipped * MODEL.reply
+    # Clutter answers less often than unknown targets, with the same codes.
+    reply = MODEL.nobodys(np.arange(SIZE)).sum()
     odds = [0.9 / (1.0 - reply) if c == UNKNOWN else 0.1 / reply for c in shown]
     clutter = rate / (2.0 * np.pi * 2e4) * MODEL.nobodys(np.array(shown)) * odds
     weight, nothing = enumerated(full(moved), existence, kinematic, shown, 1 - detection, clutter)

@@ -3,12 +3,15 @@
 
 """Systematic errors of simulated radars."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.models.visibility import within
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.core.simulation.sweep import simulate_reports
 
@@ -44,7 +47,9 @@ def test_a_radar_has_the_errors_that_a_scenario_gives_it_and_the_others_none():
         after = [report for report in wrong if report.radar == radar]
         assert len(before) == len(after) > 4
         for right, biased in zip(before, after, strict=True):
-            assert biased.stamp_ns - right.stamp_ns == radar * 5 * 10**8
+            # The antenna says north before it is there.
+            late_s = radar * (0.5 - 4.0 * 0.3 / 360.0)
+            assert biased.stamp_ns - right.stamp_ns == pytest.approx(late_s * 1e9, abs=1.0)
             assert len(right.detections)
             distance = right.detections.measurement[:, 0]
             off = biased.detections.measurement - right.detections.measurement
@@ -52,8 +57,19 @@ def test_a_radar_has_the_errors_that_a_scenario_gives_it_and_the_others_none():
             # Clockwise is negative here.
             turned = np.mod(off[:, 1] + np.pi, 2 * np.pi) - np.pi
             assert_allclose(np.degrees(turned), -0.3 * radar, atol=1e-9)
-            assert_allclose(biased.detections.time_s, right.detections.time_s)
+            until_stamp = biased.detections.time_s - right.detections.time_s
+            assert_allclose(until_stamp, radar * 0.5 - late_s, atol=1e-9)
     assert [r.stamp_ns for r in wrong] == sorted(r.stamp_ns for r in wrong)
+
+
+def test_a_misaligned_antenna_cuts_its_sectors_where_it_says_that_it_is():
+    layouts = [replace(layout, sectors=16) for layout in CONFIG.inputs]
+    document = {**DOCUMENT, "biases": {"other": {"azimuth_bias_deg": 5.0}}}
+    scene = scenario_file.resolve(document, CONFIG.model.radars)
+    found = [report.detections for report in simulate_reports(scene, layouts, seed=1)]
+    assert sum(map(len, found)) > 50
+    for detections in found:
+        assert within(detections.measurement[:, 1], detections.coverage).all()
 
 
 @pytest.mark.parametrize(
