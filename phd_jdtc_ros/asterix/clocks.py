@@ -94,6 +94,9 @@ class StreamClock:
         if near_ns is None:
             return self.midnight_ns + time_of_day * NS_PER_TICK
         day_ns = near_ns // NS_PER_DAY * NS_PER_DAY
+        if period == DAY:
+            own_ns = day_ns + time_of_day * NS_PER_TICK
+            return own_ns + round((near_ns - own_ns) / NS_PER_DAY) * NS_PER_DAY
         times_ns = (
             _in_day(begin_ns, time_of_day, period, near_ns)
             for begin_ns in (day_ns, day_ns - NS_PER_DAY, day_ns + NS_PER_DAY)
