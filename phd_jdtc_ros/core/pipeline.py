@@ -144,9 +144,12 @@ class Pipeline:
         return self._grouper.waiting or self._posed.waiting
 
     @property
-    def waits_for_pose(self) -> bool:
-        """Whether a report is held back because its pose, or an earlier one's, is not known."""
-        return self._posed.waiting
+    def awaited_pose(self) -> int | None:
+        """The radar whose report is held back until its pose is known; None if none is.
+
+        Reports behind it are held back too.
+        """
+        return self._posed.awaited
 
     def add(
         self, radar: int, stamp_ns: int, detections: Detections, sector: int | None = None

@@ -82,6 +82,11 @@ class PosedReports:
         """Whether a report is held back."""
         return bool(self._held)
 
+    @property
+    def awaited(self) -> int | None:
+        """The radar of the first report that is held back; None if none is."""
+        return self._held[0].radar if self._held else None
+
     def add(self, radar: int, parts: Sequence[tuple[int, Detections]]) -> None:
         """Take in the parts of a report, each with its stamp; they have come together."""
         latest_ns = max(stamp_ns for stamp_ns, _ in parts)

@@ -81,7 +81,8 @@ class Beside:
             if name == "registration" and succeeded:
                 found = (self._out / "registration.json").read_text(encoding="utf-8")
                 registration.merge(self._out / registration.SUMMARY, json.loads(found)["goals"])
-        return OK if all(succeeded for _, succeeded, _ in self._ended) else FAILED
+        whole = len(self._ended) == len(self._studies)
+        return OK if whole and all(succeeded for _, succeeded, _ in self._ended) else FAILED
 
     def _run(self) -> None:
         settings = dict.fromkeys(THREAD_VARIABLES, "1")
@@ -90,11 +91,15 @@ class Beside:
             with self._lock:
                 if self._stopped:
                     return
-                self._process = subprocess.Popen(
-                    [sys.executable, "-m", "phd_jdtc_ros", *study, "--out", str(self._out)],
-                    env={**os.environ, **settings},
-                    stdout=subprocess.PIPE,
-                    text=True,
-                )
+                try:
+                    self._process = subprocess.Popen(
+                        [sys.executable, "-m", "phd_jdtc_ros", *study, "--out", str(self._out)],
+                        env={**os.environ, **settings},
+                        stdout=subprocess.PIPE,
+                        text=True,
+                    )
+                except OSError as error:
+                    self._ended.append((study[0], False, f"{study[0]}: not started: {error}\n"))
+                    continue
             text, _ = self._process.communicate()
             self._ended.append((study[0], self._process.returncode == OK, text))

@@ -11,12 +11,15 @@ from msg_adapters import detections, interfaces, platform_poses
 CLOUDS = "/mast/detections"
 
 
-def sent(kind="odometry", frame="map", count=moving.SCANS):
-    """Return (topic, bytes, stamp) of all messages, poses between scans and not with them."""
+def sent(kind="odometry", frame="map", count=moving.SCANS, radar="mast"):
+    """Return (topic, bytes, stamp) of all messages, poses between scans and not with them.
+
+    Those of another radar are on the topics of `mast`, too.
+    """
     settings, found = moving.config(), []
     for index, scan in enumerate(moving.scans(count)):
         stamp_ns = moving.stamp(index * moving.INTERVAL_S)
-        cloud = detections.to_msg(scan, stamp_ns, "mast", settings.inputs[0])
+        cloud = detections.to_msg(scan, stamp_ns, radar, settings.inputs[0])
         found.append((CLOUDS, interfaces.encode(cloud), stamp_ns))
     for time_s in np.arange(-0.3, count * moving.INTERVAL_S - 2.5, 0.4):
         stamp_ns = moving.stamp(time_s)

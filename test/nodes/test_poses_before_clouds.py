@@ -1,10 +1,12 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A tracker that is behind: many poses and several clouds have arrived when it goes on.
+"""A tracker that is behind: poses and clouds of two ships have arrived when it goes on.
 
 By itself, because its node is in the process of the test, which has it in the graph for good.
 """
+
+import copy
 
 import moving
 import rclpy
@@ -18,14 +20,24 @@ from phd_jdtc_ros.core.configuration.schema import flatten
 from phd_jdtc_ros.nodes.common import arguments
 from phd_jdtc_ros.nodes.tracker.node import Tracker
 
+SCANS = 9
+# Another ship beside it: the same radar, at the same place.
+CONSORT = {CLOUDS: "/consort/detections", moving.ODOMETRY: "/consort/odometry"}
+PARAMETERS = {
+    **moving.PARAMETERS,
+    "radars": ["mast", "consort"],
+    "consort": {
+        **copy.deepcopy(moving.PARAMETERS["mast"]),
+        "pose": CONSORT[moving.ODOMETRY],
+    },
+}
+
 
 def test_clouds_do_not_overtake_poses_that_have_arrived(peer, tmp_path):
     file = tmp_path / "moving.yaml"
-    qos = {
-        f"qos_overrides.{topic}.subscription.reliability": "reliable"
-        for topic in (CLOUDS, moving.ODOMETRY)
-    }
-    given = {"/tracker": {"ros__parameters": {**dict(flatten(moving.PARAMETERS)), **qos}}}
+    topics = [*CONSORT, *CONSORT.values()]
+    qos = {f"qos_overrides.{topic}.subscription.reliability": "reliable" for topic in topics}
+    given = {"/tracker": {"ros__parameters": {**dict(flatten(PARAMETERS)), **qos}}}
     file.write_text(yaml.safe_dump(given))
     argv = ["--ros-args", "--params-file", str(file)]
     rclpy.init(args=argv)
@@ -34,8 +46,8 @@ def test_clouds_do_not_overtake_poses_that_have_arrived(peer, tmp_path):
     executor = SingleThreadedExecutor()
     executor.add_node(tracker)
     outputs = {
-        CLOUDS: peer.publisher(PointCloud2, CLOUDS, 50),
-        moving.ODOMETRY: peer.publisher(Odometry, moving.ODOMETRY, 50),
+        topic: peer.publisher(Odometry if topic.endswith("odometry") else PointCloud2, topic, 50)
+        for topic in topics
     }
     found = peer.collect(PointCloud2, "/tracker/filtered/estimates", 1000)
     try:
@@ -45,16 +57,20 @@ def test_clouds_do_not_overtake_poses_that_have_arrived(peer, tmp_path):
                 and peer.node.count_publishers("/tracker/filtered/estimates")
             )
         )
-        for topic, data, _ in sent(count=9):
-            outputs[topic].publish(data)
+        ships = zip(sent(count=SCANS), sent(count=SCANS, radar="consort"), strict=True)
+        for (topic, own, _), (_, other, _) in ships:
+            outputs[topic].publish(own)
+            outputs[CONSORT[topic]].publish(other)
         assert all(output.wait_for_all_acked() for output in outputs.values())
 
         def done():
             executor.spin_once(timeout_sec=0.0)
-            return len(found) == 8
+            return len(found) == SCANS - 1
 
-        # The last scan waits for a pose that never comes.
+        # The last scan waits for a pose that never comes. Of each ship fewer poses are kept than
+        # have arrived.
         assert peer.spin_until(done)
+        assert not any(health.dropped for health in tracker._live._inputs.radars)
     finally:
         tracker.close()
         executor.shutdown()

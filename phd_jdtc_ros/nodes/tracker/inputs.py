@@ -115,27 +115,30 @@ class Inputs:
                 endpoints.subscription(self._node, kind, topic, take, health, POSES_KEPT)
             )
 
-    def take_poses(self, waiting: Callable[[], bool]) -> None:
+    def take_poses(self, awaited: Callable[[], int | None]) -> None:
         """Take in the poses that have arrived, as long as a cloud waits for them.
 
         An executor takes one message of each topic in turn. After a long step several clouds may
         have arrived: the next would overtake the poses of the one that waits, and have it given up.
+        Poses that no cloud waits for stay: theirs may be those that a platform no longer keeps.
 
         Parameters
         ----------
-        waiting : callable
-            Returns whether a cloud waits for a pose.
+        awaited : callable
+            Returns the radar whose pose a cloud waits for, or None.
         """
-        for subscription in self._subscriptions[len(self.radars) :]:
-            handle = subscription.handle
-            for _ in range(POSES_KEPT):
-                if not waiting():
-                    return
-                with handle:
-                    taken = handle.take_message(subscription.msg_type, subscription.raw)
-                if taken is None:
-                    break
-                subscription.callback(*taken)
+        config = self._settings.config
+        poses = dict(zip(self.platforms, self._subscriptions[len(self.radars) :], strict=True))
+        for _ in range(POSES_KEPT * len(poses)):
+            radar = awaited()
+            if radar is None:
+                return
+            subscription = poses[config.inputs[radar].pose_topic]
+            with subscription.handle:
+                taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            if taken is None:
+                return
+            subscription.callback(*taken)
 
     def destroy(self) -> None:
         """Destroy all subscriptions."""

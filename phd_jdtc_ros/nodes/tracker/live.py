@@ -191,7 +191,7 @@ class LiveTracker:
     ) -> None:
         if not self._active:
             return
-        self._inputs.take_poses(lambda: self._pipeline.waits_for_pose)
+        self._inputs.take_poses(lambda: self._pipeline.awaited_pose)
         begin_s = time.monotonic()
         health = self._inputs.radars[index]
         health.arrived(begin_s, info.get("publication_sequence_number"), self._load.worked_s)
