@@ -92,15 +92,14 @@ def at_rest(found: Estimates, model: TrackerModel) -> FloatArray:
 def _crowding(found: Estimates, model: TrackerModel) -> FloatArray:
     """Return how probably each target's neighbourhood is one of reflectors to all radars, (T,).
 
-    The cells of a radar that moves are of the world, wherever it is.
+    Those are meant that see the place; it is 0 where none does. The cells of a radar that moves are
+    of the world, wherever it is.
     """
-    maps = ((radar, radar.clutter_map) for radar in model.radars)
     about = [
-        places.about(radar.measure(found.state), found.position)
-        for radar, places in maps
-        if places is not None
+        radar.clutter_about(radar.measure(found.state), found.position) for radar in model.radars
     ]
-    return crowding(np.min(about, axis=0))
+    least = np.min(about, axis=0)
+    return crowding(np.where(np.isinf(least), 0.0, least))
 
 
 class Records(NamedTuple):

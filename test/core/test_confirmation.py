@@ -416,6 +416,7 @@ COAST = {
     "detection_births.rates": [0.02, 0.02],
     "detection_births.velocity_std": 5.0,
     "mast.clutter_map": True,
+    "mast.clutter_rate": 1.0,
     "mast.clutter_map_speed": 2.5,
 }
 
@@ -478,3 +479,11 @@ def test_among_reflectors_only_tracks_are_reported_that_tell_that_they_move(give
     # One that answers beside it makes no quay.
     alone = states_by_scan(model)
     assert states_by_scan(with_answers(model, 1)) == alone
+
+
+def test_a_radar_that_does_not_see_a_place_says_nothing_of_its_neighbourhood():
+    near = with_answers(resolve(COAST).model, 5)
+    far = {"far.clutter_map": True, "far.position": [6e4, 0.0], "far.max_range": 2e4}
+    both = resolve({**COAST, **far, "radars": ["mast", "far"]}).model
+    both = replace(both, radars=(near.radars[0], both.radars[1]))
+    assert states_by_scan(both) == states_by_scan(near)

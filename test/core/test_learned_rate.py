@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.evaluation.metrics import ospa
 from phd_jdtc_ros.core.models.clutter_count import MEMORY_TURNS, START_RATE, ClutterCount
+from phd_jdtc_ros.core.models.clutter_memory import ClutterMemory
 from phd_jdtc_ros.core.simulation.scenario import paper_scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.snapshot import Snapshot
@@ -114,6 +115,21 @@ def test_the_rate_of_a_radar_that_reports_sectors_is_that_of_a_turn(engine, clut
         found = Detections(place, None, coverage=Coverage(step % 16 * width - np.pi, width))
         tracker.step(Scan((step + 1) * 250_000_000, (found,)))
     assert learned(tracker) == pytest.approx({"radar": 32.0}, rel=0.2)
+
+
+def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular():
+    """A quay of thirty reflectors, and six false detections somewhere else."""
+    given = {"radar.clutter_rate": "auto", "radar.clutter_map": True, "engine": "gaussian"}
+    model, rng, memory = configuration(given).model, np.random.default_rng(6), ClutterMemory()
+    std = [model.radars[0].range_std, model.radars[0].azimuth_std]
+    quay = np.stack([np.linspace(2e4, 2.2e4, 30), np.linspace(0.5, 0.6, 30)], axis=1)
+    for _ in range(150):
+        radar = memory.informed(model.radars[0])
+        answers = quay + rng.standard_normal(quay.shape) * std
+        others = rng.uniform([1e3, -np.pi], [95e3, np.pi], (rng.poisson(6.0), 2))
+        found = Detections(np.concatenate([answers, others]), None)
+        memory.learn(radar, found, np.zeros(len(found)), np.zeros(len(found)))
+    assert memory.counts["radar"].rate == pytest.approx(6.0, rel=0.25)
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -172,8 +172,9 @@ RADAR = (
     Parameter(
         "clutter_rate",
         START_RATE,
-        "Expected false detections per scan, or per turn. auto: the tracker learns it from what no "
-        f"target claims, some 30 scans back; it begins with {START_RATE:g}.",
+        "Expected false detections per scan, or per turn; with clutter_map those that come from "
+        "nowhere in particular. auto: the tracker learns it from what no target claims, some 30 "
+        f"scans back; it begins with {START_RATE:g}.",
         0.0,
         1e6,
         words=(AUTO,),

@@ -59,14 +59,16 @@ class ClutterMap:
 
     Notes
     -----
-    A detection counts k turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With the
-    rate mu of a cell if clutter is uniform, and n detections in T turns that count, the rate is
-    (PRIOR_TURNS (mu + GATHERED A / CELLS) + b n^2 / (n + AGAIN + SELDOM T)) / (PRIOR_TURNS + T):
+    Beside uniform clutter, whose rate is known, a cell has that of its place. A detection counts k
+    turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With n detections in T turns
+    that count, the rate of the place is
+    (PRIOR_TURNS GATHERED A / CELLS + b n^2 / (n + AGAIN + SELDOM T)) / (PRIOR_TURNS + T):
     the mean after a Gamma prior, but for the two factors of n. They are what keeps quays from
     becoming targets, and ships that move from hiding behind their own first detections. The
     neighbourhood tells what is likely before the place has answered: with A detections per turn
-    that come from it beyond those of one reflector, all of them counted at once, the prior is that
-    of its cells, and b rises from ALONE to POINT; see `clutter_neighbourhood`.
+    that come from it beyond those of one reflector and of uniform clutter, all of them counted at
+    once, the prior is that of its cells, and b rises from ALONE to POINT; see
+    `clutter_neighbourhood`.
     """
 
     grid: Grid
@@ -84,7 +86,7 @@ class ClutterMap:
     def log_factor(
         self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
     ) -> FloatArray:
-        """Return the log density of clutter relative to a uniform one, shape (M,).
+        """Return the log density of all clutter relative to the uniform one, (M,); at least 0.
 
         Parameters
         ----------
@@ -98,7 +100,7 @@ class ClutterMap:
             Metres.
         """
         cell, share = corners(self.grid, self.grid.places(measurement, world))
-        about = self.about(measurement, world)
+        about = self.about(measurement, world, rate, max_range)
         found = np.zeros(cell.shape)
         if len(self.cell):
             place = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
@@ -109,27 +111,30 @@ class ClutterMap:
         point = ALONE + (POINT - ALONE) * clutter_neighbourhood.crowding(about)
         again = point * seen**2 / (seen + AGAIN + SELDOM * turns)
         again += PRIOR_TURNS * GATHERED * about / clutter_neighbourhood.CELLS
-        log_expected = np.log(rate) + self.grid.log_share(measurement, max_range)
+        log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)
         with np.errstate(divide="ignore"):  # where nothing came from
-            relative = np.logaddexp(np.log(PRIOR_TURNS), np.log(again) - log_expected)
-        log_factor: FloatArray = relative - np.log(PRIOR_TURNS + turns)
+            log_place = np.log(again) - np.log(PRIOR_TURNS + turns)
+        log_factor: FloatArray = np.logaddexp(0.0, log_place - log_uniform)
         return log_factor
 
-    def about(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
+    def about(
+        self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
+    ) -> FloatArray:
         """Return the detections per turn of the neighbourhood of each place, shape (M,).
 
-        Only those beyond what one reflector would answer.
+        Only those beyond what one reflector and uniform clutter would give.
 
         Parameters
         ----------
-        measurement, world : arrays of shape (M, 2)
+        measurement, world, rate, max_range
             As in `log_factor`.
         """
         found = clutter_neighbourhood.detections_about(
             self.grid, self.cell, self.count, self.grid.places(measurement, world)
         )
-        single = clutter_neighbourhood.SINGLE
-        beyond: FloatArray = np.maximum(found / max(self.turns, 1.0) - single, 0.0)
+        share = clutter_neighbourhood.CELLS * np.exp(self.grid.log_share(measurement, max_range))
+        others = clutter_neighbourhood.SINGLE + rate * np.minimum(share, 1.0)
+        beyond: FloatArray = np.maximum(found / max(self.turns, 1.0) - others, 0.0)
         return beyond
 
     def after(

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from ..arrays import FloatArray
 from ..types import FULL_TURN, Detections
 from .clutter_amplitude import Learned
@@ -102,7 +104,9 @@ class ClutterMemory:
             self.laws[radar.name] = law.after(detections.amplitude, 1.0 - claimed)
         turns = 1.0 if coverage is None else coverage.width / FULL_TURN
         if radar.clutter_count is not None:
-            unclaimed = float((1.0 - claimed).sum())
+            # Of those that are of no target, what a map does not explain.
+            uniform = np.exp(-radar.log_clutter_factor(detections.measurement))
+            unclaimed = float(((1.0 - claimed) * uniform).sum())
             self.counts[radar.name] = radar.clutter_count.after(unclaimed, turns)
         if places is not None:
             weight = 1.0 - claimed * (1.0 - still)

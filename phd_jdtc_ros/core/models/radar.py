@@ -22,6 +22,7 @@ from ..types import FULL_TURN, Coverage, Detections, Pose
 from . import amplitude_density
 from .clutter_amplitude import NOISE, ClutterAmplitude
 from .clutter_count import ClutterCount
+from .clutter_grid import GroundGrid
 from .clutter_map import ClutterMap
 from .modes import ClassModel
 from .range_rate import RangeRateModel
@@ -283,19 +284,9 @@ class RadarModel:
 
         Where an amplitude or a range rate is unknown it is the intensity over the others.
         """
-        area = 2.0 * np.pi * self.clutter_max_range
-        # A rate of zero is allowed; the floor keeps the update's quotient defined.
-        rate = max(self.clutter_rate, np.finfo(float).tiny)
-        # That of a whole turn, of which a radar may see a part.
-        rate *= FULL_TURN / self.visibility.fov.width
-        log_intensity = np.full(len(detections), np.log(rate / area))
-        if self.clutter_map is not None:
-            log_intensity += self.clutter_map.log_factor(
-                detections.measurement,
-                self.to_world(detections.measurement),
-                rate,
-                self.clutter_max_range,
-            )
+        area = FULL_TURN * self.clutter_max_range
+        log_intensity = np.full(len(detections), np.log(self._rate_of_turn / area))
+        log_intensity += self.log_clutter_factor(detections.measurement)
         if (measured := self.rates_of(detections)) is not None:
             log_width = np.log(measured.model.clutter_width)
             log_intensity -= np.where(np.isnan(measured.rate), 0.0, log_width)
@@ -307,6 +298,41 @@ class RadarModel:
             - self.clutter_amplitude.log_share(self.threshold)
         )
         return np.where(np.isnan(density), log_intensity, density)
+
+    def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
+        """Return the log density of clutter at (range, azimuth), over that of uniform clutter, (M,).
+
+        It is 0 without a map of clutter.
+        """
+        if self.clutter_map is None:
+            return np.zeros(len(measurement))
+        world = self.to_world(measurement)
+        uniform = self._rate_of_turn, self.clutter_max_range
+        return self.clutter_map.log_factor(measurement, world, *uniform)
+
+    def clutter_about(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
+        """Return the neighbourhoods of places in the radar's map of clutter, (M,).
+
+        Parameters
+        ----------
+        measurement, world : arrays of shape (M, 2)
+            See `ClutterMap.about`. Where the radar does not see, nothing is known: infinity. One
+            that moves may have seen any place.
+        """
+        if self.clutter_map is None:
+            return np.zeros(len(measurement))
+        uniform = self._rate_of_turn, self.clutter_max_range
+        about = self.clutter_map.about(measurement, world, *uniform)
+        if isinstance(self.clutter_map.grid, GroundGrid):
+            return about
+        return np.where(self.visibility.sees(measurement) > 0.0, about, np.inf)
+
+    @property
+    def _rate_of_turn(self) -> float:
+        """Expected uniform clutter of a whole turn, of which the radar may see a part; above 0."""
+        # A rate of zero is allowed; the floor keeps the update's quotient defined.
+        rate = max(self.clutter_rate, np.finfo(float).tiny)
+        return rate * FULL_TURN / self.visibility.fov.width
 
     def log_class_likelihood(
         self, detections: Detections, classes: tuple[ClassModel, ...]

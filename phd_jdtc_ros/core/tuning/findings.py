@@ -104,7 +104,8 @@ def findings(plots: Plots) -> Findings:
     land = 1.0 - len(rows) / len(plots)
     if land > MOST_LAND and len(rows) > LEAST_PLOTS:
         tracks, noise = _beside_land(plots, rows, when, tracks, noise)
-    clutter = clutter_rate(plots, when, tracks)
+    # With a map of clutter, that of land does not count.
+    clutter = clutter_rate(plots, when, tracks, rows if land > MOST_LAND else None)
     return Findings(
         when,
         noise,

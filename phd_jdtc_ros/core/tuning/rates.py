@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, IntArray
 from .plots import Plots
 from .rotation import Timing
 from .tracks import Tracks
@@ -66,13 +66,15 @@ def looks_of(plots: Plots, timing: Timing) -> float:
     return plots.duration_s / timing.rotation_s + whole + part
 
 
-def clutter_rate(plots: Plots, timing: Timing, tracks: Tracks) -> Rate:
-    """Return how many plots of a look no track has.
+def clutter_rate(
+    plots: Plots, timing: Timing, tracks: Tracks, rows: IntArray | None = None
+) -> Rate:
+    """Return how many plots of a look no track has; of these rows only, if they are given.
 
     The deviation is that of a Poisson number or, where that is larger, of ten parts of the
     recording.
     """
-    free = np.setdiff1d(np.arange(len(plots)), tracks.claimed)
+    free = np.setdiff1d(np.arange(len(plots)) if rows is None else rows, tracks.claimed)
     looks = looks_of(plots, timing)
     value = len(free) / looks
     std = np.sqrt(max(len(free), 1.0)) / looks

@@ -51,7 +51,9 @@ def test_the_number_of_cells_is_that_of_the_square_without_the_place_itself():
 
 def test_an_empty_map_has_nothing_about():
     places = ClutterMap(PolarGrid(30.0, 50))
-    np.testing.assert_array_equal(places.about(np.array([[1e3, 0.5]]), np.zeros((1, 2))), 0.0)
+    np.testing.assert_array_equal(
+        places.about(np.array([[1e3, 0.5]]), np.zeros((1, 2)), 10.0, 2e4), 0.0
+    )
 
 
 def test_a_neighbourhood_is_the_more_one_of_reflectors_the_more_it_answers():
