@@ -38,8 +38,9 @@ def merged(detections: Detections, radar: RadarModel) -> Detections:
 
     Notes
     -----
-    The amplitude is the largest of the group, and the identity the first that is known. Deviations
-    stay those of one detection: the centre of what answers moves about in the target.
+    The amplitude is the largest of the group, the identity the first that is known, and the kind
+    that of the most sensors. Deviations stay those of one detection: the centre of what answers
+    moves about in the target.
     """
     if not radar.cluster_distance or len(detections) < 2:
         return detections
@@ -64,7 +65,7 @@ def merged(detections: Detections, radar: RadarModel) -> Detections:
         height=None if height is None else _mean(group, height, count),
         code=_first(group, detections.code, count),
         address=_first(group, detections.address, count),
-        kind=_first(group, detections.kind, count),
+        kind=_richest(group, detections.kind, count),
     )
 
 
@@ -145,6 +146,15 @@ def _first(group: IntArray, value: IntArray | None, count: int) -> IntArray | No
     first = np.full(count, UNKNOWN)
     first[group[known]] = value[known]
     return first
+
+
+def _richest(group: IntArray, kind: IntArray | None, count: int) -> IntArray | None:
+    """Return the kind of each group: the highest, which has what the lower ones see in most."""
+    if kind is None:
+        return None
+    found = np.full(count, UNKNOWN)
+    np.maximum.at(found, group, kind)
+    return found
 
 
 def _mean_rate(

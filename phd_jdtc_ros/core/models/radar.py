@@ -300,7 +300,7 @@ class RadarModel:
         return np.where(np.isnan(density), log_intensity, density)
 
     def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
-        """Return the log density of clutter at (range, azimuth), over that of uniform clutter, (M,).
+        """Return the log density of clutter at (range, azimuth) over the uniform one, (M,).
 
         It is 0 without a map of clutter.
         """

@@ -71,7 +71,8 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         seen = places(scan, model)
         radars = [radar for radar, _ in model.reports(scan)]
         # With range rates young targets are regularised, which is in place of more particles.
-        regularises = corrector.labelled and seen.rates is not None
+        rated = any(radar.range_rate is not None for radar in radars)
+        regularises = corrector.labelled and rated
         if corrector.labelled:
             before = touched
             touched = informed(before, scan.stamp_ns, seen, radars, model, rng)
@@ -91,15 +92,17 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         )
         self.done("update")
         young_from = index if corrector.labelled and not regularises else None
-        stored = resample(updated, model.modes, budget, rng, young_from)
+        drawn_on = resample(updated, model.modes, budget, rng, young_from)
         if corrector.labelled:
-            stored = newborns.spread(stored, scan, model, index, rng)
+            drawn_on = newborns.spread(drawn_on, scan, model, index, rng)
+        stored = drawn_on
         if regularises:
-            stored = regularisation.regularised(stored, radars, model.modes, index, rng)
+            stored = regularisation.regularised(drawn_on, radars, model.modes, index, rng)
         self.done("resample")
         link = None
         if linked and earlier:
-            link = backward_kernel.build_joint(earlier, stored, model, corrector, born_here)
+            # Of the same rows before they were regularised, which no transition density describes.
+            link = backward_kernel.build_joint(earlier, drawn_on, model, corrector, born_here)
             self.done("transition")
         sources = tuple(rows.source for rows in touched)
         entry = Entry(scan.stamp_ns, stored, sources, link)

@@ -18,7 +18,8 @@ those of a Kalman filter. The proposal is the mixture of the process noise itsel
 of the noise given each detection, with shares (1 - a) p_ij / sum_k p_ik. By Bayes' rule its density
 at e, divided by that of the process noise, is a + (1 - a) sum_j l_ij(e) / sum_j p_ij, with l_ij the
 linear model's likelihood. The weight is the inverse: it is exact whatever the linear model is off
-by, which only costs efficiency. It is at most 1 / a.
+by, which only costs efficiency. It is at most 1 / a. Each origin's mass is then scaled to what it
+was before, so that the weights of an origin of few particles are exact only on average.
 
 References
 ----------

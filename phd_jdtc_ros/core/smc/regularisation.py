@@ -6,17 +6,18 @@
 Where the process noise is small, the particles of a target stay on the paths on which they were
 born. With every scan the target's position and the velocity that no range rate tells are known
 better, fewer of the paths have both, and the particles are soon copies of a handful, spread less
-than the target is uncertain. The particles of a young target are therefore moved a little, each by
-its own draw, and drawn together by so much that their mean and covariance stay the same.
+than the target is uncertain. The particles of a young target are therefore moved a little, each
+distinct one by its own draw, and drawn together by so much that their mean and covariance stay the
+same in expectation.
 
 Notes
 -----
 With the mean m and the covariance P of position and velocity, x becomes
 m + sqrt(1 - h^2) (x - m) + h e with e from N(0, P). That is a draw from a kernel density with
-shrinkage. It is no importance sampling: mean, covariance and the covariance with all else of a
-target whose density is Gaussian stay as they are, and of another one the density becomes smoother.
-The folds of an ambiguous range rate are far apart, so that each has a mean and a covariance of its
-own.
+shrinkage. It is no importance sampling: a Gaussian density of position and velocity stays as it
+is, and another one becomes smoother; their covariance with the turn rate, which is not moved,
+shrinks by sqrt(1 - h^2). The folds of an ambiguous range rate are far apart, so that each has a
+mean and a covariance of its own.
 
 References
 ----------

@@ -9,7 +9,7 @@ from lone import lone, scan_at
 
 from phd_jdtc_ros.core.models.merging import merged
 from phd_jdtc_ros.core.models.range_rate import RangeRateModel
-from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
 GIVEN = {
     "radar.cluster_distance": 3.0,
@@ -86,6 +86,18 @@ def test_deviations_and_times_of_a_group_are_their_means():
     np.testing.assert_allclose(found.time_s, [0.1])
     np.testing.assert_array_equal(found.noise_std, [[2.0, np.nan]])
     np.testing.assert_array_equal(found.range_rate_std, [0.2])
+
+
+def test_a_group_has_the_identity_that_is_known_and_the_kind_of_the_most_sensors():
+    report = Detections(
+        at((50, 0), (51, 0), (90, 9)),
+        None,
+        code=np.array([UNKNOWN, 0o1234, UNKNOWN]),
+        kind=np.array([1, 3, 1]),
+    )
+    found = merged(report, RADAR)
+    assert found.code.tolist() == [0o1234, UNKNOWN]
+    assert found.kind.tolist() == [3, 1]
 
 
 def test_an_engine_gets_the_merged_detections():
