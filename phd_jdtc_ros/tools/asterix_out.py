@@ -98,6 +98,9 @@ def write_tracks(
             stream.writelines(found)
 
         for entry in bag.messages([topic]):
+            if due_ns is not None and entry.stamp_ns < output.stamp_ns:  # of a new run
+                put(due_ns)
+                due_ns = None
             # The estimates before this one's time are those to predict.
             while due_ns is not None and due_ns < entry.stamp_ns:
                 put(due_ns)

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import itertools
+
 import asterix_records as made
 import numpy as np
 import pytest
@@ -348,6 +350,26 @@ def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):
     count = BagReader(with_estimates).counts[topic]
     ends = [r for r in decoded(out.read_bytes()) if value(r, "I000", "Typ") == 2]
     assert len(ends) == count
+
+
+def test_tracks_of_a_recording_that_begins_again_are_written_too(with_estimates, tmp_path):
+    topic = names.estimates("filtered")
+    entries = list(BagReader(with_estimates).messages([topic]))
+    clouds = [interfaces.decode(entry.data, names.CLOUD) for entry in entries]
+
+    def tracks(begins):
+        bag, out = tmp_path / f"bag_{len(begins)}", tmp_path / f"{len(begins)}.ast"
+        received_ns = itertools.count(10**18, 10**9)
+        with BagWriter(bag) as written:
+            written.add_topic(Topic(topic, names.CLOUD))
+            for begin, (index, cloud) in itertools.product(begins, enumerate(clouds)):
+                cloud.header.stamp.sec = begin + index
+                written.write(topic, interfaces.encode(cloud), next(received_ns))
+        assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
+        return [r for r in decoded(out.read_bytes()) if r["category"] == 62]
+
+    once, twice = tracks((5000,)), tracks((5000, 1000))
+    assert len(twice) == 2 * len(once) > 0
 
 
 def test_outputs_do_not_go_on_through_a_gap_of_the_estimates(with_estimates, tmp_path):

@@ -4,6 +4,7 @@
 """Studies that run beside a Monte Carlo study."""
 
 import json
+import sys
 
 import pytest
 
@@ -39,6 +40,14 @@ def test_studies_end_with_what_they_are_beside(tmp_path):
         raise KeyboardInterrupt
     assert others.busy() == 0
     assert not (tmp_path / "madap.json").exists()
+
+
+def test_a_study_that_cannot_begin_has_failed(tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "no_python"))
+    with Beside([("madap", "--help"), ("seam", "--help")], tmp_path) as others:
+        pass
+    assert others.finish() == FAILED
+    assert "seam: not started" in capfd.readouterr().out
 
 
 def test_no_study_takes_no_time(tmp_path):
