@@ -3,11 +3,13 @@
 
 """The documentation's pictures from what is in ``out/``: ``make pictures``.
 
-A picture whose output is not there is left as it is, and the command that makes it is named.
+A picture whose output is not there, or is of a quick run, is left as it is, and the command that
+makes it is named.
 """
 
 from __future__ import annotations
 
+import json
 import shutil
 import subprocess
 import sys
@@ -38,11 +40,17 @@ def copy_all() -> list[str]:
     missing = []
     for source, command in SOURCES.items():
         path = ROOT / source
-        if path.exists():
+        if path.exists() and not of_a_quick_run(path):
             shutil.copyfile(path, IMAGES / path.name)
         else:
             missing.append(f"left as it is: docs/images/{path.name}; {command} makes {source}")
     return missing
+
+
+def of_a_quick_run(path: Path) -> bool:
+    """Return whether the summary beside a picture says that its run was a short one."""
+    summary = path.with_name("summary.json")
+    return summary.exists() and bool(json.loads(summary.read_text()).get("quick"))
 
 
 def photograph(page: Path, picture: Path) -> str | None:

@@ -189,6 +189,22 @@ def test_missing_browser_is_named(tmp_path, monkeypatch):
     assert "needs Chromium" in pictures.photograph(tmp_path / "report.html", tmp_path / "r.png")
 
 
+@pytest.mark.parametrize(("quick", "copied"), [(True, 0), (False, 3)])
+def test_pictures_of_a_quick_run_are_not_copied(quick, copied, tmp_path, monkeypatch):
+    monkeypatch.setattr(pictures, "ROOT", tmp_path)
+    monkeypatch.setattr(pictures, "IMAGES", tmp_path / "images")
+    (tmp_path / "images").mkdir()
+    for source in (source for source in pictures.SOURCES if "bench" in source):
+        (tmp_path / source).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / source).touch()
+        (tmp_path / source).with_name("summary.json").write_text(json.dumps({"quick": quick}))
+
+    lines = pictures.copy_all()
+
+    assert len(list((tmp_path / "images").iterdir())) == copied
+    assert len([line for line in lines if "make bench" in line]) == 3 - copied
+
+
 def test_every_picture_of_the_documentation_is_made_by_a_command():
     made = {Path(source).name for source in pictures.SOURCES} | {pictures.REPORT}
     shown = {
