@@ -31,7 +31,8 @@ help:
 	@echo "make study   the Monte Carlo study, RUNS=50 (RUNS=12 for a quick one), into out/study"
 	@echo "make bench   measure speed and scale, BENCH=--quick for a short run, into out/bench"
 	@echo "make faults  the fault matrix on live nodes, into out/faults: all with particles, and with"
-	@echo "             the other engine what depends on it; ENGINE=gaussian for all with that one only"
+	@echo "             the other engine what depends on it; ENGINE=gaussian for all with that one only,"
+	@echo "             PARTS='restarts overload' for some"
 	@echo "make soak    a day of scans at full speed, SCANS=1000 for a short run, ENGINE=gaussian for"
 	@echo "             the other engine, into out/soak"
 	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz;"
@@ -41,8 +42,8 @@ help:
 	@echo "make test    run the tests"
 	@echo "make coverage  the same, with the lines that they run: 90 % of all, 95 % of core and adapters"
 	@echo "make mutants  mutation tests of the association, the correctors and the smoothers, into"
-	@echo "             out/mutants: nine parts, of a quarter of an hour at most each; a part alone"
-	@echo "             with PARTS=association, or PARTS='\"gaussian update\" window'"
+	@echo "             out/mutants: nine parts in some ten minutes; a part alone with"
+	@echo "             PARTS=association, or PARTS='\"gaussian update\" window'"
 	@echo "make check   linters and types"
 	@echo "make format  format the code"
 	@echo "make bags    write the shipped bags again; they come out byte for byte the same"
@@ -95,7 +96,8 @@ bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)
 
 faults: $(VENV)/.ready-test
-	@$(RUN) -m robustness faults $(if $(ENGINE),--engine $(ENGINE) --only)
+	@$(RUN) -m robustness faults $(if $(ENGINE),--engine $(ENGINE) --only) \
+		$(foreach part,$(PARTS),--part $(part))
 
 SCANS ?= 14400
 

@@ -75,15 +75,22 @@ OF_ENGINES: tuple[Measure, ...] = (
 
 def faults(arguments: argparse.Namespace) -> Iterator[Measure]:
     """Yield the faults' measurements: all with one engine, and those of engines with the others."""
+    parts = arguments.part or [part_of(measure) for measure in every_fault()]
     for measure in every_fault():
-        yield engines.of(arguments.engine, measure)
-    if not arguments.only:
-        for engine in engines.ALL:
-            if engine != arguments.engine:
-                for measure in OF_ENGINES:
-                    yield engines.of(engine, measure)
-    for figure in ELSEWHERE:
+        if part_of(measure) in parts:
+            yield engines.of(arguments.engine, measure)
+    others = [engine for engine in engines.ALL if engine != arguments.engine]
+    for engine in [] if arguments.only else others:
+        for measure in OF_ENGINES:
+            if part_of(measure) in parts:
+                yield engines.of(engine, measure)
+    for figure in () if arguments.part else ELSEWHERE:
         yield lambda found=figure: found
+
+
+def part_of(measure: Measure) -> str:
+    """Return the name of the module that a measurement is in."""
+    return measure.__module__.rpartition(".")[2]
 
 
 def every_fault() -> Iterator[Measure]:
@@ -172,6 +179,12 @@ def main(argv: Sequence[str]) -> int:
         sub.add_argument("--out", type=Path, default=Path("out") / name, help="%(default)s")
     added["faults"].add_argument(
         "--only", action="store_true", help="nothing with another engine than this one"
+    )
+    added["faults"].add_argument(
+        "--part",
+        action="append",
+        choices=sorted({part_of(measure) for measure in every_fault()}),
+        help="only these faults; may be repeated",
     )
     added["soak"].add_argument("--scans", type=int, default=soak.SCANS, help="%(default)s")
     added["fuzz"].add_argument("--examples", type=int, default=decoders.EXAMPLES)
