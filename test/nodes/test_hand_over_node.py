@@ -310,6 +310,22 @@ def test_parameters_that_do_not_fit_are_said(changes, words):
     assert any(fault.startswith(words) for fault in error.value.faults)
 
 
+def test_two_trackers_of_one_name_are_one_fault():
+    with pytest.raises(ConfigError) as error:
+        settings.resolve(given(trackers=["west", "west"]))
+    assert error.value.faults == (
+        "trackers: ['west', 'west'] given, must be a list of distinct names",
+    )
+
+
+def test_name_that_no_node_can_have_is_said_with_its_parameter(processes):
+    status, text = processes.run("hand_over", *joining(**{"west.node": "/9west"}))
+    assert status == 2
+    assert text.strip() == "hand_over: west.node: '/9west' given, must be a node's name"
+    found = settings.resolve(given())
+    assert found.origin(0) == ("trackers", "west")
+
+
 def test_target_changes_over_a_fifth_of_the_margin_behind_the_seam_unless_told_otherwise():
     assert settings.resolve(given()).hysteresis == pytest.approx(0.2 * MARGIN)
     assert settings.resolve(given(hysteresis=100.0)).hysteresis == 100.0

@@ -9,27 +9,26 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.clock import Clock, ClockType
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import diagnostics, estimates, names
+from msg_adapters import estimates, names
 from msg_adapters.errors import RejectedMessageError, quoted
 from phd_jdtc_ros.core.gathering import Refused
 from phd_jdtc_ros.core.joint_picture import Joint, JointPicture
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 
 from ..common import arguments, overridable, parameters, runtime
+from ..common.health_reports import HealthReports
 from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.seen import Seen
 from ..common.throttled import ThrottledWarnings
 from . import health, settings
 
-HEALTH_PERIOD_S = 1.0
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
 
 
@@ -63,7 +62,6 @@ class HandOver(Node):
             source: self.create_publisher(PointCloud2, f"~/{source}/estimates", _qos())
             for source in SOURCES
         }
-        self._health = self.create_publisher(DiagnosticArray, names.DIAGNOSTICS, _qos())
         self.create_service(Trigger, "~/flush", self._flush)
         for tracker in range(len(self._settings.names)):
             for source in SOURCES:
@@ -73,10 +71,9 @@ class HandOver(Node):
                     self._settings.topic(tracker, source),
                     partial(self._take, tracker, source),
                     INPUT_DEPTH,
+                    *self._settings.origin(tracker),
                 )
-        # By the wall clock: simulated time may stop, and with it what is to be warned of.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(HEALTH_PERIOD_S, self._publish_health, clock=steady)
+        HealthReports(self, self._statuses, self._warnings)
         self.get_logger().info(f"joining the estimates of {', '.join(self._settings.nodes)}")
 
     def close(self) -> None:
@@ -153,14 +150,6 @@ class HandOver(Node):
         self._publish(done)
         response.success, response.message = True, f"{len(done)} stamps published"
         return response
-
-    def _publish_health(self) -> None:
-        statuses = self._statuses()
-        for status in statuses:
-            if status.level == DiagnosticStatus.WARN:
-                self._warnings.warn(status.name, f"{status.name}: {status.message}")
-        stamp_ns = self.get_clock().now().nanoseconds
-        self._health.publish(diagnostics.array(stamp_ns, statuses))
 
     def _statuses(self) -> list[DiagnosticStatus]:
         node = self.get_fully_qualified_name()

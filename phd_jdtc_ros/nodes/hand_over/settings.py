@@ -6,14 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from msg_adapters import names
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
 from phd_jdtc_ros.core.region import Region
 
-from ..common.parameters import check
+from ..common.parameters import check, with_members
 
 # How far beyond a seam a target changes over unless that is given, in the smallest margin.
 HYSTERESIS = 0.2
@@ -93,6 +93,12 @@ class Settings:
         """Return the topic of a tracker's estimates."""
         return names.estimates(source, self.nodes[tracker])
 
+    def origin(self, tracker: int) -> tuple[str, str]:
+        """Return the parameter that the name of a tracker's node comes from, and its value."""
+        name = self.names[tracker]
+        node = self.values[f"{name}.node"]
+        return (f"{name}.node", node) if node else ("trackers", name)
+
 
 def resolve(given: Mapping[str, Any]) -> Settings:
     """Check the parameters of the node.
@@ -106,12 +112,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     ConfigError
         With every fault.
     """
-    table = {parameter.name: parameter for parameter in TABLE}
-    found = table["trackers"].coerce(given.get("trackers", []))
-    for name in found if isinstance(found, list) else []:
-        for parameter in TRACKER:
-            full = f"{name}.{parameter.name}"
-            table[full] = replace(parameter, name=full)
+    table = with_members(TABLE, "trackers", TRACKER, given)
     values, faults = check(table.values(), given)
     if None not in values.values():
         faults += _faults(values)
