@@ -5,9 +5,9 @@
 
 A tracker numbers its tracks from 1 after a cold start, a reset or a flush, while its stamps go on.
 Its earlier tracks with these numbers were other targets. Nothing in the estimates says that it
-began again, but none of its tracks goes on then, and numbers come that were used before. That is
-also what it looks like where all tracks are lost for a while and come back, which are then taken
-for others, as the joint picture does anyway.
+began again, but its tracks do not go on then, and numbers come that were used before. That is also
+what it looks like where all tracks are lost for a while and come back, which are then taken for
+others, as the joint picture does anyway.
 """
 
 from __future__ import annotations
@@ -91,9 +91,11 @@ class SeriesOfAll:
 
 
 def _goes_on(before: Estimates, found: Estimates) -> bool:
-    """Return whether a track is near where it was at the stamp before."""
+    """Return whether most tracks that have a number of the stamp before are near where it was."""
     _, old, new = np.intersect1d(before.track_id, found.track_id, return_indices=True)
     moved = np.hypot(*(found.position[new] - before.position[old]).T)
     speed = np.maximum(np.hypot(*before.velocity[old].T), np.hypot(*found.velocity[new].T))
     flown = speed * (found.stamp_ns - before.stamp_ns) * 1e-9
-    return bool((moved <= REACH + flown).any())
+    near = np.count_nonzero(moved <= REACH + flown)
+    # Where the same targets get numbers again, one of them may get its earlier one by chance.
+    return bool(2 * near > len(moved))

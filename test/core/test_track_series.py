@@ -63,6 +63,16 @@ def test_a_number_that_is_elsewhere_at_the_next_stamp_is_of_another_series():
     assert found == [[1], [SERIES + 1], [SERIES + 1]]
 
 
+def test_one_target_that_gets_its_number_again_is_not_the_earlier_series():
+    found, _ = followed((0, {1: 0.0, 3: 20e3, 4: 40e3}), (4, {1: 0.8e3, 2: 20.8e3, 3: 40.8e3}))
+    assert found == [[1, 3, 4], [SERIES + 1, SERIES + 2, SERIES + 3]]
+
+
+def test_one_track_that_leaps_begins_no_series():
+    found, _ = followed((0, {1: 0.0, 2: 20e3, 3: 40e3}), (4, {1: 0.8e3, 2: 20.8e3, 3: 80e3}))
+    assert found == [[1, 2, 3], [1, 2, 3]]
+
+
 def test_a_fast_target_is_not_elsewhere():
     found, _ = followed((0, {1: 0.0}), (60, {1: 12e3}))
     assert found == [[1], [1]]
