@@ -44,8 +44,10 @@ numbers of a configuration, both in recordings.
 `engine` is the interface of all engines, and `engines` creates one by its name. `configuration`
 turns parameters into models and settings. `region` is the part of an area that a tracker is for,
 and `handover` joins the estimates of several; `joint_picture` does so as they come, with
-`gathering` to bring together those of one stamp. `simulation` makes scans with known truth, and
-`evaluation` compares estimates with it.
+`gathering` to bring together those of one stamp, `joinable` to refuse what cannot be joined,
+`track_series` to tell apart tracks of a tracker that began to number them again, and
+`joint_numbers` for the numbers that smoothed estimates get. `simulation` makes scans with known
+truth, and `evaluation` compares estimates with it.
 
 Packages import in one direction only::
 

@@ -20,6 +20,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core import joinable
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.joint_picture import JointPicture
@@ -73,6 +74,38 @@ def _of_bag(given: str) -> tuple[Path, TrackerConfig, Region]:
     return path, config, config.region
 
 
+def _require_common(
+    paths: Sequence[Path], configs: Sequence[TrackerConfig], regions: Sequence[Region]
+) -> None:
+    """Raise `ConfigError` with every fault of bags that cannot be of trackers that part an area."""
+    faults = settings.region_faults([f"{path}: " for path in paths], regions)
+    first, first_path = configs[0], paths[0]
+    for path, config in zip(paths[1:], configs[1:], strict=True):
+        for name in ("world_frame", "world_origin"):
+            given, needed = config.values[name], first.values[name]
+            if given != needed:
+                faults.append(
+                    f"{path}: {name}: {given!r} given, must be {needed!r} as in {first_path}"
+                )
+    classes = {len(config.model.modes.classes) for config in configs}
+    if len(classes) > 1:
+        faults.append(f"classes: {sorted(classes)} in the bags, must be as many in all")
+    if faults:
+        raise ConfigError(faults)
+
+
+def _run(path: Path, config: TrackerConfig) -> Record:
+    """Return the record of a bag, all of whose estimates can be joined."""
+    found = load.record(path, config)
+    for source, said in ((FILTERED, found.filtered), (SMOOTHED, found.smoothed)):
+        for own in said:
+            reason = joinable.why_not(own)
+            if reason is not None:
+                where = f"{path}: {names.estimates(source)} at {own.stamp_ns * 1e-9:.3f} s"
+                raise ConfigError([f"{where}: {reason[1]}"])
+    return found
+
+
 def _write(
     out: Path, found: Mapping[str, Sequence[Estimates]], config: TrackerConfig, first: Path
 ) -> None:
@@ -118,7 +151,6 @@ def main(argv: Sequence[str]) -> int:
         if len(arguments.bags) < 2:
             raise ConfigError(["BAG: one given, must be two or more"])
         paths, configs, regions = zip(*map(_of_bag, arguments.bags), strict=True)
-        hysteresis = settings.hysteresis(regions, arguments.hysteresis, "--hysteresis")
         if not 0.0 <= arguments.smoothed_wait <= settings.LONGEST_S:
             raise ConfigError(
                 [
@@ -126,12 +158,11 @@ def main(argv: Sequence[str]) -> int:
                     f"{settings.LONGEST_S:g}"
                 ]
             )
-        classes = {len(config.model.modes.classes) for config in configs}
-        if len(classes) > 1:
-            raise ConfigError([f"classes: {sorted(classes)} in the bags, must be as many in all"])
+        _require_common(paths, configs, regions)
+        hysteresis = settings.hysteresis(regions, arguments.hysteresis, "--hysteresis")
         if arguments.out.exists():
             raise BagError(f"{arguments.out}: already exists, a bag is not overwritten")
-        runs = [load.record(path, config) for path, config in zip(paths, configs, strict=True)]
+        runs = [_run(path, config) for path, config in zip(paths, configs, strict=True)]
         found = joined(runs, regions, hysteresis, arguments.smoothed_wait)
         _write(arguments.out, found, configs[0], paths[0])
         tracks = {n for own in found[FILTERED] for n in own.track_id.tolist()}

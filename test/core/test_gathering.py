@@ -55,15 +55,16 @@ def test_order_of_arrival_makes_no_difference():
         assert closed == {1: [0, 1], 2: [0, 1, 2]}
 
 
-def test_one_that_is_behind_by_more_than_the_longest_delay_is_not_waited_for():
+def test_a_stamp_waits_for_a_tracker_until_the_newest_is_later_by_more_than_the_longest_delay():
     gathering = Gathering(2, 5.0)
     add(gathering, 0, 0)
     add(gathering, 1, 0)
     assert add(gathering, 0, 4) == {}
+    assert add(gathering, 0, 8) == {}
     assert gathering.silent == set()
-    assert add(gathering, 0, 8) == {4: [0], 8: [0]}
+    assert add(gathering, 0, 10) == {4: [0], 8: [0], 10: [0]}
     assert gathering.silent == {1}
-    assert gathering.behind_s(1) == pytest.approx(8.0)
+    assert gathering.behind_s(1) == pytest.approx(10.0)
     # From then on nothing waits for it, until it has caught up.
     assert add(gathering, 0, 12) == {12: [0]}
     assert add(gathering, 1, 11) is Refused.LATE
@@ -84,16 +85,63 @@ def test_a_recording_is_closed_in_the_end_at_the_latest():
     for stamp in (0, 1000):
         assert add(gathering, 0, stamp) == {}
     assert [sorted(one) for one in gathering.close_all()] == [[0], [0]]
-    # A new run: earlier stamps are no late ones.
-    assert not gathering.jumps_back(0, 3 * 10**9)
-    assert add(gathering, 0, 3) == {}
-    assert add(gathering, 1, 3) == {3: [0, 1]}
+    assert add(gathering, 1, 1000) is Refused.LATE
+
+
+@pytest.mark.parametrize("period", [1, 6, 12])
+def test_trackers_with_long_periods_wait_for_each_other(period):
+    gathering = Gathering(3, 5.0)
+    for stamp in range(0, 10 * period, period):
+        assert add(gathering, stamp % 3, stamp) == {}
+        assert add(gathering, (stamp + 1) % 3, stamp) == {}
+        assert gathering.silent == set()
+        assert add(gathering, (stamp + 2) % 3, stamp) == {stamp: [0, 1, 2]}
+
+
+def test_one_with_a_long_period_that_says_nothing_more_is_silent_one_stamp_later():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 0)
+    add(gathering, 1, 0)
+    assert add(gathering, 0, 6) == {}
+    assert add(gathering, 0, 12) == {6: [0], 12: [0]}
+    assert gathering.silent == {1}
+
+
+def test_one_that_is_always_too_late_stays_silent():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 0)
+    for stamp in range(4, 40, 4):
+        add(gathering, 0, stamp)
+        add(gathering, 1, stamp - 8)
+        if stamp >= 12:
+            assert gathering.silent == {1}
+
+
+def test_a_stamp_that_is_far_ahead_does_not_stop_the_others():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 0)
+    add(gathering, 1, 0)
+    assert add(gathering, 0, 10**6) == {}
+    assert add(gathering, 1, 4) == {4: [1]}
+    assert add(gathering, 1, 8) == {8: [1]}
+
+
+def test_until_when_something_may_be_on_its_way_follows_the_trackers_own_interval():
+    gathering = Gathering(3, 5.0)
+    for stamp in (0, 6):
+        add(gathering, 0, stamp)
+    add(gathering, 1, 4)
+    assert gathering.expected_ns() == {0: 17e9, 1: 9e9}
+    assert gathering.expected_ns(10e9) == {0: 10e9, 1: 9e9}
 
 
 def test_what_comes_twice_is_refused_and_a_jump_back_is_known():
     gathering = Gathering(2, 5.0)
     add(gathering, 0, 4)
     assert add(gathering, 0, 4) is Refused.DUPLICATE
+    add(gathering, 0, 8)
+    # It waits for the other one still.
+    assert add(gathering, 0, 4) is Refused.DUPLICATE
     assert gathering.jumps_back(0, 3 * 10**9)
     assert not gathering.jumps_back(1, 3 * 10**9)
-    assert not gathering.jumps_back(0, 4 * 10**9)
+    assert not gathering.jumps_back(0, 8 * 10**9)

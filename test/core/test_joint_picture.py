@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.joint_picture import FORGOTTEN_S, JointPicture, Numbers
+from phd_jdtc_ros.core.gathering import Refused
+from phd_jdtc_ros.core.joint_picture import LATEST_STAMPS, JointPicture
 from phd_jdtc_ros.core.region import Region
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, UNKNOWN, Attributes, Estimates
 
@@ -106,23 +107,132 @@ def test_changes_from_one_tracker_to_another_are_counted(picture):
     assert picture.handed_over == 1
 
 
-def test_numbers_of_tracks_that_are_no_more_are_forgotten():
-    numbers = Numbers(0)
-    numbers.add(0, {(WEST, 3): 1})
-    assert numbers.at(0) == {(WEST, 3): 1}
-    numbers.add(round(FORGOTTEN_S + 1.0) * NS, {})
-    assert numbers.at(0) == {}
+def numbered(done):
+    """Return what came out: (source, stamp, joint numbers)."""
+    return [(kind, own.stamp_ns // NS, own.track_id.tolist()) for kind, own in done]
 
 
-def test_number_at_a_stamp_is_that_of_its_time():
-    numbers = Numbers(2 * NS)
-    for stamp, number in ((0, 1), (1, 1), (4, 2), (5, 2)):
-        numbers.add(stamp * NS, {(WEST, 3): number})
-    found = [numbers.at(stamp * NS)[WEST, 3] for stamp in (0, 1, 2, 4, 9)]
-    assert found == [1, 1, 2, 2, 2]
-    # Its next number is too far ahead: it has its last one still.
-    assert Numbers(0).at(0) == {}
-    late = Numbers(1 * NS)
-    late.add(0, {(WEST, 3): 1})
-    late.add(9 * NS, {(WEST, 3): 2})
-    assert late.at(5 * NS) == {(WEST, 3): 1}
+def test_smoothed_stamps_that_come_again_are_late_and_begin_no_new_run(picture):
+    for stamp in (100, 104, 108, 112):
+        add(picture, FILTERED, stamp, {7: -30e3}, {5: 30e3})
+        add(picture, SMOOTHED, stamp - 4, {7: -30e3}, {5: 30e3}, lag=1)
+    # As after a warm start of a tracker.
+    for stamp in (96, 100, 104):
+        assert not picture.jumps_back(WEST, SMOOTHED, stamp * NS)
+        again = picture.add(WEST, SMOOTHED, estimates(stamp, {7: -30e3}, lag=1))
+        assert again in (Refused.LATE, Refused.DUPLICATE)
+    done = add(picture, FILTERED, 116, {7: -30e3}, {5: 30e3})
+    assert done == [(FILTERED, 116, [1, 2]), (SMOOTHED, 108, [1, 2])]
+
+
+def test_what_is_late_of_the_run_before_begins_no_other_run(picture):
+    for stamp in (100, 104):
+        add(picture, FILTERED, stamp, {7: -30e3}, {5: 30e3})
+    picture.add(WEST, FILTERED, estimates(108, {7: -30e3}))
+    done = picture.add(WEST, FILTERED, estimates(0, {7: -30e3}))
+    assert numbered(done) == [(FILTERED, 108, [1])]
+    # The eastern tracker has not jumped back yet.
+    for stamp in (108, 112):
+        assert not picture.jumps_back(EAST, FILTERED, stamp * NS)
+        assert picture.add(EAST, FILTERED, estimates(stamp, {5: 30e3})) is Refused.LATE
+    assert not picture.jumps_back(EAST, FILTERED, 0)
+    done = picture.add(EAST, FILTERED, estimates(0, {5: 30e3}))
+    assert numbered(done) == [(FILTERED, 0, [3, 4])]
+    # Once it has, these stamps are those of the new run.
+    assert add(picture, FILTERED, 108, {7: -30e3}, {5: 30e3}) == [(FILTERED, 108, [3, 4])]
+
+
+def test_smoothed_estimates_of_the_run_before_have_its_numbers(picture):
+    for stamp in (100, 104):
+        add(picture, FILTERED, stamp, {7: -30e3}, {5: 30e3})
+    add(picture, SMOOTHED, 96, {7: -30e3}, {5: 30e3}, lag=1)
+    assert add(picture, FILTERED, 0, {8: -30e3}, {5: 30e3})[-1] == (FILTERED, 0, [3, 4])
+    # What the trackers still held back when they were reset.
+    found = add(picture, SMOOTHED, 100, {7: -30e3}, {5: 30e3}, lag=1)
+    assert found == [(SMOOTHED, 100, [1, 2])]
+    assert numbered(picture.add(WEST, SMOOTHED, estimates(104, {7: -30e3}, lag=1))) == []
+    # The new run's come after all of the run before.
+    add(picture, SMOOTHED, 0, {8: -30e3}, {}, lag=1)
+    for stamp in (4, 8):
+        done = add(picture, FILTERED, stamp, {8: -30e3}, {5: 30e3})
+    assert done[-1] == (SMOOTHED, 0, [3])
+
+
+def test_smoothed_estimates_that_first_come_after_the_jump_are_of_the_run_before(picture):
+    for stamp in (100, 104):
+        add(picture, FILTERED, stamp, {7: -30e3}, {5: 30e3})
+    add(picture, FILTERED, 0, {8: -30e3}, {5: 30e3})
+    found = add(picture, SMOOTHED, 100, {7: -30e3}, {5: 30e3}, lag=5)
+    assert found == [(SMOOTHED, 100, [1, 2])]
+
+
+def test_after_a_flush_stamps_go_on_in_a_new_run_and_none_is_published_twice(picture):
+    for stamp in (100, 104):
+        add(picture, FILTERED, stamp, {7: -30e3}, {5: 30e3})
+    add(picture, SMOOTHED, 100, {7: -30e3}, {5: 30e3}, lag=1)
+    picture.add(WEST, FILTERED, estimates(108, {7: -30e3}))
+    assert numbered(picture.close_all()) == [(FILTERED, 108, [1]), (SMOOTHED, 100, [1, 2])]
+    assert picture.add(EAST, FILTERED, estimates(108, {5: 30e3})) is Refused.LATE
+    assert add(picture, FILTERED, 112, {7: -30e3}, {5: 30e3}) == [(FILTERED, 112, [3, 4])]
+    found = add(picture, SMOOTHED, 104, {7: -30e3}, {5: 30e3}, lag=1)
+    assert found == [(SMOOTHED, 104, [1, 2])]
+
+
+def test_numbers_of_a_tracker_that_starts_again_are_those_of_other_targets(picture):
+    for stamp in (100, 104):
+        add(picture, FILTERED, stamp, {1: -30e3, 2: -60e3}, {5: 30e3})
+    for stamp in (108, 112):
+        done = add(picture, FILTERED, stamp, {1: -90e3}, {5: 30e3})
+        assert done == [(FILTERED, stamp, [3, 4])]
+    # What the smoother says of the time before is of the earlier targets.
+    done = []
+    for stamp, x in ((100, -30e3), (104, -30e3), (108, -90e3), (112, -90e3)):
+        done += add(picture, SMOOTHED, stamp, {1: x}, {5: 30e3}, lag=2)
+    done += add(picture, FILTERED, 120, {1: -90e3}, {5: 30e3})
+    assert [own for own in done if own[0] == SMOOTHED] == [
+        (SMOOTHED, 100, [1, 3]),
+        (SMOOTHED, 104, [1, 3]),
+        (SMOOTHED, 108, [3, 4]),
+        (SMOOTHED, 112, [3, 4]),
+    ]
+
+
+def test_what_only_the_smoother_has_after_a_start_gets_no_earlier_targets_number(picture):
+    add(picture, FILTERED, 100, {1: -30e3}, {5: 30e3})
+    for stamp in range(104, 132, 4):
+        add(picture, FILTERED, stamp, {}, {5: 30e3})
+    # Its number comes more than 8 s later.
+    add(picture, FILTERED, 132, {1: -90e3}, {5: 30e3})
+    assert add(picture, SMOOTHED, 108, {1: -90e3}, {5: 30e3}, lag=6) == [(SMOOTHED, 108, [2])]
+
+
+def test_a_stamp_that_was_wrong_is_forgotten_with_a_new_run():
+    picture = JointPicture(REGIONS, 2e3, 8.0, 5.0)
+    add(picture, FILTERED, 100, {7: -30e3}, {5: 30e3})
+    for stamp in (104, 10**6):
+        picture.add(WEST, FILTERED, estimates(stamp, {7: -30e3}))
+    late = estimates(108, {5: 30e3})
+    assert picture.add(EAST, FILTERED, late) is Refused.LATE
+    assert picture.ahead_of(late.stamp_ns) == {WEST}
+    picture.begin_again()
+    assert picture.add(EAST, FILTERED, late) == []
+    # It waits for the western one, as from the start on.
+    assert picture.add(EAST, FILTERED, estimates(112, {5: 30e3})) == []
+    done = picture.add(EAST, FILTERED, estimates(116, {5: 30e3}))
+    assert numbered(done) == [(FILTERED, 108, [3]), (FILTERED, 112, [3]), (FILTERED, 116, [3])]
+
+
+def test_stamps_that_are_never_common_are_counted():
+    picture = JointPicture(REGIONS, 2e3, 8.0, 5.0)
+    for stamp in range(100, 160, 6):
+        add(picture, FILTERED, stamp, {7: -30e3}, {5: 30e3})
+    assert picture.parted == 0
+    for stamp in range(160, 220, 6):
+        picture.add(WEST, FILTERED, estimates(stamp, {7: -30e3}))
+        picture.add(EAST, FILTERED, estimates(stamp + 2, {5: 30e3}))
+    assert picture.parted == LATEST_STAMPS
+    # A tracker that is silent is no reason.
+    for stamp in range(400, 460, 6):
+        picture.add(WEST, FILTERED, estimates(stamp, {7: -30e3}))
+    assert picture.silent == {EAST}
+    assert picture.parted == 0

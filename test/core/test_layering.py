@@ -50,7 +50,12 @@ ROOMS = {
     "renumbering": ("arrays", "origins", "reporting", "types"),
     "region": ("arrays", "models", "reporting", "types"),
     "gathering": ("types",),
-    "joint_picture": ("gathering", "handover", "region", "types"),
+    "joinable": ("types",),
+    "joint_numbers": ("handover",),
+    "track_series": ("gathering", "handover", "types"),
+    "joint_picture": (
+        *("gathering", "handover", "joint_numbers", "region", "track_series", "types"),
+    ),
     "handover": ("arrays", "region", "renumbering", "reporting", "types"),
     "watch": ("arrays", "engine", "sectors", "types"),
     "association": (*BASE, *KERNELS),

@@ -68,7 +68,7 @@ def seen(scan):
 class Stack:
     """Two trackers in namespaces of their own, what joins them, and the radar that they hear."""
 
-    def __init__(self, processes, peer, directory):
+    def __init__(self, processes, peer, directory, **more):
         self.peer = peer
         for tracker in REGIONS:
             file = directory / f"{tracker}.yaml"
@@ -77,7 +77,7 @@ class Stack:
             ros = ["--ros-args", "-r", f"__ns:=/{tracker}", "--params-file", file]
             processes.start("tracker", *ros)
         # Both must have been heard, so that what follows is in the picture from the first scan on.
-        self.node = processes.start("hand_over", *joining(max_delay_s=600.0))
+        self.node = processes.start("hand_over", *joining(max_delay_s=600.0, **more))
         self.said = {
             (tracker, source): peer.collect(
                 PointCloud2, names.estimates(source, f"/{tracker}/tracker"), 100
@@ -197,11 +197,40 @@ def test_live_picture_keeps_the_numbers_at_the_seam_and_is_that_of_the_offline_t
         assert len(of_run(stack.joint[source])) == SCANS
 
 
-def said(stamp, rows, classes=1):
+@pytest.mark.live
+def test_numbers_stay_those_of_their_aircraft_where_a_tracker_is_flushed(processes, peer, tmp_path):
+    # The smoother has targets of which the filter is not sure yet, and nothing waits for that.
+    stack = Stack(processes, peer, tmp_path, smoothed_wait_s=0.0)
+    for scan in range(SCANS // 2):
+        stack.track(scan)
+    # It numbers its tracks from 1 again, and its stamps go on.
+    assert peer.call(Trigger, "/east/tracker/flush").success
+    for scan in range(SCANS // 2, SCANS):
+        stack.track(scan)
+    stack.flush()
+
+    own, joint = {}, {}
+    for (tracker, source), clouds in stack.said.items():
+        for cloud in clouds:
+            found = estimates.from_msg(cloud)
+            for number, code in zip(found.track_id, found.attributes.code, strict=True):
+                own.setdefault((tracker, source, int(number)), set()).add(int(code))
+    # The same number is that of several aircraft.
+    assert any(len(codes.intersection(CODES)) > 1 for codes in own.values())
+    for clouds in stack.joint.values():
+        for cloud in clouds:
+            found = estimates.from_msg(cloud)
+            for number, code in zip(found.track_id, found.attributes.code, strict=True):
+                joint.setdefault(int(number), set()).add(int(code))
+    assert all(len(codes.intersection(CODES)) == 1 for codes in joint.values())
+
+
+def said(stamp, rows, classes=1, frame="map", covariance=None):
     """Return the cloud of a tracker's estimates: (number, x) of what flies east."""
     state = np.zeros((len(rows), 5))
     state[:, 0], state[:, 1] = [row[1] for row in rows], 200.0
-    covariance = np.diag(np.array([50.0, 5.0, 50.0, 5.0, 1e-3]) ** 2)
+    if covariance is None:
+        covariance = np.diag(np.array([50.0, 5.0, 50.0, 5.0, 1e-3]) ** 2)
     found = Estimates(
         stamp_ns=stamp * NS,
         lag=0,
@@ -212,7 +241,7 @@ def said(stamp, rows, classes=1):
         class_id=np.zeros(len(rows), dtype=int),
         track_id=np.array([row[0] for row in rows]),
     )
-    return estimates.to_msg(found, "map")
+    return estimates.to_msg(found, frame)
 
 
 class Replayed:
@@ -256,26 +285,30 @@ class Replayed:
 
 @pytest.mark.live
 def test_picture_goes_on_without_a_tracker_that_falls_silent_and_says_so(processes, peer):
-    rig = Replayed(processes, peer, max_delay_s=6.0)
-    for stamp in (100, 104):
-        for tracker, x in (("west", -2e3), ("east", 30e3)):
-            rig.outputs[tracker].publish(said(stamp, [(5, x)]))
-    assert peer.spin_until(lambda: rig.stamps() == [100, 104])
-    # East says nothing more: its stamp is waited for until the others are 6 s ahead of it.
-    rig.outputs["west"].publish(said(108, [(5, -1e3)]))
-    rig.outputs["west"].publish(said(112, [(5, 0.0)]))
-    assert peer.spin_until(lambda: rig.stamps() == [100, 104, 108, 112])
+    # With all defaults, and turns of 6 s.
+    rig = Replayed(processes, peer)
+    for count, stamp in enumerate((100, 106), start=1):
+        rig.outputs["west"].publish(said(stamp, [(5, -2e3)]))
+        # It has been taken in, and waits for east's.
+        assert rig.until("west", DiagnosticStatus.OK, f"{count} stamps")
+        rig.outputs["east"].publish(said(stamp, [(5, 30e3)]))
+        assert peer.spin_until(lambda stamp=stamp: rig.stamps()[-1:] == [stamp])
+    assert "silent" not in rig.node.log.read_text()
+    # East says nothing more: its stamp is waited for until the others are 6 s ahead of that.
+    rig.outputs["west"].publish(said(112, [(5, -1e3)]))
+    rig.outputs["west"].publish(said(118, [(5, 0.0)]))
+    assert peer.spin_until(lambda: rig.stamps() == [100, 106, 112, 118])
     assert [cloud.width for cloud in rig.joint] == [2, 2, 1, 1]
-    words = rig.until("east", DiagnosticStatus.WARN, "silent: its estimates are 8.0 s behind")
+    words = rig.until("east", DiagnosticStatus.WARN, "silent: its estimates are 12.0 s behind")
     assert words.hardware_id == "/east/tracker"
-    assert rig.until("picture", DiagnosticStatus.WARN, "of one tracker alone")
-    assert "east: silent, its estimates are 8.0 s behind" in rig.node.log.read_text()
+    assert rig.until("picture", DiagnosticStatus.WARN, "of one tracker alone: west")
+    assert "east: silent, its estimates are 12.0 s behind" in rig.node.log.read_text()
     # It comes back with an old stamp, which is left out, and is waited for again.
-    rig.outputs["east"].publish(said(112, [(5, 31e3)]))
+    rig.outputs["east"].publish(said(118, [(5, 31e3)]))
     assert rig.until("east", DiagnosticStatus.WARN, "left out: late 1")
-    rig.outputs["west"].publish(said(116, [(5, 1e3)]))
-    rig.outputs["east"].publish(said(116, [(5, 31e3)]))
-    assert peer.spin_until(lambda: rig.stamps()[-1] == 116)
+    rig.outputs["west"].publish(said(124, [(5, 1e3)]))
+    rig.outputs["east"].publish(said(124, [(5, 31e3)]))
+    assert peer.spin_until(lambda: rig.stamps()[-1] == 124)
     assert rig.joint[-1].width == 2
     assert "east: in the picture again" in rig.node.log.read_text()
     numbers = [estimates.from_msg(cloud).track_id.tolist() for cloud in rig.joint]
@@ -284,13 +317,53 @@ def test_picture_goes_on_without_a_tracker_that_falls_silent_and_says_so(process
 
 @pytest.mark.live
 def test_estimates_that_cannot_be_joined_are_left_out_and_counted(processes, peer):
-    rig = Replayed(processes, peer, max_delay_s=1.0)
+    rig = Replayed(processes, peer)
     rig.outputs["west"].publish(said(100, [(5, -2e3)]))
-    rig.outputs["east"].publish(said(100, [(5, 30e3)], classes=2))
-    status = rig.until("east", DiagnosticStatus.WARN, "left out: classes 1")
-    assert diagnostics.values_of(status)["refused_classes"] == "1"
-    assert rig.until("west", DiagnosticStatus.WARN, "silent for")
+    unjoinable = (
+        said(100, [(5, 30e3)], classes=2),
+        said(100, [(5, 30e3)], frame="odom"),
+        said(100, [(0, 30e3)]),
+        # With a metre of slack it is singular.
+        said(100, [(5, 30e3)], covariance=-0.5 * np.eye(5)),
+    )
+    for cloud in unjoinable:
+        rig.outputs["east"].publish(cloud)
+    words = "left out: classes 1, covariance 1, frame 1, unlabelled 1"
+    status = rig.until("east", DiagnosticStatus.WARN, words)
+    assert diagnostics.values_of(status)["refused_frame"] == "1"
     assert rig.stamps() == []
+    # It is not called silent where it is heard.
+    for stamp in (106, 112):
+        rig.outputs["west"].publish(said(stamp, [(5, -2e3)]))
+    assert rig.until("east", DiagnosticStatus.WARN, f"{words}; the picture is without it")
+    assert f"east: its estimates are left out ({words[10:]})" in rig.node.log.read_text()
+    # The node is there still, and takes what can be joined.
+    rig.outputs["east"].publish(said(118, [(5, 30e3)]))
+    assert peer.spin_until(lambda: "east: in the picture again" in rig.node.log.read_text())
+    rig.outputs["west"].publish(said(118, [(5, -2e3)]))
+    assert peer.spin_until(lambda: rig.stamps()[-1:] == [118])
+    assert rig.joint[-1].width == 2
+
+
+@pytest.mark.live
+def test_one_wrong_stamp_of_a_tracker_that_dies_does_not_end_the_picture(processes, peer):
+    rig = Replayed(processes, peer, max_delay_s=0.5)
+    for tracker in REGIONS:
+        rig.outputs[tracker].publish(said(100, []))
+    assert peer.spin_until(lambda: rig.stamps() == [100])
+    for stamp in (101, 10**6):
+        rig.outputs["west"].publish(said(stamp, []))
+    assert peer.spin_until(lambda: rig.stamps() == [100, 101, 10**6])
+    # East is too late until west has been quiet for long enough.
+    for stamp in range(102, 300):
+        rig.outputs["east"].publish(said(stamp, []))
+        if peer.spin_until(lambda: rig.stamps()[-1] < 10**6, 0.2):
+            break
+    assert rig.stamps()[3] >= 102
+    assert "west: silent, and its stamps were far ahead" in rig.node.log.read_text()
+    # Then east is quiet too.
+    assert rig.until("picture", DiagnosticStatus.WARN, "no tracker is heard any more")
+    assert rig.until("east", DiagnosticStatus.WARN, "silent for")
 
 
 @pytest.mark.parametrize(
@@ -302,12 +375,33 @@ def test_estimates_that_cannot_be_joined_are_left_out_and_counted(processes, pee
         ({"hysteresis": 5e3}, "hysteresis: 5000.0 given, must be from 0 to the margin, 4000"),
         ({"west.node": "/east/tracker"}, "east.node: /east/tracker given, is that of west too"),
         ({"west.speed": 1.0}, "west.speed: unknown parameter"),
+        ({"west.region_margin": 0.0}, "west.region_margin: 0 given, must be above 0"),
+        (
+            {"east.region": [-1e3, 0.0, 60e3, 60e3]},
+            "east.region: [-1000, 0, 60000, 60000] given, must not overlap west.region",
+        ),
     ],
 )
 def test_parameters_that_do_not_fit_are_said(changes, words):
     with pytest.raises(ConfigError) as error:
         settings.resolve(given(**changes))
     assert any(fault.startswith(words) for fault in error.value.faults)
+
+
+def test_two_trackers_of_one_name_are_one_fault():
+    with pytest.raises(ConfigError) as error:
+        settings.resolve(given(trackers=["west", "west"]))
+    assert error.value.faults == (
+        "trackers: ['west', 'west'] given, must be a list of distinct names",
+    )
+
+
+def test_name_that_no_node_can_have_is_said_with_its_parameter(processes):
+    status, text = processes.run("hand_over", *joining(**{"west.node": "/9west"}))
+    assert status == 2
+    assert text.strip() == "hand_over: west.node: '/9west' given, must be a node's name"
+    found = settings.resolve(given())
+    assert found.origin(0) == ("trackers", "west")
 
 
 def test_target_changes_over_a_fifth_of_the_margin_behind_the_seam_unless_told_otherwise():

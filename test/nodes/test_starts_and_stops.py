@@ -122,6 +122,27 @@ def test_tracker_refuses_an_impossible_topic_name(processes):
     assert "Traceback" not in text
 
 
+@pytest.mark.parametrize(
+    ("name", "arguments", "words"),
+    [
+        ("evaluator", ["truth_topic:=/a b"], "truth_topic: '/a b' given, must be a topic's name"),
+        ("evaluator", ["tracker:=/9x"], "tracker: '/9x' given, must be a node's name"),
+        (
+            "asterix_bridge",
+            ["output:=127.0.0.1:9", "estimates_topic:=/a//b"],
+            "estimates_topic: '/a//b' given, must be a topic's name",
+        ),
+    ],
+)
+def test_nodes_refuse_impossible_names(processes, name, arguments, words):
+    ros = (word for argument in arguments for word in ("-p", argument))
+    status, text = processes.run(name, "--ros-args", *ros)
+
+    assert status == 2
+    assert f"{name}: {words}" in text
+    assert "Traceback" not in text
+
+
 @pytest.mark.parametrize("rate", ["-1", "0.05", "nan"])
 def test_replay_refuses_a_bad_rate(processes, rate):
     status, text = processes.run("sensor_replay", BAG, f"--rate={rate}")

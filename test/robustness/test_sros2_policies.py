@@ -40,6 +40,7 @@ ARGUMENTS = {
     "hand_over": (
         *("--ros-args", "-p", "trackers:=[west, east]"),
         *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0]", "-p", "east.region:=[0.0, 0.0, 1.0, 1.0]"),
+        *("-p", "west.region_margin:=0.5", "-p", "east.region_margin:=0.5"),
     ),
     "evaluator": ("--ros-args", "-p", "record:={directory}/bag"),
     "sensor_replay": (

@@ -1,6 +1,8 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -137,3 +139,55 @@ def test_what_cannot_be_joined_is_said(both, tmp_path, capsys):
     assert "must be from 0 to the margin, 10000" in capsys.readouterr().err
     assert run("hand_over", [*both, "--out", both[0]]) == 2
     assert "already exists" in capsys.readouterr().err
+
+
+def with_parameters(directory, **changes):
+    """Change parameters that stand beside a bag."""
+    values = {**bag_parameters.read(directory), **changes}
+    bag_parameters.write(directory / bag_parameters.NAME, values)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"world_frame": "odom"}, "world_frame: 'odom' given, must be 'map' as in"),
+        (
+            {"world_origin": [47.0, 8.0, 400.0]},
+            "world_origin: [47.0, 8.0, 400.0] given, must be []",
+        ),
+        ({"region_margin": 0.0}, "region_margin: 0 given, must be above 0"),
+        (
+            {"region": [-1e3, 0.0, 9e3, 9e3]},
+            "region: [-1000, 0, 9000, 9000] given, must not overlap",
+        ),
+    ],
+)
+def test_bags_that_do_not_part_one_area_are_refused(both, tmp_path, capsys, changes, words):
+    with_parameters(tmp_path / "east", **changes)
+    assert run("hand_over", [*both, "--out", str(tmp_path / "joint")]) == 2
+    assert f"hand_over: {both[1]}: {words}" in capsys.readouterr().err
+    assert not (tmp_path / "joint").exists()
+
+
+@pytest.mark.parametrize(
+    ("number", "variance", "words"),
+    [
+        (0, 2500.0, "1 of 1 targets have track_id 0, must be above 0"),
+        (3, -0.5, "the covariance of track 3 has a negative eigenvalue"),
+    ],
+)
+def test_estimates_that_cannot_be_joined_are_refused(
+    both, tmp_path, capsys, number, variance, words
+):
+    found = tracks(1004, 0, [(number, 30e3, 0.0)])
+    covariance = found.covariance.copy()
+    covariance[:, 0, 0] = variance
+    message = estimates.to_msg(replace(found, covariance=covariance), "map")
+    wrong = tmp_path / "wrong"
+    with BagWriter(wrong) as written:
+        written.add_topic(Topic(names.estimates(FILTERED), names.CLOUD))
+        written.write(names.estimates(FILTERED), interfaces.encode(message), found.stamp_ns)
+    bag_parameters.write(wrong / bag_parameters.NAME, bag_parameters.read(tmp_path / "east"))
+    assert run("hand_over", [both[0], str(wrong), "--out", str(tmp_path / "joint")]) == 2
+    where = f"hand_over: {wrong}: /tracker/filtered/estimates at 1004.000 s: "
+    assert capsys.readouterr().err.startswith(where + words)

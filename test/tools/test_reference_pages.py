@@ -21,6 +21,7 @@ NAMED = ["-p", "radars:=[north]", "-p", "autostart:=false"]
 JOINED = [
     *("-p", "trackers:=[west, east]"),
     *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0]", "-p", "east.region:=[0.0, 0.0, 1.0, 1.0]"),
+    *("-p", "west.region_margin:=0.5", "-p", "east.region_margin:=0.5"),
 ]
 NODES = {
     # Configured: before that every parameter may change.

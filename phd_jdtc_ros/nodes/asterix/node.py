@@ -16,13 +16,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import diagnostics, names
+from msg_adapters import names
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix import records, udp
 from phd_jdtc_ros.asterix.assembly import SectorReport
@@ -33,6 +33,7 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import faults_of
 
 from ..common import arguments, overridable, parameters, runtime, transitions
+from ..common.health_reports import HealthReports
 from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.seen import Seen
@@ -40,7 +41,6 @@ from ..common.throttled import ThrottledWarnings
 from . import clouds, health, settings
 from .tracks import TrackOutput
 
-HEALTH_PERIOD_S = 1.0
 DEPTH = 50
 INPUT_DEPTH = 10
 
@@ -70,17 +70,18 @@ class AsterixBridge(LifecycleNode):
         self._sent: Counter[str] = Counter()
         self._fault: Exception | None = None
         self._seen = Seen()
-        self._health = self.create_publisher(DiagnosticArray, "/diagnostics", _qos(INPUT_DEPTH))
         self._arrived = self.create_guard_condition(self._take)
         # Those of other radars are made when they are heard.
         for name in self._values["radars"]:
             self._add_output(name)
         if self._values["output"]:
             topic = self._values["estimates_topic"]
-            overridable.subscribe(self, PointCloud2, topic, self._on_estimates, INPUT_DEPTH)
+            overridable.subscribe(
+                self, PointCloud2, topic, self._on_estimates, INPUT_DEPTH, "estimates_topic"
+            )
+        HealthReports(self, self._statuses, self._warnings)
         # By the wall clock, because radars and displays do not follow simulated time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(HEALTH_PERIOD_S, self._publish_health, clock=steady)
         period_s = self._values["output_period_s"]
         if self._values["output"] and period_s:
             self.create_timer(period_s, self._send, clock=steady)
@@ -229,16 +230,8 @@ class AsterixBridge(LifecycleNode):
                 self.get_logger().info(f"{name}: {count} subscribers")
                 self._subscribers[name] = count
 
-    def _publish_health(self) -> None:
-        self._log_subscribers()
-        statuses = self._statuses()
-        for status in statuses:
-            if status.level == DiagnosticStatus.WARN:
-                self._warnings.warn(status.name, f"{status.name}: {status.message}")
-        stamp_ns = self.get_clock().now().nanoseconds
-        self._health.publish(diagnostics.array(stamp_ns, statuses))
-
     def _statuses(self) -> list[DiagnosticStatus]:
+        self._log_subscribers()
         node = self.get_fully_qualified_name()
         lost = self._receiver.lost if self._receiver is not None else 0
         active = self._receiver is not None or self._sender is not None

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from msg_adapters import names
@@ -17,7 +17,7 @@ from phd_jdtc_ros.asterix.tracks_out import Source
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
 from phd_jdtc_ros.earth import SystemPlane
 
-from ..common.parameters import check
+from ..common.parameters import check, with_members
 from .tracks import TrackOutput
 
 # What each radar may have of its own; the same without a radar's name is for all.
@@ -214,18 +214,7 @@ def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> 
     ConfigError
         With every fault.
     """
-    table = {parameter.name: parameter for parameter in top}
-    found = table["radars"].coerce(given.get("radars", []))
-    for name in found if isinstance(found, list) else []:
-        for parameter in RADAR:
-            shared = (
-                table[parameter.name].coerce(given.get(parameter.name, parameter.default))
-                if (parameter.name in table)
-                else None
-            )
-            default = parameter.default if shared is None else shared
-            full = f"{name}.{parameter.name}"
-            table[full] = replace(parameter, name=full, default=default)
+    table = with_members(top, "radars", RADAR, given)
     values, faults = check(table.values(), given)
     if not faults:
         faults = [*_faults(values), *_address_faults(values)]

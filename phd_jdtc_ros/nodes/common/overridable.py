@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""QoS that users can override with parameters."""
+"""Topics that parameters name, with QoS that users can override with parameters."""
 
 from __future__ import annotations
 
@@ -38,20 +38,54 @@ def qos_of(topic: str) -> Iterator[None]:
         raise ConfigError([f"qos_overrides.{topic}: {error}"]) from error
 
 
-def subscribe(
-    node: Node, message_type: type, topic: str, callback: Callable[..., None], depth: int
-) -> Subscription:
-    """Subscribe reliably, unless ``qos_overrides.TOPIC.subscription`` says otherwise.
+def full_name(node: Node, topic: str, parameter: str, given: str | None = None) -> str:
+    """Return the name of a topic after remapping.
+
+    Parameters
+    ----------
+    node : Node
+    topic : str
+    parameter : str
+        Which parameter the topic comes from, for the error.
+    given : str or None
+        The parameter's value; None if that is the topic.
 
     Raises
     ------
     ConfigError
-        If the QoS override is not valid.
+        If there cannot be a topic of this name.
+    """
+    try:
+        name: str = node.resolve_topic_name(topic)
+    except RuntimeError as error:  # rcl's own, whose type is private
+        what = "topic" if given is None else "node"
+        value = topic if given is None else given
+        raise ConfigError([f"{parameter}: {value!r} given, must be a {what}'s name"]) from error
+    return name
+
+
+def subscribe(
+    node: Node,
+    message_type: type,
+    topic: str,
+    callback: Callable[..., None],
+    depth: int,
+    parameter: str,
+    given: str | None = None,
+) -> Subscription:
+    """Subscribe reliably, unless ``qos_overrides.TOPIC.subscription`` says otherwise.
+
+    `parameter` and `given` are those of `full_name`.
+
+    Raises
+    ------
+    ConfigError
+        If there cannot be a topic of this name, or the QoS override is not valid.
     """
     # New each time, because rclpy writes an override into the profile that it is given.
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
     options = QoSOverridingOptions.with_default_policies()
-    with qos_of(node.resolve_topic_name(topic)):
+    with qos_of(full_name(node, topic, parameter, given)):
         return node.create_subscription(
             message_type, topic, callback, qos, qos_overriding_options=options
         )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +116,46 @@ def set_read_only(node: Node, names: Iterable[str], read_only: bool) -> None:
     """
     for name in names:
         node.describe_parameter(name).read_only = read_only
+
+
+def with_members(
+    top: Iterable[Parameter],
+    group: str,
+    members: Iterable[Parameter],
+    given: Mapping[str, Any],
+) -> dict[str, Parameter]:
+    """Return a table with what each name of a list has of its own.
+
+    Parameters
+    ----------
+    top : iterable of Parameter
+        Those of all, the list among them.
+    group : str
+        Which of them is the list of names.
+    members : iterable of Parameter
+        What each name has, as ``NAME.PARAMETER``. What is not given of one that is in `top` too is
+        as for all.
+    given : mapping of dotted name to value
+
+    Raises
+    ------
+    ConfigError
+        If the list cannot be one of names: nothing can be said of the rest then.
+    """
+    table = {parameter.name: parameter for parameter in top}
+    listed = table[group]
+    found = listed.coerce(given.get(group, listed.default))
+    if not isinstance(found, list):
+        raise ConfigError([f"{group}: {given[group]!r} given, must be {listed.allowed}"])
+    own = {}
+    for parameter in members:
+        of_all = table.get(parameter.name, parameter)
+        shared = of_all.coerce(given.get(parameter.name, of_all.default))
+        default = of_all.default if shared is None else shared
+        for name in found:
+            full = f"{name}.{parameter.name}"
+            own[full] = replace(parameter, name=full, default=default)
+    return table | own
 
 
 def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:

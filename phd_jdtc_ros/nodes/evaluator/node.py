@@ -152,7 +152,9 @@ class Evaluator(Node):
     def _subscribe(self) -> list[Subscription]:
         """Subscribe to the truth and to the tracker, and return the subscriptions to the latter."""
         truth_topic = self._values["truth_topic"]
-        overridable.subscribe(self, PointCloud2, truth_topic, self._on_truth, INPUT_DEPTH)
+        overridable.subscribe(
+            self, PointCloud2, truth_topic, self._on_truth, INPUT_DEPTH, "truth_topic"
+        )
         inputs = [
             *(
                 (PointCloud2, topic, partial(self._on_estimates, source))
@@ -161,7 +163,9 @@ class Evaluator(Node):
             (DiagnosticArray, names.cardinality(self._values["tracker"]), self._on_figures),
         ]
         return [
-            overridable.subscribe(self, message_type, topic, callback, INPUT_DEPTH)
+            overridable.subscribe(
+                self, message_type, topic, callback, INPUT_DEPTH, "tracker", self._values["tracker"]
+            )
             for message_type, topic, callback in inputs
         ]
 

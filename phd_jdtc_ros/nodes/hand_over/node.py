@@ -5,31 +5,32 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.clock import Clock, ClockType
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
-from msg_adapters import diagnostics, estimates, names
+from msg_adapters import estimates, names
 from msg_adapters.errors import RejectedMessageError, quoted
+from phd_jdtc_ros.core import joinable
 from phd_jdtc_ros.core.gathering import Refused
 from phd_jdtc_ros.core.joint_picture import Joint, JointPicture
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 
 from ..common import arguments, overridable, parameters, runtime
+from ..common.health_reports import HealthReports
 from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.seen import Seen
 from ..common.throttled import ThrottledWarnings
 from . import health, settings
 
-HEALTH_PERIOD_S = 1.0
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
 
 
@@ -46,14 +47,14 @@ class HandOver(Node):
         values = self._settings.values
         parameters.declare(self, self._settings.table, values)
         self._warnings = ThrottledWarnings(self.get_logger(), WARNING_PERIOD_S)
-        self._limit_s = float(values["max_delay_s"])
+        limit_s = float(values["max_delay_s"])
         self._picture = JointPicture(
             self._settings.regions,
             self._settings.hysteresis,
             values["smoothed_wait_s"],
-            self._limit_s,
+            limit_s,
         )
-        self._heard = [health.Heard() for _ in self._settings.names]
+        self._heard = [health.Heard(limit_s) for _ in self._settings.names]
         self._silent: frozenset[int] = frozenset()
         self._classes: int | None = None
         self._published: Counter[str] = Counter()
@@ -63,7 +64,6 @@ class HandOver(Node):
             source: self.create_publisher(PointCloud2, f"~/{source}/estimates", _qos())
             for source in SOURCES
         }
-        self._health = self.create_publisher(DiagnosticArray, names.DIAGNOSTICS, _qos())
         self.create_service(Trigger, "~/flush", self._flush)
         for tracker in range(len(self._settings.names)):
             for source in SOURCES:
@@ -73,10 +73,9 @@ class HandOver(Node):
                     self._settings.topic(tracker, source),
                     partial(self._take, tracker, source),
                     INPUT_DEPTH,
+                    *self._settings.origin(tracker),
                 )
-        # By the wall clock: simulated time may stop, and with it what is to be warned of.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(HEALTH_PERIOD_S, self._publish_health, clock=steady)
+        HealthReports(self, self._statuses, self._warnings)
         self.get_logger().info(f"joining the estimates of {', '.join(self._settings.nodes)}")
 
     def close(self) -> None:
@@ -89,23 +88,41 @@ class HandOver(Node):
     def _take(self, tracker: int, source: str, cloud: PointCloud2) -> None:
         """Take in a cloud of a tracker, and publish what is complete by it."""
         heard = self._heard[tracker]
-        heard.take(source)
+        heard.take(source, time.monotonic())
         try:
             found = self._read(cloud)
         except RejectedMessageError as error:
-            heard.refused[error.reason] += 1
+            heard.refuse(error.reason)
             topic = self._settings.topic(tracker, source)
             self._warnings.warn(topic, f"{topic}: {error}")
             return
-        if self._picture.jumps_back(tracker, source, found.stamp_ns) and source == FILTERED:
+        if self._picture.jumps_back(tracker, source, found.stamp_ns):
             name = self._settings.names[tracker]
             self.get_logger().warning(f"{name}: its stamps went back; a new run begins")
         done = self._picture.add(tracker, source, found)
+        if done is Refused.LATE and source == FILTERED and self._is_left_ahead(found.stamp_ns):
+            self._publish(self._picture.begin_again())
+            done = self._picture.add(tracker, source, found)
         if isinstance(done, Refused):
-            heard.refused[done.value] += 1
-            return
-        self._publish(done)
+            heard.refuse(done.value)
+        else:
+            self._publish(done)
         self._log_silent()
+
+    def _is_left_ahead(self, stamp_ns: int) -> bool:
+        """Return whether all that is far ahead of a late stamp is of trackers that are quiet now.
+
+        One wrong stamp of a tracker that then dies would make all that comes later too late.
+        """
+        now_s = time.monotonic()
+        ahead = self._picture.ahead_of(stamp_ns)
+        if not ahead or not all(self._heard[tracker].is_quiet(now_s) for tracker in ahead):
+            return False
+        listed = ", ".join(self._settings.names[tracker] for tracker in sorted(ahead))
+        self.get_logger().warning(
+            f"{listed}: silent, and its stamps were far ahead of the others'; a new run begins"
+        )
+        return True
 
     def _read(self, cloud: PointCloud2) -> Estimates:
         """Return the estimates of a cloud.
@@ -126,6 +143,9 @@ class HandOver(Node):
             raise RejectedMessageError(
                 "classes", f"{classes} classes, must be {self._classes} as in the first estimates"
             )
+        reason = joinable.why_not(found)
+        if reason is not None:
+            raise RejectedMessageError(*reason)
         return found
 
     def _publish(self, done: Sequence[Joint]) -> None:
@@ -140,9 +160,14 @@ class HandOver(Node):
         """Log when the picture begins to go on without a tracker, and when it has it again."""
         before, self._silent = self._silent, self._picture.silent
         for tracker in sorted(self._silent - before):
+            heard, behind_s = self._heard[tracker], self._picture.behind_s(tracker)
+            why = f"silent, its estimates are {behind_s:.1f} s behind"
+            if heard.left_out:
+                why = f"its estimates are left out ({heard.reasons})"
+            elif heard.last_s is None:
+                why = "never heard"
             self.get_logger().warning(
-                f"{self._settings.names[tracker]}: silent, its estimates are "
-                f"{self._picture.behind_s(tracker):.1f} s behind; the picture goes on without it"
+                f"{self._settings.names[tracker]}: {why}; the picture goes on without it"
             )
         for tracker in sorted(before - self._silent):
             self.get_logger().info(f"{self._settings.names[tracker]}: in the picture again")
@@ -154,30 +179,31 @@ class HandOver(Node):
         response.success, response.message = True, f"{len(done)} stamps published"
         return response
 
-    def _publish_health(self) -> None:
-        statuses = self._statuses()
-        for status in statuses:
-            if status.level == DiagnosticStatus.WARN:
-                self._warnings.warn(status.name, f"{status.name}: {status.message}")
-        stamp_ns = self.get_clock().now().nanoseconds
-        self._health.publish(diagnostics.array(stamp_ns, statuses))
-
     def _statuses(self) -> list[DiagnosticStatus]:
-        node = self.get_fully_qualified_name()
+        node, now_s = self.get_fully_qualified_name(), time.monotonic()
+        picture, trackers = self._picture, self._settings.names
         found = [
             health.of_tracker(
                 names.health(name, node),
                 self._settings.nodes[tracker],
                 self._heard[tracker],
-                self._picture.behind_s(tracker),
-                self._limit_s,
+                picture.behind_s(tracker),
+                tracker in picture.silent,
+                now_s,
                 self._seen,
             )
-            for tracker, name in enumerate(self._settings.names)
+            for tracker, name in enumerate(trackers)
         ]
-        alone = len(self._settings.names) - len(self._picture.silent) < 2
-        handed_over = self._picture.handed_over
-        found.append(health.of_picture(node, self._published, self._tracks, handed_over, alone))
+        alive = [
+            name
+            for tracker, name in enumerate(trackers)
+            if tracker not in picture.silent and not self._heard[tracker].is_quiet(now_s)
+        ]
+        found.append(
+            health.of_picture(
+                node, self._published, self._tracks, picture.handed_over, picture.parted, alive
+            )
+        )
         return found
 
 

@@ -6,14 +6,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 from msg_adapters import names
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
 from phd_jdtc_ros.core.region import Region
 
-from ..common.parameters import check
+from ..common.parameters import check, with_members
 
 # How far beyond a seam a target changes over unless that is given, in the smallest margin.
 HYSTERESIS = 0.2
@@ -28,7 +29,7 @@ TRACKER = (
         [],
         "The tracker's region: [x_min, y_min, x_max, y_max] in the world frame, m.",
     ),
-    Parameter("region_margin", 0.0, "The tracker's region_margin, m.", 0.0),
+    Parameter("region_margin", 0.0, "The tracker's region_margin, m; above 0.", 0.0),
 )
 TABLE = (
     Parameter(
@@ -47,8 +48,8 @@ TABLE = (
     Parameter(
         "max_delay_s",
         5.0,
-        "How much older than the newest estimates of all a tracker's may be, by their stamps, s. "
-        "The picture waits for it until then, and goes on without it afterwards.",
+        "How long a stamp waits for a tracker, by the stamps of the others, s. Once the newest is "
+        "later by more the picture goes on without those that have not reached it.",
         0.1,
         LONGEST_S,
     ),
@@ -93,6 +94,12 @@ class Settings:
         """Return the topic of a tracker's estimates."""
         return names.estimates(source, self.nodes[tracker])
 
+    def origin(self, tracker: int) -> tuple[str, str]:
+        """Return the parameter that the name of a tracker's node comes from, and its value."""
+        name = self.names[tracker]
+        node = self.values[f"{name}.node"]
+        return (f"{name}.node", node) if node else ("trackers", name)
+
 
 def resolve(given: Mapping[str, Any]) -> Settings:
     """Check the parameters of the node.
@@ -106,12 +113,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     ConfigError
         With every fault.
     """
-    table = {parameter.name: parameter for parameter in TABLE}
-    found = table["trackers"].coerce(given.get("trackers", []))
-    for name in found if isinstance(found, list) else []:
-        for parameter in TRACKER:
-            full = f"{name}.{parameter.name}"
-            table[full] = replace(parameter, name=full)
+    table = with_members(TABLE, "trackers", TRACKER, given)
     values, faults = check(table.values(), given)
     if None not in values.values():
         faults += _faults(values)
@@ -122,6 +124,9 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         Region(*values[f"{name}.region"], margin=values[f"{name}.region_margin"])
         for name in trackers
     )
+    faults = region_faults([f"{name}." for name in trackers], regions)
+    if faults:
+        raise ConfigError(faults)
     return Settings(
         values,
         table,
@@ -153,6 +158,30 @@ def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hyst
     if not 0.0 <= found <= margin:
         raise ConfigError([f"{name}: {found} given, must be from 0 to the margin, {margin:g}"])
     return found
+
+
+def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]:
+    """Return what is wrong with regions that are to part an area.
+
+    Parameters
+    ----------
+    owners : sequence of str
+        What stands before the name of the parameter of each.
+    regions : sequence of Region
+    """
+    faults = [
+        f"{owner}region_margin: {region.margin:g} given, must be above 0: a target is handed over "
+        "where both trackers have it"
+        for owner, region in zip(owners, regions, strict=True)
+        if region.margin <= 0.0
+    ]
+    for (one, mine), (other, theirs) in combinations(zip(owners, regions, strict=True), 2):
+        if min(mine.x_max, theirs.x_max) > max(mine.x_min, theirs.x_min) and (
+            min(mine.y_max, theirs.y_max) > max(mine.y_min, theirs.y_min)
+        ):
+            given = f"[{theirs.x_min:g}, {theirs.y_min:g}, {theirs.x_max:g}, {theirs.y_max:g}]"
+            faults.append(f"{other}region: {given} given, must not overlap {one}region")
+    return faults
 
 
 def _node(values: Mapping[str, Any], name: str) -> str:

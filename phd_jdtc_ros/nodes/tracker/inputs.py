@@ -23,6 +23,7 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
 from phd_jdtc_ros.core.poses import PoseFault
 
+from ..common import overridable
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.throttled import ThrottledWarnings
 from . import endpoints
@@ -235,13 +236,7 @@ class Inputs:
 def _full_name(node: LifecycleNode, radar: RadarInput, parameter: str) -> str:
     """Return the name after remapping of the topic that a radar's parameter names."""
     topic = radar.topic if parameter == "topic" else radar.pose_topic
-    try:
-        full: str = node.resolve_topic_name(topic)
-    except RuntimeError as error:  # rcl's own, whose type is private
-        raise ConfigError(
-            [f"{radar.name}.{parameter}: {topic!r} given, must be a topic's name"]
-        ) from error
-    return full
+    return overridable.full_name(node, topic, f"{radar.name}.{parameter}")
 
 
 def _pose_name(config: TrackerConfig, carried: Sequence[int]) -> str:

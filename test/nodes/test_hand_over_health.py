@@ -1,0 +1,79 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The health of the hand-over."""
+
+from collections import Counter
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from phd_jdtc_ros.core.joint_picture import LATEST_STAMPS
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.nodes.common.seen import Seen
+from phd_jdtc_ros.nodes.hand_over import health
+from phd_jdtc_ros.nodes.hand_over.settings import TABLE
+
+LIMIT_S = next(parameter.default for parameter in TABLE if parameter.name == "max_delay_s")
+
+
+def heard_at(*times):
+    """Return what was heard of a tracker with a filtered and a smoothed cloud at each time."""
+    heard = health.Heard(LIMIT_S)
+    for time_s in times:
+        heard.take(FILTERED, time_s)
+        heard.take(SMOOTHED, time_s + 0.1)
+    return heard
+
+
+def status(heard, now_s, silent=False, behind_s=0.0):
+    return health.of_tracker(
+        "/hand_over: west", "/west/tracker", heard, behind_s, silent, now_s, Seen()
+    )
+
+
+def test_a_tracker_of_slow_turns_is_not_silent_before_each_cloud():
+    for turn_s in (6.0, 12.0):
+        heard = heard_at(*(turn_s * turn for turn in range(4)))
+        last_s = 3.0 * turn_s + 0.1
+        assert status(heard, last_s + turn_s + LIMIT_S - 0.1).level == DiagnosticStatus.OK
+        found = status(heard, last_s + turn_s + LIMIT_S + 0.1)
+        assert found.message == f"silent for {turn_s + LIMIT_S + 0.1:.1f} s"
+
+
+def test_the_first_cloud_may_be_followed_by_a_whole_turn():
+    assert status(heard_at(0.0), 12.0).level == DiagnosticStatus.OK
+    assert status(heard_at(0.0), 18.0).level == DiagnosticStatus.WARN
+
+
+def test_one_long_pause_does_not_make_the_next_one_usual():
+    heard = heard_at(0.0, 1.0, 2.0, 3.0, 300.0)
+    assert heard.is_quiet(307.0)
+
+
+def test_a_tracker_whose_clouds_are_refused_is_not_called_silent():
+    heard = heard_at(0.0, 1.0)
+    heard.refuse("frame")
+    found = status(heard, 2.0, silent=True, behind_s=300.0)
+    assert found.message == "left out: frame 1; the picture is without it"
+
+
+def picture(alive=("west", "east"), parted=0, published=3):
+    counts = Counter({FILTERED: published} if published else {})
+    return health.of_picture("/hand_over", counts, 4, 1, parted, alive)
+
+
+def test_picture_of_trackers_that_are_all_there_is_well():
+    assert picture().level == DiagnosticStatus.OK
+    assert picture(parted=LATEST_STAMPS // 2).level == DiagnosticStatus.OK
+
+
+def test_picture_warns_where_trackers_are_missing():
+    for given, words in (
+        ({"alive": ()}, "no tracker is heard any more"),
+        ({"alive": ("east",)}, "of one tracker alone: east"),
+        ({"published": 0}, "nothing published"),
+        ({"parted": 9}, "stamps are not common: 9 of the last 10 are of some trackers only; set "),
+    ):
+        found = picture(**given)
+        assert found.level == DiagnosticStatus.WARN
+        assert found.message.startswith(words)
