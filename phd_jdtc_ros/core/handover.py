@@ -11,7 +11,7 @@ does not change over to and fro along a seam.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -74,8 +74,8 @@ class Handover:
         Parameters
         ----------
         said : mapping of tracker to Estimates
-            All of one stamp, at least one; those that are not in it see nothing. Stamps must
-            increase.
+            All of one stamp, at least one. Of those that are not in it nothing is known: their
+            tracks have the same numbers once they are there again. Stamps must increase.
 
         Returns
         -------
@@ -84,7 +84,7 @@ class Handover:
         """
         found = self._of_all(said)
         depth = self._depths(found)
-        self._pair(found, depth)
+        self._pair(found, depth, said.keys())
         rows: dict[int, dict[int, int]] = {}
         for tracker, estimates in enumerate(found):
             for row, number in enumerate(estimates.track_id.tolist()):
@@ -99,7 +99,7 @@ class Handover:
                 joint, {k: float(depth[k][k][row]) for k, row in by_tracker.items()}
             )
             parts[owner].append((by_tracker[owner], joint))
-        self._forget(found)
+        self._forget(found, said.keys())
         return _joint(found, parts)
 
     @property
@@ -139,7 +139,12 @@ class Handover:
         self._number[track] = self._count
         return self._count
 
-    def _pair(self, found: Sequence[Estimates], depth: Sequence[Sequence[FloatArray]]) -> None:
+    def _pair(
+        self,
+        found: Sequence[Estimates],
+        depth: Sequence[Sequence[FloatArray]],
+        heard: Collection[int],
+    ) -> None:
         """Find which tracks of neighbours are of one target, and give them one number."""
         near: set[tuple[Track, Track]] = set()
         for one, other in combinations(range(len(found)), 2):
@@ -156,6 +161,8 @@ class Handover:
             if self._together[pair] >= TOGETHER:
                 self._join(*pair)
         for pair in sorted(self._together.keys() - near):
+            if not all(tracker in heard for tracker, _ in pair):
+                continue
             self._together[pair] = min(self._together[pair], 0) - 1
             if self._together[pair] <= -APART:
                 self._part(*pair)
@@ -208,18 +215,19 @@ class Handover:
         self._owner[joint] = owner
         return owner
 
-    def _forget(self, found: Sequence[Estimates]) -> None:
+    def _forget(self, found: Sequence[Estimates], heard: Collection[int]) -> None:
         """Forget tracks that are no longer there; a tracker does not use a number twice."""
-        there = {
-            (tracker, number)
-            for tracker, estimates in enumerate(found)
-            for number in estimates.track_id.tolist()
-        }
-        self._number = {track: joint for track, joint in self._number.items() if track in there}
+        there = {tracker: set(found[tracker].track_id.tolist()) for tracker in heard}
+
+        def stays(track: Track) -> bool:
+            tracker, number = track
+            return tracker not in there or number in there[tracker]
+
+        self._number = {track: joint for track, joint in self._number.items() if stays(track)}
         alive = set(self._number.values())
         self._owner = {joint: owner for joint, owner in self._owner.items() if joint in alive}
         self._together = {
-            pair: count for pair, count in self._together.items() if there.issuperset(pair)
+            pair: count for pair, count in self._together.items() if all(map(stays, pair))
         }
 
 

@@ -46,11 +46,11 @@ class Numbers:
             else:
                 spells.append(_Spell(stamp_ns, stamp_ns, number))
         oldest_ns = stamp_ns - round(FORGOTTEN_S * 1e9)
-        self._spells = {
-            track: spells
+        kept = {
+            track: [spell for spell in spells if spell.last_ns >= oldest_ns]
             for track, spells in self._spells.items()
-            if spells[-1].last_ns >= oldest_ns
         }
+        self._spells = {track: spells for track, spells in kept.items() if spells}
 
     def at(self, stamp_ns: int) -> dict[Track, int]:
         """Return each track's number at a stamp, or else its next one, or else its last one."""

@@ -24,6 +24,8 @@ from .types import Estimates
 SERIES = 2**32
 # For so long the beginnings of series are kept, seconds.
 KEPT_S = 600.0
+# After so long without a word of it, a tracker's tracks may be anywhere, seconds.
+SILENT_S = 60.0
 
 
 @dataclass
@@ -42,8 +44,13 @@ class TrackSeries:
 
         Stamps must increase.
         """
-        before, self._there = self._there, found
-        if found is None or not len(found):
+        before = self._there
+        if found is None:
+            if before is not None and stamp_ns - before.stamp_ns > SILENT_S * 1e9:
+                self._there = None
+            return
+        self._there = found
+        if not len(found):
             return
         goes_on = before is not None and _goes_on(before, found)
         if not goes_on and int(found.track_id.min()) <= self._highest:

@@ -222,6 +222,20 @@ def test_a_stamp_that_was_wrong_is_forgotten_with_a_new_run():
     assert numbered(done) == [(FILTERED, 108, [3]), (FILTERED, 112, [3]), (FILTERED, 116, [3])]
 
 
+def test_targets_of_a_tracker_that_misses_a_stamp_keep_their_numbers():
+    picture = JointPicture(REGIONS, 2e3, 8.0, 5.0)
+    tracks = {7: -30e3, 8: -1e3}, {5: 30e3, 6: -1e3}
+    for stamp in (100, 104, 108):
+        assert add(picture, FILTERED, stamp, *tracks) == [(FILTERED, stamp, [1, 2, 3])]
+    # The eastern one is too late for some stamps.
+    for stamp in (112, 116, 120):
+        picture.add(WEST, FILTERED, estimates(stamp, tracks[WEST]))
+    assert picture.add(EAST, FILTERED, estimates(120, tracks[EAST])) is Refused.LATE
+    picture.add(EAST, FILTERED, estimates(124, tracks[EAST]))
+    done = picture.add(WEST, FILTERED, estimates(124, tracks[WEST]))
+    assert numbered(done) == [(FILTERED, 124, [1, 2, 3])]
+
+
 def test_stamps_that_are_never_common_are_counted():
     picture = JointPicture(REGIONS, 2e3, 8.0, 5.0)
     for stamp in range(100, 160, 6):

@@ -78,9 +78,11 @@ def test_a_fast_target_is_not_elsewhere():
     assert found == [[1], [1]]
 
 
-def test_numbers_after_stamps_of_which_nothing_was_said_are_of_another_series():
+def test_a_tracker_that_was_silent_for_a_moment_goes_on_and_after_long_it_does_not():
     found, _ = followed((0, {1: 0.0}), (4, None), (8, {1: 1.6e3}))
-    assert found == [[1], [], [SERIES + 1]]
+    assert found == [[1], [], [1]]
+    found, _ = followed((0, {1: 0.0}), (4, None), (64, None), (68, {1: 1.6e3}))
+    assert found == [[1], [], [], [SERIES + 1]]
 
 
 def test_earlier_series_are_forgotten_and_the_latest_one_is_not():

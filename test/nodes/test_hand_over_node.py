@@ -312,7 +312,7 @@ def test_picture_goes_on_without_a_tracker_that_falls_silent_and_says_so(process
     assert rig.joint[-1].width == 2
     assert "east: in the picture again" in rig.node.log.read_text()
     numbers = [estimates.from_msg(cloud).track_id.tolist() for cloud in rig.joint]
-    assert numbers == [[1, 2], [1, 2], [1], [1], [1, 3]]
+    assert numbers == [[1, 2], [1, 2], [1], [1], [1, 2]]
 
 
 @pytest.mark.live

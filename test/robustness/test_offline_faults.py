@@ -110,7 +110,7 @@ def named(arguments):
     """Return how many measurements of each engine a command makes, none of which is done."""
     begun = []
     with unittest.mock.patch.object(engines, "of", lambda engine, _: begun.append(engine)):
-        list(command.faults(argparse.Namespace(**arguments)))
+        list(command.faults(argparse.Namespace(**{"part": None, **arguments})))
     return Counter(begun)
 
 
@@ -122,6 +122,9 @@ def test_faults_are_of_both_engines_unless_one_is_asked_for():
         "gaussian": of_engines,
     }
     assert named({"engine": "gaussian", "only": True}) == {"gaussian": every}
+    # Two of overload, with each engine.
+    alone = named({"engine": "particles", "only": False, "part": ["overload"]})
+    assert alone == {"particles": 2, "gaussian": 2}
 
 
 def test_hostile_asterix_is_used_or_counted():
