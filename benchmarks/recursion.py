@@ -145,7 +145,8 @@ def window(
 ) -> Window:
     """Return the sets of a filter that has tracked `targets` targets for a while."""
     config = replace(scenes.configuration(targets, per_target, corrector), seed=seed)
-    scene = scenes.crowd(targets, SETTLING + lag + 1, config, seed)
+    # The first sets have more particles of each target, because all are newborn.
+    scene = scenes.crowd(targets, SETTLING + 2 * lag + 1, config, seed)
     # The filter alone: the sets do not depend on the smoother.
     forward = particle_filter(config)
     start = scenes.clouds(scene, config, np.random.default_rng(seed))
