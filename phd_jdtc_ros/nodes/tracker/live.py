@@ -73,8 +73,9 @@ class LiveTracker:
         self._patience = self._make_patience(settings.node["max_wait_s"])
         try:
             self._checkpoints = self._make_checkpoints()
-            self._pipeline = new_pipeline(config, self._begin)
+            # Radars find these while the engine loads its compiled loops.
             self._inputs.subscribe(self._on_message, self._on_pose)
+            self._pipeline = new_pipeline(config, self._begin)
         except Exception:
             self.destroy()
             raise
