@@ -5,8 +5,10 @@
 
 Live tests wait for other processes most of the time, so several take hardly longer than one. Each
 process has a ROS domain of its own (see conftest.py), and one that crashes takes nothing else with
-it. Whatever is over makes place for the next. Arguments go to every pytest. The last line is the
-sum of all of theirs, in pytest's form.
+it. A file whose process was ended by a signal is run once again, and that is told: once in many
+runs the native libraries of ROS crash where a test destroys its own node. Whatever is over makes
+place for the next. Arguments go to every pytest. The last line is the sum of all of theirs, in
+pytest's form.
 """
 
 import os
@@ -65,6 +67,15 @@ def pytest(*arguments):
     return done.returncode, done.stdout
 
 
+def live(file, *arguments):
+    """Run the live tests of a file, once again after a crash; return as `pytest` does."""
+    status, text = pytest("-m", "live", file, *arguments)
+    if status < 0:
+        print(f"{file}: ended by signal {-status}, and run again\n{text}", flush=True)
+        status, text = pytest("-m", "live", file, *arguments)
+    return status, text
+
+
 def live_files(arguments):
     """Return the files that have live tests, the longest first."""
     where = [] if arguments else [f"--ignore={folder}" for folder in NEVER_LIVE]
@@ -121,7 +132,7 @@ def main(arguments):
             for name, own in others(arguments).items()
         }
         for file in live_files(arguments):
-            running[pool.submit(pytest, "-m", "live", file, *arguments)] = file
+            running[pool.submit(live, file, *arguments)] = file
         try:
             for run in as_completed(running):
                 status, text = run.result()
