@@ -78,3 +78,12 @@ def test_young_targets_with_range_rates_are_as_uncertain_as_their_covariances_sa
     # Right covariances have 1 and 1.1 %. Particles that are not regularised have 3.6 and 14 %.
     assert 0.7 < 0.5 * square.mean() < 2.0
     assert (square > 9.0).mean() < 0.08
+
+
+def test_the_smoother_knows_whom_regularised_particles_come_from():
+    config = lone({**ROAD, "lag": 3})
+    tracker = new_engine(config)
+    steps = [tracker.step(scan) for _, scan in scene(0, config.model.radars[0])]
+    # From where they were moved to, a quarter of them is beyond the reach of any transition.
+    assert sum(step.figures["particles"] for step in steps) > 20_000
+    assert sum(step.figures["orphans"] for step in steps) == 0
