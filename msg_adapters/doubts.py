@@ -118,13 +118,17 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
         f"{count} clouds whose detections are not where one antenna was at their times; are "
         f"{radar.name}.rotation_s and its fields.time right?"
     ),
-    "antenna_slipped": lambda radar, count: (
-        f"{count} clouds that do not go on where the one before ended; the antenna stopped, or "
-        f"{radar.name}.sectors is wrong"
+    "times_disagree": lambda radar, count: (
+        f"{count} detections whose times do not go with their azimuths; they are used as they are "
+        "and say nothing of what the antenna passed"
     ),
-    "times_repaired": lambda radar, count: (
-        f"{count} detections whose times do not go with their azimuths; the antenna's times are "
-        "used for them"
+    "detections_late": lambda radar, count: (
+        f"{count} detections came after what the antenna passed at their times had been reported; "
+        "they are used, and their targets counted as missed before"
+    ),
+    "turn_found_ms": lambda radar, turn_ms: (
+        f"its antenna turns in {1e-3 * turn_ms:.3f} s, as its detections show; set "
+        f"{radar.name}.rotation_s to know it from the start"
     ),
     "slices_late": lambda radar, count: (
         f"{count} parts of turns came after their scans were closed; set reorder_s to the longest "

@@ -1,255 +1,248 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The motion of a turning antenna, estimated from the azimuths and times of its detections.
+"""The motion of a turning antenna: a line through azimuths against times of its detections.
 
-Every detection, true or false, is made where the antenna points. Its phase is the azimuth that it
-points to, in the direction in which it turns and counted on over the turns.
+Every detection, true or false, is made where the antenna points. With every report the line is
+locked again to the detections of the last two turns. Azimuths are circular, so that it cannot slip
+by a turn.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from .arrays import FloatArray
+from .arrays import BoolArray, FloatArray, wrap_angle
 from .types import FULL_TURN
 
-# A detection farther from the antenna's phase than this does not fit, rad: 23 degrees.
+# A detection farther from the line than this does not fit, rad: 23 degrees.
 FARTHEST = 0.4
-# With fewer detections that fit, of at least so many, the motion is unclear.
-LEAST_FIT, LEAST_PLOTS = 0.7, 4
-# Fewer detections than this say nothing of the phase that earlier ones did not say.
-LEAST_FITTED = 3
-# The rates that are tried first, relative to the latest: turns of 0.74 to 1.35 times the usual one.
-RATES = np.exp(0.05 * np.arange(-6, 7))
-# Standard deviations: of the logarithm of a turn's length, and of the phase at a detection, rad.
-RATE_STD, PHASE_STD = 0.05, 0.05
-# Weight of the fit against a turn of another length.
-CONCENTRATION = 4.0
-# How far beside the antenna a detection may be to count in each round of the regression, rad.
+# How far beside the line a detection may be to count in each round of the regression, rad.
 REFINEMENTS = (0.9, 0.5, FARTHEST)
-# How much of a cloud's detections must speak for a direction before it is believed.
-EVIDENCE = 4.0
-# Age in turns at which a detection has half of its weight, and that from which on it has none.
-HALF_AGE, OLDEST = 0.5, 2.2
-# Detections of a cloud, and of those before it, that are looked at: a regular choice if there are
-# more.
+# This share of the detections must fit a line, and detections of so much weight find one.
+LEAST_FIT, LEAST_WEIGHT = 0.7, 3.0
+# Age in turns at which a detection has half of its weight, and that from which on it has none; and
+# of a line that nobody is sure of: wind alone turns an antenna away.
+HALF_AGE, OLDEST, LONGEST_UNSEEN = 0.5, 2.2, 10.0
+# The rates that are tried without a line, relative to the latest or the given one.
+RATES = np.exp(0.05 * np.arange(-6, 7))
+# Standard deviations: of the logarithm of a turn's length, and of the azimuth of a detection, rad.
+RATE_STD, AZIMUTH_STD = 0.05, 0.05
+# How much more of the detections must be on the line than on that of the other direction, and their
+# weight against an unusual rate.
+EVIDENCE, CONCENTRATION = 4.0, 4.0
+# Detections that are looked at: a regular choice of more.
 MOST = 250
-# So many detections in nearly a turn must say how the antenna turns.
-MANY_PLOTS, MOST_OF_A_TURN = 20, 0.8
-BoolArray = npt.NDArray[np.bool_]
+# So many detections on most of a turn show its motion without those before them.
+MANY, MOST_OF_A_TURN = 20, 0.8
+# Where nobody knows a turn, seconds, it is looked for in so many detections of a minute. They must
+# go with it so well, from 0 to 1 (chance is 0.5 with as many), and so much better than with an
+# antenna that stands: what is seen at one azimuth once a second goes with a turn of a second too.
+SHORTEST_S, LONGEST_S = 0.5, 60.0
+LEAST_UNKNOWN, LEAST_COHERENCE, LEAST_EVIDENCE = 30, 0.85, 15.0
 
 
-@dataclass(frozen=True)
-class Antenna:
+class Antenna(NamedTuple):
     """An antenna that turns evenly.
 
     Parameters
     ----------
-    reference_s : float
+    time_s : float
         A time, seconds.
-    phase : float
-        At that time, radians.
+    azimuth : float
+        Where it points then, radians counter-clockwise.
     rate : float
-        Radians per second, above 0.
-    direction : int
-        1 if it turns counter-clockwise, -1 if clockwise.
+        Radians per second; negative if it turns clockwise.
     """
 
-    reference_s: float
-    phase: float
+    time_s: float
+    azimuth: float
     rate: float
-    direction: int
 
-    def phase_at(self, time_s: FloatArray) -> FloatArray:
-        """Return the phases at some times, shape kept."""
-        return self.phase + self.rate * (time_s - self.reference_s)
+    @property
+    def turn_s(self) -> float:
+        """Time of a turn, seconds."""
+        return FULL_TURN / abs(self.rate)
 
-    def time_of(self, phase: FloatArray) -> FloatArray:
-        """Return the times of some phases, seconds; shape kept."""
-        return self.reference_s + (phase - self.phase) / self.rate
+    def azimuth_at(self, time_s: float) -> float:
+        """Return where it points at a time, radians; not wrapped."""
+        return self.azimuth + self.rate * (time_s - self.time_s)
 
-    def phase_of(self, azimuth: FloatArray, time_s: FloatArray) -> FloatArray:
-        """Return detections' phases: of their azimuths, the turn that is nearest in time."""
-        expected = self.phase_at(time_s)
-        return expected + wrapped(self.direction * azimuth - expected)
+    def time_near(self, azimuth: float, time_s: float) -> float:
+        """Return the time nearest to another at which it points to an azimuth, seconds."""
+        off = math.remainder(azimuth - self.azimuth_at(time_s), FULL_TURN)
+        return time_s + off / self.rate
 
-    def through(self, time_s: float, phase: float) -> Antenna:
-        """Return the antenna that has this phase at this time."""
-        return replace(self, reference_s=time_s, phase=phase)
+    def beside(self, time_s: FloatArray, azimuth: FloatArray) -> FloatArray:
+        """Return how far azimuths are from where it points at their times, radians; (M,)."""
+        return wrap_angle(azimuth - self.azimuth - self.rate * (time_s - self.time_s))
+
+    def fits(self, time_s: FloatArray, azimuth: FloatArray) -> BoolArray:
+        """Return which detections are where it was, (M,)."""
+        near: BoolArray = np.abs(self.beside(time_s, azimuth)) <= FARTHEST
+        return near
 
 
-def wrapped(angle: FloatArray) -> FloatArray:
-    """Return angles in [-pi, pi), shape kept."""
-    return np.mod(angle + np.pi, FULL_TURN) - np.pi
-
-
-@dataclass(frozen=True)
-class _Plots:
-    """Detections' times in seconds, azimuths in radians and weights, each of shape (M,)."""
+class Sightings(NamedTuple):
+    """Detections' times in seconds and azimuths in radians, each of shape (M,)."""
 
     time_s: FloatArray
     azimuth: FloatArray
-    weight: FloatArray
 
-    def __len__(self) -> int:
-        return len(self.time_s)
+    def since(self, oldest_s: float) -> Sightings:
+        """Return those after a time, a regular choice of `MOST`."""
+        kept = np.flatnonzero(self.time_s > oldest_s)
+        kept = kept[:: max(1, math.ceil(len(kept) / MOST))]
+        return Sightings(self.time_s[kept], self.azimuth[kept])
 
-    def with_earlier(self, earlier: _Plots, turn_s: float) -> _Plots:
-        """Return these and earlier ones, which weigh the less the older they are."""
-        if not len(self):
-            return self
-        age = np.maximum(self.time_s.min() - earlier.time_s, 0.0) / turn_s
-        kept = np.flatnonzero(age < OLDEST)[:: _step(len(earlier))]
-        return _Plots(
-            np.concatenate([earlier.time_s[kept], self.time_s]),
-            np.concatenate([earlier.azimuth[kept], self.azimuth]),
-            np.concatenate([0.5 ** (age[kept] / HALF_AGE), np.ones(len(self))]),
-        )
+    def joined(self, newer: Sightings) -> Sightings:
+        """Return these and newer ones."""
+        return Sightings(*(np.concatenate(pair) for pair in zip(self, newer, strict=True)))
 
+    def weight(self, turn_s: float) -> FloatArray:
+        """Return weights that fall with the age, (M,)."""
+        weight: FloatArray = 0.5 ** ((self.time_s.max() - self.time_s) / (HALF_AGE * turn_s))
+        return weight
 
-def _step(count: int) -> int:
-    """Return the step of the choice of so many detections."""
-    return max(1, math.ceil(count / MOST))
+    def many(self, turn_s: float) -> bool:
+        """Return whether they must show how the antenna turns."""
+        return len(self.time_s) >= MANY and bool(np.ptp(self.time_s) > MOST_OF_A_TURN * turn_s)
 
 
-NONE = _Plots(np.zeros(0), np.zeros(0), np.zeros(0))
+NONE = Sightings(np.zeros(0), np.zeros(0))
 
 
-class AntennaEstimator:
-    """Follows an antenna from cloud to cloud.
+class AntennaTrack(NamedTuple):
+    """What is known of an antenna.
 
     Parameters
     ----------
     rotation_s : float
-        Usual time of a turn, seconds. It may differ by a third, and change from turn to turn.
-    spread : float
-        How far from the antenna's phase at its time a detection may be, radians: half a sector if
-        the detections of a sector have one time.
-
-    Attributes
-    ----------
+        Time of a turn, a first guess or the latest one, seconds; 0 if it is not known.
     antenna : Antenna or None
-        The latest motion; None if it is not known.
-    unclear : int
-        Number of clouds in a row whose detections are not where one antenna could have been.
+        Its motion; None if that is not known.
+    sightings : Sightings
+        The latest detections.
+    unclear : bool
+        Whether they are not where one antenna could have been.
+    looked, looked_s : int, float
+        For a turn that nobody knows: number of detections when it was looked for last, and when.
     """
 
-    def __init__(self, rotation_s: float, spread: float) -> None:
-        self._rate = FULL_TURN / rotation_s
-        self._spread = spread
-        self._earlier = NONE
-        self.antenna: Antenna | None = None
-        self.unclear = 0
+    rotation_s: float
+    antenna: Antenna | None = None
+    sightings: Sightings = NONE
+    unclear: bool = False
+    looked: int = 0
+    looked_s: float = -math.inf
 
-    def fits(self, antenna: Antenna, time_s: FloatArray, azimuth: FloatArray) -> BoolArray:
-        """Return which detections are where the antenna was, shape (M,)."""
-        beside = wrapped(antenna.direction * azimuth - antenna.phase_at(time_s))
-        near: BoolArray = np.abs(beside) <= self._spread + FARTHEST
-        return near
-
-    def update(self, time_s: FloatArray, azimuth: FloatArray) -> Antenna | None:
-        """Return the antenna's motion during a cloud, None if it is not known.
+    def followed(
+        self, now_s: float, time_s: FloatArray, azimuth: FloatArray, shortest_s: float = SHORTEST_S
+    ) -> AntennaTrack:
+        """Return what is known after a report.
 
         Parameters
         ----------
+        now_s : float
+            Of the report, seconds.
         time_s : array of shape (M,)
-            Times of the cloud's detections, seconds.
+            Times of its detections, seconds.
         azimuth : array of shape (M,)
             Counter-clockwise, radians.
+        shortest_s : float
+            A turn that nobody knows takes at least so long, seconds.
         """
-        step = _step(len(time_s))
-        own = _Plots(time_s[::step], azimuth[::step], np.ones(len(time_s[::step])))
-        found = self._followed(own)
-        if self.unclear > 1 and self.antenna is not None:
-            # Once may be chance; now the antenna moves in another way than before.
-            self._earlier, self.antenna = NONE, None
-            found = self._followed(own)
-        return found
+        own = Sightings(time_s, azimuth).since(-math.inf)
+        if self.antenna is not None and now_s - self.antenna.time_s > (
+            LONGEST_UNSEEN * self.rotation_s
+        ):
+            return AntennaTrack(self.rotation_s).followed(now_s, time_s, azimuth)
+        if not len(time_s):
+            return self
+        if not self.rotation_s:
+            return self._searched(own, shortest_s)
+        seen = own
+        if not own.many(self.rotation_s):
+            oldest_s = float(own.time_s.max()) - OLDEST * self.rotation_s
+            seen = self.sightings.since(oldest_s).joined(own)
+        weight = seen.weight(self.rotation_s)
+        if weight.sum() < LEAST_WEIGHT:
+            return self._replace(sightings=seen)
+        line = self._line(seen, weight)
+        if line is not None and weight @ line.fits(*seen) >= LEAST_FIT * weight.sum():
+            return AntennaTrack(line.turn_s, line, seen)
+        lost = self.antenna is not None or seen.many(self.rotation_s)
+        return AntennaTrack(self.rotation_s, None, own if lost else seen, lost)
 
-    def _followed(self, own: _Plots) -> Antenna | None:
-        """Return the motion that fits a cloud and those before it, and count it if none does."""
-        turn_s = FULL_TURN / (self._rate if self.antenna is None else self.antenna.rate)
-        rich = len(own) >= MANY_PLOTS and np.ptp(own.time_s) > MOST_OF_A_TURN * turn_s
-        # The speed may have changed, and a whole turn tells all.
-        plots = own if rich else own.with_earlier(self._earlier, turn_s)
-        found = self._fitted(plots)
-        if found is None:
-            span_s = np.ptp(plots.time_s) if len(plots) else 0.0
-            # In a whole turn it must become clear in which direction the antenna turns.
-            lost = len(plots) >= MANY_PLOTS and span_s > MOST_OF_A_TURN * turn_s
-            self.unclear = self.unclear + 1 if lost else 0
-        elif len(own) >= LEAST_PLOTS and self._share(found, own) < LEAST_FIT:
-            self.unclear += 1
-            return None
-        else:
-            self.unclear = 0
-            self.antenna = found
-        if len(own):
-            self._earlier = plots
-        return found
+    def turning_in(self, turn_s: float) -> AntennaTrack:
+        """Return the same with a time of a turn that is known better, seconds; 0 if it is not."""
+        if self.antenna is None or not turn_s:
+            return self
+        rate = math.copysign(FULL_TURN / turn_s, self.antenna.rate)
+        return self._replace(rotation_s=turn_s, antenna=self.antenna._replace(rate=rate))
 
-    def _share(self, antenna: Antenna, plots: _Plots) -> float:
-        """Return the share of detections that are where the antenna was."""
-        return float(self.fits(antenna, plots.time_s, plots.azimuth).mean())
+    def _searched(self, own: Sightings, shortest_s: float) -> AntennaTrack:
+        """Return what is known of a turn that nobody gave: looked for as the detections grow."""
+        seen = self.sightings.joined(own)
+        seen = seen.since(float(seen.time_s.max()) - LONGEST_S)
+        count, span_s, now_s = len(seen.time_s), float(np.ptp(seen.time_s)), float(seen.time_s[-1])
+        due = count >= 1.25 * self.looked or now_s - self.looked_s > LONGEST_S
+        if count < LEAST_UNKNOWN or span_s < 1.5 * shortest_s or not due:
+            return self._replace(sightings=seen)
+        slowest, fastest, step = 1.5 / span_s, 1.0 / shortest_s, 0.1 / span_s
+        rates = FULL_TURN * np.arange(slowest, fastest + step, step)
+        fit, line = max(_coarse(seen, np.ones(count), way * rates) for way in (1, -1))
+        standing = float(np.abs(np.exp(1j * seen.azimuth).mean()))
+        if fit < LEAST_COHERENCE or count * (fit**2 - standing**2) < LEAST_EVIDENCE:
+            return self._replace(sightings=seen, looked=count, looked_s=now_s)
+        return AntennaTrack(line.turn_s).followed(now_s, *seen)
 
-    def _fitted(self, plots: _Plots) -> Antenna | None:
-        """Return the motion that fits some detections best; the latest if they are too few."""
-        if plots.weight.sum() < LEAST_FITTED:
-            return self.antenna
+    def _line(self, seen: Sightings, weight: FloatArray) -> Antenna | None:
+        """Return the line that fits detections best; None if no direction is much better."""
         if self.antenna is not None:
-            found = self._refined(self.antenna, plots)
-            if self._share(found, plots) >= LEAST_FIT:
-                return found
-        directions = (1, -1) if self.antenna is None else (self.antenna.direction,)
-        tried = [self._coarse(plots, direction) for direction in directions]
-        if len(tried) > 1 and self._spread < 0.5 * np.pi:
-            evidence = plots.weight.sum() * (tried[0][1] ** 2 - tried[1][1] ** 2)
-            if abs(evidence) < EVIDENCE:
-                return None
-            tried.sort(key=lambda entry: -entry[1])
-        return self._refined(tried[0][0], plots)
-
-    def _coarse(self, plots: _Plots, direction: int) -> tuple[Antenna, float]:
-        """Return the best of some rates with its phase, and how well it fits, from 0 to 1."""
-        reference_s = float(plots.time_s[-1])
-        usual = self._rate if self.antenna is None else self.antenna.rate
-        rates = usual * RATES
-        rates = rates[(rates > 0.5 * self._rate) & (rates < 2.0 * self._rate)]
-        turned = np.exp(
-            1j * (direction * plots.azimuth - rates[:, None] * (plots.time_s - reference_s))
+            line = self._refined(self.antenna, seen, weight)
+            if weight @ line.fits(*seen) >= LEAST_FIT * weight.sum():
+                return line
+        rates, log_prior = (
+            FULL_TURN / self.rotation_s * RATES,
+            -0.5 * (np.log(RATES) / RATE_STD) ** 2,
         )
-        mean = turned @ plots.weight / plots.weight.sum()
-        score = CONCENTRATION * plots.weight.sum() * np.abs(mean)
-        best = int(np.argmax(score - 0.5 * (np.log(rates / usual) / RATE_STD) ** 2))
-        phase = float(np.angle(mean[best]))
-        return Antenna(reference_s, phase, float(rates[best]), direction), float(abs(mean[best]))
+        (fit, line), (other, _) = sorted(
+            (_coarse(seen, weight, way * rates, log_prior) for way in (1, -1)), reverse=True
+        )
+        if weight.sum() * (fit**2 - other**2) < EVIDENCE:
+            return None
+        return self._refined(line, seen, weight)
 
-    def _refined(self, antenna: Antenna, plots: _Plots) -> Antenna:
-        """Return the regression of phase on time, in the turn that the latest motion is in."""
-        usual = self._rate if self.antenna is None else self.antenna.rate
-        ridge = (PHASE_STD**2 + self._spread**2 / 3.0) / RATE_STD**2
+    def _refined(self, line: Antenna, seen: Sightings, weight: FloatArray) -> Antenna:
+        """Return the regression of azimuth on time near a line, at a rate near the usual one."""
+        usual = math.copysign(FULL_TURN / self.rotation_s, line.rate)
+        ridge = (AZIMUTH_STD / RATE_STD) ** 2
+        last_s = float(seen.time_s[-1])
+        line = Antenna(last_s, line.azimuth_at(last_s), line.rate)
         for farthest in REFINEMENTS:
-            beside = wrapped(antenna.direction * plots.azimuth - antenna.phase_at(plots.time_s))
-            weight = plots.weight * (np.abs(beside) <= self._spread + farthest)
-            passed = antenna.rate * (plots.time_s - antenna.reference_s)
-            normal = np.array(
-                [
-                    [weight.sum() + 1e-9, weight @ passed],
-                    [weight @ passed, weight @ passed**2 + ridge],
-                ]
+            off = line.beside(*seen)
+            used = weight * (np.abs(off) <= farthest)
+            passed = line.rate * (seen.time_s - last_s)
+            across = used @ passed
+            normal = np.array([[used.sum() + 1e-9, across], [across, used @ passed**2 + ridge]])
+            right = np.array(
+                [used @ off, used * passed @ off + ridge * math.log(usual / line.rate)]
             )
-            slower = math.log(usual / antenna.rate)
-            right = np.array([weight @ beside, weight * passed @ beside + ridge * slower])
-            offset, faster = np.linalg.solve(normal, right)
-            rate = float(np.clip(antenna.rate * (1.0 + faster), 0.5 * self._rate, 2.0 * self._rate))
-            antenna = replace(antenna, phase=antenna.phase + float(offset), rate=rate)
-        if self.antenna is None:
-            return antenna
-        expected = float(self.antenna.phase_at(np.array(antenna.reference_s)))
-        turns = round((expected - antenna.phase) / FULL_TURN)
-        return replace(antenna, phase=antenna.phase + turns * FULL_TURN)
+            shift, faster = np.linalg.solve(normal, right)
+            rate = line.rate * min(max(1.0 + float(faster), 0.7), 1.4)
+            line = Antenna(last_s, line.azimuth + float(shift), rate)
+        return line
+
+
+def _coarse(
+    seen: Sightings, weight: FloatArray, rates: FloatArray, log_prior: FloatArray | float = 0.0
+) -> tuple[float, Antenna]:
+    """Return the best line of some rates, rad/s, and how well it fits, from 0 to 1."""
+    last_s, total = float(seen.time_s[-1]), float(weight.sum())
+    mean = np.exp(1j * (seen.azimuth - rates[:, None] * (seen.time_s - last_s))) @ weight / total
+    best = int(np.argmax(CONCENTRATION * total * np.abs(mean) + log_prior))
+    return float(abs(mean[best])), Antenna(last_s, float(np.angle(mean[best])), float(rates[best]))

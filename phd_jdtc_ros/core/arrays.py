@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
+BoolArray = npt.NDArray[np.bool_]
 # scipy ships no type information.
 SparseArray = Any
 # Mean length of a run of equal values from which on summing by runs pays off, and the number of
@@ -33,6 +34,13 @@ def read_only(array: npt.ArrayLike, dtype: type = np.float64) -> Any:
     view = view.view()
     view.flags.writeable = False
     return view
+
+
+def wrap_angle(angle: FloatArray) -> FloatArray:
+    """Return `angle` in radians wrapped to (-pi, pi]; shape kept."""
+    wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
+    inside: FloatArray = np.where(wrapped > -np.pi, wrapped, np.pi)  # rounding may reach -pi
+    return inside
 
 
 def sum_by(index: IntArray, weight: FloatArray, size: int) -> FloatArray:

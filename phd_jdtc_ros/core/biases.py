@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .antenna import wrapped
-from .arrays import FloatArray
+from .arrays import FloatArray, wrap_angle
 from .types import Detections
 
 
@@ -55,7 +54,7 @@ class RadarBias:
         if self == NO_BIAS:
             return stamp_ns, found
         distance = np.maximum(self.true_range(found.measurement[:, 0]), 0.0)
-        azimuth = _wrapped(found.measurement[:, 1] - self.azimuth)
+        azimuth = _wrap_angle(found.measurement[:, 1] - self.azimuth)
         return stamp_ns - self.offset_ns, _with(found, distance, azimuth)
 
     def added(self, stamp_ns: int, found: Detections) -> tuple[int, Detections]:
@@ -63,7 +62,7 @@ class RadarBias:
         if self == NO_BIAS:
             return stamp_ns, found
         distance = self.range_bias + (1.0 + self.range_gain) * found.measurement[:, 0]
-        azimuth = _wrapped(found.measurement[:, 1] + self.azimuth)
+        azimuth = _wrap_angle(found.measurement[:, 1] + self.azimuth)
         return stamp_ns + self.offset_ns, _with(found, np.maximum(distance, 0.0), azimuth)
 
     def followed_by(self, later: RadarBias) -> RadarBias:
@@ -80,9 +79,9 @@ class RadarBias:
 NO_BIAS = RadarBias()
 
 
-def _wrapped(azimuth: FloatArray) -> FloatArray:
+def _wrap_angle(azimuth: FloatArray) -> FloatArray:
     """Return angles in (-pi, pi], shape kept."""
-    return -wrapped(-azimuth)
+    return -wrap_angle(-azimuth)
 
 
 def _with(found: Detections, distance: FloatArray, azimuth: FloatArray) -> Detections:

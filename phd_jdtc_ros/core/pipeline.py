@@ -23,9 +23,11 @@ from .engine import Engine, Step
 from .engines import new_engine
 from .late_reports import LATE_REPORTS, Dropped, LateReports
 from .models.radar import RadarModel
+from .models.tracker_model import TrackerModel
 from .posed_reports import PosedReports
 from .poses import Platform, PoseFault
 from .region import Everywhere, Region, within
+from .reporting_rule import ReportingRule, slowest_s
 from .scans import Rejection, Reset, ScanGrouper
 from .turn_history import Recut, TurnHistory
 from .turns import Turns
@@ -107,8 +109,9 @@ class Pipeline:
         Of the radars whose late reports are cut in their places, by index; with their `turns`.
     region : Region or Everywhere
         What is taken in and reported.
-    radars : sequence of RadarModel
-        In the configured order; needed with a region.
+    tuned : tuple of (TrackerModel, ReportingRule) or None
+        Those of the engine, which are changed where it is found out how an antenna turns; needed
+        with a region. None to change nothing.
     """
 
     def __init__(
@@ -123,7 +126,7 @@ class Pipeline:
         late: LateReports | None = None,
         histories: Mapping[int, TurnHistory] = MappingProxyType({}),
         region: Region | Everywhere = EVERYWHERE,
-        radars: Sequence[RadarModel] = (),
+        tuned: tuple[TrackerModel, ReportingRule] | None = None,
     ) -> None:
         self.engine = engine
         self._turns = tuple(turns) or tuple(Turns() for _ in range(grouper.radars))
@@ -132,7 +135,7 @@ class Pipeline:
         self._grouper = grouper
         self._late = late or Dropped(engine, grouper.radars)
         self._histories = histories
-        self._region, self._radars = region, tuple(radars)
+        self._region, self._tuned = region, tuned
         self._posed = PosedReports(platforms)
         self._drops: list[Counter[str]] = [Counter() for _ in range(grouper.radars)]
         self._begin = begin
@@ -181,6 +184,8 @@ class Pipeline:
             return self._events([]) if rejected_late is None else rejected_late
         else:
             pieces = history.split(stamp_ns, detections, sector)
+        if turns.doubts["turn_found_ms"]:
+            self._turning()
         if isinstance(pieces, Rejection):
             return pieces
         if self._posed.moving:
@@ -198,6 +203,28 @@ class Pipeline:
             return rejected[0]
         turns.doubts["slices_late"] += len(rejected)
         return self._events(closed)
+
+    def retune(self, model: TrackerModel, rule: ReportingRule) -> None:
+        """Use another model and rule from the next scan on; their structure must be the same."""
+        self._tuned = model, rule
+        self._turning()
+
+    def _turning(self) -> None:
+        """Let the engine know how the antennas turn of which that was found out."""
+        if self._tuned is None:
+            return
+        model, rule = self._tuned
+        turns_s = [
+            radar.rotation_s or turns.turn_s
+            for radar, turns in zip(model.radars, self._turns, strict=True)
+        ]
+        radars = tuple(map(RadarModel.turning_in, model.radars, turns_s))
+        turning = replace(model, radars=radars)
+        self.engine.retune(turning, rule.slower(slowest_s(turning) / slowest_s(model)))
+
+    def turn_s(self, radar: int) -> float:
+        """Return the time of a radar's turn as its detections show it, seconds; 0 for none."""
+        return self._turns[radar].turn_s
 
     def _group(
         self, radar: int, stamp_ns: int, detections: Detections
@@ -226,7 +253,7 @@ class Pipeline:
         since_ns, closed_ns = self._late.since_ns(), self._grouper.closed_ns
         if since_ns is None or closed_ns is None or stamp_ns <= since_ns:
             return Rejection.LATE
-        longest_ns = round(turns.rotation_s / max(turns.sectors, 1) * 1e9)
+        longest_ns = round((turns.report_s or turns.turn_s) * 1e9)
         if not self._late.afford(stamp_ns - longest_ns, history.later(stamp_ns)):
             return Rejection.LATE_BURST
         recut = history.insert(stamp_ns, detections, sector)
@@ -245,9 +272,9 @@ class Pipeline:
 
     def _inside(self, radar: int, detections: Detections) -> Detections:
         """Return the detections of a radar that are in the region."""
-        if isinstance(self._region, Everywhere):
+        if isinstance(self._region, Everywhere) or self._tuned is None:
             return detections
-        return self._region.seen(detections, self._radars[radar])
+        return self._region.seen(detections, self._tuned[0].radars[radar])
 
     def add_pose(self, radar: int, stamp_ns: int, pose: Pose) -> Iterator[Event] | PoseFault:
         """Add a pose of what carries a radar.
@@ -364,7 +391,7 @@ def new_pipeline(
     engine, turns, platforms = new_engine(config), config.turns(), config.platforms()
     histories = {}
     if config.late_reports == "rework" and not any(platforms):
-        histories = {index: TurnHistory(own) for index, own in enumerate(turns) if own.cutting}
+        histories = {index: TurnHistory(own) for index, own in enumerate(turns)}
     return Pipeline(
         config.grouper(),
         engine,
@@ -376,5 +403,5 @@ def new_pipeline(
         LATE_REPORTS[config.late_reports](engine, len(turns)),
         histories,
         config.region or EVERYWHERE,
-        config.model.radars,
+        (config.model, config.rule),
     )

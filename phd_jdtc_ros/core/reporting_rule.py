@@ -12,7 +12,7 @@ been missed, against how often a target of its class is expected to be.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -70,6 +70,10 @@ class ReportingRule:
     def least_smoothed(self) -> float:
         """Existence probability above which a target can be reported by the smoother."""
         return float((self.delete if self.labelled else self.confirm).min())
+
+    def slower(self, factor: float) -> ReportingRule:
+        """Return the rule where targets are seen so many times more rarely."""
+        return replace(self, coasting_s=self.coasting_s * factor)
 
 
 def rule_of(

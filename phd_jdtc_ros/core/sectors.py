@@ -13,8 +13,12 @@ import math
 
 import numpy as np
 
-from .arrays import FloatArray
-from .types import FULL_TURN, Coverage
+from .arrays import FloatArray, wrap_angle
+from .types import FULL_TURN, UNKNOWN_COVERAGE, Coverage
+
+# Detections of a sector may be half a sector beside it, and at least this, rad: some come with the
+# next. So few detections do not say that its number is wrong.
+LEAST_MARGIN, LEAST_NEAR = math.radians(20.0), 3
 
 
 def coverage_of(sector: int, sectors: int, compass: bool) -> Coverage:
@@ -42,6 +46,22 @@ def sector_of(coverage: Coverage, sectors: int, compass: bool) -> int:
     return int(counted % FULL_TURN / FULL_TURN * sectors) % sectors
 
 
+def is_sector(azimuth: FloatArray, sector: Coverage) -> bool:
+    """Return whether detections can be of a sector: half of them are in it or near, or too few.
+
+    Parameters
+    ----------
+    azimuth : array of shape (M,)
+    sector : Coverage
+    """
+    if len(azimuth) < LEAST_NEAR:
+        return True
+    half = 0.5 * sector.width
+    beside = np.abs(wrap_angle(azimuth - sector.start - half))
+    near = int(np.count_nonzero(beside <= half + max(half, LEAST_MARGIN)))
+    return 2 * near >= len(azimuth)
+
+
 def smallest_arc(azimuth: FloatArray) -> tuple[float, float]:
     """Return where the smallest arc with all azimuths begins, and its width, radians.
 
@@ -54,3 +74,22 @@ def smallest_arc(azimuth: FloatArray) -> tuple[float, float]:
     gaps = np.diff(np.append(ordered, ordered[0] + FULL_TURN))
     widest = int(np.argmax(gaps))
     return float(ordered[(widest + 1) % len(ordered)]), FULL_TURN - float(gaps[widest])
+
+
+def arcs(azimuth: FloatArray, apart: float) -> list[Coverage]:
+    """Return the arcs of azimuths, between which there is none for more than `apart`, radians.
+
+    Parameters
+    ----------
+    azimuth : array of shape (M,)
+    apart : float
+    """
+    if not len(azimuth):
+        return []
+    ordered = np.sort(np.mod(azimuth, FULL_TURN))
+    ends = np.flatnonzero(np.diff(ordered) > apart)
+    first, last = ordered[np.append(0, ends + 1)], ordered[np.append(ends, -1)]
+    return [
+        Coverage(float(start), max(float(end - start), UNKNOWN_COVERAGE.width))
+        for start, end in zip(first, last, strict=True)
+    ]

@@ -18,6 +18,8 @@ from .arrays import FloatArray
 from .models.motion import MotionModel
 from .models.radar import GATE_SIGMA, LEAST_RANGE, RadarModel
 from .models.tracker_model import TrackerModel
+from .models.visibility import within
+from .sectors import arcs
 from .types import FULL_TURN, Coverage, Scan
 from .window import BoolArray, Current, Extents, LinkT, RowsT
 
@@ -25,6 +27,8 @@ from .window import BoolArray, Current, Extents, LinkT, RowsT
 SPREAD_SIGMA = 4.0
 # An origin that no antenna has passed for this many turns is predicted all the same.
 LONGEST_TURNS = 1.5
+# Detections outside of what was covered that are nearer to each other are of one arc, rad.
+NEIGHBOURS = 0.1
 
 
 def parted(
@@ -90,10 +94,20 @@ def _near(
 
 
 def passed(scan: Scan, model: TrackerModel) -> list[tuple[RadarModel, Coverage]] | None:
-    """Return the sectors that the antennas passed in a scan; None if it is no scan of sectors."""
-    reports = [(radar, detections.coverage) for radar, detections in model.reports(scan)]
-    sectors = [(radar, coverage) for radar, coverage in reports if coverage is not None]
-    return sectors if sectors and len(sectors) == len(reports) else None
+    """Return what the antennas passed in a scan; None if it is no scan of sectors.
+
+    An antenna has been wherever it has detected something, also outside of what it covered.
+    """
+    found: list[tuple[RadarModel, Coverage]] = []
+    for radar, detections in model.reports(scan):
+        coverage = detections.coverage
+        if coverage is None:
+            return None
+        found.append((radar, coverage))
+        azimuth = detections.measurement[:, 1]
+        outside = azimuth[within(azimuth, coverage) == 0.0]
+        found += [(radar, arc) for arc in arcs(outside, NEIGHBOURS)]
+    return found or None
 
 
 def births_passed(scan: Scan, model: TrackerModel) -> list[int]:

@@ -11,12 +11,11 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from .scans import Rejection
-from .turns import Piece, Turns
+from .turns import Piece, State, Turns
 from .types import Detections
 
 
@@ -26,7 +25,7 @@ class _Record(NamedTuple):
     stamp_ns: int
     detections: Detections
     sector: int | None
-    before: Mapping[str, Any]
+    before: State
     pieces: tuple[Piece, ...]
 
 
@@ -64,7 +63,7 @@ class TurnHistory:
         """Return the parts of a report that is not late; see `Turns.split`."""
         if self._records and stamp_ns < self._records[-1].stamp_ns:
             self._records = []  # of another run
-        before = self._turns.hold()
+        before = self._turns.state
         pieces = self._turns.split(stamp_ns, detections, sector)
         if not isinstance(pieces, Rejection):
             record = _Record(stamp_ns, detections, sector, before, tuple(pieces))
@@ -95,21 +94,20 @@ class TurnHistory:
         if place and self._records[place - 1].stamp_ns == stamp_ns:
             return Rejection.DUPLICATE
         later = self._records[place:]
-        if not later or later[0].before["_zero_ns"] is None:
+        last_ns = later[0].before.last_ns if later else None
+        if last_ns is None or last_ns >= stamp_ns:
             return Rejection.LATE
-        if later[0].before["_last_ns"] >= stamp_ns:
-            return Rejection.LATE
-        before, records = self._turns.hold(), list(self._records)
+        before, records = self._turns.state, list(self._records)
         doubts = Counter(self._turns.doubts)
         del self._records[place:]
-        self._turns.recall(later[0].before)
+        self._turns.state = later[0].before
         reports = [(stamp_ns, detections, sector), *(own[:3] for own in later)]
         cut = [self.split(*report) for report in reports]
         # What is odd about the later ones was counted when they came.
         self._turns.doubts.clear()
         self._turns.doubts.update(doubts)
         if any(isinstance(pieces, Rejection) for pieces in cut):
-            self._turns.recall(before)
+            self._turns.state = before
             self._records = records
             return Rejection.LATE
         return Recut(

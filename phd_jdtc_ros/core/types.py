@@ -58,6 +58,15 @@ class Coverage:
                 "width above 0 and at most 2 pi"
             )
 
+    @property
+    def turns(self) -> float:
+        """Its share of a turn; 0 where nobody knows what the antenna passed."""
+        return 0.0 if self == UNKNOWN_COVERAGE else self.width / FULL_TURN
+
+
+# Of a report that does not say what was missed: all that it has is where its detections are.
+UNKNOWN_COVERAGE = Coverage(0.0, 1e-9)
+
 
 @dataclass(frozen=True)
 class Pose:
@@ -97,7 +106,8 @@ class Detections:
         Standard deviations of each detection, in the units of the measurement; None for the radar
         model's.
     coverage : Coverage or None
-        The azimuths that the antenna passed; None for the radar's whole field.
+        The azimuths that the antenna passed; None for the radar's whole field, `UNKNOWN_COVERAGE`
+        where that is not known. Detections elsewhere are none the less detections.
     pose : Pose or None
         Of the radar at the scan's stamp, which all measurements are relative to; None for the
         radar model's.

@@ -25,7 +25,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.sited_plots import supposed_height
-from phd_jdtc_ros.core.turns import NOTHING, Turns
+from phd_jdtc_ros.core.turns import Turns
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.nodes.asterix.settings import Bridge
@@ -203,7 +203,7 @@ class _Radar:
             end_ns += round(part * self._input.rotation_s * 1e9)
         for block in plots_out.plot_blocks(plots):
             yield end_ns, block
-        if coverage is None or coverage.width > NOTHING.width:
+        if coverage is None or coverage.turns:
             turn_s = self._input.rotation_s
             yield end_ns, plots_out.service_block(self._number, end_ns, azimuth, turn_s)
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.sectors import coverage_of
-from phd_jdtc_ros.core.turns import NOTHING, SLICES, Turns
-from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.core.turns import SLICES, Turns
+from phd_jdtc_ros.core.types import UNKNOWN_COVERAGE, Detections
 
 S = 1_000_000_000
 NONE = Detections(np.zeros((0, 2)), None)
@@ -93,8 +93,9 @@ def turning_radars(draw):
         rotation_s=rotation_s,
         sectors=sectors,
         clockwise=draw(st.booleans()),
-        timed=sectors == 0 or draw(st.booleans()),
-        stamp_at=draw(st.floats(-1.0, 2.0)),
+        # Halves of turns without times come in the same order whichever way the antenna turns.
+        timed=sectors <= 2 or draw(st.booleans()),
+        stamp_at=draw(st.floats(-0.5, 1.5)),
         cut=draw(st.floats(0.0, 6.0)),
         plots=draw(st.sampled_from([60, 150])),
         noise=draw(st.sampled_from([0.001, 0.01])),
@@ -106,7 +107,8 @@ def turning_radars(draw):
 @given(radar=turning_radars(), seed=st.integers(0, 10**6), drift=st.floats(-0.03, 0.03))
 def test_what_the_antenna_passed_is_covered_once_and_little_else(radar, seed, drift):
     rng = np.random.default_rng(seed)
-    lengths = radar.rotation_s * np.exp(drift + 0.01 * rng.standard_normal(5))
+    # An antenna is heavy: from one turn to the next its speed changes by little.
+    lengths = radar.rotation_s * np.exp(drift + 0.003 * rng.standard_normal(5).cumsum())
     reports = radar.reports(5, seed, lengths)
     turns, last_ns = turns_of(radar), 0
     off = []
@@ -176,9 +178,11 @@ def test_a_turn_that_changes_its_speed_is_followed(factor):
     radar = TurningRadar()
     lengths = [4.0, 4.0, 4.0, *[4.0 * factor] * 4]
     turns = turns_of(radar)
-    for pieces in fed(turns, radar.reports(7, lengths=lengths)):
-        assert len(pieces) == SLICES
-        assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.01
+    for turn, pieces in enumerate(fed(turns, radar.reports(7, lengths=lengths))):
+        # In the first turns of another length that length is still being learned.
+        learning = turn in (3, 4)
+        assert abs(len(pieces) - SLICES) <= learning
+        assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < (0.05 if learning else 0.01)
         longest = max(np.abs(piece.time_s).max(initial=0.0) for _, piece in pieces)
         assert longest < 4.0 * max(factor, 1.0) / 2 / SLICES + 0.1
     assert not +turns.doubts
@@ -231,22 +235,27 @@ def test_lost_reports_are_counted_and_not_covered(sectors):
     assert +turns.doubts == {"clouds_missing": 2}
 
 
-@pytest.mark.parametrize("wrong_s", [4.0, -4.0, 1.7])
-def test_times_that_do_not_go_with_the_azimuth_are_replaced_by_the_antennas(wrong_s):
+@pytest.mark.parametrize(
+    ("wrong_s", "counted"), [(4.0, ""), (-4.0, "detections_late"), (1.7, "times_disagree")]
+)
+def test_times_that_do_not_go_with_the_azimuth_are_kept_and_counted(wrong_s, counted):
     radar = TurningRadar(noise=0.0005, time_step_s=0.0)
-    turns, reports = turns_of(radar), radar.reports(4)
+    turns, reports = turns_of(radar), radar.reports(6)
     fed(turns, reports[:3])
     sent = reports[3]
-    # Near the turn's ends a time may be a whole turn off and nobody can tell.
-    phase = np.mod(sent.detections.measurement[:, 1] - radar.cut, 2.0 * np.pi)
-    chosen = np.flatnonzero((phase > 1.5) & (phase < 4.5))[::8]
+    chosen = np.arange(len(sent.detections))[::8]
     time_s = sent.detections.time_s.copy()
     time_s[chosen] += wrong_s
-    pieces = turns.split(sent.stamp_ns, replace(sent.detections, time_s=time_s))
+    wrong = replace(sent.detections, time_s=time_s)
+    pieces = turns.split(sent.stamp_ns, wrong)
     found = sorted(row for stamp_ns, piece in pieces for row in absolute(stamp_ns, piece))
-    wanted = absolute(sent.stamp_ns, sent.detections)
-    np.testing.assert_allclose([row[1] for row in found], [row[1] for row in wanted], atol=0.02 * S)
-    assert +turns.doubts == {"times_repaired": len(chosen)}
+    wanted = absolute(sent.stamp_ns, wrong)
+    assert [row[0] for row in found] == [row[0] for row in wanted]
+    np.testing.assert_allclose([row[1] for row in found], [row[1] for row in wanted], atol=2.0)
+    # A time that is a turn off goes with its azimuth: nobody can tell, and nothing follows from it.
+    assert +turns.doubts == ({counted: len(chosen)} if counted else {})
+    for slices in [pieces, *fed(turns, reports[4:])]:
+        assert (np.abs(covered(slices) - 1.0) > 0.0).mean() < 0.01
 
 
 def test_times_in_any_order_make_no_difference():
@@ -361,7 +370,7 @@ def test_empty_sectors_go_on_with_the_numbers(timed):
 @pytest.mark.parametrize("timed", [False, True])
 def test_empty_sectors_go_on_with_the_antenna(timed):
     radar = TurningRadar(sectors=16, timed=timed, plots=150)
-    reports = radar.reports(10)
+    reports = radar.reports(6)
     turns = turns_of(radar)
     fed(turns, reports[:48])
     for sent in reports[48:]:
@@ -374,15 +383,15 @@ def test_an_empty_sector_covers_nothing_while_the_antenna_is_not_known():
     turns = Turns(4.0, 16)
     for k in range(20):
         ((stamp_ns, piece),) = turns.split(START_NS + k * S // 4, NONE)
-        assert (stamp_ns, piece.coverage) == (START_NS + k * S // 4, NOTHING)
+        assert (stamp_ns, piece.coverage) == (START_NS + k * S // 4, UNKNOWN_COVERAGE)
 
 
-def test_the_first_sector_covers_where_its_detections_are():
+def test_the_first_sector_covers_nothing_and_keeps_its_detections():
     radar = TurningRadar(sectors=8, timed=False, plots=150)
     sent = radar.reports(1)[0]
-    ((_, piece),) = turns_of(radar).split(sent.stamp_ns, sent.detections)
-    assert abs(piece.coverage.width - np.pi / 4) < 1e-9
-    assert degrees_off(sent, [(0, piece)]) < 15.0
+    ((stamp_ns, piece),) = turns_of(radar).split(sent.stamp_ns, sent.detections)
+    assert (stamp_ns, piece.coverage) == (sent.stamp_ns, UNKNOWN_COVERAGE)
+    np.testing.assert_array_equal(piece.measurement, sent.detections.measurement)
 
 
 @pytest.mark.parametrize("numbers", [False, True])
@@ -395,7 +404,7 @@ def test_a_repeated_sector_is_used_and_covers_nothing(timed, numbers):
     stamp_ns = again.stamp_ns + 20_000_000
     sector = again.sector if numbers else None
     ((_, piece),) = turns.split(stamp_ns, again.detections, sector)
-    assert piece.coverage == NOTHING
+    assert piece.coverage == UNKNOWN_COVERAGE
     assert len(piece) == len(again.detections)
     assert +turns.doubts == {"sectors_repeated": 1}
     for sent, pieces in zip(reports[37:], fed(turns, reports[37:], numbers), strict=True):
@@ -416,7 +425,7 @@ def test_overlapping_sectors_share_the_turn_between_them(timed):
         total.append(covered(pieces))
     settled = np.sum(total[32:64], axis=0) / 2.0
     assert abs(settled.mean() - 1.0) < 0.15
-    assert turns.doubts["antenna_slipped"] == 0
+    assert turns.doubts["antenna_unclear"] == 0
 
 
 def joined_at(sent, late, before):
@@ -460,7 +469,7 @@ def test_a_late_sector_without_times_keeps_its_stamp_for_the_grouper():
     ((stamp_ns, piece),) = turns.split(reports[8].stamp_ns, reports[8].detections, 8)
     assert (stamp_ns, piece.coverage) == (reports[8].stamp_ns, coverage_of(8, 16, False))
     ((_, piece),) = turns.split(reports[7].stamp_ns, reports[7].detections)
-    assert piece.coverage == NOTHING
+    assert piece.coverage == UNKNOWN_COVERAGE
 
 
 def test_a_hundred_thousand_detections_are_cut_in_time():

@@ -9,6 +9,7 @@ The tables of parameters are in `parameters` and `radar_parameters`; what become
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import repeat
@@ -16,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ..antenna import SHORTEST_S
 from ..attributes.height import HeightModel
 from ..attributes.identity import ADDRESSES, CODES, IdentityModel
 from ..attributes.memory import AttributeModel
@@ -134,6 +136,8 @@ class TrackerConfig:
             Turns(
                 *(radar.rotation_s, radar.sectors, radar.compass, self.reset_threshold_s),
                 azimuth_bias=radar.bias.azimuth,
+                # Without labels all targets are one row, and no part of them is passed alone.
+                shortest_s=SHORTEST_S if self.rule.labelled else math.inf,
             )
             for radar in self.inputs
         )

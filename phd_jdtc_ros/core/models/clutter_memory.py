@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..arrays import FloatArray
-from ..types import FULL_TURN, Detections
+from ..types import Detections
 from .clutter_amplitude import Learned
 from .clutter_count import ClutterCount
 from .clutter_map import ClutterMap
@@ -102,7 +102,9 @@ class ClutterMemory:
         law, places, coverage = radar.clutter_amplitude, radar.clutter_map, detections.coverage
         if isinstance(law, Learned) and detections.amplitude is not None:
             self.laws[radar.name] = law.after(detections.amplitude, 1.0 - claimed)
-        turns = 1.0 if coverage is None else coverage.width / FULL_TURN
+        turns = 1.0 if coverage is None else coverage.turns
+        if not turns:  # who knows how much was looked at
+            return
         if radar.clutter_count is not None:
             # Of those that are of no target, what a map does not explain.
             uniform = np.exp(-radar.log_clutter_factor(detections.measurement))

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..arrays import FloatArray
-from ..types import FULL_TURN, Detections
+from ..types import Detections
 from .radar import RadarModel
 
 # Candidate pairs of one update, of which about half are within the gate: 0.3 GB in all.
@@ -76,6 +76,7 @@ def thinned(
         fewer = float(np.exp(radar.clutter_amplitude.log_share(threshold, radar.threshold)))
         share = 1.0
     # A rate is that of a whole turn, of which the report may be a part.
-    part = 1.0 if detections.coverage is None else detections.coverage.width / FULL_TURN
+    # Where nobody knows of which, it may be all.
+    part = 1.0 if detections.coverage is None else detections.coverage.turns or 1.0
     rate = max(radar.clutter_rate * fewer, (kept - targets) / part)
     return left, replace(radar, threshold=threshold, clutter_rate=rate), share

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..arrays import wrap_angle as wrap_angle
 from ..pair_search import kernels
 from ..pair_search.gating import CellLists, cell_lists
 from ..state_space import PLANAR, StateSpace
@@ -32,13 +33,6 @@ from .visibility import Visibility, within
 GATE_SIGMA = 6.0
 # At its own position a radar measures no azimuth; divisions by the range are bounded at this one.
 LEAST_RANGE = 1.0
-
-
-def wrap_angle(angle: FloatArray) -> FloatArray:
-    """Return `angle` in radians wrapped to (-pi, pi]; shape kept."""
-    wrapped = np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
-    inside: FloatArray = np.where(wrapped > -np.pi, wrapped, np.pi)  # rounding may reach -pi
-    return inside
 
 
 class Rates(NamedTuple):
@@ -141,6 +135,10 @@ class RadarModel:
         if pose is None:
             return self
         return replace(self, position=pose.position, yaw=pose.yaw, velocity=pose.velocity)
+
+    def turning_in(self, rotation_s: float) -> RadarModel:
+        """Return the radar with another time of a turn, seconds."""
+        return replace(self, rotation_s=rotation_s)
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""

@@ -140,7 +140,7 @@ class LiveTracker:
         """Use changed settings from the next scan on; their structure must be the same."""
         self._settings = settings
         self._inputs.retune(settings)
-        self._pipeline.engine.retune(settings.config.model, settings.config.rule)
+        self._pipeline.retune(settings.config.model, settings.config.rule)
         if self._monitor is not None:
             self._monitor.retune(settings.config.model.radars)
         self._outputs.show_markers(settings.node["publish_markers"])
