@@ -129,7 +129,7 @@ def faults() -> list[Fault]:
         Fault("time NaN", "dropped_time", _values("time", math.nan)),
         Fault("time infinite", "dropped_time", _values("time", math.inf)),
         Fault("times not in order", "", _reversed),
-        Fault("times of the turn before", "times_repaired", _values("time", -ROTATION_S)),
+        Fault("times of the turn before", "detections_late", _values("time", -ROTATION_S)),
         Fault("no time", "time_missing", _without("time"), 1),
         Fault("height 1e9", "dropped_height", _values("height", 1e9)),
         Fault("height -1e9", "dropped_height", _values("height", -1e9)),

@@ -7,7 +7,7 @@ The data's path, with the room or module of each step::
 
     reports (radar, stamp, Detections)         types
       |  what looks wrong                      watch
-      |  cut turns into slices, coverage       turns, antenna, sectors, turn_history
+      |  cut turns into slices, coverage       turns, antenna, horizon, sectors, turn_history
       |  poses of radars that move             posed_reports, poses
       |  group by stamp, gaps, resets          scans
     Scan                                       pipeline: turns -> posed_reports -> scans -> engine

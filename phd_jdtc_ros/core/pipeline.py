@@ -175,7 +175,10 @@ class Pipeline:
             If no part of the report is part of any scan.
         """
         turns = self._turns[radar]
-        turns.doubts += self._watches[radar].add(detections)
+        noticed = self._watches[radar].add(detections)
+        if turns.turn_s:
+            del noticed["sectors_not_configured"]
+        turns.doubts += noticed
         history = self._histories.get(radar)
         if history is None:
             pieces = turns.split(stamp_ns, detections, sector)

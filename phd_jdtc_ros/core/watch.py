@@ -22,7 +22,7 @@ from .types import FULL_TURN, Detections, Scan
 # Azimuths are looked at in cells of this many to a turn.
 CELLS = 72
 # In so many reports in a row, of at least so many detections, sectors show.
-SECTOR_REPORTS, SECTOR_DETECTIONS = 20, 4
+SECTOR_REPORTS, SECTOR_DETECTIONS = 60, 4
 # Reports of sectors are within less than the first and together beyond the second, in turns.
 SECTOR_ARC, SECTORS_TOGETHER = 0.5, 0.75
 # So many detections, in so many reports, on less of a turn than this, are all that is seen.

@@ -188,7 +188,8 @@ def test_slices_that_are_late_are_counted_by_report_and_none_is_with_reorder_s(r
     assert (late > 0) == (reorder_s == 0.0)
     cut = small(BOTH).turns()
     pieces = [
-        len(cut[radar].split(sent.stamp_ns, sent.detections)) for _, radar, sent in two_radars(1.7)
+        len(cut[radar].split(stamp_ns, sent.detections))
+        for stamp_ns, radar, sent in two_radars(1.7)
     ]
     assert 11 * SLICES < sum(pieces) == scans + late
 

@@ -149,14 +149,16 @@ RADAR = (
     Parameter(
         "rotation_s",
         0.0,
-        "Time of one turn of the antenna, s; 0 for one that does not turn.",
+        "First guess of the time of one turn of the antenna, s; 0 for one that does not turn, or "
+        "of which that is found out.",
         0.0,
         1e3,
     ),
     Parameter(
         "sectors",
         0,
-        "Number of clouds that the radar publishes in a turn; 0 if a cloud is a whole turn.",
+        "Number of clouds that the radar publishes in a turn; 0 if a cloud is a whole turn, or "
+        "detections have times of their own.",
         0,
         256,
     ),
