@@ -44,6 +44,8 @@ JOINED = 0.3
 LEAST_SHOWN, AROUND, STANDING = 5, 0.75 * FULL_TURN, 0.25 * FULL_TURN
 # A detection this part of a turn before the time that its report accounts for came late.
 LATE = 0.5 / SLICES
+# A report accounts for no more turns than this, whatever comes between two of them.
+LONGEST = 1.2
 # A report of at least this part of a turn is of a whole turn.
 WHOLE = 0.9
 
@@ -287,16 +289,12 @@ class Turns:
             )
             return start_s, end_s
         end_s = max(end_s, before_s)
-        missing = round(steps) - 1
-        if missing > 0:
-            self.doubts["clouds_missing"] += missing
-            return max(before_s, end_s - length_s), end_s
-        return max(before_s, end_s - self._longest_s), end_s
-
-    @property
-    def _longest_s(self) -> float:
-        """The most that a report accounts for, seconds: the antenna passes no azimuth twice."""
-        return 1.2 * self.turn_s
+        if round(steps) < 2:
+            return max(before_s, end_s - LONGEST * self.turn_s), end_s
+        # What of reports in between was seen was not lost.
+        start_s = max(before_s, min(end_s - length_s, own.min(initial=math.inf)))
+        self.doubts["clouds_missing"] += round((start_s - before_s) / length_s)
+        return start_s, end_s
 
     def _number_of(self, report: _Report, sector: int | None, steps: int) -> int | None:
         """Return the number of the sector: what the report says, or the next one if it is empty."""
@@ -329,7 +327,8 @@ class Turns:
     def _repeats(self, report: _Report, number: int | None, steps: float) -> bool:
         """Return whether a report is of azimuths that the antenna cannot have passed again."""
         if number is None:
-            return steps < 0.5 and self._per_turn > 1
+            again = not report.timed or report.time_s.max(initial=-math.inf) < self.state.end_s
+            return again and steps < 0.5 and self._per_turn > 1
         last_s = self.state.numbered_s.get(number, -math.inf)
         self.state = self.state._replace(
             numbered_s=MappingProxyType({**self.state.numbered_s, number: report.stamp_s})

@@ -43,8 +43,9 @@ ROOMS = {
     "sited_plots": ("arrays", "site"),
     "sectors": ("arrays", "types"),
     "antenna": ("arrays", "types"),
-    "biases": ("antenna", "arrays", "types"),
-    "turns": ("antenna", "arrays", "scans", "sectors", "types"),
+    "horizon": ("arrays",),
+    "biases": ("arrays", "types"),
+    "turns": ("antenna", "arrays", "horizon", "scans", "sectors", "types"),
     "turn_history": ("scans", "turns", "types"),
     "late_reports": ("engine", "scans", "types"),
     "renumbering": ("arrays", "origins", "reporting", "types"),
@@ -70,7 +71,7 @@ ROOMS = {
     "backward": ("arrays", "window"),
     "poses": ("arrays", "models", "types"),
     "posed_reports": ("poses", "types"),
-    "touch": ("arrays", "models", "types", "window"),
+    "touch": ("arrays", "models", "sectors", "types", "window"),
     "window_snapshot": ("arrays", "models", "snapshot", "types", "window"),
     "clutter_snapshot": ("models", "snapshot"),
     "forward": (
@@ -88,7 +89,7 @@ ROOMS = {
     "configuration": (
         *(*BASE, "attributes"),
         *("biases", "engine", "models", "poses", "quoting", "reporting", "reporting_rule"),
-        *("ellipsoid", "region", "scans", "site", "smc", "turns", "watch"),
+        *("antenna", "ellipsoid", "region", "scans", "site", "smc", "turns", "watch"),
     ),
     "simulation": (*BASE, "biases", "configuration", "models", "site", "sited_plots"),
     "tuning": (*BASE, "configuration", "models", "sectors"),
@@ -96,7 +97,7 @@ ROOMS = {
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (
         *("configuration", "engine", "engines", "late_reports", "posed_reports", "poses", "scans"),
-        *("models", "region", "turn_history", "turns", "types", "watch"),
+        *("models", "region", "reporting_rule", "turn_history", "turns", "types", "watch"),
     ),
 }
 # What each part of the project may import of the others.

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+import sweep
 from antennas import TurningRadar
 from scenes import short_scenario, small
 
@@ -214,3 +215,33 @@ def test_a_gap_of_turns_is_none_where_the_interval_is_that_of_sectors():
     config = small({**AT_ONCE, "interval_s": 0.25, "radar_1.sectors": 16})
     assert config.max_gap_s == 15 * 4.0
     assert config.reset_threshold_s == 3 * 4.0
+
+
+@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(engine, timed):
+    given = {"engine": engine, "radar.rotation_s": 0.0, "radar.sectors": 0}
+    pipeline = new_pipeline(sweep.configuration({**given, "estimates_period_s": 3.9}))
+    found = []
+    for radar, stamp_ns, detections, _ in sweep.sector_reports(16, timed):
+        events = pipeline.add(radar, stamp_ns, detections)
+        found += [
+            one for event in events if isinstance(event, Stepped) for one in event.step.filtered
+        ]
+    assert pipeline.take_doubts(0)["turn_found_ms"] == pytest.approx(4000, abs=40)
+    assert pipeline.turn_s(0) == pytest.approx(sweep.ROTATION_S, rel=5e-3)
+    last = found[-1]
+    truth = sweep.position_at(sweep.seconds_of(last.stamp_ns))
+    apart = np.hypot(*(truth[:, None] - last.position).transpose(2, 0, 1)).min(axis=1)
+    assert apart.max() < 500.0
+
+
+def test_a_turn_is_found_once_and_known_after_a_reset():
+    pipeline = new_pipeline(sweep.configuration({"radar.rotation_s": 0.0, "radar.sectors": 0}))
+    reports = sweep.sector_reports(6, timed=True)
+    for _ in range(2):
+        for radar, stamp_ns, detections, _sector in reports:
+            list(pipeline.add(radar, stamp_ns, detections))
+        pipeline.reset()
+    assert pipeline.take_doubts(0)["turn_found_ms"] == pytest.approx(4000, abs=40)
+    assert pipeline.turn_s(0) == pytest.approx(sweep.ROTATION_S, rel=5e-3)

@@ -7,7 +7,7 @@ from scenes import intensity
 from sweep import configuration
 
 from phd_jdtc_ros.core.touch import births_passed, parted
-from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
+from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections, Scan
 from phd_jdtc_ros.core.window import Current, Entry
 
 MODEL = configuration().model
@@ -57,6 +57,15 @@ def test_parted_takes_both_sides_of_an_edge():
     for sector in edge:
         touched, _ = parted([current()], scan(1.0, sector.start, sector.width), MODEL, True)
         assert origins_of(touched) == [0]
+
+
+@pytest.mark.parametrize("coverage", [Coverage(-0.2, 0.4), UNKNOWN_COVERAGE])
+def test_parted_takes_who_is_near_a_detection_outside_of_what_was_covered(coverage):
+    late = np.array([[50e3, 3.14], [20e3, -2.0]])
+    report = Detections(late, None, time_s=np.array([-0.4, -0.4]), coverage=coverage)
+    touched, others = parted([current()], Scan(SECOND, (report,)), MODEL, True)
+    assert 2 in origins_of(touched)
+    assert 1 in origins_of(others)
 
 
 def test_parted_takes_everything_without_a_coverage():

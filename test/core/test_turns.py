@@ -478,3 +478,32 @@ def test_a_hundred_thousand_detections_are_cut_in_time():
     for pieces in fed(turns, radar.reports(2)):
         assert sum(len(piece) for _, piece in pieces) > 99_000
         assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.01
+
+
+def still(kind, rng):
+    """Return the detections of a cloud of a radar that does not turn, a second long."""
+    count = rng.poisson(12)
+    time_s = np.sort(rng.uniform(-1.0, 0.0, count))
+    azimuth = {
+        "all around": rng.uniform(-np.pi, np.pi, count),
+        "ahead": rng.uniform(-0.5, 0.5, count),
+        "at one place": 0.7 + 0.01 * rng.standard_normal(count),
+        # It swings from side to side, or looks from one side to the other again and again.
+        "scanning": 1.0 * np.sin(2.0 * np.pi * time_s),
+        "sweeping": 2.0 * time_s + 1.0,
+    }[kind]
+    return np.stack([np.full(count, 1e3), azimuth], axis=1), time_s
+
+
+@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("kind", ["all around", "ahead", "at one place", "scanning", "sweeping"])
+@pytest.mark.parametrize("interval_s", [0.1, 1.0, 1.7])
+def test_a_radar_that_does_not_turn_is_never_taken_for_one_that_does(kind, timed, interval_s):
+    turns, rng = Turns(), np.random.default_rng(4)
+    for k in range(400):
+        measurement, time_s = still(kind, rng)
+        report = Detections(measurement, None, interval_s * time_s if timed else None)
+        stamp_ns = START_NS + round(k * interval_s * 1e9)
+        assert turns.split(stamp_ns, report) == [(stamp_ns, report)]
+    assert turns.turn_s == 0.0
+    assert not +turns.doubts

@@ -95,7 +95,9 @@ def run(hour, turns):
         came = np.concatenate([piece.measurement[:, 0] for _, piece in pieces])
         order = np.argsort(came)
         np.testing.assert_array_equal(came[order], sent.measurement[:, 0])
-        absolute_ns = np.concatenate([own_ns - stamp_ns + piece.time_s * 1e9 for own_ns, piece in pieces])
+        absolute_ns = np.concatenate(
+            [own_ns - stamp_ns + piece.time_s * 1e9 for own_ns, piece in pieces]
+        )
         np.testing.assert_allclose(absolute_ns[order], sent.time_s * 1e9, atol=2.0, rtol=0.0)
         covered += [
             ((own_ns - START_NS) * 1e-9, piece.coverage)

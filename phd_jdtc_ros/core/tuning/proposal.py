@@ -77,7 +77,8 @@ def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
     if when.rotation_s:
         turns = rounded(when.rotation_s, when.rotation_std_s)
         entries.append(Row("rotation_s", turns, when.rotation_std_s, clouds, now("rotation_s")))
-        entries.append(Row("sectors", when.sectors, math.nan, clouds, now("sectors")))
+        if not when.timed or now("sectors"):
+            entries.append(Row("sectors", when.sectors, math.nan, clouds, now("sectors")))
     elif now("rotation_s"):
         # Plots of one time tell nothing of a turn.
         note = "as given: the plots do not tell it"

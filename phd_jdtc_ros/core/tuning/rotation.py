@@ -47,6 +47,8 @@ class Timing:
         Clouds to a turn; 0 if a cloud is a whole turn.
     clockwise : bool
         Whether it turns clockwise.
+    timed : bool
+        Whether plots have times of their own, so that clouds may be of any length.
     """
 
     cloud_interval_s: float
@@ -55,6 +57,7 @@ class Timing:
     rotation_std_s: float = 0.0
     sectors: int = 0
     clockwise: bool = False
+    timed: bool = False
 
     @property
     def look_s(self) -> float:
@@ -99,6 +102,7 @@ def timing(plots: Plots) -> Timing:
         std * rotation_s**2,
         sectors if sectors > 1 and _narrow(plots, sectors) else 0,
         way < 0,
+        plots.timed,
     )
 
 
