@@ -13,10 +13,10 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.types import SOURCES, Detections, Estimates
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.tools import tracker_params
 
 TOPIC = "/radar_1_2/detections"
 DAY_NS = 20_779 * 86_400 * 10**9
@@ -39,8 +39,10 @@ def bridge(tmp_path, capsys):
 
 
 def reports(bag, topic=TOPIC):
-    """Return what a tracker with the parameters beside the bag reads of it."""
-    config = resolve(bag_parameters.read(bag))
+    """Return what a tracker with the parameters beside the bag reads of it, on a flat earth."""
+    given = bag_parameters.read(bag)
+    flat = {k: v for k, v in given.items() if not k.endswith(("world_origin", ".geodetic"))}
+    config = tracker_params.config(flat)
     (radar,) = (each for each in config.inputs if each.topic == topic)
     entries = BagReader(bag).messages([topic])
     return [reader_of(radar).from_cdr(entry.data, radar) for entry in entries]
@@ -53,8 +55,10 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
     assert said.err == ""
     assert said.out.splitlines() == [
         f"{out}: 96 clouds, 12 plots",
-        "radar_1_2: 12 plots, 97 service messages, 96 clouds, a turn of 4.00 s",
+        "radar_1_2: 12 plots, 97 service messages, 96 clouds, a turn of 4.0000 s",
         "left out: none",
+        "where radar_1_2 stands is not known: shapes and distances are right on the round earth, "
+        "latitudes and longitudes are not; set radar_1_2.geodetic and world_origin",
     ]
     found = reports(out)
     assert [report.stamp_ns - DAY_NS for report in found] == [
@@ -116,12 +120,16 @@ def test_radars_are_named_and_turned_as_parameters_say(bridge):
         for part in pair
     )
     given = ["-p", "radars:=[a, b]", "-p", "a.sac:=1", "-p", "a.sic:=1", "-p", "b.sac:=1"]
-    given += ["-p", "b.sic:=9", "-p", "b.sectors:=16"]
+    given += ["-p", "b.sic:=9", "-p", "b.sectors:=16", "-p", "a.geodetic:=[50.0, 8.0, 100.0]"]
+    given += ["-p", "b.geodetic:=[50.5, 8.5, 120.0]"]
     status, out, said = bridge(data, *given)
     assert status == 0
     assert "a: 0 plots, 65 service messages, 64 clouds" in said.out
     assert BagReader(out).counts == {"/a/detections": 64, "/b/detections": 32}
-    assert [radar.sectors for radar in resolve(bag_parameters.read(out)).inputs] == [32, 16]
+    config = tracker_params.config(bag_parameters.read(out))
+    assert [radar.sectors for radar in config.inputs] == [32, 16]
+    sites = [radar.site.geodetic for radar in config.inputs]
+    assert sites == [(50.0, 8.0, 100.0), (50.5, 8.5, 120.0)]
 
 
 def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
@@ -276,7 +284,7 @@ def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys)
     assert "dropped: none" in said
 
     def places(bag):
-        config = resolve(bag_parameters.read(bag))
+        config = tracker_params.config(bag_parameters.read(bag))
         (radar,) = config.inputs
         yaw = config.model.radars[0].yaw
         found = []
@@ -304,7 +312,7 @@ def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
         cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
         written.write("/far/detections", interfaces.encode(cloud), 10**12)
     values = {"radars": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
-    bag_parameters.write(bag / bag_parameters.NAME, resolve(values).values)
+    bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
     assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
     assert "1 plots in 2 data blocks, of 1 clouds; dropped: range 1" in capsys.readouterr().out
     (record,) = (each for each in decoded(out.read_bytes()) if each["category"] == 48)
