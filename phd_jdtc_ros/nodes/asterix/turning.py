@@ -31,8 +31,8 @@ MOST_TURNS = 30.0
 class PlotTurns:
     """Finds the turn in the first minute, and makes it more exact as long as plots come.
 
-    The phase of the plots against the first estimate is followed from span to span, so that the
-    result is the mean turn, also of an antenna that wind slows down now and then.
+    The phase of the plots against the first estimate is followed from span to span, and a line
+    through all of them tells the mean turn, also of an antenna that wind slows down now and then.
     """
 
     def __init__(self) -> None:
@@ -41,17 +41,24 @@ class PlotTurns:
         self._coarse_s = 0.0
         # The span under way: its zero, and the sums of times, ns, and of phases of its plots.
         self._span: tuple[int, int, complex, int] = (0, 0, 0j, 0)
-        # Time and phase of the last span, and how long and how far the phases were followed.
+        # Time and phase of the last span; number and means of those since a gap; and sums of the
+        # squares and products of what all differ from these means.
         self._last: tuple[float, float] | None = None
-        self._elapsed_s = self._drift = 0.0
+        self._count, self._mean_s, self._mean = 0, 0.0, 0.0
+        self._square = self._product = 0.0
 
     @property
     def turn_s(self) -> float:
         """Mean time of a turn, seconds; 0 if it is not known."""
-        if not self._elapsed_s:
-            return self._coarse_s
+        if not self._coarse_s:
+            return 0.0
         # The phase falls behind where turns are longer.
-        return 1.0 / (1.0 / self._coarse_s + self._drift / FULL_TURN / self._elapsed_s)
+        return 1.0 / (1.0 / self._coarse_s + self._slope / FULL_TURN)
+
+    @property
+    def _slope(self) -> float:
+        """Of the line through the phases, radians per second."""
+        return self._product / self._square if self._square else 0.0
 
     def add(self, azimuth: float, time_ns: int) -> None:
         """Take a plot's azimuth, radians clockwise from north, and its time."""
@@ -92,13 +99,18 @@ class PlotTurns:
 
     def _follow(self, time_s: float, phase: float) -> None:
         """Take the mean phase of a span into account."""
-        if self._last is not None:
-            step_s = time_s - self._last[0]
-            if 0.0 < step_s < MOST_TURNS * self._coarse_s:
-                due = step_s * self._drift / self._elapsed_s if self._elapsed_s else 0.0
-                self._drift += due + math.remainder(phase - self._last[1] - due, FULL_TURN)
-                self._elapsed_s += step_s
+        if self._last is None or not 0.0 < time_s - self._last[0] < MOST_TURNS * self._coarse_s:
+            self._count, self._mean_s, self._mean = 0, time_s, phase
+        else:
+            due = self._last[1] + (time_s - self._last[0]) * self._slope
+            phase = due + math.remainder(phase - due, FULL_TURN)
         self._last = time_s, phase
+        self._count += 1
+        off_s, off = time_s - self._mean_s, phase - self._mean
+        self._mean_s += off_s / self._count
+        self._mean += off / self._count
+        self._square += off_s * (time_s - self._mean_s)
+        self._product += off_s * (phase - self._mean)
 
 
 def _turn_s(plots: list[tuple[int, float]]) -> float:
