@@ -37,6 +37,9 @@ PLACES = (
 )
 OTHERS = {11: TRACKS, 30: TRACKS, 62: TRACKS, 20: PLACES, 21: PLACES}
 STATUS = "no reports of targets"
+# What is left out because it is not to be used: other radars than those named, spare lines, and
+# what radars send of no target.
+NOT_MEANT = ("unknown_radar", "second_source", "no_detection", "field_monitor", "test_target")
 
 
 @dataclass
@@ -93,22 +96,21 @@ class Converted:
                 f"is damaged in {damaged} places: {self.recording['bytes_skipped']} bytes are "
                 "left out, and all others were used"
             )
-        categories = self.stream.blocks.categories
-        services = sum(state.services for state in self.stream.radars.values())
-        # What the user has left out was not to be used.
-        asked = categories.total() - (self.stream.counts["unknown_radar"] if self.clouds else 0)
-        used = self.plots + services if self.clouds else 0
-        if self.clouds and used >= LEAST_USED * asked:
+        categories, states = self.stream.blocks.categories, [*self.stream.radars.values()]
+        left_out = sum((state.counts for state in states), +self.stream.counts)
+        meant = categories.total() - sum(left_out[reason] for reason in NOT_MEANT)
+        used = self.plots + sum(state.services for state in states) if self.clouds else 0
+        if self.clouds and used >= LEAST_USED * meant:
             return
-        held = ", ".join(f"CAT{number:03} {n} records" for number, n in categories.most_common())
-        reasons = _listed(self.stream.counts)
+        held = ", ".join(f"CAT{number:03} {n}" for number, n in categories.most_common())
+        reasons = _listed(left_out)
         others = "".join(
             f"; CAT{number:03} is {OTHERS.get(number, STATUS)}"
             for number in sorted(categories)
             if records.reader(number) is None
         )
         yield (
-            f"{used} of {asked} records could be used; it holds {held or 'no record'}{others}"
+            f"{used} of {meant} records could be used; all records: {held or 'none'}{others}"
             + (f"; left out: {reasons}" if reasons else "")
         )
 

@@ -159,7 +159,8 @@ def _ranges(found: Proposal, state: RadarState, own: dict[str, Any]) -> None:
     said = "guessed: the profile's, as far as max_range"
     found.set(f"{radar}.detection_probability_over_range", scaled, said)
     least = min(own["min_range"], float(math.floor(seen.nearest * BEFORE)))
-    found.set(f"{radar}.min_range", least, f"its nearest plot is at {seen.nearest:.0f} m")
+    whose = "the profile's; " if least == own["min_range"] else ""
+    found.set(f"{radar}.min_range", least, f"{whose}its nearest plot is at {seen.nearest:.0f} m")
     if seen.farthest <= SURFACE_RANGE:
         found.hints.append(
             f"{radar} sees {seen.farthest / 1e3:.1f} km: noise, detections, clutter and motions of "

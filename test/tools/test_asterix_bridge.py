@@ -167,6 +167,48 @@ def test_wrong_clock_and_second_source_are_said(bridge):
     ) in said.out
 
 
+def tracks(count):
+    """Return data blocks of CAT062, each of one record with SAC and SIC only."""
+    return [b"\x3e" + (6).to_bytes(2, "big") + b"\x80\x01\x02"] * count
+
+
+def test_recording_of_tracks_alone_fails_and_says_what_it_holds(bridge):
+    status, _, said = bridge(b"".join(tracks(20)))
+    assert status == 3
+    assert "0 of 20 records could be used; all records: CAT062 20; CAT062 is tracks" in said.err
+
+
+@pytest.mark.parametrize(("count", "expected"), [(40, 0), (60, 3)])
+def test_recording_of_which_less_than_half_can_be_used_fails(bridge, count, expected):
+    # Of 16 plots and 33 service messages.
+    seen = [(azimuth, 20.0) for azimuth in range(5, 360, 23)]
+    data = b"".join([*made.turns(1, seen=seen), *tracks(count)])
+    status, out, said = bridge(data)
+    assert status == expected
+    assert ("49 of 109 records could be used" in said.err) == bool(expected)
+    # What could be used is there.
+    assert BagReader(out).counts == {TOPIC: 32}
+
+
+def test_recording_whose_end_is_missing_is_used_and_fails(bridge):
+    status, out, said = bridge(b"".join(made.turns(1, seen=SEEN))[:-3])
+    assert status == 3
+    assert "is damaged in 1 places" in said.err
+    assert BagReader(out).counts[TOPIC] > 0
+
+
+def test_trailers_of_datagrams_are_said_and_no_faults(bridge):
+    blocks = [*made.turns(1, seen=SEEN)]
+    packets = [
+        (round((1000.0 + k / 8.0) * 1e9), made.packet(block + b"\xee\xff\0\1" + bytes([k] * 4)))
+        for k, block in enumerate(blocks)
+    ]
+    status, _, said = bridge(made.pcap(packets))
+    assert status == 0
+    assert f"{len(blocks)} datagrams have a trailer of 8 bytes, which is skipped" in said.out
+    assert "left out: none" in said.out
+
+
 def test_what_is_no_recording_is_refused(bridge):
     status, out, said = bridge(b"not a recording")
     assert status == 2

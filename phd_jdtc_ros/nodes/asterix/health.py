@@ -39,7 +39,8 @@ def of_input(
     elif seen.rose("faults", sum(faults.values())):
         listed = ", ".join(f"{reason} {count}" for reason, count in sorted(faults.items()))
         level, text = DiagnosticStatus.WARN, f"malformed: {listed}"
-    values = {"datagrams": stream.datagrams, "lost": lost, **counts}
+    trailers = sum(stream.blocks.known_trailers().values())
+    values = {"datagrams": stream.datagrams, "lost": lost, "trailers": trailers, **counts}
     return diagnostics.status(names.health("input", node), values, level, text, node)
 
 
