@@ -13,10 +13,9 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from .messages import Plot, ServiceMessage
-from .slices import MAX_PENDING, Lateness, SectorReport, Slicer
+from .slices import MAX_PENDING, Lateness, SectorReport, Slicer, TurnFinder, Unknown
 
 FULL_TURN = 2.0 * math.pi
 # Half of the unit of sector crossings: so much before its end a sector counts as passed.
@@ -32,27 +31,6 @@ LEARNED = -1
 MEMORY_NS = 60 * 10**9
 # No antenna turns faster or slower, seconds.
 SHORTEST_TURN_S, LONGEST_TURN_S = 0.3, 60.0
-
-
-class TurnFinder(Protocol):
-    """What finds the time of a turn in plots."""
-
-    @property
-    def turn_s(self) -> float:
-        """Time of a turn, seconds; 0 if it is not known."""
-
-    def add(self, azimuth: float, time_ns: int) -> None:
-        """Take a plot's azimuth, radians clockwise from north, and its time."""
-
-
-@dataclass
-class Unknown:
-    """Finds nothing."""
-
-    turn_s: float = 0.0
-
-    def add(self, azimuth: float, time_ns: int) -> None:
-        """Leave a plot alone."""
 
 
 @dataclass
@@ -93,10 +71,11 @@ class Assembler:
     by_time: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
-        self._slicer = Slicer(self.rotation_s, self.counts)
+        self._slicer = Slicer(self.rotation_s, self.counts, self.finder)
         quarter = self.sectors // 4
         self._lateness = Lateness(quarter, max(quarter // 2, 1), MEMORY_NS)
-        self._pending: deque[tuple[int, Plot]] = deque()
+        # Plots of sectors not yet reported: the number of the sector's end, time, plot.
+        self._pending: deque[tuple[int, int, Plot]] = deque()
         # The last service message that told the azimuth, and where and when the antenna passed
         # last: counted on over the turns from `_begin`, None without sector crossings.
         self._mark: tuple[float, int] | None = None
@@ -129,15 +108,12 @@ class Assembler:
         known_ns, self._plot_ns = min(time_ns, self._plot_ns), time_ns
         lost = self._lost(known_ns) if known_ns > self._phase_ns else []
         if self._phase is None:
-            self.finder.add(plot.azimuth, time_ns)
-            self._slicer.rotation_s = self.finder.turn_s or self.rotation_s
             return lost + self._sliced(self._slicer.add(plot, time_ns))
-        self._pending.append((time_ns, plot))
-        if len(self._pending) > MAX_PENDING:
+        if len(self._pending) >= MAX_PENDING:
             self._pending.popleft()
             self.counts["overflow"] += 1
-        behind = -self._ahead(plot.azimuth, self._passed * self._width)
-        self._lateness.take(max(math.ceil(behind / self._width), 0), time_ns)
+        number = self._keep(plot, time_ns)
+        self._lateness.take(max(self._passed + 1 - number, 0), time_ns)
         return []
 
     def add_service(self, message: ServiceMessage, time_ns: int) -> list[SectorReport]:
@@ -158,7 +134,7 @@ class Assembler:
     def finish(self) -> list[SectorReport]:
         """Return what waits: the end of a recording has come, or the radar is silent."""
         held = [self._close() for _ in range(len(self._ends_ns))]
-        for own_ns, plot in self._pending:  # of a sector whose end did not come
+        for _, own_ns, plot in self._pending:  # of a sector whose end did not come
             self._slicer.keep(plot, own_ns)
         self._pending.clear()
         return held + self._sliced(self._slicer.finish())
@@ -177,14 +153,14 @@ class Assembler:
         """Begin to follow the antenna; return the plots of the part of a sector before."""
         # What is ahead of the antenna was seen just now, or a turn ago.
         oldest_ns = time_ns - round(0.5e9 * self.turn_s) if self.turn_s else 0
-        for own_ns, plot in self._slicer.take():
-            if own_ns >= oldest_ns and self._ahead(plot.azimuth, azimuth) > 0.0:
-                self._pending.append((own_ns, plot))
-            else:
-                self._slicer.keep(plot, own_ns)
         self._phase, self._phase_ns = azimuth, time_ns
         self._begin = azimuth, time_ns
         self._passed = math.floor((azimuth + TOLERANCE) / self._width)
+        for own_ns, plot in self._slicer.take():
+            if own_ns >= oldest_ns and math.remainder(plot.azimuth - azimuth, FULL_TURN) > 0.0:
+                self._keep(plot, own_ns)
+            else:
+                self._slicer.keep(plot, own_ns)
         return self._sliced(self._slicer.finish())
 
     def _lost(self, time_ns: int) -> list[SectorReport]:
@@ -228,24 +204,22 @@ class Assembler:
         expected = (time_ns - self._phase_ns) * 1e-9 / self.turn_s * FULL_TURN
         return step + round((expected - step) / FULL_TURN) * FULL_TURN
 
-    @staticmethod
-    def _ahead(azimuth: float, of: float) -> float:
-        """Return how far an azimuth is clockwise of another, in [-pi, pi]."""
-        return math.remainder(azimuth - of, FULL_TURN)
+    def _keep(self, plot: Plot, time_ns: int) -> int:
+        """Keep a plot for its sector, and return the number of that one's end."""
+        width = FULL_TURN / self.sectors
+        ahead = math.remainder(plot.azimuth - self._passed * width, FULL_TURN)
+        # A plot at a sector's begin is in it, however its azimuth is rounded.
+        number = self._passed + 1 + math.floor(ahead / width + 1e-9)
+        self._pending.append((number, time_ns, plot))
+        return number
 
     def _close(self) -> SectorReport:
         """Return the first sector that is not reported yet, and the plots up to its end."""
         number = self._passed - len(self._ends_ns) + 1
-        taken: list[tuple[int, Plot]] = []
-        kept: deque[tuple[int, Plot]] = deque()
-        for entry in self._pending:
-            ahead = self._ahead(entry[1].azimuth, number * self._width)
-            if ahead >= 0.0:
-                kept.append(entry)
-            else:
-                taken.append(entry)
-                self.counts["late_plots"] += ahead < -self._width - 1e-9
-        self._pending = kept
+        taken = [entry for entry in self._pending if entry[0] <= number]
+        if taken:
+            self._pending = deque(entry for entry in self._pending if entry[0] > number)
+        self.counts["late_plots"] += sum(entry[0] < number for entry in taken)
         time_ns = self._ends_ns.popleft()
         # A stamp is above that of the one before, unless time went back.
         if 0 <= self._stamp_ns - time_ns < 10**9:
@@ -255,6 +229,6 @@ class Assembler:
         return SectorReport(
             time_ns,
             (number - 1) % self.sectors,
-            [entry[0] for entry in taken],
-            [e[1] for e in taken],
+            [own_ns for _, own_ns, _ in taken],
+            [plot for _, _, plot in taken],
         )

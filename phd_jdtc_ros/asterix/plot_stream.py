@@ -10,11 +10,11 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from .assembly import LEARNED, Assembler, TurnFinder, Unknown
+from .assembly import LEARNED, Assembler
 from .blocks import BlockReader
 from .clocks import StreamClock
 from .messages import DAY, NONE, Message, Plot
-from .slices import SectorReport
+from .slices import SectorReport, TurnFinder, Unknown
 
 # Messages of a radar that wait until its clock is known.
 MAX_WAITING = 1000

@@ -12,7 +12,7 @@ from __future__ import annotations
 from bisect import bisect_left, insort
 from collections import Counter
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from .messages import Plot
 
@@ -86,6 +86,27 @@ class Lateness:
             self._now = max(self._now, value)
 
 
+class TurnFinder(Protocol):
+    """What finds the time of a turn in plots."""
+
+    @property
+    def turn_s(self) -> float:
+        """Time of a turn, seconds; 0 if it is not known."""
+
+    def add(self, azimuth: float, time_ns: int) -> None:
+        """Take a plot's azimuth, radians clockwise from north, and its time."""
+
+
+@dataclass
+class Unknown:
+    """Finds nothing."""
+
+    turn_s: float = 0.0
+
+    def add(self, azimuth: float, time_ns: int) -> None:
+        """Leave a plot alone."""
+
+
 @dataclass
 class Slicer:
     """Cuts plots by their times alone.
@@ -93,14 +114,16 @@ class Slicer:
     Parameters
     ----------
     rotation_s : float
-        Time of a turn, seconds; 0 if it is not known.
+        Time of a turn, seconds, until the plots tell it; 0 if it is not known.
     counts : Counter
         Gains ``late_plots``, plots that came after their slice was sent and go with the next one,
         and ``overflow``, plots that were too many to keep.
+    finder : TurnFinder
     """
 
     rotation_s: float
     counts: Counter[str]
+    finder: TurnFinder = field(default_factory=Unknown)
     _lateness: Lateness = field(init=False)
 
     def __post_init__(self) -> None:
@@ -114,11 +137,13 @@ class Slicer:
 
     @property
     def _width_ns(self) -> int:
-        return max(SHORTEST_NS, round(self.rotation_s * 1e9 / PARTS))
+        turn_s = self.finder.turn_s or self.rotation_s
+        return max(SHORTEST_NS, round(turn_s * 1e9 / PARTS))
 
     def add(self, plot: Plot, time_ns: int) -> list[SectorReport]:
         """Take a plot; return the slices that are complete by it."""
         found = self.advance(time_ns)
+        self.finder.add(plot.azimuth, time_ns)
         self._lateness.take(max(self._latest_ns - time_ns, 0), self._latest_ns)
         self.counts["late_plots"] += time_ns < self._sent_ns
         self.keep(plot, time_ns)
