@@ -119,7 +119,7 @@ class Assembler:
     def add_service(self, message: ServiceMessage, time_ns: int) -> list[SectorReport]:
         """Take a north mark or a sector crossing; return what is complete by it."""
         if not self.rotation_s and message.rotation_s > 0.0:
-            self.rotation_s = message.rotation_s
+            self.rotation_s = self._slicer.rotation_s = message.rotation_s
         if not math.isfinite(message.azimuth):
             return []
         found = []

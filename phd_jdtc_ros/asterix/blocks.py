@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from . import records
 from .framing import CATEGORIES
 from .messages import Message
-from .specification import MalformedError
+from .specification import MalformedError, layouts
 
 HEADER = 3
 # Some recorders and networks put a trailer behind the data blocks of every datagram. It is at most
@@ -67,7 +67,7 @@ class BlockReader:
             reads = records.reader(category)
             if reads is None:
                 self.counts["other_category"] += 1
-                self.categories[category] += records.count(category, data, begin, end)
+                self.categories[category] += _count(category, data, begin, end)
                 continue
             at = begin
             try:
@@ -108,3 +108,16 @@ class BlockReader:
             self._faults.setdefault(size, Counter())[fault] += 1
             if self.trailers[size] >= TRAILERS:
                 self.counts -= self._faults.pop(size)  # they were none
+
+
+def _count(category: int, data: bytes, at: int, end: int) -> int:
+    """Return the number of records in a data block of a category that is not read, at least 1."""
+    try:
+        layout = next(iter(layouts(category).values()))
+        found = 0
+        while at < end:
+            _, at = layout.walk(data, at, end)
+            found += 1
+    except (LookupError, MalformedError):
+        return 1
+    return max(found, 1)

@@ -37,7 +37,7 @@ from .messages import (
     Plot,
     ServiceMessage,
 )
-from .specification import MalformedError, layouts
+from .specification import layouts
 
 
 class RecordReader(ABC):
@@ -333,19 +333,6 @@ def _site(data: bytes, at: int) -> tuple[float, float, float] | None:
     if abs(latitude) > 90.0 or not (latitude or longitude):
         return None
     return latitude, longitude, float(height)
-
-
-def count(category: int, data: bytes, at: int, end: int) -> int:
-    """Return the number of records in a data block of a category that is not read, at least 1."""
-    try:
-        layout = next(iter(layouts(category).values()))
-        found = 0
-        while at < end:
-            _, at = layout.walk(data, at, end)
-            found += 1
-    except (LookupError, MalformedError):
-        return 1
-    return max(found, 1)
 
 
 def prepare() -> None:

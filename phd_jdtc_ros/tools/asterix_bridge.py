@@ -21,7 +21,7 @@ from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.nodes.common import bag_parameters
 
-from . import asterix_in, asterix_out, command, params_file, tracker_params
+from . import asterix_in, asterix_out, asterix_parameters, command, params_file, tracker_params
 
 NAME = "asterix_bridge"
 
@@ -64,6 +64,9 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
     else:
         # Where the map is on the earth is the tracker's to say.
         origin = {name: recorded[name] for name in ("world_origin",) if name in recorded}
+        if asterix_parameters.guessed(origin.get("world_origin", [])):
+            origin = {}
+            print("where the radar stands is not known: tracks have no latitudes and longitudes")
         bridge = settings.resolve({**origin, **given})
         topic = names.estimates(arguments.estimates)
         alone = len(config.inputs) == 1

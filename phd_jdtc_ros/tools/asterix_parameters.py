@@ -60,6 +60,11 @@ class Proposal:
         self.values[name], self.comments[name] = value, comment
 
 
+def guessed(origin: Sequence[float]) -> bool:
+    """Return whether a ``world_origin`` is the guess for a radar whose place is not known."""
+    return tuple(origin) == NOWHERE
+
+
 def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None:
     """Return parameters of a tracker of the radars that were heard; None without any.
 

@@ -36,7 +36,7 @@ from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.report import load, track_files
 from phd_jdtc_ros.report.table import score_tables
 
-from . import command
+from . import asterix_parameters, command
 from .used_detections import UsedDetections
 
 # What writes tracks by latitude and longitude, by the option that asks for it.
@@ -252,6 +252,12 @@ def main(argv: Sequence[str]) -> int:
             status = fail("track_bag", error)
         run = load.record(arguments.out, config)
         if config.plane is not None and files:
+            if asterix_parameters.guessed(config.values["world_origin"]):
+                print(
+                    "track_bag: latitudes and longitudes are not true: where the radar stands was "
+                    "guessed; set its geodetic, and world_origin",
+                    file=sys.stderr,
+                )
             rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))
             for name, path in files.items():
                 path.write_text(WRITERS[name](rows), encoding="utf-8")

@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import itertools
+import shutil
 
 import asterix_records as made
 import numpy as np
@@ -390,6 +391,20 @@ def test_estimates_of_a_bag_become_tracks_that_another_decoder_reads(
         )
         assert value(record, "I500", "APC", "APC_X") == 30.0
         assert value(record, "I500", "ATV", "ATV_X") == 2.0
+
+
+@pytest.mark.parametrize(("origin", "known"), [([0.0, 0.0, 0.0], False), ([52.0, 4.5, 0.0], True)])
+def test_tracks_about_a_guessed_place_have_no_latitudes(with_estimates, tmp_path, origin, known):
+    bag, out = tmp_path / "bag", tmp_path / "tracks.ast"
+    shutil.copytree(with_estimates, bag)
+    given = bag_parameters.read(bag)
+    given |= {"world_origin": origin, "approach.geodetic": origin}
+    config = tracker_params.config(given)
+    bag_parameters.write(bag / bag_parameters.NAME, config.values)
+    assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
+    found = [record for record in decoded(out.read_bytes()) if record["category"] == 62]
+    assert len(found) > 20
+    assert all(("I105" in record) == known for record in found)
 
 
 def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):

@@ -162,6 +162,14 @@ def test_place_that_is_not_known_is_guessed_and_said(bridged):
     assert "where radar_1_2 stands is not known" in said.out
 
 
+def test_files_of_tracks_say_that_a_guessed_place_is_not_true(bridged, tmp_path, capsys):
+    _, data = sweep(40.0, 4.0, targets(20, 100e3))
+    _, bag, _, _ = bridged(data)
+    tracked, csv = tmp_path / "tracked", tmp_path / "tracks.csv"
+    assert run("track_bag", [str(bag), "--out", str(tracked), "--csv", str(csv)]) == 0
+    assert "latitudes and longitudes are not true" in capsys.readouterr().err
+
+
 def test_place_that_is_given_or_said_is_used(bridged):
     _, data = sweep(60.0, 4.0, targets(20, 100e3))
     names_ = ["-p", "radars:=[a]", "-p", "a.sac:=1", "-p", "a.sic:=2"]
