@@ -50,6 +50,12 @@ def test_turn_is_followed_over_gaps():
     assert found(*plots) == pytest.approx(4.0016, abs=1e-4)
 
 
+def test_another_turn_is_found_where_the_antenna_is_switched():
+    slow = swept(4.0016, 300.0, 12.0)
+    fast = swept(2.5, 600.0, 12.0, begin_s=300.0)
+    assert found(slow, fast) == pytest.approx(2.5, abs=1e-3)
+
+
 def test_turn_is_known_after_the_first_minute():
     turns = PlotTurns()
     time_s, azimuth = swept(4.0016, 61.0, 12.0)

@@ -13,9 +13,10 @@ import numpy as np
 from phd_jdtc_ros.core.tuning.rotation import LEAST_COHERENCE, LEAST_TURNS, coherence
 from phd_jdtc_ros.core.types import FULL_TURN
 
-# Plots of so long, and so many at least, are looked at first; of twice as long, and so on, if they
-# do not tell the turn.
-FIRST_NS, LEAST_PLOTS, MOST_PLOTS = 60 * 10**9, 60, 3000
+# Plots of so long, and so many at least, are looked at first; of twice as long, and so on, up to
+# the longest, if they do not tell the turn.
+FIRST_NS, LONGEST_NS = 60 * 10**9, 960 * 10**9
+LEAST_PLOTS, MOST_PLOTS = 60, 3000
 # Turns may differ in length, so the phase is followed over so many seconds at a time only. Those
 # in which azimuths go best with the times tell: long ones where turns are long, and short ones
 # where an antenna wanders.
@@ -26,6 +27,8 @@ SHORTEST_S = 0.5
 SPAN_NS, LEAST_OF_SPAN = 5 * 10**9, 12
 # Over a gap of so many turns a phase is not followed.
 MOST_TURNS = 30.0
+# After so many spans in which azimuths do not go with the times the turn is another one.
+MOST_ASTRAY = 12
 
 
 class PlotTurns:
@@ -36,11 +39,16 @@ class PlotTurns:
     """
 
     def __init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        """Know nothing."""
         self._first: list[tuple[int, float]] = []
         self._wait_ns = FIRST_NS
         self._coarse_s = 0.0
         # The span under way: its zero, and the sums of times, ns, and of phases of its plots.
         self._span: tuple[int, int, complex, int] = (0, 0, 0j, 0)
+        self._astray = 0
         # Time and phase of the last span; number and means of those since a gap; and sums of the
         # squares and products of what all differ from these means.
         self._last: tuple[float, float] | None = None
@@ -78,14 +86,14 @@ class PlotTurns:
             return
         self._coarse_s = _turn_s(first[:: 1 + len(first) // MOST_PLOTS])
         if not self._coarse_s:
-            self._wait_ns *= 2
+            self._wait_ns = min(2 * self._wait_ns, LONGEST_NS)
             return
         for time_ns, azimuth in sorted(first):
             self._refine(azimuth, time_ns)
 
     def _refine(self, azimuth: float, time_ns: int) -> None:
         zero_ns, time, total, count = self._span
-        if count and not 0 <= time_ns - zero_ns < 20 * SPAN_NS:
+        if count and not 0 <= time_ns - zero_ns < 60 * SPAN_NS:
             count = 0
         if not count:
             zero_ns, time, total = time_ns, 0, 0j
@@ -93,7 +101,12 @@ class PlotTurns:
         total += cmath.exp(1j * (azimuth - FULL_TURN * turned))
         time, count = time + time_ns - zero_ns, count + 1
         if count >= LEAST_OF_SPAN and time_ns - zero_ns >= SPAN_NS:
-            self._follow(zero_ns * 1e-9 + time * 1e-9 / count, cmath.phase(total))
+            self._astray = 0 if abs(total) >= LEAST_COHERENCE * count else self._astray + 1
+            if self._astray > MOST_ASTRAY:
+                self._begin()
+                return
+            if not self._astray:
+                self._follow(zero_ns * 1e-9 + time * 1e-9 / count, cmath.phase(total))
             count = 0
         self._span = zero_ns, time, total, count
 
