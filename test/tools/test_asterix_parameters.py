@@ -114,6 +114,30 @@ def test_turn_that_is_given_wrong_changes_no_time(bridged, rotation_s):
     np.testing.assert_allclose(times_of(bag, "/radar_1_2/detections"), expected, atol=0.004)
 
 
+def test_late_plots_and_a_wrong_clock_are_found_out(bridged):
+    # Received 0.3 s after the crossing of their sector, by a clock 1581 s ahead.
+    width_s, off_s = 12.0 / 32.0, 1581.0
+    packets = []
+    for k in range(32 * 20):
+        begin_s = 1000.0 + k * width_s
+        end_s = begin_s + width_s
+        crossing = made.sector((k + 1) % 32 * 11.25, end_s)
+        azimuth = (k % 32 + 0.5) * 11.25
+        plots = made.plots(made.plot(azimuth, begin_s + 0.5 * width_s, range_nm=200.0))
+        packets += [(end_s, crossing), (end_s + 0.3, plots)]
+    packets.sort(key=lambda packet: packet[0])
+    data = made.pcap([(round((t + off_s) * NS), made.packet(block)) for t, block in packets])
+    status, bag, said, given = bridged(data)
+    assert status == 0
+    assert "; clock_off 1\n" in said.out  # and no late plots
+    assert "its clock is -1581" in said.out
+    assert given["radar_1_2.rotation_s"] == given["interval_s"] == pytest.approx(12.0, abs=1e-3)
+    assert given["radar_1_2.sectors"] == 32
+    assert given["radar_1_2.fields.sector"] == "sector"
+    assert given["lag_s"] == pytest.approx(60.0, abs=0.01)
+    assert BagReader(bag).counts["/radar_1_2/detections"] >= 32 * 20 - 1
+
+
 def test_ranges_follow_the_plots(bridged):
     _, data = sweep(60.0, 4.0, [(0.1, 300.0), (0.5, 400e3)])
     _, _, _, given = bridged(data)
