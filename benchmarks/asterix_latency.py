@@ -95,6 +95,8 @@ def _bridge(site: _Site) -> list[str]:
         f"{RADAR}.sac": NUMBER >> 8,
         f"{RADAR}.sic": NUMBER & 255,
         "sectors": traffic.SECTORS,
+        # Plots are sent before the crossing of their sector.
+        "hold_sectors": 0,
         # The first turns are sent in haste.
         "max_clock_offset_s": 86400.0,
         "world_origin": "[52.0, 4.5, 0.0]",

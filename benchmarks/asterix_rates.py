@@ -113,6 +113,9 @@ def _to_clouds(datagrams: list[bytes]) -> int:
         for state, report in stream.feed(data):
             cloud = clouds.cloud(report, state.settings.name, state.settings.sectors, amplitudes)
             count += cloud.width
+    for state, report in stream.finish():
+        cloud = clouds.cloud(report, state.settings.name, state.settings.sectors, amplitudes)
+        count += cloud.width
     return count
 
 

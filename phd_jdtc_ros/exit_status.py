@@ -13,6 +13,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.quoting import short
 
+# CORRUPT is also that of input of which less than half could be used.
 OK, FAILED, USAGE, CORRUPT, INTERRUPTED = 0, 1, 2, 3, 130
 
 

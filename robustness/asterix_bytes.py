@@ -79,7 +79,7 @@ def _of_datagram(stream: PlotStream, data: bytes, index: int) -> str:
         return "NaN"
     if _taken(stream) > taken:
         return "used"
-    return "counted" if _counted(stream) > counted or not data else "silent"
+    return "counted" if _counted(stream) != counted or not data else "silent"
 
 
 def _of_recording(data: bytes) -> str:
@@ -95,16 +95,18 @@ def _of_recording(data: bytes) -> str:
         return f"error: {type(error).__name__}: {error}"[:120]
     if _taken(stream):
         return "used"
-    return "counted" if counts.total() + _counted(stream) else "silent"
+    return "counted" if counts.total() + sum(_counted(stream)) else "silent"
 
 
 def _taken(stream: PlotStream) -> int:
-    return sum(state.plots + state.services for state in stream.radars.values())
+    """Return the number of messages that were used, or wait until their radar's clock is known."""
+    return sum(s.plots + s.services + len(s.waiting) for s in stream.radars.values())
 
 
-def _counted(stream: PlotStream) -> int:
+def _counted(stream: PlotStream) -> tuple[int, int]:
+    """Return the number of counted faults, and of trailers, which had counted as faults before."""
     of_radars = sum(state.counts.total() for state in stream.radars.values())
-    return stream.counts.total() + of_radars
+    return stream.counts.total() + of_radars, stream.blocks.trailers.total()
 
 
 def _fault(sectors: int, report: Any) -> bool:

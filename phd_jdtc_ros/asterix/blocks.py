@@ -13,59 +13,111 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from .records import Message, reader
-from .specification import MalformedError
+from . import records
+from .framing import CATEGORIES
+from .messages import Message
+from .specification import MalformedError, layouts
 
 HEADER = 3
-
-
-def blocks(data: bytes, counts: Counter[str]) -> Iterator[tuple[int, int, int]]:
-    """Yield category, begin and end of the records of each data block of a datagram.
-
-    Parameters
-    ----------
-    data : bytes
-    counts : Counter
-        Gains ``block_truncated`` or ``block_length`` if the rest is no block.
-    """
-    at = 0
-    while at < len(data):
-        if len(data) - at < HEADER:
-            counts["block_truncated"] += 1
-            return
-        length = data[at + 1] << 8 | data[at + 2]
-        if length <= HEADER:
-            counts["block_length"] += 1
-            return
-        if at + length > len(data):
-            counts["block_truncated"] += 1
-            return
-        yield data[at], at + HEADER, at + length
-        at += length
+# Some recorders and networks put a trailer behind the data blocks of every datagram. It is at most
+# so long, and is known by its length once it has come so often.
+LONGEST_TRAILER, TRAILERS = 16, 3
+# Bytes of a data block, in the practice of radars, which send it in one Ethernet packet.
+LARGEST_BLOCK = 2048
 
 
 def messages(data: bytes, counts: Counter[str]) -> list[Message]:
-    """Return the messages of a datagram in order.
+    """Return the messages of one datagram in order; `counts` are those of `BlockReader`."""
+    return BlockReader(counts).messages(data)
+
+
+class BlockReader:
+    """Reads the datagrams of a stream.
 
     Parameters
     ----------
-    data : bytes
     counts : Counter
-        Gains what was left out, by reason: those of `blocks`, ``other_category``, the reasons of
-        `MalformedError`, and those of `records`.
+        Gains what was left out, by reason: ``block_truncated`` or ``block_length`` where the rest
+        of a datagram is no data block, ``other_category``, data blocks of categories that are not
+        read, the reasons of `MalformedError`, and those of `records`.
+
+    Attributes
+    ----------
+    categories : Counter
+        Records by category, of all categories.
+    trailers : Counter
+        Rests of datagrams behind their data blocks, by length in bytes. Once a length has come
+        `TRAILERS` times its rests are trailers, and no faults.
     """
-    found = []
-    for category, begin, end in blocks(data, counts):
-        reads = reader(category)
-        if reads is None:
-            counts["other_category"] += 1
-            continue
-        at = begin
-        try:
-            while at < end:
-                message, at = reads.read(data, at, end, counts)
-                if message is not None:
-                    found.append(message)
-        except MalformedError as error:
-            counts[error.reason] += 1
-    return found
+
+    def __init__(self, counts: Counter[str]) -> None:
+        self.counts = counts
+        self.categories: Counter[int] = Counter()
+        self.trailers: Counter[int] = Counter()
+        self._faults: dict[int, Counter[str]] = {}
+
+    def known_trailers(self) -> dict[int, int]:
+        """Return numbers of trailers by their length."""
+        return {size: n for size, n in self.trailers.items() if n >= TRAILERS}
+
+    def messages(self, data: bytes) -> list[Message]:
+        """Return the messages of a datagram in order."""
+        found: list[Message] = []
+        for category, begin, end in self._blocks(data):
+            reads = records.reader(category)
+            if reads is None:
+                self.counts["other_category"] += 1
+                self.categories[category] += _count(category, data, begin, end)
+                continue
+            at = begin
+            try:
+                while at < end:
+                    message, at = reads.read(data, at, end, self.counts)
+                    self.categories[category] += 1
+                    if message is not None:
+                        found.append(message)
+            except MalformedError as error:
+                self.categories[category] += 1
+                self.counts[error.reason] += 1
+        return found
+
+    def _blocks(self, data: bytes) -> Iterator[tuple[int, int, int]]:
+        """Yield category, begin and end of the records of each data block of a datagram."""
+        at = 0
+        while at < len(data):
+            left = len(data) - at
+            length = data[at + 1] << 8 | data[at + 2] if left >= HEADER else left + 1
+            if not HEADER < length <= left:
+                fault = "block_truncated" if length > left else "block_length"
+                # A block that is cut says how long it was.
+                cut = data[at] in CATEGORIES and left < length <= LARGEST_BLOCK
+                self._rest(fault, left, at > 0 and not cut)
+                return
+            yield data[at], at + HEADER, at + length
+            at += length
+
+    def _rest(self, fault: str, size: int, no_block: bool) -> None:
+        """Count a rest of a datagram that is no whole data block, or none at all."""
+        known = self.trailers[size] >= TRAILERS
+        if size > LONGEST_TRAILER or not (known or no_block):
+            self.counts[fault] += 1
+            return
+        self.trailers[size] += 1
+        if not known:
+            self.counts[fault] += 1
+            self._faults.setdefault(size, Counter())[fault] += 1
+            if self.trailers[size] >= TRAILERS:
+                self.counts -= self._faults.pop(size)  # they were none
+
+
+def _count(category: int, data: bytes, at: int, end: int) -> int:
+    """Return the number of records in a data block of a category that is not read, at least 1."""
+    try:
+        layout = next(iter(layouts(category).values()))
+        found = 0
+        while at < end:
+            _, at = layout.walk(data, at, end)
+            found += 1
+    except (LookupError, MalformedError):
+        return 1
+    return max(found, 1)

@@ -19,6 +19,8 @@ NS_PER_TICK = 10**9 // TICKS_PER_S
 NS_PER_DAY = DAY * NS_PER_TICK
 # So many messages after each other must say that a clock is off, because a single one may be old.
 LEAST_OFF = 3
+# Of so many first ones by how much.
+FIRST = 15
 
 
 @dataclass
@@ -48,6 +50,34 @@ class StreamClock:
     _last_ns: dict[int, int] = field(init=False, default_factory=dict)
     _latest_ns: int | None = field(init=False, default=None)
     _off: Counter[int] = field(init=False, default_factory=Counter)
+    _first_ns: dict[int, list[int]] = field(init=False, default_factory=dict)
+    _settled: set[int] = field(init=False, default_factory=set)
+
+    def settles(self, radar: int, time_of_day: int, period: int, received_ns: int | None) -> bool:
+        """Return whether a radar's first messages tell by now how far its clock is off.
+
+        One that is right says that it is not; otherwise the median of `FIRST` tells. Until then no
+        message's `time_ns` should be asked for, so that all have the same shift.
+        """
+        if radar in self._settled or received_ns is None:
+            return True
+        found = self._first_ns.setdefault(radar, [])
+        if time_of_day == NONE or time_of_day >= period:
+            return not found  # what has no time has that of its receipt
+        found.append(received_ns - self._nearest(radar, time_of_day, period, received_ns))
+        right = abs(found[-1]) <= self.max_offset_s * 1e9
+        return right or len(found) >= FIRST
+
+    def settle(self, radar: int, counts: Counter[str]) -> None:
+        """Decide by the first messages so far how far a radar's clock is off."""
+        found = sorted(self._first_ns.pop(radar, ()))
+        if radar in self._settled or not found:
+            return
+        self._settled.add(radar)
+        shift_ns = found[len(found) // 2]
+        if min(map(abs, found)) > self.max_offset_s * 1e9:
+            self.shift_ns[radar] = shift_ns
+            counts["clock_off"] += 1
 
     def time_ns(
         self,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A sector's plots as columns, in the conventions of the package's clouds."""
+"""The plots of a sector or a slice as columns, in the conventions of the package's clouds."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .assembly import SectorReport
 from .messages import NONE, Plot
+from .slices import SectorReport
 
 # Where an amplitude comes from, by the name of the choice: the echo's, the replies', or either.
 AMPLITUDES = ("any", "primary", "secondary")

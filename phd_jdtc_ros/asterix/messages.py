@@ -10,7 +10,7 @@ Azimuths stay clockwise from north here, as radars count them.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 # Times of day are in units of 1/128 s; some messages have only the lowest 16 bits of them.
 TICKS_PER_S = 128
@@ -21,6 +21,8 @@ NAUTICAL_MILE = 1852.0
 QUARTER_LEVEL = 7.62
 AZIMUTH_UNIT = 2.0 * math.pi / 2**16
 SECTOR_UNIT = 2.0 * math.pi / 2**8
+# Of latitudes and longitudes in I034/120, degrees.
+SITE_UNIT = 180.0 / 2**23
 # A code, an address, a time that a message does not say.
 NONE = -1
 # Kinds of plots, the TYP of I048/020.
@@ -82,6 +84,8 @@ class ServiceMessage(NamedTuple):
         That the antenna passes, radians clockwise from north; NaN if unknown.
     rotation_s : float
         Time of a turn; NaN if unknown.
+    site : tuple of three floats or None
+        Where the radar stands: latitude and longitude, degrees, and height, metres.
     """
 
     radar: int
@@ -89,3 +93,7 @@ class ServiceMessage(NamedTuple):
     kind: int
     azimuth: float
     rotation_s: float
+    site: tuple[float, float, float] | None = None
+
+
+Message: TypeAlias = "Plot | ServiceMessage"

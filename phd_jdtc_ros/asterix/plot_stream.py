@@ -1,19 +1,23 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Datagrams of several radars to the sectors of each: the whole path in."""
+"""Datagrams of several radars to the sectors, or slices of time, of each: the whole path in."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from . import blocks
-from .assembly import Assembler, SectorReport
+from .assembly import LEARNED, Assembler
+from .blocks import BlockReader
 from .clocks import StreamClock
-from .messages import DAY, Plot, ServiceMessage
+from .messages import DAY, NONE, Message, Plot
+from .slices import SectorReport, TurnFinder, Unknown
 
+# Messages of a radar that wait until its clock is known.
+MAX_WAITING = 1000
 # Radars that are taken without being named; forged ones would fill the memory.
 MAX_RADARS = 64
 # A second source of a radar is taken once the first has been silent for so long.
@@ -33,12 +37,48 @@ class RadarSettings:
         0 if it is not known.
     hold_sectors : int
         See `Assembler`.
+    site : tuple of three floats or None
+        Latitude and longitude, degrees, and height of the antenna, metres; None if they are not
+        known.
     """
 
     name: str
     sectors: int = 32
     rotation_s: float = 0.0
-    hold_sectors: int = 0
+    hold_sectors: int = LEARNED
+    site: tuple[float, float, float] | None = None
+
+
+@dataclass(slots=True)
+class Seen:
+    """What the plots of a radar say of it.
+
+    Attributes
+    ----------
+    nearest, farthest : float
+        Slant ranges, metres.
+    heights, codes, addresses, kinds, identified : int
+        Numbers of plots that have a height, a code, an address, a kind, or a code or an address.
+    """
+
+    nearest: float = math.inf
+    farthest: float = 0.0
+    heights: int = 0
+    codes: int = 0
+    addresses: int = 0
+    kinds: int = 0
+    identified: int = 0
+
+    def add(self, plot: Plot) -> None:
+        """Take a plot."""
+        code, address = plot.code != NONE, plot.address != NONE
+        self.nearest = min(self.nearest, plot.distance)
+        self.farthest = max(self.farthest, plot.distance)
+        self.heights += not math.isnan(plot.height)
+        self.codes += code
+        self.addresses += address
+        self.kinds += plot.kind > 0
+        self.identified += code or address
 
 
 @dataclass
@@ -48,7 +88,7 @@ class RadarState:
     Attributes
     ----------
     plots, services, reports : int
-        Messages taken and sectors made.
+        Messages taken and sectors or slices made.
     counts : Counter
         What was left out or bridged, by reason: those of `Assembler` and `StreamClock`, and
         ``second_source``, messages from another address than the radar's, and ``source_changed``.
@@ -59,6 +99,10 @@ class RadarState:
         The last other one.
     time_ns : int
         Of the last message.
+    seen : Seen
+        What its plots say.
+    site : tuple of three floats or None
+        Where it stands, by its settings or else by itself (I034/120).
     """
 
     settings: RadarSettings
@@ -70,6 +114,9 @@ class RadarState:
     sources: dict[type, str] = field(default_factory=dict)
     other_source: str | None = None
     time_ns: int = 0
+    seen: Seen = field(default_factory=Seen)
+    site: tuple[float, float, float] | None = None
+    waiting: list[tuple[Message, int]] = field(default_factory=list)
     _heard_ns: dict[type, int] = field(default_factory=dict)
 
     def belongs(self, kind: type, source: str | None, now_ns: int) -> bool:
@@ -91,7 +138,7 @@ class RadarState:
 
 
 class PlotStream:
-    """Takes datagrams, returns sectors.
+    """Takes datagrams, returns the radars' reports: sectors, or slices of time.
 
     Parameters
     ----------
@@ -101,11 +148,14 @@ class PlotStream:
     others : RadarSettings
         Of radars that are not named.
     clock : StreamClock or None
+    finders : callable
+        Returns what finds the turn of a radar without sector crossings.
 
     Attributes
     ----------
+    blocks : BlockReader
     counts : Counter
-        What was left out of all radars' messages, by reason; see `blocks.messages`, and
+        What was left out of all radars' messages, by reason; that of `blocks`, and
         ``unknown_radar`` and ``too_many_radars``.
     radars : dict of number to RadarState
     """
@@ -115,9 +165,12 @@ class PlotStream:
         radars: Mapping[int, RadarSettings],
         others: RadarSettings | None = None,
         clock: StreamClock | None = None,
+        finders: Callable[[], TurnFinder] = Unknown,
     ) -> None:
         self.counts: Counter[str] = Counter()
-        self.radars = {number: _state(settings) for number, settings in radars.items()}
+        self.blocks = BlockReader(self.counts)
+        self._finders = finders
+        self.radars = {number: self._state(settings) for number, settings in radars.items()}
         self.clock = clock or StreamClock()
         self._others = others or RadarSettings("")
         self._named = bool(radars)
@@ -126,7 +179,7 @@ class PlotStream:
     def feed(
         self, data: bytes, received_ns: int | None = None, source: str | None = None
     ) -> list[tuple[RadarState, SectorReport]]:
-        """Return the sectors that are complete by a datagram, each with its radar, in order.
+        """Return what is complete by a datagram, each with its radar, in order.
 
         Parameters
         ----------
@@ -138,29 +191,53 @@ class PlotStream:
         """
         self.datagrams += 1
         found: list[tuple[RadarState, SectorReport]] = []
-        for message in blocks.messages(data, self.counts):
+        for message in self.blocks.messages(data):
             state = self.radars.get(message.radar) or self._new(message.radar)
             if state is None:
                 continue
             now_ns = state.time_ns if received_ns is None else received_ns
-            if not state.belongs(type(message), source, now_ns):
-                continue
-            reports = self._taken(state, message, received_ns)
-            state.reports += len(reports)
-            found += [(state, report) for report in reports]
+            if state.belongs(type(message), source, now_ns):
+                found += self._dated(state, message, received_ns)
         return found
 
     def finish(self) -> list[tuple[RadarState, SectorReport]]:
-        """Return what is left at the end of a recording."""
-        found = []
-        for state in self.radars.values():
-            reports = state.assembler.finish()
-            state.reports += len(reports)
-            found += [(state, report) for report in reports]
+        """Return what waits: a recording has ended, or nothing comes any more."""
+        found: list[tuple[RadarState, SectorReport]] = []
+        for number, state in self.radars.items():
+            found += self._settled(number, state)
+            found += self._made(state, state.assembler.finish())
         return found
 
+    def _dated(
+        self, state: RadarState, message: Message, received_ns: int | None
+    ) -> list[tuple[RadarState, SectorReport]]:
+        """Take a message once it is known how far its radar's clock is off."""
+        period = message.period if isinstance(message, Plot) else DAY
+        settles = self.clock.settles(message.radar, message.time_of_day, period, received_ns)
+        settles |= len(state.waiting) >= MAX_WAITING
+        if settles and not state.waiting:
+            self.clock.settle(message.radar, state.counts)
+            return self._made(state, self._taken(state, message, received_ns))
+        if received_ns is not None:
+            state.waiting.append((message, received_ns))
+        return self._settled(message.radar, state) if settles else []
+
+    def _settled(self, number: int, state: RadarState) -> list[tuple[RadarState, SectorReport]]:
+        """Take the messages that have waited."""
+        self.clock.settle(number, state.counts)
+        waiting, state.waiting = state.waiting, []
+        reports = [report for entry in waiting for report in self._taken(state, *entry)]
+        return self._made(state, reports)
+
+    @staticmethod
+    def _made(
+        state: RadarState, reports: list[SectorReport]
+    ) -> list[tuple[RadarState, SectorReport]]:
+        state.reports += len(reports)
+        return [(state, report) for report in reports]
+
     def _taken(
-        self, state: RadarState, message: Plot | ServiceMessage, received_ns: int | None
+        self, state: RadarState, message: Message, received_ns: int | None
     ) -> list[SectorReport]:
         if isinstance(message, Plot):
             period, judged = message.period, not state.services
@@ -172,8 +249,10 @@ class PlotStream:
         state.time_ns = time_ns
         if isinstance(message, Plot):
             state.plots += 1
+            state.seen.add(message)
             return state.assembler.add_plot(message, time_ns)
         state.services += 1
+        state.site = state.site or message.site
         return state.assembler.add_service(message, time_ns)
 
     def _new(self, number: int) -> RadarState | None:
@@ -185,13 +264,16 @@ class PlotStream:
             self.counts["too_many_radars"] += 1
             return None
         name = f"radar_{number >> 8}_{number & 255}"
-        state = self.radars[number] = _state(replace(self._others, name=name))
+        state = self.radars[number] = self._state(replace(self._others, name=name))
         return state
 
-
-def _state(settings: RadarSettings) -> RadarState:
-    counts: Counter[str] = Counter()
-    assembler = Assembler(
-        settings.sectors, settings.rotation_s, settings.hold_sectors, counts=counts
-    )
-    return RadarState(settings, assembler, counts=counts)
+    def _state(self, settings: RadarSettings) -> RadarState:
+        counts: Counter[str] = Counter()
+        assembler = Assembler(
+            settings.sectors,
+            settings.rotation_s,
+            settings.hold_sectors,
+            counts,
+            self._finders(),
+        )
+        return RadarState(settings, assembler, counts=counts, site=settings.site)

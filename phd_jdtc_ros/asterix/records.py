@@ -30,14 +30,14 @@ from .messages import (
     SECONDARY,
     SECTOR,
     SECTOR_UNIT,
+    SITE_UNIT,
     TICKS_PER_S,
     TRUNCATED,
+    Message,
     Plot,
     ServiceMessage,
 )
 from .specification import layouts
-
-Message = Plot | ServiceMessage
 
 
 class RecordReader(ABC):
@@ -313,7 +313,26 @@ class Service(RecordReader):
         elif kind == SECTOR and at020 >= 0:
             azimuth = data[at020] * SECTOR_UNIT
         turn = _word(data, at041) / TICKS_PER_S if at041 >= 0 else 0.0
-        return ServiceMessage(radar, _time_of_day(data, at030), kind, azimuth, turn or math.nan)
+        at120 = begins[self._place["120"]] if "120" in self._place else NONE
+        return ServiceMessage(
+            radar, _time_of_day(data, at030), kind, azimuth, turn or math.nan, _site(data, at120)
+        )
+
+
+def _site(data: bytes, at: int) -> tuple[float, float, float] | None:
+    """Return the position of the data source (I034/120); None if there is none, or none possible.
+
+    A radar that has never been told where it stands says zeros.
+    """
+    if at < 0:
+        return None
+    height = int.from_bytes(data[at : at + 2], "big", signed=True)
+    latitude, longitude = (
+        SITE_UNIT * int.from_bytes(data[k : k + 3], "big", signed=True) for k in (at + 2, at + 5)
+    )
+    if abs(latitude) > 90.0 or not (latitude or longitude):
+        return None
+    return latitude, longitude, float(height)
 
 
 def prepare() -> None:

@@ -15,12 +15,13 @@ from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.quoting import short
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
-from phd_jdtc_ros.exit_status import OK, ArgumentParser
+from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.nodes.common import bag_parameters
 
-from . import asterix_in, asterix_out, command, params_file, tracker_params
+from . import asterix_in, asterix_out, asterix_parameters, command, params_file, tracker_params
 
 NAME = "asterix_bridge"
 
@@ -35,21 +36,22 @@ def main(argv: Sequence[str]) -> int:
         given = params_file.from_arguments(arguments.params_file, arguments.assignments, NAME)
         path = Path(arguments.source)
         if path.is_file() and path.suffix != ".mcap":
-            _to_bag(path, arguments, settings.resolve(given))
-        else:
-            _to_asterix(resources.bag(arguments.source), arguments, given)
+            return _to_bag(path, arguments, settings.resolve(given))
+        _to_asterix(resources.bag(arguments.source), arguments, given)
         return OK
 
     return command.guarded(NAME, work)
 
 
-def _to_bag(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) -> None:
+def _to_bag(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) -> int:
     done = asterix_in.convert(path, arguments.out, bridge, arguments.date, arguments.port)
     print(f"{arguments.out}: {done.clouds} clouds, {done.plots} plots")
     for line in done.lines():
         print(line)
-    if not done.clouds:
-        print(f"{NAME}: {path}: no sector of any radar is complete", file=sys.stderr)
+    faults = list(done.faults())
+    for fault in faults:
+        print(f"{NAME}: {path}: {short(fault)}", file=sys.stderr)
+    return CORRUPT if faults else OK
 
 
 def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, object]) -> None:
@@ -62,6 +64,9 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
     else:
         # Where the map is on the earth is the tracker's to say.
         origin = {name: recorded[name] for name in ("world_origin",) if name in recorded}
+        if asterix_parameters.guessed(origin.get("world_origin", [])):
+            origin = {}
+            print("where the radar stands is not known: tracks have no latitudes and longitudes")
         bridge = settings.resolve({**origin, **given})
         topic = names.estimates(arguments.estimates)
         alone = len(config.inputs) == 1

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Recordings of ASTERIX to bags: clouds of each radar's sectors, and parameters for a tracker."""
+"""Recordings of ASTERIX to bags: clouds of each radar, and parameters for a tracker."""
 
 from __future__ import annotations
 
@@ -12,24 +12,34 @@ from pathlib import Path
 from typing import Any
 
 from msg_adapters import interfaces, names
-from phd_jdtc_ros import resources
-from phd_jdtc_ros.asterix import framing
-from phd_jdtc_ros.asterix.assembly import SectorReport
+from phd_jdtc_ros.asterix import framing, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.framing import RecordingError
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
+from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.nodes.asterix import clouds, settings
 from phd_jdtc_ros.nodes.asterix.settings import Bridge
+from phd_jdtc_ros.nodes.asterix.turning import PlotTurns
 from phd_jdtc_ros.nodes.common import bag_parameters
 
-from . import params_file
+from . import asterix_parameters
 
 DEPTH = 50
-# The profile of trackers of such radars, and the name of the radar in it.
-PROFILE, PROFILE_RADAR = "air_traffic", "approach."
+# Of so much of a recording at least must something become, or the tool fails.
+LEAST_USED = 0.5
+# What other categories are, which tells what would read them.
+TRACKS = "tracks of a tracker, in which nothing is to be detected"
+PLACES = (
+    "reports of positions and no polar plots; a driver that publishes their ranges and azimuths "
+    "about a place would make them a radar's"
+)
+OTHERS = {11: TRACKS, 30: TRACKS, 62: TRACKS, 20: PLACES, 21: PLACES}
+STATUS = "no reports of targets"
+# What is left out because it is not to be used: other radars than those named, spare lines, and
+# what radars send of no target.
+NOT_MEANT = ("unknown_radar", "second_source", "no_detection", "field_monitor", "test_target")
 
 
 @dataclass
@@ -43,20 +53,25 @@ class Converted:
         What was skipped of the file, by reason.
     clouds, plots : int
         Written.
+    hints : list of str
+        What is to be said of the parameters.
     """
 
     stream: PlotStream
     recording: Counter[str] = field(default_factory=Counter)
     clouds: int = 0
     plots: int = 0
+    hints: list[str] = field(default_factory=list)
+    newest_ns: int = 0
+    disorder_ns: int = 0
 
     def lines(self) -> Iterator[str]:
         """Yield what was read of each radar, and what was left out and why."""
         for state in self.stream.radars.values():
             found = {"plots": state.plots, "service messages": state.services}
             text = ", ".join(f"{count} {what}" for what, count in found.items())
-            turn_s = state.assembler.observed_turn_s
-            turn = f", a turn of {turn_s:.2f} s" if turn_s else ""
+            turn_s = state.assembler.turn_s
+            turn = f", a turn of {turn_s:.4f} s" if turn_s else ""
             yield f"{state.settings.name}: {text}, {state.reports} clouds{turn}{_of(state.counts)}"
             if state.counts["second_source"]:
                 own = " and ".join(dict.fromkeys(state.sources.values()))
@@ -67,8 +82,37 @@ class Converted:
             shift_s = self.stream.clock.shift_ns.get(_number(self.stream, state), 0) * 1e-9
             if shift_s:
                 yield f"{state.settings.name}: its clock is {-shift_s:+.1f} s off, and was shifted"
+        for size, count in self.stream.blocks.known_trailers().items():
+            yield f"{count} datagrams have a trailer of {size} bytes, which is skipped"
         left_out = +(self.recording + self.stream.counts)
         yield f"left out: {_listed(left_out) or 'none'}"
+        yield from self.hints
+
+    def faults(self) -> Iterator[str]:
+        """Yield why the recording was not used as it should have been, a line for each reason."""
+        damaged = self.recording["resynchronised"] + self.recording["recording_cut"]
+        if damaged:
+            yield (
+                f"is damaged in {damaged} places: {self.recording['bytes_skipped']} bytes are "
+                "left out, and all others were used"
+            )
+        categories, states = self.stream.blocks.categories, [*self.stream.radars.values()]
+        left_out = sum((state.counts for state in states), +self.stream.counts)
+        meant = categories.total() - sum(left_out[reason] for reason in NOT_MEANT)
+        used = self.plots + sum(state.services for state in states) if self.clouds else 0
+        if self.clouds and used >= LEAST_USED * meant:
+            return
+        held = ", ".join(f"CAT{number:03} {n}" for number, n in categories.most_common())
+        reasons = _listed(left_out)
+        others = "".join(
+            f"; CAT{number:03} is {OTHERS.get(number, STATUS)}"
+            for number in sorted(categories)
+            if records.reader(number) is None
+        )
+        yield (
+            f"{used} of {meant} records could be used; all records: {held or 'none'}{others}"
+            + (f"; left out: {reasons}" if reasons else "")
+        )
 
 
 def _number(stream: PlotStream, state: RadarState) -> int:
@@ -104,7 +148,7 @@ def convert(
         If the file is no recording of ASTERIX, or the bag cannot be written.
     """
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
-    done = Converted(PlotStream(bridge.radars, bridge.others, clock))
+    done = Converted(bridge.stream(clock))
     try:
         with framing.opened(path) as data:
             framing.kind_of(data)
@@ -114,16 +158,22 @@ def convert(
                     _write(bag, known, done, bridge, state, report)
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
-    values = tracker_parameters(done.stream)
-    if values:
-        bag_parameters.write(out / bag_parameters.NAME, resolve(values).values)
+    found = asterix_parameters.proposed([*done.stream.radars.values()], done.disorder_ns * 1e-9)
+    if found is not None:
+        head = (
+            f"For a tracker of {path.name}, by asterix_bridge: the profile "
+            f"{asterix_parameters.PROFILE}, with what the recording says.\n"
+            "A comment says what a value is from."
+        )
+        asterix_parameters.write(out / bag_parameters.NAME, head, found)
+        done.hints += found.hints
     return done
 
 
 def _reports(
     data: Any, done: Converted, midnight_ns: int | None, ports: frozenset[int]
 ) -> Iterator[tuple[RadarState, SectorReport]]:
-    """Yield the sectors of a recording in the order in which they are complete."""
+    """Yield the reports of a recording in the order in which they are complete."""
     for received in framing.datagrams(data, midnight_ns, done.recording):
         port = framing.port_of(received)
         if ports and port is not None and port not in ports:
@@ -131,6 +181,9 @@ def _reports(
             continue
         yield from done.stream.feed(*received)
     yield from done.stream.finish()
+    for state in done.stream.radars.values():
+        if isinstance(state.assembler.finder, PlotTurns):
+            state.assembler.finder.find()
 
 
 def _write(
@@ -148,50 +201,7 @@ def _write(
         known.add(topic)
     message = clouds.cloud(report, name, state.settings.sectors, bridge.amplitudes(name))
     bag.write(topic, interfaces.encode(message), report.stamp_ns)
+    done.disorder_ns = max(done.disorder_ns, done.newest_ns - report.stamp_ns)
+    done.newest_ns = max(done.newest_ns, report.stamp_ns)
     done.clouds += 1
     done.plots += len(report.plots)
-
-
-def tracker_parameters(stream: PlotStream) -> dict[str, Any]:
-    """Return parameters of a tracker of the radars that were heard; none without any.
-
-    They are those of the profile for such radars, with what the recording says of them. Where the
-    radars are, no recording says.
-    """
-    heard = [state for state in stream.radars.values() if state.reports]
-    if not heard:
-        return {}
-    profile = params_file.load(resources.profile(PROFILE)[0])
-    own = {
-        name.removeprefix(PROFILE_RADAR): value
-        for name, value in profile.items()
-        if name.startswith(PROFILE_RADAR)
-    }
-    values = {name: v for name, v in profile.items() if not name.startswith(PROFILE_RADAR)}
-    values["radars"] = [state.settings.name for state in heard]
-    for state in heard:
-        for name, value in {**own, **_of_radar(state)}.items():
-            values[f"{state.settings.name}.{name}"] = value
-    turns = [turn_s for state in heard if (turn_s := state.assembler.observed_turn_s)]
-    if turns:
-        turn_s = round(max(turns), 2)
-        values |= {"interval_s": turn_s, "estimates_period_s": turn_s, "lag_s": 5.0 * turn_s}
-    return values
-
-
-def _of_radar(state: RadarState) -> dict[str, Any]:
-    """Return a radar's own parameters: the layout of its clouds and how it turns."""
-    name = state.settings.name
-    turn_s = round(state.assembler.observed_turn_s, 2)
-    fields = ["range", "azimuth", "time", "height", "code", "address", "kind"]
-    if turn_s:
-        fields.append("sector")
-    return {
-        "topic": settings.topic_of(name),
-        "frame": name,
-        **{f"fields.{each}": each for each in fields},
-        "fields.amplitude": "",
-        "azimuth_convention": "enu_ccw",
-        "rotation_s": turn_s,
-        "sectors": state.settings.sectors if turn_s else 0,
-    }

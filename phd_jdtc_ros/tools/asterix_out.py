@@ -66,6 +66,8 @@ def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
         values[f"{radar.name}.sic"] = number
         if radar.sectors:
             values[f"{radar.name}.sectors"] = radar.sectors
+        # `--plots` writes the plots of a sector before its crossing.
+        values[f"{radar.name}.hold_sectors"] = 0
     values["output_period_s"] = 0.0
     if config.values["world_origin"]:
         values["world_origin"] = list(config.values["world_origin"])

@@ -31,12 +31,13 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
 from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
-from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
+from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
 from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.report import load, track_files
 from phd_jdtc_ros.report.table import score_tables
 
-from . import command
+from . import asterix_parameters, command
+from .used_detections import UsedDetections
 
 # What writes tracks by latitude and longitude, by the option that asks for it.
 WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
@@ -69,6 +70,7 @@ class OfflineTracker:
         self.step_ms: list[float] = []
         self._cpu_s = 0.0
         self.dropped: Counter[str] = Counter()
+        self.used = UsedDetections()
         self._targets_seen = False
         self._overdue = 0
         self._without_amplitude: set[int] = set()
@@ -93,14 +95,17 @@ class OfflineTracker:
             report = reader_of(radar).from_cdr(entry.data, radar)
         except RejectedMessageError as error:
             self.dropped[error.reason] += 1
+            self.used.unreadable(error.reason)
             return
         self.dropped.update(report.dropped)
+        self.used.read(len(report.detections), report.dropped)
         if report.detections.amplitude is None:
             self._without_amplitude.add(index)
         events = self._pipeline.add(index, report.stamp_ns, report.detections, report.sector)
         self._doubts[index] += report.doubts + self._pipeline.take_doubts(index)
         if isinstance(events, Rejection):
             self.dropped[events.value] += 1
+            self.used.refused(events.value, len(report.detections))
         else:
             self._write(events)
 
@@ -153,7 +158,9 @@ class OfflineTracker:
             self._write_estimates(SMOOTHED, event.step.smoothed)
         # What waited for a pose, or until the end, was judged only now.
         for index, counts in enumerate(self._doubts):
-            self.dropped.update(self._pipeline.take_drops(index))
+            drops = self._pipeline.take_drops(index)
+            self.dropped.update(drops)
+            self.used.reports_lost(drops)
             counts.update(self._pipeline.take_doubts(index))
 
     def _write_estimates(self, source: str, by_stamp: Iterable[Estimates]) -> None:
@@ -235,12 +242,22 @@ def main(argv: Sequence[str]) -> int:
             print(f"{arguments.out}: {tracker.scans} scans tracked, dropped: {drops or 'none'}")
             for warning in tracker.warnings():
                 print(f"track_bag: {warning}", file=sys.stderr)
+            fault = tracker.used.fault()
+            if fault is not None:
+                print(f"track_bag: {source}: {fault}", file=sys.stderr)
+                status = CORRUPT
         except BagError as error:
             if not (error.corrupt and arguments.out.exists()):
                 raise
             status = fail("track_bag", error)
         run = load.record(arguments.out, config)
         if config.plane is not None and files:
+            if asterix_parameters.guessed(config.values["world_origin"]):
+                print(
+                    "track_bag: latitudes and longitudes are not true: where the radar stands was "
+                    "guessed; set its geodetic, and world_origin",
+                    file=sys.stderr,
+                )
             rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))
             for name, path in files.items():
                 path.write_text(WRITERS[name](rows), encoding="utf-8")

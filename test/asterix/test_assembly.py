@@ -2,13 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import math
-import random
 
 import asterix_records as made
 import pytest
 
-from phd_jdtc_ros.asterix.assembly import MAX_PENDING, Assembler
+from phd_jdtc_ros.asterix.assembly import LEARNED, Assembler
 from phd_jdtc_ros.asterix.messages import DAY, NORTH, SECTOR, Plot, ServiceMessage
+from phd_jdtc_ros.asterix.slices import MAX_PENDING
 
 NS = 10**9
 ROTATION_S = 4.0
@@ -88,14 +88,15 @@ def test_north_mark_and_crossing_of_north_are_one():
     assert fed(Assembler(32), *both) == fed(Assembler(32), *events)
 
 
-def test_north_marks_alone_are_enough():
+def test_north_marks_alone_make_slices_of_time():
     seen = [(float(azimuth), plot(azimuth)) for azimuth in range(1, 1080, 20)]
     marks = [(turned, crossing(0.0, NORTH)) for turned in (0.0, 360.0, 720.0, 1080.0)]
     events = sorted([*seen, *marks], key=lambda event: event[0])
-    found = fed(Assembler(32, ROTATION_S), *events)
-    # One turn before its mark has begun with the first.
-    assert [report.sector for report in found] == [*range(32)] * 3
-    assert sum(len(report.plots) for report in found) == len(seen)
+    assembler = Assembler(32, ROTATION_S)
+    found = fed(assembler, *events) + assembler.finish()
+    assert {report.sector for report in found} == {None}
+    assert [time for report in found for time in report.times_ns] == [at(t) for t, _ in seen]
+    assert (assembler.by_sector, assembler.by_time) == (0, len(found))
 
 
 def test_crossings_that_are_lost_are_bridged():
@@ -129,54 +130,44 @@ def test_after_a_long_gap_the_turns_are_not_invented():
     assert [r.sector for r in fed(assembler, (3701.25, crossing(101.25)))] == [8]
 
 
-def test_rotation_is_what_the_radar_says():
+def test_turn_is_what_the_crossings_say():
+    assembler = Assembler(32, rotation_s=3.9)
+    fed(assembler, *crossings(0.0, 360.0))
+    assert assembler.turn_s == pytest.approx(4.0)
+
+
+def test_turn_is_what_the_radar_says_until_half_of_one_was_seen():
     assembler = Assembler(32)
-    fed(assembler, (0.0, crossing(0.0, NORTH, rotation_s=4.0)), *crossings(11.25, 360.0))
-    assert assembler.rotation_s == 4.0
-    assert assembler.observed_turn_s == pytest.approx(4.0)
+    fed(assembler, (0.0, crossing(0.0, NORTH, rotation_s=4.1)), *crossings(11.25, 90.0))
+    assert assembler.turn_s == 4.1
 
 
-def test_without_service_messages_the_plots_say_where_the_antenna_is():
-    assembler = Assembler(16, ROTATION_S)
-    rng = random.Random(1)
-    turned = sorted(rng.uniform(0.0, 3600.0) for _ in range(900))
-    # Nothing is seen in the west.
-    seen = [(t, plot(t)) for t in turned if not 200.0 < t % 360.0 < 300.0]
-    # They come out of order, by less than a sector.
-    arrived = sorted(seen, key=lambda event: event[0] + rng.uniform(0.0, 20.0))
-    found = fed(assembler, *arrived)
-    sectors = [report.sector for report in found]
-    begin = sectors[0]
-    assert sectors == [(begin + k) % 16 for k in range(len(sectors))]
-    assert len(sectors) > 16 * 7
-    for report in found[8:]:
-        inside = {int(p.azimuth / (2.0 * math.pi) * 16) for p in report.plots}
-        assert inside <= {report.sector}
+def test_hold_is_as_many_sectors_as_plots_are_late():
+    assembler = Assembler(32, hold=LEARNED)
+    events = crossings(0.0, 36_000.0)
+    # Each comes when the antenna is 25 degrees beyond it, which is in the third sector.
+    late = [(azimuth + 25.0, plot(azimuth + 0.1)) for azimuth in range(5, 35_900, 7)]
+    events = sorted([*events, *late], key=lambda event: event[0])
+    last = crossing(36_011.25)
+    found = fed(assembler, *events)
     assert assembler.counts["late_plots"] == 0
+    assert all(
+        int(p.azimuth / (2.0 * math.pi) * 32) == report.sector
+        for report in found
+        for p in report.plots
+    )
+    (closed,) = fed(assembler, (36_011.25, last))
+    assert closed.stamp_ns == at(36_011.25 - 3 * 11.25)
 
 
-def test_without_rotation_and_service_messages_clouds_are_by_time():
-    assembler = Assembler(32, period_s=1.0)
-    found = fed(assembler, *((k * 9.0, plot(k * 9.0)) for k in range(101)))
-    assert {report.sector for report in found} == {None}
-    assert [len(report.plots) for report in found] == [11, *[10] * 9]
-    assert len(assembler.finish()) == 0
-
-
-def test_clouds_by_time_go_on_where_times_go_back():
-    assembler = Assembler(32, period_s=1.0)
-    later = fed(assembler, *((k * 9.0, plot(k * 9.0)) for k in range(10_000, 10_041)))
-    assert len(later) == 4
-    found = fed(assembler, *((k * 9.0, plot(k * 9.0)) for k in range(41)))
-    assert [len(report.plots) for report in found] == [11, 10, 10, 10]
-    assert [report.stamp_ns for report in found] == [at(90.0 * k) for k in range(1, 5)]
-
-
-def test_antenna_is_followed_by_plots_where_times_go_back_at_the_start():
-    assembler = Assembler(16, ROTATION_S)
-    fed(assembler, (36_000.0, plot(0.0)))
-    found = fed(assembler, *((k * 9.0, plot(k * 9.0)) for k in range(201)))
-    assert len(found) > 16 * 2
+def test_plots_that_come_before_their_crossing_are_held_no_longer_after_a_while():
+    assembler = Assembler(32, hold=LEARNED)
+    seen = [(azimuth + 0.5, plot(azimuth)) for azimuth in range(5, 36_000, 7)]
+    # Less than the half degree from a plot to the next crossing is taken for a late one.
+    early = [event for event in seen if event[0] % 11.25 > 1.0]
+    fed(assembler, *sorted([*crossings(0.0, 36_000.0), *early], key=lambda event: event[0]))
+    (closed,) = fed(assembler, (36_011.25, crossing(36_011.25)))
+    assert closed.stamp_ns == at(36_011.25)
 
 
 def test_service_messages_that_begin_later_take_over():
@@ -184,9 +175,30 @@ def test_service_messages_that_begin_later_take_over():
     plots = [(float(k), plot(k)) for k in range(0, 1800, 7)]
     events = sorted([*plots, *crossings(1080.0, 1800.0)], key=lambda event: event[0])
     found = fed(assembler, *events)
-    last = [report for report in found if report.stamp_ns > at(1080.0)]
+    last = [report for report in found if report.sector is not None]
     assert [r.sector for r in last] == [*range(32), *range(32)]
     assert [r.stamp_ns for r in last] == [at(1080.0 + 11.25 * k) for k in range(1, 65)]
+    assert sum(len(r.plots) for r in found) == len(plots)
+
+
+def test_slices_of_time_go_on_where_crossings_end():
+    assembler = Assembler(32)
+    plots = [(float(k), plot(k)) for k in range(0, 3600, 7)]
+    events = sorted([*plots, *crossings(0.0, 1080.0)], key=lambda event: event[0])
+    found = fed(assembler, *events) + assembler.finish()
+    assert assembler.counts["turns_lost"] == 1
+    times = [time for report in found for time in report.times_ns]
+    assert sorted(times) == [at(turned) for turned, _ in plots]
+    assert found[-1].sector is None
+
+
+def test_one_plot_of_a_wrong_time_does_not_end_the_sectors():
+    assembler = Assembler(32)
+    events = crossings(0.0, 720.0)
+    events.insert(40, (3600.0, plot(400.0)))
+    found = fed(assembler, *events)
+    assert [report.sector for report in found] == [*range(32), *range(32)]
+    assert assembler.counts["turns_lost"] == 0
 
 
 def test_pending_plots_are_bounded():
@@ -212,5 +224,6 @@ def test_made_turns_are_as_expected():
     found = [
         report for data in made.turns(2, seen=[(100.0, 30.0)]) for _, report in stream.feed(data)
     ]
+    found += [report for _, report in stream.finish()]
     assert [report.sector for report in found] == [*range(32), *range(32)]
     assert [report.sector for report in found if report.plots] == [8, 8]

@@ -7,10 +7,10 @@ import asterix_records as made
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.columns import UNKNOWN, columns
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
+from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.core.sectors import coverage_of
 
 NS = 10**9
@@ -26,6 +26,11 @@ def plot(azimuth_deg=0.0, **changes):
 def of(*plots, sector=0, sectors=32, amplitude="any", noise_dbm=-100.0):
     report = SectorReport(1000, sector, [1000] * len(plots), list(plots))
     return columns(report, sectors, noise_dbm, amplitude)
+
+
+def ended(stream, found):
+    """Return what was found and what is left at the end."""
+    return found + [(state.settings.name, report) for state, report in stream.finish()]
 
 
 def fed(stream, datagrams, source=None, received_s=None):
@@ -85,10 +90,11 @@ def test_radars_on_one_stream_have_sectors_of_their_own():
     other = [*made.turns(2, sectors=16, rotation_s=5.0, seen=SEEN[:2], sic=2)]
     stream = PlotStream({0x101: RadarSettings("a"), 0x102: RadarSettings("b", sectors=16)})
     mixed = [data for pair in zip(one, other, strict=False) for data in pair]
-    found = fed(stream, [*mixed, *one[len(other) :]])
+    found = ended(stream, fed(stream, [*mixed, *one[len(other) :]]))
     for name, data, sectors, count in (("a", one, 32, 8), ("b", other, 16, 4)):
         own = [report for each, report in found if each == name]
-        alone = fed(PlotStream({}, RadarSettings("", sectors=sectors)), data)
+        apart = PlotStream({}, RadarSettings("", sectors=sectors))
+        alone = ended(apart, fed(apart, data))
         assert own == [report for _, report in alone]
         assert sum(len(report.plots) for report in own) == count
 
@@ -139,6 +145,7 @@ def test_plots_and_crossings_may_come_from_different_sources():
     found = []
     for data in made.turns(2, seen=SEEN):
         found += fed(stream, [data], "plots" if data[0] == 48 else "service", 1000.0)
+    found = ended(stream, found)
     assert sum(len(report.plots) for _, report in found) == 8
     assert len(found) == 64
 
@@ -146,6 +153,36 @@ def test_plots_and_crossings_may_come_from_different_sources():
 def test_times_go_on_over_midnight():
     stream = PlotStream({})
     data = made.turns(6, start_s=86_400.0 - 12.0, seen=SEEN)
-    stamps = [report.stamp_ns for _, report in fed(stream, data)]
+    stamps = [report.stamp_ns for _, report in ended(stream, fed(stream, data))]
     np.testing.assert_array_equal(np.diff(stamps), NS // 8)
     assert stamps[-1] == (86_400 + 12) * NS
+
+
+def test_first_messages_of_a_wrong_clock_have_the_shift_of_all():
+    stream = PlotStream({})
+    found = []
+    for k, data in enumerate(made.turns(3, start_s=1000.0, seen=SEEN)):
+        found += fed(stream, [data], received_s=2581.0 + 4.0 * k / 35.0)
+    stamps = np.array([report.stamp_ns for _, report in ended(stream, found)])
+    np.testing.assert_array_equal(np.diff(stamps), NS // 8)
+    (state,) = stream.radars.values()
+    assert state.assembler.turn_s == pytest.approx(4.0)
+    assert state.counts["clock_off"] == 1
+    assert stream.clock.shift_ns[0x102] == pytest.approx(1581 * NS, abs=NS)
+
+
+def test_messages_that_wait_for_the_clock_are_not_lost_at_the_end():
+    stream = PlotStream({})
+    fed(stream, [made.plots(made.plot(10.0, 1000.0))], received_s=5000.0)
+    ((_, report),) = ended(stream, [])
+    assert report.times_ns == [5000 * NS]
+
+
+def test_where_a_radar_stands_is_what_it_says_or_else_its_settings():
+    said = made.site(50.25, -8.5, 120.0)
+    stream = PlotStream(
+        {0x102: RadarSettings("a"), 0x103: RadarSettings("b", site=(1.0, 2.0, 3.0))}
+    )
+    fed(stream, [said, made.site(50.25, -8.5, 120.0, sic=3)])
+    assert stream.radars[0x102].site == pytest.approx((50.25, -8.5, 120.0), abs=1e-4)
+    assert stream.radars[0x103].site == (1.0, 2.0, 3.0)

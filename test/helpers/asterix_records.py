@@ -60,6 +60,13 @@ def north(time_s, sac=1, sic=2, rotation_s=None):
     return block(34, [{**items, **turn}])
 
 
+def site(latitude, longitude, height, time_s=0.0, sac=1, sic=2):
+    """Return a data block with a north mark and the radar's position."""
+    items = {"010": (("SAC", sac), ("SIC", sic)), "000": 1, "030": ticks(time_s)}
+    place = (("HGT", height), ("LAT", latitude), ("LON", longitude))
+    return block(34, [{**items, "120": place}])
+
+
 def turns(count, sectors=32, rotation_s=4.0, start_s=1000.0, seen=(), **who):
     """Yield the data blocks of some turns from north on, each sector's plots and then its
     crossing.

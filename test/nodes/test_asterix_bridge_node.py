@@ -16,8 +16,10 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import detections, diagnostics, estimates
+from msg_adapters import detections, diagnostics, estimates, interfaces, names
+from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.asterix import udp
+from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import flatten
 from phd_jdtc_ros.core.types import Estimates
@@ -175,6 +177,28 @@ def test_datagrams_become_clouds(site):
     np.testing.assert_allclose(np.diff(stamps), 125e6, atol=1)
     numbers = {report.sector for report in reports if len(report.detections)}
     assert numbers == {7, 31, 23, 8}
+
+
+def test_clouds_of_a_radar_without_crossings_are_those_of_the_file(unicast, tmp_path):
+    seen = [(azimuth, 20.0 + azimuth / 10.0) for azimuth in range(3, 360, 17)]
+    blocks = [block for block in made.turns(20, seen=seen) if block[0] == 48]
+    recording, bag = tmp_path / "recording.ast", tmp_path / "bag"
+    recording.write_bytes(b"".join(blocks))
+    assert run("asterix_bridge", [str(recording), "--out", str(bag)]) == 0
+    expected = [
+        interfaces.decode(entry.data, names.CLOUD) for entry in BagReader(bag).messages([TOPIC])
+    ]
+    unicast.start("-p", "replayed:=true")
+    radar = unicast.radar()
+    for block in blocks:
+        radar.send(block)
+        unicast.peer.pace(0.002)
+    # The last ones come when nothing else does.
+    assert unicast.peer.spin_until(lambda: len(unicast.clouds) >= len(expected))
+    for live, offline in zip(unicast.clouds, expected, strict=True):
+        stamps = [(c.header.stamp.sec, c.header.stamp.nanosec) for c in (live, offline)]
+        assert stamps[0] == stamps[1]
+        assert bytes(live.data) == bytes(offline.data)
 
 
 def flying(turns, start_s):

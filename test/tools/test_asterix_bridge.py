@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import itertools
+import shutil
 
 import asterix_records as made
 import numpy as np
@@ -13,10 +14,10 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.types import SOURCES, Detections, Estimates
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.tools import tracker_params
 
 TOPIC = "/radar_1_2/detections"
 DAY_NS = 20_779 * 86_400 * 10**9
@@ -39,8 +40,10 @@ def bridge(tmp_path, capsys):
 
 
 def reports(bag, topic=TOPIC):
-    """Return what a tracker with the parameters beside the bag reads of it."""
-    config = resolve(bag_parameters.read(bag))
+    """Return what a tracker with the parameters beside the bag reads of it, on a flat earth."""
+    given = bag_parameters.read(bag)
+    flat = {k: v for k, v in given.items() if not k.endswith(("world_origin", ".geodetic"))}
+    config = tracker_params.config(flat)
     (radar,) = (each for each in config.inputs if each.topic == topic)
     entries = BagReader(bag).messages([topic])
     return [reader_of(radar).from_cdr(entry.data, radar) for entry in entries]
@@ -53,8 +56,10 @@ def test_recording_becomes_a_bag_that_a_tracker_reads(bridge):
     assert said.err == ""
     assert said.out.splitlines() == [
         f"{out}: 96 clouds, 12 plots",
-        "radar_1_2: 12 plots, 97 service messages, 96 clouds, a turn of 4.00 s",
+        "radar_1_2: 12 plots, 97 service messages, 96 clouds, a turn of 4.0000 s",
         "left out: none",
+        "where radar_1_2 stands is not known: shapes and distances are right on the round earth, "
+        "latitudes and longitudes are not; set radar_1_2.geodetic and world_origin",
     ]
     found = reports(out)
     assert [report.stamp_ns - DAY_NS for report in found] == [
@@ -116,12 +121,16 @@ def test_radars_are_named_and_turned_as_parameters_say(bridge):
         for part in pair
     )
     given = ["-p", "radars:=[a, b]", "-p", "a.sac:=1", "-p", "a.sic:=1", "-p", "b.sac:=1"]
-    given += ["-p", "b.sic:=9", "-p", "b.sectors:=16"]
+    given += ["-p", "b.sic:=9", "-p", "b.sectors:=16", "-p", "a.geodetic:=[50.0, 8.0, 100.0]"]
+    given += ["-p", "b.geodetic:=[50.5, 8.5, 120.0]"]
     status, out, said = bridge(data, *given)
     assert status == 0
     assert "a: 0 plots, 65 service messages, 64 clouds" in said.out
     assert BagReader(out).counts == {"/a/detections": 64, "/b/detections": 32}
-    assert [radar.sectors for radar in resolve(bag_parameters.read(out)).inputs] == [32, 16]
+    config = tracker_params.config(bag_parameters.read(out))
+    assert [radar.sectors for radar in config.inputs] == [32, 16]
+    sites = [radar.site.geodetic for radar in config.inputs]
+    assert sites == [(50.0, 8.0, 100.0), (50.5, 8.5, 120.0)]
 
 
 def test_only_a_port_of_a_capture_is_read_where_asked(bridge):
@@ -157,6 +166,48 @@ def test_wrong_clock_and_second_source_are_said(bridge):
         "radar_1_2: messages of two sources, 10.0.0.1 to 239.1.1.1:8600 and 10.0.0.2 to "
         "239.1.1.1:8600: those of the second are left out"
     ) in said.out
+
+
+def tracks(count):
+    """Return data blocks of CAT062, each of one record with SAC and SIC only."""
+    return [b"\x3e" + (6).to_bytes(2, "big") + b"\x80\x01\x02"] * count
+
+
+def test_recording_of_tracks_alone_fails_and_says_what_it_holds(bridge):
+    status, _, said = bridge(b"".join(tracks(20)))
+    assert status == 3
+    assert "0 of 20 records could be used; all records: CAT062 20; CAT062 is tracks" in said.err
+
+
+@pytest.mark.parametrize(("count", "expected"), [(40, 0), (60, 3)])
+def test_recording_of_which_less_than_half_can_be_used_fails(bridge, count, expected):
+    # Of 16 plots and 33 service messages.
+    seen = [(azimuth, 20.0) for azimuth in range(5, 360, 23)]
+    data = b"".join([*made.turns(1, seen=seen), *tracks(count)])
+    status, out, said = bridge(data)
+    assert status == expected
+    assert ("49 of 109 records could be used" in said.err) == bool(expected)
+    # What could be used is there.
+    assert BagReader(out).counts == {TOPIC: 32}
+
+
+def test_recording_whose_end_is_missing_is_used_and_fails(bridge):
+    status, out, said = bridge(b"".join(made.turns(1, seen=SEEN))[:-3])
+    assert status == 3
+    assert "is damaged in 1 places" in said.err
+    assert BagReader(out).counts[TOPIC] > 0
+
+
+def test_trailers_of_datagrams_are_said_and_no_faults(bridge):
+    blocks = [*made.turns(1, seen=SEEN)]
+    packets = [
+        (round((1000.0 + k / 8.0) * 1e9), made.packet(block + b"\xee\xff\0\1" + bytes([k] * 4)))
+        for k, block in enumerate(blocks)
+    ]
+    status, _, said = bridge(made.pcap(packets))
+    assert status == 0
+    assert f"{len(blocks)} datagrams have a trailer of 8 bytes, which is skipped" in said.out
+    assert "left out: none" in said.out
 
 
 def test_what_is_no_recording_is_refused(bridge):
@@ -276,7 +327,7 @@ def test_detections_of_a_bag_go_to_asterix_and_back(by_sector, tmp_path, capsys)
     assert "dropped: none" in said
 
     def places(bag):
-        config = resolve(bag_parameters.read(bag))
+        config = tracker_params.config(bag_parameters.read(bag))
         (radar,) = config.inputs
         yaw = config.model.radars[0].yaw
         found = []
@@ -304,7 +355,7 @@ def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
         cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
         written.write("/far/detections", interfaces.encode(cloud), 10**12)
     values = {"radars": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
-    bag_parameters.write(bag / bag_parameters.NAME, resolve(values).values)
+    bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
     assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
     assert "1 plots in 2 data blocks, of 1 clouds; dropped: range 1" in capsys.readouterr().out
     (record,) = (each for each in decoded(out.read_bytes()) if each["category"] == 48)
@@ -340,6 +391,20 @@ def test_estimates_of_a_bag_become_tracks_that_another_decoder_reads(
         )
         assert value(record, "I500", "APC", "APC_X") == 30.0
         assert value(record, "I500", "ATV", "ATV_X") == 2.0
+
+
+@pytest.mark.parametrize(("origin", "known"), [([0.0, 0.0, 0.0], False), ([52.0, 4.5, 0.0], True)])
+def test_tracks_about_a_guessed_place_have_no_latitudes(with_estimates, tmp_path, origin, known):
+    bag, out = tmp_path / "bag", tmp_path / "tracks.ast"
+    shutil.copytree(with_estimates, bag)
+    given = bag_parameters.read(bag)
+    given |= {"world_origin": origin, "approach.geodetic": origin}
+    config = tracker_params.config(given)
+    bag_parameters.write(bag / bag_parameters.NAME, config.values)
+    assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 0
+    found = [record for record in decoded(out.read_bytes()) if record["category"] == 62]
+    assert len(found) > 20
+    assert all(("I105" in record) == known for record in found)
 
 
 def test_tracks_come_with_each_cloud_where_asked(with_estimates, tmp_path):

@@ -349,6 +349,21 @@ def test_track_bag_counts_dropped_points(short_bag, track, tmp_path, capsys):
     assert "8 scans tracked, dropped: not_finite 1, range 1\n" in capsys.readouterr().out
 
 
+def test_track_bag_fails_where_less_than_half_of_the_detections_could_be_used(
+    short_bag, track, faults
+):
+    near = [
+        word
+        for radar in ("radar_1", "radar_2")
+        for name in ("max_range", "clutter_max_range")
+        for word in ("-p", f"{radar}.{name}:=2500.0")
+    ]
+    status, out = track(short_bag, *near)
+    assert status == 3
+    assert any("detections could be used; dropped most by: range" in line for line in faults())
+    assert len(found(out, SMOOTHED)) == 8
+
+
 def test_track_bag_warns_of_a_missing_amplitude_once_a_radar(short_bag, track, faults):
     status, _ = track(short_bag, "-p", "radar_2.fields.amplitude:=snr")
     assert status == 0

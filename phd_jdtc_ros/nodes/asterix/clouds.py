@@ -1,21 +1,21 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sectors of plots as clouds."""
+"""Sectors and slices of plots as clouds."""
 
 from __future__ import annotations
 
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import point_cloud
-from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.columns import columns
+from phd_jdtc_ros.asterix.slices import SectorReport
 
 from .settings import Amplitudes
 
 
 def cloud(report: SectorReport, radar: str, sectors: int, amplitudes: Amplitudes) -> PointCloud2:
-    """Return the cloud of a sector, in the frame that has the radar's name.
+    """Return the cloud of a sector or a slice, in the frame that has the radar's name.
 
     Fields are those of `columns`; all are FLOAT32, but for ``code address sector``, UINT32, and
     ``kind``, UINT8.

@@ -39,7 +39,8 @@ def of_input(
     elif seen.rose("faults", sum(faults.values())):
         listed = ", ".join(f"{reason} {count}" for reason, count in sorted(faults.items()))
         level, text = DiagnosticStatus.WARN, f"malformed: {listed}"
-    values = {"datagrams": stream.datagrams, "lost": lost, **counts}
+    trailers = sum(stream.blocks.known_trailers().values())
+    values = {"datagrams": stream.datagrams, "lost": lost, "trailers": trailers, **counts}
     return diagnostics.status(names.health("input", node), values, level, text, node)
 
 
@@ -53,7 +54,7 @@ def of_radar(
         "plots": state.plots,
         "service_messages": state.services,
         "clouds": state.reports,
-        "turn_s": state.assembler.observed_turn_s,
+        "turn_s": state.assembler.turn_s,
         "clock_offset_s": offset_s,
         "clock_shift_s": shift_s,
         **+state.counts,
@@ -69,7 +70,7 @@ def of_radar(
     elif shift_s:
         text = f"its clock is {-offset_s:+.1f} s off; its times are shifted"
     elif seen.rose(f"{name} late", state.counts["late_plots"]):
-        text = f"{state.counts['late_plots']} plots came after their sector; raise hold_sectors"
+        text = f"{state.counts['late_plots']} plots came after their cloud was sent"
     else:
         level, text = DiagnosticStatus.OK, f"{state.plots} plots in {state.reports} clouds"
     sac_sic = f"{number >> 8}/{number & 255}"

@@ -4,7 +4,8 @@
 """The live bridge: radars' UDP to clouds, estimates to UDP.
 
 A managed node. While it is active, a thread receives datagrams and wakes the node, which publishes
-the sectors that are complete by them; a timer sends the tracks.
+the sectors, or slices of time, that are complete by them; a timer sends the tracks. What waits for
+late plots is published once nothing has come for a while, or at the end.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import names
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix import records, udp
-from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
+from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.udp import Receiver
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import faults_of
@@ -43,6 +44,8 @@ from .tracks import TrackOutput
 
 DEPTH = 50
 INPUT_DEPTH = 10
+# After so long without a datagram nothing late is expected, seconds.
+QUIET_S = 5.0
 
 
 class AsterixBridge(LifecycleNode):
@@ -64,6 +67,7 @@ class AsterixBridge(LifecycleNode):
         self._sender: socket.socket | None = None
         self._output: TrackOutput | None = None
         self._taken_s = 0.0
+        self._heard_s: float | None = None
         self._outputs: dict[str, Any] = {}
         self._subscribers: dict[str, int] = {}
         self._dropped: Counter[str] = Counter()
@@ -82,6 +86,7 @@ class AsterixBridge(LifecycleNode):
         HealthReports(self, self._statuses, self._warnings)
         # By the wall clock, because radars and displays do not follow simulated time.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(QUIET_S / 5.0, self._look, clock=steady)
         period_s = self._values["output_period_s"]
         if self._values["output"] and period_s:
             self.create_timer(period_s, self._send, clock=steady)
@@ -95,8 +100,7 @@ class AsterixBridge(LifecycleNode):
             self.get_logger().info("unconfigured; waiting for a transition")
 
     def _new_stream(self) -> PlotStream:
-        clock = StreamClock(0, self._values["max_clock_offset_s"])
-        return PlotStream(self._bridge.radars, self._bridge.others, clock)
+        return self._bridge.stream(StreamClock(0, self._values["max_clock_offset_s"]))
 
     def close(self) -> None:
         """Stop receiving, and log what was done."""
@@ -134,7 +138,8 @@ class AsterixBridge(LifecycleNode):
         return done
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop receiving and sending."""
+        """Publish what waits, and stop receiving and sending."""
+        self._finish()
         self._stop()
         return super().on_deactivate(state)
 
@@ -161,13 +166,24 @@ class AsterixBridge(LifecycleNode):
             self._sender = None
 
     def _take(self) -> None:
-        """Publish the sectors that are complete by what was received."""
+        """Publish what is complete by what was received."""
         if self._receiver is None:
             return
         for data, received_ns, source in self._receiver.take():
+            self._heard_s = time.monotonic()
             known_ns = None if self._values["replayed"] else received_ns
             for state, report in self._stream.feed(data, known_ns, source):
                 self._publish(state, report)
+
+    def _look(self) -> None:
+        """Publish what waits once nothing comes any more."""
+        if self._heard_s is not None and time.monotonic() - self._heard_s > QUIET_S:
+            self._finish()
+
+    def _finish(self) -> None:
+        self._heard_s = None
+        for state, report in self._stream.finish():
+            self._publish(state, report)
 
     def _publish(self, state: RadarState, report: SectorReport) -> None:
         name = state.settings.name

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.asterix import framing
-from phd_jdtc_ros.asterix.assembly import SectorReport
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.framing import RecordingError
-from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
+from phd_jdtc_ros.asterix.plot_stream import RadarState
+from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
@@ -60,7 +60,7 @@ def steps(
     BagError
         If the file is no recording of ASTERIX.
     """
-    stream = PlotStream(bridge.radars, bridge.others, StreamClock())
+    stream = bridge.stream(StreamClock())
     scans = _Scans(bridge, config)
     waiting = iter(truth)
     upcoming = next(waiting, None)

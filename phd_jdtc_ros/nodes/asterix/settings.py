@@ -11,39 +11,43 @@ from typing import Any
 
 from msg_adapters import names
 from phd_jdtc_ros.asterix import udp
+from phd_jdtc_ros.asterix.assembly import LEARNED
+from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.columns import AMPLITUDES
-from phd_jdtc_ros.asterix.plot_stream import RadarSettings
+from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.tracks_out import Source
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
 from phd_jdtc_ros.earth import SystemPlane
 
 from ..common.parameters import check, with_members
 from .tracks import TrackOutput
+from .turning import PlotTurns
 
 # What each radar may have of its own; the same without a radar's name is for all.
 OF_ANY_RADAR = (
     Parameter(
         "sectors",
         32,
-        "Number of clouds to a turn; a multiple of 4, and no more than the radar's own sectors if "
-        "clouds are to come as evenly as those.",
+        "Number of clouds to a turn, where the radar sends sector crossings; a multiple of 4, and "
+        "no more than the radar's own sectors if clouds are to come as evenly as those.",
         4,
         256,
     ),
     Parameter(
         "rotation_s",
         0.0,
-        "Time of a turn of the antenna, s; 0 if the radar says it (I034/041) or sends sector "
-        "crossings.",
+        "Time of a turn of the antenna, s, about; 0 to find it out. Without sector crossings a "
+        "cloud is of a sixteenth of it.",
         0.0,
         60.0,
     ),
     Parameter(
         "hold_sectors",
-        0,
-        "Number of further sectors that a sector waits for late plots; late_plots in the "
-        "diagnostics counts those that came later.",
-        0,
+        LEARNED,
+        "Number of further sectors that a sector waits for late plots, where the radar sends "
+        "sector crossings; late_plots in the diagnostics counts those that came later. -1: as many "
+        "as they need.",
+        LEARNED,
         32,
     ),
     Parameter(
@@ -65,6 +69,13 @@ OF_ANY_RADAR = (
 RADAR = (
     Parameter("sac", 0, "System area code of the radar.", 0, 255),
     Parameter("sic", 0, "System identification code of the radar.", 0, 255),
+    Parameter(
+        "geodetic",
+        [],
+        "Latitude and longitude (degrees, WGS84) and height (m) of its antenna, for the "
+        "parameters that are written beside a bag; empty if they are not known, or if it says them "
+        "(I034/120).",
+    ),
     *OF_ANY_RADAR,
 )
 IN = (
@@ -184,6 +195,10 @@ class Bridge:
         get = self.values
         return Amplitudes(get[f"{own}amplitude"], -get[f"{own}amplitude_offset_db"])
 
+    def stream(self, clock: StreamClock) -> PlotStream:
+        """Return what takes the radars' datagrams."""
+        return PlotStream(self.radars, self.others, clock, PlotTurns)
+
 
 def output_of(bridge: Bridge, monosensor: bool) -> TrackOutput:
     """Return what makes ASTERIX of estimates."""
@@ -236,7 +251,8 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
         if other != name:
             sac, sic = values[f"{name}.sac"], values[f"{name}.sic"]
             faults.append(f"{name}.sic: {sac}/{sic} given, is that of {other} too")
-    return faults + _origin_faults(values["world_origin"])
+        faults += _place_faults(f"{name}.geodetic", values[f"{name}.geodetic"])
+    return faults + _place_faults("world_origin", values["world_origin"])
 
 
 def _address_faults(values: Mapping[str, Any]) -> list[str]:
@@ -260,13 +276,13 @@ def _address_faults(values: Mapping[str, Any]) -> list[str]:
     return faults
 
 
-def _origin_faults(origin: list[float]) -> list[str]:
-    if not origin:
+def _place_faults(name: str, place: list[float]) -> list[str]:
+    if not place:
         return []
     try:
-        SystemPlane(origin)
+        SystemPlane(place)
     except ValueError as error:
-        return [f"world_{error}"]
+        return [f"{name}{str(error).removeprefix('origin')}"]
     return []
 
 
@@ -281,6 +297,7 @@ def _radar(values: Mapping[str, Any], name: str) -> RadarSettings:
         values[f"{own}sectors"],
         values[f"{own}rotation_s"],
         values[f"{own}hold_sectors"],
+        tuple(values[f"{own}geodetic"]) if name and values[f"{own}geodetic"] else None,
     )
 
 
