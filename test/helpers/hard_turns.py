@@ -16,6 +16,7 @@ NOISE = np.array([25.0, np.radians(0.05)])
 DETECTED, REPLIED = 0.95, 0.97
 GIVEN = {
     "interval_s": PERIOD_S,
+    "target.survival_probability": 0.999,
     "births": [],
     "detection_births.rates": [0.2],
     "detection_births.velocity_std": 100.0,
