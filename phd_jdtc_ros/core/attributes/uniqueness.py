@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, sum_by
-from ..types import UNKNOWN
 from .identity import Belief, IdentityModel
 
 # However sure, an identity is another target's with less than this.
@@ -115,16 +114,11 @@ def lost(
     near : tuple of two int arrays of shape (P,)
         Targets and their detections that are near to each other.
     """
-    known = np.flatnonzero(has != UNKNOWN)
-    said = np.flatnonzero((shown >= 0) & np.isin(shown, has[known]))
-    if not len(said):
-        return None
-    found, place = np.nonzero(has[known][:, None] == shown[said])
-    target, column = known[found], said[place]
-    size = len(shown)
-    away = ~np.isin(target * size + column, near[0] * size + near[1])
+    away = (has[:, None] == shown) & (shown >= 0)
+    away[near] = False
+    target, column = np.nonzero(away)
     since_ns = shown_ns[column] - seen_ns[target]
-    row = np.flatnonzero(away & (since_ns > 0))
+    row = np.flatnonzero(since_ns > 0)
     if not len(row):
         return None
     since_s = since_ns[row].astype(np.float64) * 1e-9
