@@ -19,7 +19,8 @@ The data's path, with the room or module of each step::
       |    identities and heights              attributes
       |------------- extract ---------------> Estimates (filtered), of the tracks that confirmation
       |                                        reports by a reporting_rule, numbered by
-      |                                        track_numbers and brought to one stamp by reporting
+      |                                        track_numbers, with those of known_aircraft, and
+      |                                        brought to one stamp by reporting
       |  backward over the lag window          the engine
       |------------- extract ---------------> Estimates (smoothed)
 
@@ -54,7 +55,7 @@ Packages import in one direction only::
     pipeline -> engines -> configuration -> smc, gaussian -> association, models, pair_search
     models, forward -> attributes
     smc, gaussian -> fixed_lag -> forward -> touch, window_snapshot -> window
-    fixed_lag -> confirmation
+    fixed_lag -> confirmation, track_numbers -> known_aircraft -> models
     confirmation, configuration -> reporting_rule -> models
     smc, gaussian -> backward -> window
     registration -> tuning -> configuration

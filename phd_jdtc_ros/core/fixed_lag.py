@@ -18,6 +18,7 @@ from .arrays import IntArray
 from .confirmation import TrackStates
 from .engine import Held, Lag, Reworked, Step
 from .forward import MOST_SCANS, Filtered, ForwardFilter
+from .known_aircraft import KnownAircraft, Reach
 from .models.clutter_raster import ClutterRaster, raster
 from .models.tracker_model import TrackerModel
 from .reporting import Schedule, at_stamp, chosen, joined, none, predicted
@@ -186,9 +187,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
 
     def interrupt(self) -> tuple[Estimates, ...]:
         """Do as `flush`, but use no track number a second time; see `Engine.interrupt`."""
-        rest, count = self._smooth_rest(), self._tracks.count
+        rest, before = self._smooth_rest(), self._tracks
         self.reset()
-        self._tracks = TrackNumbers(count=count)
+        self._tracks = TrackNumbers(count=before.count, aircraft=before.aircraft)
         return rest
 
     def hold(self) -> Held:
@@ -212,14 +213,14 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             steps.append(self.step(scan))
         self.retune(before.model, before.rule)
         known = renumbering.continued(earlier, numbers.in_use, now, self._reported(), first)
-        self._tracks = TrackNumbers(known, numbers.count)
+        self._tracks, reach = TrackNumbers(known, numbers.count, numbers.aircraft), self._reach
         filtered, smoothed = [], []
         for step in steps:
             if self.schedule.period_ns:
                 due = [found for found in step.filtered if found.stamp_ns > given[0]]
-                filtered += [self._tracks.numbered(found) for found in due]
+                filtered += [self._tracks.numbered(found, reach) for found in due]
             due = [found for found in step.smoothed if found.stamp_ns > given[1]]
-            smoothed += [self._tracks.numbered(found) for found in due]
+            smoothed += [self._tracks.numbered(found, reach) for found in due]
         own = {"numbers": self._tracks.in_use}
         held = [replace(each, state={**each.state, **own}) for each in held]
         self._tracks.forget_all_but([entry.stored.label for entry in self._window])
@@ -333,7 +334,12 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """Return targets with what is known of them besides, and with track numbers for labels."""
         if self.forward.attributes is not None:
             found = self.forward.attributes.told(found, smoothed)
-        return self._tracks.numbered(found)
+        return self._tracks.numbered(found, self._reach)
+
+    @property
+    def _reach(self) -> Reach | None:
+        """How far aircraft may go without a track; None where no radar reports identities."""
+        return Reach.of(self.forward.model)
 
     def _smooth_rest(self) -> tuple[Estimates, ...]:
         """Smooth all stamps that are held back with the scans that the window holds."""
@@ -424,4 +430,4 @@ def _track_numbers(facts: Any) -> TrackNumbers:
         whole("label", label, 0, MOST_INDEX + 1): whole("track", given, 1, count)
         for label, given in facts["number"]
     }
-    return TrackNumbers(number, count)
+    return TrackNumbers(number, count, KnownAircraft.of_facts(facts.get("aircraft", []), count))

@@ -17,7 +17,7 @@ PACKAGE = sorted((ROOT / "phd_jdtc_ros").rglob("*.py"))
 ADAPTERS = sorted((ROOT / "msg_adapters").rglob("*.py"))
 COMPILED = ("compiled", "compiled_kernel")
 
-BASE = ("arrays", "state_space", "types", "origins", "track_numbers")
+BASE = ("arrays", "state_space", "types", "origins")
 # Which inner loops are in use, and how numba compiles some.
 KERNELS = ("backend", "compiled")
 # What an engine is built from, beside the models and the searches.
@@ -37,7 +37,8 @@ ROOMS = {
     "snapshot": (),
     "state_space": ("arrays",),
     "types": ("arrays", "state_space"),
-    "track_numbers": ("arrays", "types"),
+    "known_aircraft": ("models", "snapshot", "types"),
+    "track_numbers": ("arrays", "known_aircraft", "reporting", "types"),
     "scans": ("types",),
     "site": ("arrays", "ellipsoid"),
     "sited_plots": ("arrays", "site"),
@@ -79,7 +80,7 @@ ROOMS = {
         *("window", "window_snapshot"),
     ),
     "fixed_lag": (
-        *("arrays", "track_numbers", "types"),
+        *("arrays", "known_aircraft", "track_numbers", "types"),
         *("confirmation", "engine", "forward", "models", "renumbering", "reporting"),
         *("reporting_rule", "snapshot", "window", "window_snapshot"),
     ),

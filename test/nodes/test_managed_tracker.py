@@ -154,15 +154,16 @@ def test_publisher_of_incompatible_qos_is_an_error(processes, peer):
 
 
 def test_qos_override_is_for_its_topic_alone(processes, peer):
-    start(processes, qos=RELIABLE[:2])
+    override = f"qos_overrides.{DETECTIONS}.subscription.reliability:=best_effort"
+    start(processes, "-p", override, qos=())
     group = connected(peer)
     wanted = [
         group.peer.node.get_subscriptions_info_by_topic(f"/radar_{k}/detections")[0].qos_profile
         for k in (1, 2)
     ]
     assert [qos.reliability for qos in wanted] == [
-        ReliabilityPolicy.RELIABLE,
         ReliabilityPolicy.BEST_EFFORT,
+        ReliabilityPolicy.RELIABLE,
     ]
 
 
@@ -195,7 +196,7 @@ def test_missed_deadline_is_counted(processes, peer):
 
 
 def test_gaps_in_the_publishers_numbers_are_counted(processes, peer):
-    start(processes, qos=())  # best effort: what comes while nobody listens is gone
+    start(processes, qos=())
     group = connected(peer)
     group.track(0)
     assert change(peer, Transition.TRANSITION_DEACTIVATE)

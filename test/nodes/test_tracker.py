@@ -289,14 +289,50 @@ def test_tracker_offers_the_contracted_qos(radars):
     assert wanted.reliability == ReliabilityPolicy.RELIABLE  # as overridden
 
 
-def test_tracker_asks_for_best_effort_by_default(processes, peer):
+def asked_for(peer):
+    """Return how reliable the tracker's subscriptions to the first radar are."""
+    found = peer.node.get_subscriptions_info_by_topic("/radar_1/detections")
+    return [info.qos_profile.reliability for info in found]
+
+
+def test_busy_tracker_loses_no_cloud_of_a_reliable_radar(processes, peer):
+    tracker = processes.start("tracker", "--ros-args", *FAST)
+    radars = Radars(peer)
+    radars.connect()
+    radars.track(0)
+    tracker.send_signal(signal.SIGSTOP)  # as in one long step
+    for index in range(1, 46):
+        radars.send(index)
+    tracker.send_signal(signal.SIGCONT)
+
+    assert peer.spin_until(lambda: len(radars.filtered) == 46)
+    assert diagnostics.values_of(radars.drops(1))["gaps"] == "0"
+    assert diagnostics.values_of(radars.drops(2))["gaps"] == "0"
+
+
+def test_tracker_hears_a_radar_that_offers_best_effort_only(processes, peer):
     processes.start("tracker", "--ros-args", *FAST)
+    assert peer.spin_until(lambda: asked_for(peer) == [ReliabilityPolicy.RELIABLE])
+    radars, modest = Radars(peer), QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+    peer.node.destroy_publisher(radars.outputs[0])
+    radars.outputs[0] = peer.publisher(PointCloud2, "/radar_1/detections", modest)
+    assert peer.spin_until(lambda: asked_for(peer) == [ReliabilityPolicy.BEST_EFFORT])
+    radars.connect()
+    radars.track(0)
+    assert diagnostics.values_of(radars.drops(1))["incompatible_qos"] == "0"
 
-    def subscriptions():
-        return peer.node.get_subscriptions_info_by_topic("/radar_1/detections")
 
-    assert peer.spin_until(subscriptions)
-    assert subscriptions()[0].qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+def test_tracker_is_reliable_again_when_its_radar_is(processes, peer):
+    processes.start("tracker", "--ros-args", *FAST)
+    radars, modest = Radars(peer), QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+    peer.node.destroy_publisher(radars.outputs[0])
+    radars.outputs[0] = peer.publisher(PointCloud2, "/radar_1/detections", modest)
+    assert peer.spin_until(lambda: asked_for(peer) == [ReliabilityPolicy.BEST_EFFORT])
+    peer.node.destroy_publisher(radars.outputs[0])
+    radars.outputs[0] = peer.publisher(PointCloud2, "/radar_1/detections", 50)
+    assert peer.spin_until(lambda: asked_for(peer) == [ReliabilityPolicy.RELIABLE])
+    radars.connect()
+    radars.track(0)
 
 
 def test_tracker_without_amplitudes_warns_once_and_tracks(processes, peer):

@@ -84,6 +84,19 @@ class Shares(NamedTuple):
     approximate: int
 
 
+def undetected(existence: FloatArray, missed: FloatArray) -> FloatArray:
+    """Return the existence probabilities of targets, given that they are not detected.
+
+    Parameters
+    ----------
+    existence : array of shape (T,)
+        Before the detections.
+    missed : array of shape (T,)
+        Probability that each exists and is not detected.
+    """
+    return missed / np.maximum(1.0 - existence + missed, LEAST_MISSED)
+
+
 def bernoulli(target: IntArray, targets: int, weight: FloatArray, claims: Claims) -> Shares:
     """Return how the detections change the weights of targets that are at most one each.
 

@@ -7,7 +7,8 @@
 
     origins, their pairs with detections
       |  what an identity, a height is worth as evidence       identity, height
-    log factor of each pair, and of clutter: memory.AttributeMemory.evidence
+      |  unique ones: taken by other targets, or lost          uniqueness
+    log factor of each pair, of clutter and of new targets: memory.AttributeMemory.evidence
       |  (the engine associates)
     probability of each pair: memory.AttributeMemory.learn
       |  beliefs of each origin

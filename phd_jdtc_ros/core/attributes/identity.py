@@ -6,6 +6,10 @@
 A belief is a few candidates, the rest of all identities as one, and that the target has no
 transponder. A detection shows one identity or none. An answer may be garbled, a target may not
 answer, and a new code may be assigned to it, so that no belief ever excludes a detection.
+
+An identity may be unique: what one target has, no other one has. Addresses are, because an airframe
+keeps its own. Codes are not: there are 4096 for all the world, neighbouring centres give the same
+ones, and some are for whole groups of aircraft.
 """
 
 from __future__ import annotations
@@ -47,6 +51,8 @@ class IdentityModel:
         Identities that many targets have.
     shared_probability : float
         That a target has one of those; each is as probable.
+    unique : bool
+        Whether no two targets have the same.
     """
 
     size: int
@@ -56,6 +62,7 @@ class IdentityModel:
     kept_s: float = 1800.0
     shared: tuple[int, ...] = ()
     shared_probability: float = 0.0
+    unique: bool = False
 
     def prior(self, identity: IntArray) -> FloatArray:
         """Return how probable identities are for a target that nothing is known of; shape kept."""
@@ -69,6 +76,11 @@ class IdentityModel:
     def answered(self) -> float:
         """Probability that a detection of an unknown target has an answer."""
         return self.equipped * self.reply + (1.0 - self.equipped) * self.garbled
+
+    def own(self, identity: IntArray) -> FloatArray:
+        """Return how probably what unknown targets' detections show is their own; shape kept."""
+        shown = self.equipped * self.reply * (1.0 - self.garbled) * self.prior(identity)
+        return np.where(identity < 0, 0.0, shown / self.nobodys(identity))
 
     def nobodys(self, identity: IntArray) -> FloatArray:
         """Return the probability of what detections of unknown targets show; shape kept."""
@@ -114,6 +126,12 @@ class Belief(NamedTuple):
         row = np.arange(len(best))
         return np.where(self.weight[row, best] > 0.5, self.candidate[row, best], UNKNOWN)
 
+    def of(self, target: IntArray, shown: IntArray) -> FloatArray:
+        """Return how probably targets have what is shown as a candidate, both of shape (E,)."""
+        match = (self.candidate[target] == shown[:, None]) & (shown >= 0)[:, None]
+        probability: FloatArray = (self.weight[target, :REST] * match).sum(axis=1)
+        return probability
+
 
 class Shown(NamedTuple):
     """What detections show, compared with what is believed of targets.
@@ -134,7 +152,13 @@ class Shown(NamedTuple):
     log_factor: FloatArray
 
 
-def compared(belief: Belief, target: IntArray, shown: IntArray, model: IdentityModel) -> Shown:
+def compared(
+    belief: Belief,
+    target: IntArray,
+    shown: IntArray,
+    model: IdentityModel,
+    taken: FloatArray | float = 0.0,
+) -> Shown:
     """Return what the detections of pairs are worth as evidence.
 
     Parameters
@@ -146,13 +170,17 @@ def compared(belief: Belief, target: IntArray, shown: IntArray, model: IdentityM
         The identity that each pair's detection shows; `UNKNOWN` for no answer, `NOTHING` where it
         does not say.
     model : IdentityModel
+    taken : array of shape (E,) or float
+        Probability that another target has what the pair's detection shows, so that its own target
+        cannot.
     """
     prior = _widened(belief, target, shown, model)
     answered = (shown >= 0)[:, None]
     garbled = model.garbled / model.size
     match = (prior.candidate[target] == shown[:, None]) & answered
     likelihood = np.empty((len(target), prior.weight.shape[1]))
-    likelihood[:, :REST] = model.reply * ((1.0 - model.garbled) * match + garbled)
+    free = np.broadcast_to(1.0 - np.asarray(taken), shown.shape)[:, None]
+    likelihood[:, :REST] = model.reply * ((1.0 - model.garbled) * free * match + garbled)
     # What is shown is a candidate, so that none of the rest shows it but garbled.
     likelihood[:, REST] = model.reply * garbled
     likelihood[:, ABSENT] = model.garbled * model.prior(shown)

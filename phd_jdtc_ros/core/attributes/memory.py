@@ -13,10 +13,11 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
 from ..types import UNKNOWN, Attributes, Detections, Estimates
-from . import height, identity, updates
+from . import height, identity, uniqueness, updates
 from .height import BoolArray, HeightModel, Heights
 from .history import History
 from .identity import Belief, IdentityModel
+from .uniqueness import Lost
 
 # Below this share of its target, a pair tells nothing.
 LEAST = 1e-12
@@ -131,13 +132,13 @@ class Evidence:
     ----------
     log_factor : array of shape (P,)
         Of each pair: what the likelihood that the engine computes from the state is multiplied by.
-    log_clutter : array of shape (M,)
-        Of each detection: what the intensity of clutter is multiplied by. Unknown targets keep
-        theirs.
+    log_clutter, log_unknown : arrays of shape (M,)
+        Of each detection: what the intensities of clutter and of unknown targets are multiplied by.
     """
 
     log_factor: FloatArray
     log_clutter: FloatArray
+    log_unknown: FloatArray
     _edge_of_pair: IntArray
     # By edge: the target's place in `_target`.
     _edge_target: IntArray
@@ -202,6 +203,7 @@ class AttributeMemory:
         target: IntArray,
         column: IntArray,
         detections: Detections,
+        undetected: FloatArray,
         stamp_ns: int,
     ) -> Evidence | None:
         """Return what one radar's detections are worth as evidence.
@@ -213,6 +215,8 @@ class AttributeMemory:
         target, column : int arrays of shape (P,)
             The target and the detection of each pair.
         detections : Detections
+        undetected : array of shape (T,)
+            Existence probability of each target, given that no detection is its own.
         stamp_ns : int
             Of the scan.
 
@@ -231,14 +235,22 @@ class AttributeMemory:
         own, place = np.unique(edge // max(size, 1), return_inverse=True)
         place = place.ravel()
         records = self._at(origin[own], stamp_ns)
-        told = self._told(records.known, place, edge_column, detections)
+        address = _addresses(detections)
+        taken = uniqueness.taken(
+            *(records.known.address, place, edge_column),
+            np.full(size, UNKNOWN) if address is None else address,
+            *(undetected[own], self.model.address),
+        )
+        told = self._told(records.known, place, edge_column, detections, taken.by_another)
         log_factor = np.zeros(len(edge))
         for part in (told.code, told.address, told.height):
             if part is not None:
                 log_factor += part.log_factor
-        log_clutter = self._log_clutter(detections)
         return Evidence(
-            *(log_factor[edge_of_pair], log_clutter, edge_of_pair, place, own, origin[own], told),
+            log_factor[edge_of_pair],
+            self._log_clutter(detections),
+            taken.log_unknown,
+            *(edge_of_pair, place, own, origin[own], told),
             *(edge_column, detections, records.seen_ns),
         )
 
@@ -319,6 +331,15 @@ class AttributeMemory:
             ),
         )
 
+    def addresses(self, origin: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the address of each origin, `UNKNOWN` without one, and when it was last seen."""
+        address, seen_ns = np.full((2, len(origin)), UNKNOWN)
+        row, place = self._rows(origin)
+        records = self.records
+        address[row] = Belief(records.address[place], records.address_weight[place]).reported()
+        seen_ns[row] = records.seen_ns[place].max(axis=1)
+        return address, seen_ns
+
     def copy(self) -> AttributeMemory:
         """Return another memory of the same; what it learns, this one does not."""
         other = AttributeMemory(self.model)
@@ -338,20 +359,30 @@ class AttributeMemory:
     def _at(self, origin: IntArray, stamp_ns: int) -> Records:
         """Return the records of origins, moved to a stamp; fresh ones where there are none."""
         found = Records.of(origin, stamp_ns, Known.fresh(len(origin), self.model))
-        place = np.searchsorted(self.records.origin, origin)
-        inside = np.flatnonzero(place < len(self.records.origin))
-        row = inside[self.records.origin[place[inside]] == origin[inside]]
-        kept = self.records.take(place[row])
+        row, place = self._rows(origin)
+        kept = self.records.take(place)
         dt = (stamp_ns - kept.stamp_ns).astype(np.float64) * 1e-9
         moved = Records.of(kept.origin, stamp_ns, kept.known.moved(dt, self.model), kept.seen_ns)
         for column, value in zip(found[2:], moved[2:], strict=True):
             column[row] = value
         return found
 
+    def _rows(self, origin: IntArray) -> tuple[IntArray, IntArray]:
+        """Return which of some origins have records, and where those are."""
+        place = np.searchsorted(self.records.origin, origin)
+        inside = np.flatnonzero(place < len(self.records.origin))
+        row = inside[self.records.origin[place[inside]] == origin[inside]]
+        return row, place[row]
+
     def _told(
-        self, before: Known, target: IntArray, column: IntArray, detections: Detections
+        self,
+        before: Known,
+        target: IntArray,
+        column: IntArray,
+        detections: Detections,
+        taken: FloatArray | float = 0.0,
     ) -> _Told:
-        """Return what the detections of edges tell of targets."""
+        """Return what the detections of edges tell of targets; see `identity.compared`."""
         code, address, heights = detections.code, _addresses(detections), detections.height
         since = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
         model = self.model
@@ -362,7 +393,7 @@ class AttributeMemory:
             else identity.compared(before.code, target, code[column], model.code),
             None
             if address is None
-            else identity.compared(before.address, target, address[column], model.address),
+            else identity.compared(before.address, target, address[column], model.address, taken),
             None
             if heights is None
             else height.compared(
@@ -406,10 +437,35 @@ class AttributesAt(NamedTuple):
     stamp_ns: int
 
     def evidence(
-        self, origin: IntArray, target: IntArray, column: IntArray, detections: Detections
+        self,
+        origin: IntArray,
+        target: IntArray,
+        column: IntArray,
+        detections: Detections,
+        undetected: FloatArray,
     ) -> Evidence | None:
         """Return what detections are worth as evidence; see `AttributeMemory.evidence`."""
-        return self.memory.evidence(origin, target, column, detections, self.stamp_ns)
+        return self.memory.evidence(origin, target, column, detections, undetected, self.stamp_ns)
+
+    def lost(
+        self, origin: IntArray, target: IntArray, column: IntArray, detections: Detections
+    ) -> Lost | None:
+        """Return the targets whose identities detections show outside their gates.
+
+        Parameters
+        ----------
+        origin : int array of shape (T,)
+            Of the engine's targets.
+        target, column : int arrays of shape (P,)
+            The target and the detection of each pair in a gate.
+        detections : Detections
+        """
+        memory, shown = self.memory, _addresses(detections)
+        if shown is None or not memory.model.address.unique:
+            return None
+        has, seen_ns = memory.addresses(origin)
+        shown_ns = updates.times_of(detections, self.stamp_ns)
+        return uniqueness.lost(has, seen_ns, shown, shown_ns, (target, column))
 
     def learn(self, evidence: Evidence, mass: FloatArray, existence: FloatArray) -> None:
         """Take in the probabilities of an association; see `AttributeMemory.learn`."""

@@ -292,7 +292,7 @@ def _attributes(values: Mapping[str, Any]) -> AttributeModel | None:
             shared_probability=values["shared_code_probability"] if shared else 0.0,
             **common,
         ),
-        address=IdentityModel(ADDRESSES, kept_s=ADDRESS_KEPT_S, **common),
+        address=IdentityModel(ADDRESSES, kept_s=ADDRESS_KEPT_S, unique=True, **common),
         height=HeightModel(
             std=values["height_std"],
             noise_density=values["height_noise_density"],

@@ -311,7 +311,8 @@ TOP = (
     Parameter(
         "code_kept_s",
         1800.0,
-        "Mean time until a target gets another code, s.",
+        "Mean time until a target gets another code, s. An aircraft that comes back within it, by "
+        "its address, has its track number again.",
         1.0,
         1e9,
         mutable=True,

@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import origins
 from ..arrays import FloatArray, IntArray, sum_by
-from ..association.bernoulli import Claims, bernoulli
+from ..association.bernoulli import Claims, bernoulli, undetected
 from ..attributes.memory import AttributeMemory, AttributesAt, Evidence
 from ..models.clutter_memory import ClutterMemory
 from ..models.detection_birth import Newborn
@@ -29,6 +29,7 @@ from .newborn import newborn_mixture
 from .pairs import likely, summed, weighed
 from .reduction import Bounds, Branched, probable
 from .stillness import slow
+from .strays import with_strays
 
 
 def update(
@@ -84,16 +85,27 @@ def update(
     expected = Expected.of(mixture, radar)
     flat = expected.measured.reshape(-1, 2)
     detections, radar, share = thinned(flat, float(mixture.mass.sum()), detections, radar)
+    amplitudes = log_amplitude(detections, radar, dynamics).T
+    pairs = gated(mixture, expected, detections, radar)
+    if attributes is not None:
+        lost = attributes.lost(mixture.label, mixture.target[pairs[0]], pairs[1], detections)
+        if lost is not None:
+            predicted = with_strays(predicted, lost, model)
+            mixture, expected = predicted.mixture, Expected.of(predicted.mixture, radar)
+            pairs = gated(mixture, expected, detections, radar)
+    row, column, rough = pairs
     detectable = share * detection_probability(expected, detections, radar, dynamics)
     missed = mixture.weight * (1.0 - detectable)
-    amplitudes = log_amplitude(detections, radar, dynamics).T
-    row, column, rough = gated(mixture, expected, detections, radar)
     rates = radar.rates_of(detections)
     if rates is not None:
         rough = rough + rough_rates(mixture, row, column, rates, radar)
     evidence = None
     if attributes is not None:
-        evidence = attributes.evidence(mixture.label, mixture.target[row], column, detections)
+        alive = sum_by(mixture.target, summed(missed), len(mixture.label))
+        evidence = attributes.evidence(
+            *(mixture.label, mixture.target[row], column, detections),
+            undetected(mixture.existence, alive),
+        )
     if evidence is not None:
         rough = rough + evidence.log_factor[:, None]
     log_mass = rough[..., None] + amplitudes[column][:, None, :]
@@ -148,8 +160,8 @@ def _others(
 ) -> OtherSources:
     """Return the other sources of the detections, given log p_D L_z of the pairs, (P, R, S)."""
     largest = log_mass.max(axis=(1, 2))
-    log_clutter = 0.0 if evidence is None else evidence.log_clutter
-    return other_sources(detections, radar, model, dt, column, largest, earlier, log_clutter)
+    told = () if evidence is None else (evidence.log_clutter, evidence.log_unknown)
+    return other_sources(detections, radar, model, dt, column, largest, earlier, *told)
 
 
 def _branched(

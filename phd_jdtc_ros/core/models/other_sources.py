@@ -81,6 +81,7 @@ def other_sources(
     log_likelihood: FloatArray,
     earlier: Sequence[Newborn] = (),
     log_clutter: FloatArray | float = 0.0,
+    log_unknown: FloatArray | float = 0.0,
 ) -> OtherSources:
     """Return the other sources of one radar's detections.
 
@@ -97,15 +98,16 @@ def other_sources(
         Log p_D L_z of each pair.
     earlier : sequence of Newborn
         Targets born at the detections of the scan's earlier radars.
-    log_clutter : array of shape (M,) or float
-        Log of what the intensity of clutter at each detection is multiplied by.
+    log_clutter, log_unknown : arrays of shape (M,) or floats
+        Log of what the intensities of clutter and of unknown targets at each detection are
+        multiplied by.
     """
     log_other = radar.log_clutter_intensity(detections)[None] + log_clutter
     if model.detection_births.enabled:
         log_birth = model.detection_births.log_intensity(
             detections, radar, model.modes, dt, earlier
         )
-        log_other = np.concatenate([log_other, log_birth])
+        log_other = np.concatenate([log_other, log_birth + log_unknown])
     scale = log_other.max(axis=0)
     np.maximum.at(scale, column, log_likelihood)
     return OtherSources(scale, np.exp(log_other - scale))

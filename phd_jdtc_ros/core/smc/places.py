@@ -83,7 +83,7 @@ class Places:
 def places(scan: Scan, model: TrackerModel) -> Places:
     """Return where a scan's detections are, of all radars."""
     reports = model.reports(scan)
-    found = [_places(detections, radar) for radar, detections in reports]
+    found = [places_of(detections, radar) for radar, detections in reports]
     return Places(
         np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),
         np.concatenate([np.zeros((0, 2, 2)), *(part.covariance for part in found)]),
@@ -107,7 +107,8 @@ def _rates(reports: Sequence[tuple[RadarModel, Detections]]) -> PlaceRates | Non
     return PlaceRates(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
 
-def _places(detections: Detections, radar: RadarModel) -> Places:
+def places_of(detections: Detections, radar: RadarModel) -> Places:
+    """Return where one radar's detections are, without their range rates."""
     own = radar.detection_noise(detections)
     std = np.tile(radar.noise_std, (len(detections), 1)) if own is None else own
     distance, azimuth = detections.measurement.T

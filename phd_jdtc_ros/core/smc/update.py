@@ -15,8 +15,8 @@ import numpy as np
 from scipy import sparse
 
 from .. import origins
-from ..arrays import factorize, sum_by
-from ..association.bernoulli import Claims
+from ..arrays import FloatArray, IntArray, factorize, sum_by
+from ..association.bernoulli import Claims, undetected
 from ..attributes.memory import AttributeMemory, AttributesAt
 from ..models import detection_birth
 from ..models.clutter_memory import ClutterMemory
@@ -28,6 +28,7 @@ from ..models.tracker_model import TrackerModel
 from ..types import Detections, Scan
 from .correction import Corrector
 from .particle_set import ParticleSet
+from .strays import with_strays
 
 
 def update(
@@ -37,6 +38,7 @@ def update(
     model: TrackerModel,
     corrector: Corrector,
     dt: float,
+    rng: np.random.Generator,
     clutter: ClutterMemory | None = None,
     earlier: Sequence[Newborn] = (),
     attributes: AttributesAt | None = None,
@@ -53,6 +55,7 @@ def update(
     corrector : Corrector
     dt : float
         True interval since the previous scan, seconds.
+    rng : numpy.random.Generator
     clutter : ClutterMemory or None
         What is known of the radar's clutter, to learn from these detections; None to go by the
         radar model alone.
@@ -74,26 +77,40 @@ def update(
     """
     detections = model.amplitudes.used(detections)
     radar = radar if clutter is None else clutter.informed(radar)
-    predicted = radar.measure(particles.state)
-    seen = radar.missable(predicted, detections.coverage)
-    predicted[predicted[:, 0] > radar.max_range, 0] = np.inf  # outside every detection's gate
+    measured, predicted = _expected(particles, radar)
     targets = float(particles.weight.sum())
     detections, radar, share = thinned(predicted, targets, detections, radar)
-    rate = None if detections.time_s is None else radar.measurement_rate(particles.state)
-    row, column, log_likelihood = radar.gated_pairs(predicted, detections, rate)
+    row, column, log_likelihood = _gated(particles, predicted, detections, radar)
+    if attributes is not None:
+        origin, target = factorize(particles.origin)
+        lost = attributes.lost(origin, target[row], column, detections)
+        if lost is not None:
+            particles = with_strays(particles, lost, detections, radar, model, rng)
+            measured, predicted = _expected(particles, radar)
+            target = factorize(particles.origin)[1]
+            row, column, log_likelihood = _gated(particles, predicted, detections, radar)
+    detectable = radar.missable(measured, detections.coverage) * share
+    detectable *= model.amplitudes.detection_probability(
+        particles.mode, particles.log_snr, predicted[:, 0], radar, model.modes
+    )
     log_likelihood += radar.log_range_rate(particles.state, detections, (row, column))
     log_likelihood += model.amplitudes.log_likelihood(
         particles.mode, particles.log_snr, detections, (row, column), radar, model.modes
     )
     evidence = None
     if attributes is not None:
-        origin, target = factorize(particles.origin)
-        evidence = attributes.evidence(origin, target.take(row), column, detections)
+        existence, missed = (
+            sum_by(target, weight, len(origin))
+            for weight in (particles.weight, particles.weight * (1.0 - detectable))
+        )
+        evidence = attributes.evidence(
+            origin, target.take(row), column, detections, undetected(existence, missed)
+        )
     if evidence is not None:
         log_likelihood += evidence.log_factor
     others = other_sources(
         *(detections, radar, model, dt, column, log_likelihood, earlier),
-        0.0 if evidence is None else evidence.log_clutter,
+        *(() if evidence is None else (evidence.log_clutter, evidence.log_unknown)),
     )
 
     claims = Claims(
@@ -101,11 +118,7 @@ def update(
         column=column,
         mass=particles.weight.take(row) * np.exp(log_likelihood - others.log_scale.take(column)),
         other=others.total,
-        detection_probability=seen
-        * share
-        * model.amplitudes.detection_probability(
-            particles.mode, particles.log_snr, predicted[:, 0], radar, model.modes
-        ),
+        detection_probability=detectable,
     )
     corrected, claimed, pair = corrector.correct(particles, claims)
     if attributes is not None and evidence is not None:
@@ -117,6 +130,22 @@ def update(
         still = model.detection_births.at_rest(claims.part(slow), radar.clutter_map_speed)
         clutter.learn(radar, detections, claimed, still)
     return corrected, others.newborn(claimed, radar, detections, model, share)
+
+
+def _expected(particles: ParticleSet, radar: RadarModel) -> tuple[FloatArray, FloatArray]:
+    """Return what a radar would measure of particles, and that with those out of range nowhere."""
+    measured = radar.measure(particles.state)
+    predicted = measured.copy()
+    predicted[predicted[:, 0] > radar.max_range, 0] = np.inf  # outside every detection's gate
+    return measured, predicted
+
+
+def _gated(
+    particles: ParticleSet, predicted: FloatArray, detections: Detections, radar: RadarModel
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the pairs of particles and detections, and their log likelihoods."""
+    rate = None if detections.time_s is None else radar.measurement_rate(particles.state)
+    return radar.gated_pairs(predicted, detections, rate)
 
 
 def update_scan(
@@ -146,7 +175,7 @@ def update_scan(
     newborns: list[Newborn] = []
     for radar, detections in model.reports(scan):
         particles, newborn = update(
-            particles, detections, radar, model, corrector, dt, clutter, newborns, known
+            particles, detections, radar, model, corrector, dt, rng, clutter, newborns, known
         )
         if newborn is not None:
             newborn, count = detection_birth.affordable(newborn, model.detection_births)

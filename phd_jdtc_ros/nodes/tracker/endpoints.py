@@ -27,8 +27,8 @@ from rclpy.subscription import Subscription
 from ..common import overridable
 from .health import InputHealth, OutputHealth, Publishers
 
-# Scans of a radar that wait while one is stepped.
-INPUT_DEPTH = 10
+# Messages of an input that wait while a scan is stepped, at least.
+INPUT_DEPTH = 50
 
 
 def output_qos() -> QoSProfile:
@@ -46,10 +46,6 @@ def latched_qos() -> QoSProfile:
         reliability=ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL,
     )
-
-
-def _input_qos(depth: int) -> QoSProfile:
-    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def publisher(
@@ -81,17 +77,29 @@ def publisher(
         )
 
 
-def subscription(
-    node: LifecycleNode,
-    message_type: type,
-    topic: str,
-    callback: Callable[..., None],
-    health: InputHealth,
-    depth: int = INPUT_DEPTH,
-) -> Subscription:
-    """Return a subscription to `topic` whose QoS events are counted in `health`.
+class Listener:
+    """A subscription that is reliable as long as its publishers are, whose events are counted.
 
-    `depth` is its history's. In addition to the usual policies, the deadline can be overridden.
+    By default it asks for the best that is available. The middleware decides that once, by the
+    publishers that are there: it is reliable, unless one of them offers best effort only. So it
+    subscribes again when such a one appears, and when there are others instead.
+
+    In addition to the usual policies, the deadline can be overridden.
+
+    Parameters
+    ----------
+    node : LifecycleNode
+    message_type : type
+    topic : str
+    callback : callable
+        Called with each message and its information.
+    health : InputHealth
+    depth : int
+        Of its history.
+
+    Attributes
+    ----------
+    subscription : Subscription
 
     Raises
     ------
@@ -99,48 +107,101 @@ def subscription(
         If the QoS override is not valid.
     """
 
-    def on_incompatible(event: Any) -> None:
+    def __init__(
+        self,
+        node: LifecycleNode,
+        message_type: type,
+        topic: str,
+        callback: Callable[..., None],
+        health: InputHealth,
+        depth: int = INPUT_DEPTH,
+    ) -> None:
+        self._node, self._health = node, health
+        self._asked = message_type, topic, callback
+        self._depth = depth
+        self.subscription = self._subscribe()
+
+    def _subscribe(self) -> Subscription:
+        usual = QoSOverridingOptions.with_default_policies().policy_kinds
+        # New each time, because rclpy writes an override into the profile that it is given.
+        qos = QoSProfile(depth=self._depth, reliability=ReliabilityPolicy.BEST_AVAILABLE)
+        with overridable.qos_of(self._health.topic):
+            return self._node.create_subscription(
+                *self._asked,
+                qos,
+                event_callbacks=SubscriptionEventCallbacks(
+                    deadline=self._on_deadline, incompatible_qos=self._on_incompatible
+                ),
+                qos_overriding_options=QoSOverridingOptions(
+                    [*usual, QoSPolicyKind.DEADLINE], callback=_possible
+                ),
+            )
+
+    def _again(self) -> None:
+        self.destroy()
+        self.subscription = self._subscribe()
+
+    @property
+    def _adapts(self) -> bool:
+        """Whether nobody has said how reliable it is to be."""
+        adapts: bool = self.subscription.qos_profile.reliability == ReliabilityPolicy.BEST_AVAILABLE
+        return adapts
+
+    def _on_incompatible(self, event: Any) -> None:
+        if self._adapts and event.last_policy_kind == QoSPolicyKind.RELIABILITY:
+            self._node.get_logger().info(f"{self._health.topic}: offered best effort, heard so")
+            self._again()
+            return
         policy = qos_policy_name_from_kind(event.last_policy_kind)
-        health.incompatible_qos += event.total_count_change
-        node.get_logger().warning(
-            f"{health.topic}: a publisher offers incompatible QoS ({policy}), "
+        self._health.incompatible_qos += event.total_count_change
+        self._node.get_logger().warning(
+            f"{self._health.topic}: a publisher offers incompatible QoS ({policy}), "
             "nothing is received from it"
         )
 
-    def on_deadline(event: Any) -> None:
-        health.miss_deadline(event.total_count_change, time.monotonic())
+    def _on_deadline(self, event: Any) -> None:
+        self._health.miss_deadline(event.total_count_change, time.monotonic())
 
-    def possible(qos: QoSProfile) -> SetParametersResult:
-        # The middleware would hang on a negative deadline.
-        return SetParametersResult(
-            successful=qos.deadline.nanoseconds >= 0, reason="deadline: must be at least 0"
-        )
-
-    usual = QoSOverridingOptions.with_default_policies().policy_kinds
-    with overridable.qos_of(health.topic):
-        return node.create_subscription(
-            message_type,
-            topic,
-            callback,
-            _input_qos(depth),
-            event_callbacks=SubscriptionEventCallbacks(
-                deadline=on_deadline, incompatible_qos=on_incompatible
-            ),
-            qos_overriding_options=QoSOverridingOptions(
-                [*usual, QoSPolicyKind.DEADLINE], callback=possible
+    def publishers(self) -> Publishers:
+        """Return the publishers on the topic, with those whose QoS is incompatible."""
+        listener = self.subscription
+        found = self._node.get_publishers_info_by_topic(listener.topic_name)
+        verdicts = [qos_check_compatible(info.qos_profile, listener.qos_profile) for info in found]
+        return Publishers(
+            frozenset(tuple(info.endpoint_gid) for info in found),
+            tuple(
+                reason.removeprefix("ERROR: ").rstrip("; ")
+                for fits, reason in verdicts
+                if fits == QoSCompatibility.ERROR
             ),
         )
 
+    def improve(self) -> None:
+        """Be reliable again if no publisher is left that offers best effort only."""
+        topic, name = self.subscription.topic_name, self._node.get_name()
+        if not self._adapts:
+            return
+        own = [
+            info.qos_profile.reliability
+            for info in self._node.get_subscriptions_info_by_topic(topic)
+            if (info.node_namespace, info.node_name) == (self._node.get_namespace(), name)
+        ]
+        if ReliabilityPolicy.BEST_EFFORT not in own:
+            return
+        offered = {
+            info.qos_profile.reliability for info in self._node.get_publishers_info_by_topic(topic)
+        }
+        if offered == {ReliabilityPolicy.RELIABLE}:
+            self._node.get_logger().info(f"{self._health.topic}: offered reliable, heard so")
+            self._again()
 
-def publishers(node: LifecycleNode, listener: Subscription) -> Publishers:
-    """Return the publishers on the topic of `listener`, with those whose QoS is incompatible."""
-    found = node.get_publishers_info_by_topic(listener.topic_name)
-    verdicts = [qos_check_compatible(info.qos_profile, listener.qos_profile) for info in found]
-    return Publishers(
-        frozenset(tuple(info.endpoint_gid) for info in found),
-        tuple(
-            reason.removeprefix("ERROR: ").rstrip("; ")
-            for fits, reason in verdicts
-            if fits == QoSCompatibility.ERROR
-        ),
+    def destroy(self) -> None:
+        """Destroy the subscription."""
+        self._node.destroy_subscription(self.subscription)
+
+
+def _possible(qos: QoSProfile) -> SetParametersResult:
+    # The middleware would hang on a negative deadline.
+    return SetParametersResult(
+        successful=qos.deadline.nanoseconds >= 0, reason="deadline: must be at least 0"
     )

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,7 +14,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
-from rclpy.subscription import Subscription
 
 from msg_adapters import doubts, interfaces, platform_poses
 from msg_adapters.readers import Reader, reader_of
@@ -27,6 +27,7 @@ from ..common import overridable
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.throttled import ThrottledWarnings
 from . import endpoints
+from .endpoints import Listener
 from .health import InputHealth, Rhythm
 from .settings import Settings
 
@@ -80,7 +81,7 @@ class Inputs:
         self._warnings = ThrottledWarnings(node.get_logger(), WARNING_PERIOD_S)
         self._neutral: set[str] = set()
         # Those of the radars, in their order, then those of the platforms.
-        self._subscriptions: list[Subscription] = []
+        self._listeners: list[Listener] = []
 
     def subscribe(
         self,
@@ -105,16 +106,13 @@ class Inputs:
         for index, (radar, health) in enumerate(zip(config.inputs, self.radars, strict=True)):
             reader = reader_of(radar)
             kind, take = _message_class(radar, reader), partial(on_message, index, reader)
-            self._subscriptions.append(
-                endpoints.subscription(self._node, kind, radar.topic, take, health)
-            )
+            depth = clouds_of_a_second(radar)
+            self._listeners.append(Listener(self._node, kind, radar.topic, take, health, depth))
         for topic, health in self.platforms.items():
             message = config.inputs[config.carried[topic][0]].pose_message
             kind = interfaces.message_class(platform_poses.TYPES[message])
             take = partial(on_pose, topic)
-            self._subscriptions.append(
-                endpoints.subscription(self._node, kind, topic, take, health, POSES_KEPT)
-            )
+            self._listeners.append(Listener(self._node, kind, topic, take, health, POSES_KEPT))
 
     def take_poses(self, awaited: Callable[[], int | None]) -> None:
         """Take in the poses that have arrived, as long as a cloud waits for them.
@@ -129,12 +127,12 @@ class Inputs:
             Returns the radar whose pose a cloud waits for, or None.
         """
         config = self._settings.config
-        poses = dict(zip(self.platforms, self._subscriptions[len(self.radars) :], strict=True))
+        poses = dict(zip(self.platforms, self._listeners[len(self.radars) :], strict=True))
         for _ in range(POSES_KEPT * len(poses)):
             radar = awaited()
             if radar is None:
                 return
-            subscription = poses[config.inputs[radar].pose_topic]
+            subscription = poses[config.inputs[radar].pose_topic].subscription
             with subscription.handle:
                 taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
             if taken is None:
@@ -143,8 +141,8 @@ class Inputs:
 
     def destroy(self) -> None:
         """Destroy all subscriptions."""
-        while self._subscriptions:
-            self._node.destroy_subscription(self._subscriptions.pop())
+        while self._listeners:
+            self._listeners.pop().destroy()
 
     def retune(self, settings: Settings) -> None:
         """Use changed settings of the same inputs."""
@@ -205,11 +203,14 @@ class Inputs:
         name = self._node.get_fully_qualified_name()
         scans = self._settings.node["silent_after_scans"]
         return [
-            health.status(
-                name, now, self._judged_s, scans, endpoints.publishers(self._node, listener)
-            )
-            for health, listener in zip(self._all(), self._subscriptions, strict=True)
+            health.status(name, now, self._judged_s, scans, listener.publishers())
+            for health, listener in zip(self._all(), self._listeners, strict=True)
         ]
+
+    def improve(self) -> None:
+        """Subscribe reliably again where publishers now offer it; to be called now and then."""
+        for listener in self._listeners:
+            listener.improve()
 
     def lost(self, now: float) -> int:
         """Return how many messages were lost lately because the tracker is too slow."""
@@ -231,6 +232,12 @@ class Inputs:
 
     def _all(self) -> tuple[InputHealth, ...]:
         return (*self.radars, *self.platforms.values())
+
+
+def clouds_of_a_second(radar: RadarInput) -> int:
+    """Return how many messages of a radar are to wait: those of a second, or more."""
+    clouds = radar.sectors / radar.rotation_s if radar.rotation_s else 0.0
+    return max(math.ceil(clouds), endpoints.INPUT_DEPTH)
 
 
 def _full_name(node: LifecycleNode, radar: RadarInput, parameter: str) -> str:

@@ -333,6 +333,10 @@ class LiveTracker:
         """Return the names of the inputs that are silent; see `Inputs.look`."""
         return self._inputs.look()
 
+    def improve(self) -> None:
+        """Subscribe reliably again where publishers now offer it; see `Inputs.improve`."""
+        self._inputs.improve()
+
     def statuses(self) -> list[DiagnosticStatus]:
         """Return a status for each input, step time, outputs and, if watched, registration."""
         now, name = time.monotonic(), self._node.get_fully_qualified_name()

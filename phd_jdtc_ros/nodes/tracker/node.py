@@ -275,6 +275,8 @@ class Tracker(LifecycleNode):
         if state == before and now - published < HEALTH_PERIOD_S:
             return
         self._shown = state, now
+        if self._live is not None:
+            self._live.improve()
         stamp_ns = self.get_clock().now().nanoseconds
         self._health.publish(diagnostics.array(stamp_ns, self._statuses()))
 

@@ -40,6 +40,7 @@ class Reply:
 
     log_factor: np.ndarray
     log_clutter: np.ndarray
+    log_unknown: np.ndarray
     column: np.ndarray
 
     def take(self, pairs):
@@ -57,9 +58,14 @@ class Register:
         self.stamps.append(stamp_ns)
         return self
 
-    def evidence(self, origin, target, column, detections):
+    def lost(self, origin, target, column, detections):
+        return None
+
+    def evidence(self, origin, target, column, detections, undetected):
         assert len(self.log_clutter) == len(detections)
-        return Reply(self.log_factor[origin[target], column], self.log_clutter, column)
+        assert undetected.shape == origin.shape
+        factor = self.log_factor[origin[target], column]
+        return Reply(factor, self.log_clutter, np.zeros(len(detections)), column)
 
     def learn(self, evidence, mass, existence):
         self.learned.append((evidence.column, mass, existence))

@@ -110,7 +110,7 @@ def test_intensity_equals_the_density_written_out():
 def test_update_leaves_strong_detections_that_nobody_explains_as_newborn():
     # 45 dB: no clutter is that strong; 4: any clutter is.
     report = Detections(np.array([[6000.0, 0.5], [9000.0, 2.0]]), np.array([200.0, 4.0]))
-    _, found = update(EMPTY, report, RADAR, unknown(), BERNOULLI, 6.0)
+    _, found = update(EMPTY, report, RADAR, unknown(), BERNOULLI, 6.0, np.random.default_rng(0))
 
     assert found.mass[0].sum() == pytest.approx(1.0, abs=1e-6)
     assert found.mass[0, 0] > 0.99  # of the stronger class
@@ -139,7 +139,10 @@ def test_update_scan_finds_a_target_of_two_radars_once(corrector):
 def test_newborn_mass_follows_the_interval():
     report = Detections(np.array([[6000.0, 0.5]]), np.array([4.5]))
     masses = [
-        update(EMPTY, report, RADAR, unknown(), BERNOULLI, dt)[1].mass.sum() for dt in (3.0, 6.0)
+        update(EMPTY, report, RADAR, unknown(), BERNOULLI, dt, np.random.default_rng(0))[
+            1
+        ].mass.sum()
+        for dt in (3.0, 6.0)
     ]
 
     assert masses[1] == pytest.approx(2.0 * masses[0], rel=0.02)
@@ -148,7 +151,7 @@ def test_newborn_mass_follows_the_interval():
 def test_update_without_such_births_leaves_nothing():
     report = Detections(np.array([[6000.0, 0.5]]), np.array([200.0]))
 
-    assert update(EMPTY, report, RADAR, MODEL, BERNOULLI, 6.0)[1] is None
+    assert update(EMPTY, report, RADAR, MODEL, BERNOULLI, 6.0, np.random.default_rng(0))[1] is None
 
 
 def test_update_scan_gives_every_detection_an_origin_of_its_own():

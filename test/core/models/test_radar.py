@@ -135,9 +135,11 @@ def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
     turned = measurement + np.array([0.0, turns * 2.0 * np.pi])
     phd = intensity(state, np.full(200, 0.004), mode=rng.integers(0, 4, 200))
     amplitudes = np.full(5, 20.0)
-    missed, _ = update(phd, Detections(np.zeros((0, 2)), np.zeros(0)), radar, model, BERNOULLI, 6.0)
-    plain, _ = update(phd, Detections(measurement, amplitudes), radar, model, BERNOULLI, 6.0)
-    shifted, _ = update(phd, Detections(turned, amplitudes), radar, model, BERNOULLI, 6.0)
+    missed, _ = update(
+        phd, Detections(np.zeros((0, 2)), np.zeros(0)), radar, model, BERNOULLI, 6.0, rng
+    )
+    plain, _ = update(phd, Detections(measurement, amplitudes), radar, model, BERNOULLI, 6.0, rng)
+    shifted, _ = update(phd, Detections(turned, amplitudes), radar, model, BERNOULLI, 6.0, rng)
     assert plain.weight.sum() > missed.weight.sum() + 0.1
     np.testing.assert_allclose(shifted.weight, plain.weight, rtol=1e-9)
 

@@ -41,7 +41,9 @@ def forward(start, model, method, scans, rng):
         predicted = start
         if index:
             predicted = predict(stored[-1], model, method.corrector, method.budget, DT, index, rng)
-        updated, _ = update(predicted, detections, model.radars[0], model, method.corrector, DT)
+        updated, _ = update(
+            predicted, detections, model.radars[0], model, method.corrector, DT, rng
+        )
         stored.append(resample(updated, model.modes, method.budget, rng))
     return stored
 

@@ -31,7 +31,7 @@ RADAR = RADARS[1]  # at the world's origin
 
 def update(phd, detections, radar, modes):
     updated, _ = update_step.update(
-        phd, detections, radar, replace(MODEL, modes=modes), POISSON, 6.0
+        phd, detections, radar, replace(MODEL, modes=modes), POISSON, 6.0, np.random.default_rng(0)
     )
     return updated
 

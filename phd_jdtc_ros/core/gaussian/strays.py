@@ -1,0 +1,55 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Targets that are seen, by their identities, where no hypothesis has them: one more of each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import FloatArray
+from ..attributes.uniqueness import Lost
+from ..models.manoeuvre import PROBABILITY, manoeuvre
+from ..models.tracker_model import TrackerModel
+from ..state_space import StateSpace
+from .mixture import Mixture
+from .reduction import Branched
+
+
+def with_strays(predicted: Branched, lost: Lost, model: TrackerModel) -> Branched:
+    """Return the hypotheses with one more for each lost target, of a manoeuvre beyond its models.
+
+    It is the target's most probable one, spread by the manoeuvre, and comes from the same. Where
+    detections do not show identities its weight is so small that it is of no use.
+    """
+    mixture = predicted.mixture
+    strayed, place = np.unique(lost.target, return_index=True)
+    order = np.lexsort((-mixture.mass, mixture.target))
+    row = order[np.searchsorted(mixture.target[order], strayed)]
+    spread = _spread(lost.since_s[place], mixture.mean.shape[2], model)
+    used = mixture.covariance[row][:, :, np.arange(len(spread[0])), np.arange(len(spread[0]))] > 0.0
+    weight = mixture.weight.copy()
+    weight[np.isin(mixture.target, strayed)] *= 1.0 - PROBABILITY
+    share = PROBABILITY * mixture.existence[strayed] / np.maximum(mixture.mass[row], 1e-300)
+    added = Mixture(
+        mixture.origin[row],
+        share[:, None, None] * mixture.weight[row],
+        mixture.mean[row],
+        mixture.covariance[row] + spread[:, None] * used[..., :, None] * used[..., None, :],
+    )
+    return Branched(
+        Mixture.joined([mixture.told(weight, mixture.mean, mixture.covariance), added]),
+        np.concatenate([predicted.parent, predicted.parent[row]]),
+    )
+
+
+def _spread(since_s: FloatArray, size: int, model: TrackerModel) -> FloatArray:
+    """Return the covariances of manoeuvres over the axes of states, shape (L, D, D)."""
+    space: StateSpace = model.modes.space
+    done = manoeuvre(since_s, model)
+    spread = np.zeros((len(since_s), size, size))
+    for place, speed in zip(space.position, space.velocity, strict=True):
+        spread[:, place, place], spread[:, speed, speed] = done.position, done.velocity
+        spread[:, place, speed] = spread[:, speed, place] = done.both
+    spread[:, space.turn_rate, space.turn_rate] = done.turn_rate
+    return spread

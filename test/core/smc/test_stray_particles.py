@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Particles of lost targets: their weights and moments against those of Gaussians."""
+
+import numpy as np
+import pytest
+from lone import MEAN, lone
+from scipy import sparse
+from scipy.stats import multivariate_normal
+
+from phd_jdtc_ros.core.attributes.uniqueness import Lost
+from phd_jdtc_ros.core.models.manoeuvre import PROBABILITY, manoeuvre
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
+from phd_jdtc_ros.core.smc.places import places_of
+from phd_jdtc_ros.core.smc.strays import with_strays
+from phd_jdtc_ros.core.types import Detections
+
+SINCE_S, TIME_S, EXISTENCE = 4.0, -0.5, 0.8
+
+
+def strayed(seed=3):
+    """Return a set with a target's strays, the target's state, the place and the model."""
+    config = lone({"engine": "particles", "detection_births.particles": 4096})
+    (radar,) = config.model.radars
+    count = 10
+    before = ParticleSet(
+        state=np.tile(MEAN, (count, 1)),
+        mode=np.zeros(count, dtype=np.int64),
+        origin=np.full(count, 5),
+        parent=np.arange(count),
+        multiplicity=np.ones(count, dtype=np.int64),
+        poisson=np.full(count, EXISTENCE / count),
+        components=sparse.csr_array((count, 0)),
+        label=np.zeros(0, dtype=np.int64),
+        log_snr=np.zeros(count),
+    )
+    place = radar.measure(MEAN[None] + [150.0, 0.0, -120.0, 0.0, 0.0])
+    detections = Detections(place, None, time_s=np.array([TIME_S]))
+    lost = Lost(np.array([0]), np.array([0]), np.array([SINCE_S]))
+    rng = np.random.default_rng(seed)
+    after = with_strays(before, lost, detections, radar, config.model, rng)
+    return before, after, places_of(detections, radar), config.model
+
+
+def test_strays_have_the_evidence_of_the_manoeuvre_that_leads_to_the_detection():
+    before, after, seen, model = strayed()
+    new = np.arange(len(before), len(after))
+    assert set(after.origin[new]) == {5}
+    at = after.state[new][:, [0, 2]] + TIME_S * after.state[new][:, [1, 3]]
+    likelihood = multivariate_normal(seen.position[0], seen.covariance[0]).pdf(at)
+    found = float(after.weight[new] @ likelihood)
+    expected = MEAN[[0, 2]] + TIME_S * MEAN[[1, 3]]
+    spread = seen.covariance[0] + manoeuvre(np.array([SINCE_S]), model).position[0] * np.eye(2)
+    evidence = multivariate_normal(expected, spread).pdf(seen.position[0])
+    # Of 4096 draws: the deviation of their mean is some per cent.
+    assert found == pytest.approx(PROBABILITY * EXISTENCE * evidence, rel=0.1)
+
+
+def test_strays_have_the_velocities_of_the_manoeuvre():
+    before, after, _, model = strayed()
+    new = np.arange(len(before), len(after))
+    done = manoeuvre(np.array([SINCE_S]), model)
+    at = after.state[new][:, [0, 2]] + TIME_S * after.state[new][:, [1, 3]]
+    moved = at - (MEAN[[0, 2]] + TIME_S * MEAN[[1, 3]])
+    change = after.state[new][:, [1, 3]] - MEAN[[1, 3]]
+    rest = change - (done.both / done.position) * moved
+    variance = done.velocity - done.both**2 / done.position
+    assert abs(rest.mean()) < 5.0 * np.sqrt(variance[0] / rest.size)
+    assert rest.var() == pytest.approx(variance[0], rel=0.1)
+
+
+def test_target_keeps_the_rest_of_its_weight():
+    before, after, _, _ = strayed()
+    kept = after.weight[: len(before)].sum()
+    assert kept == pytest.approx((1.0 - PROBABILITY) * EXISTENCE)

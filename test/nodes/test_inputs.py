@@ -1,0 +1,20 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How many clouds of a radar may wait while a scan is stepped."""
+
+from dataclasses import replace
+
+import pytest
+from lone import lone
+
+from phd_jdtc_ros.nodes.tracker.inputs import clouds_of_a_second
+
+
+@pytest.mark.parametrize(
+    ("rotation_s", "sectors", "depth"),
+    [(0.0, 0, 50), (4.0, 32, 50), (1.0, 128, 128), (0.3, 32, 107)],
+)
+def test_clouds_of_a_second_wait_and_fifty_at_least(rotation_s, sectors, depth):
+    radar = replace(lone().inputs[0], rotation_s=rotation_s, sectors=sectors)
+    assert clouds_of_a_second(radar) == depth
