@@ -20,9 +20,11 @@ from .messages import Plot
 MAX_PENDING = 20_000
 # Two messages that are so much behind the latest say that the times have gone back.
 BACK_NS = 60 * 10**9
-# A slice is a sixteenth of a turn; and no shorter than this, as an antenna on an airport turns in a
+# A slice is an eighth of a turn; and no shorter than this, as an antenna on an airport turns in a
 # second.
-PARTS, SHORTEST_NS = 16, 250_000_000
+PARTS, SHORTEST_NS = 8, 250_000_000
+# A time without plots that is longer is none in which the antenna saw nothing.
+SILENCE_NS = 15 * 10**9
 # How late plots may be: at most, as assumed at first, and how long that is remembered.
 LATEST_NS, MEMORY_NS = 2 * 10**9, 60 * 10**9
 # A slice waits for so much more than plots were late.
@@ -177,22 +179,39 @@ class Slicer:
 
     def finish(self) -> list[SectorReport]:
         """Return the slices of all plots that wait."""
-        last_ns = max(self._pending[-1][0], self._sent_ns) if self._pending else 0
-        return self._until(last_ns + self._width_ns)
-
-    def _until(self, time_ns: int) -> list[SectorReport]:
-        """Return the slices that end by a time; those without plots are left out."""
         found = []
         while self._pending:
-            width_ns = self._width_ns
-            end_ns = (max(self._pending[0][0], self._sent_ns) // width_ns + 1) * width_ns
-            if end_ns > time_ns:
-                break
-            count = bisect_left(self._pending, end_ns, key=_time_of)
-            taken, self._pending = self._pending[:count], self._pending[count:]
-            self._sent_ns = end_ns
-            found.append(SectorReport(end_ns, None, [t for t, _ in taken], [p for _, p in taken]))
+            found.append(self._next())
         return found
+
+    def _until(self, time_ns: int) -> list[SectorReport]:
+        """Return the slices that end by a time.
+
+        One without plots is a slice too: there the antenna saw nothing. After a long silence
+        slices begin again with the next plot.
+        """
+        found = []
+        while (end_ns := self._end_ns()) is not None and end_ns <= time_ns:
+            found.append(self._next())
+        return found
+
+    def _end_ns(self) -> int | None:
+        """Return when the next slice ends; None if that is not known before the next plot."""
+        width_ns = self._width_ns
+        first_ns = self._pending[0][0] if self._pending else self._latest_ns
+        if self._sent_ns and first_ns - self._sent_ns < SILENCE_NS:
+            return self._sent_ns + width_ns
+        if not self._pending:
+            return None
+        return (max(first_ns, self._sent_ns) // width_ns + 1) * width_ns
+
+    def _next(self) -> SectorReport:
+        """Return the next slice."""
+        end_ns = self._end_ns() or self._sent_ns
+        count = bisect_left(self._pending, end_ns, key=_time_of)
+        taken, self._pending = self._pending[:count], self._pending[count:]
+        self._sent_ns = end_ns
+        return SectorReport(end_ns, None, [t for t, _ in taken], [p for _, p in taken])
 
 
 def _time_of(entry: tuple[int, Plot]) -> int:

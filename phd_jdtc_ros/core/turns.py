@@ -5,7 +5,7 @@
 
 A surveillance antenna turns in some seconds, and what it has not passed it has not missed. A report
 accounts for the time since the one before. If its detections have times of their own, this time is
-cut into slices of about a sixteenth of a turn, and each detection goes to the slice of its time.
+cut into slices of about an eighth of a turn, and each detection goes to the slice of its time.
 What a slice covers follows from the antenna's motion (see `antenna`), or from the sector's number
 if the report says it. Where neither is known, nothing counts as missed.
 
@@ -35,7 +35,7 @@ from .sectors import coverage_of, is_sector, smallest_arc
 from .types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections
 
 # Into so many slices a turn is cut; a target's motion during half of one is as good as straight.
-SLICES = 16
+SLICES = 8
 # Where a report begins and the one before ended, the antenna's motions differ by less, rad.
 JOINED = 0.3
 # So many detections show whether a report without an antenna's motion is of the whole field: they

@@ -36,8 +36,8 @@ def slicer():
     return Slicer(0.0, Counter())
 
 
-def test_slices_are_of_a_sixteenth_of_a_turn_and_no_shorter_than_a_quarter_of_a_second():
-    for rotation_s, width_s in ((0.0, 0.25), (1.0, 0.25), (4.0, 0.25), (12.0, 0.75)):
+def test_slices_are_of_an_eighth_of_a_turn_and_no_shorter_than_a_quarter_of_a_second():
+    for rotation_s, width_s in ((0.0, 0.25), (1.0, 0.25), (4.0, 0.5), (12.0, 1.5)):
         cut = Slicer(rotation_s, Counter())
         found = fed(cut, [k * 0.05 for k in range(2000)]) + cut.finish()
         stamps = [report.stamp_ns for report in found]
@@ -53,9 +53,11 @@ def test_plots_are_in_the_slice_of_their_time_and_keep_it(slicer):
     assert not +slicer.counts
 
 
-def test_slices_without_plots_are_left_out(slicer):
-    found = fed(slicer, [0.0, 0.1, 30.0, 30.1]) + slicer.finish()
-    assert [len(report.plots) for report in found] == [2, 2]
+def test_a_slice_without_plots_is_one_but_in_a_silence(slicer):
+    found = fed(slicer, [0.0, 0.1, 3.0, 3.1, 30.0, 30.1]) + slicer.finish()
+    assert [len(report.plots) for report in found] == [2, *[0] * 11, 2, 2]
+    stamps = [(report.stamp_ns - BEGIN) / NS for report in found]
+    assert stamps[-2:] == [3.25, 30.25]
 
 
 @pytest.mark.parametrize("late_s", [0.3, 0.8, 1.9])

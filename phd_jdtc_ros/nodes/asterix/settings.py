@@ -37,7 +37,7 @@ OF_ANY_RADAR = (
         "rotation_s",
         0.0,
         "Time of a turn of the antenna, s, about; 0 to find it out. Without sector crossings a "
-        "cloud is of a sixteenth of it.",
+        "cloud is of an eighth of it.",
         0.0,
         60.0,
     ),
