@@ -160,6 +160,7 @@ def convert(
         raise BagError(f"{path}: {error}") from error
     found = asterix_parameters.proposed([*done.stream.radars.values()], done.disorder_ns * 1e-9)
     if found is not None:
+        asterix_parameters.measure(found, out)
         head = (
             f"For a tracker of {path.name}, by asterix_bridge: the profile "
             f"{asterix_parameters.PROFILE}, with what the recording says.\n"

@@ -19,11 +19,14 @@ import numpy as np
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix.plot_stream import RadarState
+from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.site import MOST_FROM_ORIGIN
+from phd_jdtc_ros.core.tuning import proposal
+from phd_jdtc_ros.core.tuning.findings import TuningError, findings
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.asterix import settings
 
-from . import params_file, proposed_file, tracker_params
+from . import params_file, proposed_file, recorded_plots, tracker_params
 
 # The profile of trackers of such radars, and the name of the radar in it.
 PROFILE, PROFILE_RADAR = "air_traffic", "approach."
@@ -33,6 +36,9 @@ NOWHERE = (0.0, 0.0, 0.0)
 SURFACE_RANGE = 20e3
 # How far beyond the farthest plot a radar is taken to see, and how near before the nearest one.
 BEYOND, BEFORE = 1.1, 0.9
+# What of a radar is measured, as `tune` does it, in so many seconds with so many tracks at least.
+MEASURED = ("range_std", "azimuth_std_deg", "detection_probability", "clutter_rate")
+MEASURED_S, LEAST_TRACKS = 300.0, 10
 # `equipped_probability` is not believed to be nearer to certainty.
 MOST_EQUIPPED = 0.99
 
@@ -100,6 +106,28 @@ def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None
         if state not in together:
             _part(found, state.settings.name)
     return found
+
+
+def measure(found: Proposal, bag: Path) -> None:
+    """Set the noise, the detection probability and the clutter of radars by the plots in a bag."""
+    config = tracker_params.config(found.values)
+    recorded = recorded_plots.read(BagReader(bag), config, MEASURED_S)
+    for radar, plots in recorded.plots.items():
+        try:
+            own = None if plots is None else findings(plots)
+        except TuningError:
+            own = None
+        if own is None or own.tracks < LEAST_TRACKS:
+            found.hints.append(
+                f"{radar}: {MEASURED_S:g} s of its plots do not tell its noise; that of the "
+                f"profile {PROFILE} is used"
+            )
+            continue
+        for row in proposal.rows(own, config.values, radar):
+            if row.name in MEASURED and row.proposed:
+                found.set(f"{radar}.{row.name}", row.value, f"measured: {row.source}")
+                if row.name == "detection_probability":
+                    found.set(f"{radar}.detection_probability_over_range", [], "as measured")
 
 
 def write(path: Path, head: str, found: Proposal) -> None:
