@@ -15,7 +15,7 @@ from ..models.amplitude_density import snr_from_db
 from .checked import names_of, take
 from .flight import Flight, Leg
 from .geodesy import METRES_PER_NM, MPS_PER_KT, STANDARD_GRAVITY, east_north
-from .traffic import Traffic, draw
+from .traffic import STRAIGHT_S, Traffic, draw
 
 SNR = Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0)
 TRAFFIC = (
@@ -25,6 +25,14 @@ TRAFFIC = (
     Parameter("seed", 0, "Seed of the random generator.", 0, 2**31 - 1),
     Parameter("centre", [0.0, 0.0], "Reference point of the airfield, world frame, m.", length=2),
     Parameter("radius", 105e3, "Aircraft end at this distance from the centre, m.", 1e4, 1e6),
+    Parameter(
+        "straight_s",
+        list(STRAIGHT_S),
+        "Shortest and longest time straight on between turns, s.",
+        1.0,
+        1e5,
+        length=2,
+    ),
     SNR,
 )
 MANOEUVRES = (
@@ -55,6 +63,7 @@ def traffic(given: Mapping[str, Any], duration_s: float, faults: list[str]) -> S
             duration_s=duration_s,
             snr=snr_from_db(values["snr_db"]),
             entering=values["entering"],
+            straight_s=(min(values["straight_s"]), max(values["straight_s"])),
         )
     )
 

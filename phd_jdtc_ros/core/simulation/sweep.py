@@ -98,8 +98,7 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
     """
     reports = []
     for index, (radar, layout) in enumerate(zip(scenario.radars, inputs, strict=True)):
-        # Each radar has a generator of its own, so that it does not depend on the others.
-        rng = np.random.default_rng([seed, index])
+        rng = _generator(seed, index)
         if radar.rotation_s > 0.0:
             plots = plots_of(scenario, index, rng, layout)
             reports += reports_of(scenario, index, plots, layout, seed)
@@ -107,6 +106,28 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
             reports += _still_reports(scenario, index, layout, rng, seed)
     reports = [_biased(report, scenario) for report in reports]
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
+
+
+def answered_plots(
+    scenario: Scenario, index: int, layout: RadarInput, seed: int
+) -> tuple[Plots, Detections]:
+    """Return the plots of a radar that turns, and the same as it measures them, errors included.
+
+    The detections have all that its targets answer, and a kind, whatever the `layout` of its
+    messages is; of a radar with a site slant ranges. Their times are `plot_times`.
+    """
+    plots = plots_of(scenario, index, _generator(seed, index), layout)
+    found = _answers(scenario, index, plots, seed)
+    if scenario.transponders is None:
+        rows = slice(0, len(plots.turns))
+        found = replace(found, height=_heights(scenario, index, plots, rows))
+    _, found = scenario.bias(index).added(0, replace(found, kind=_kind(found)))
+    return plots, found
+
+
+def _generator(seed: int, index: int) -> np.random.Generator:
+    """Return the generator of a radar, which has its own so as not to depend on the others."""
+    return np.random.default_rng([seed, index])
 
 
 def _biased(report: Report, scenario: Scenario) -> Report:

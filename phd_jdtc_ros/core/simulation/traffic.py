@@ -51,6 +51,8 @@ class Traffic:
         Number of aircraft in the air, and of those that taxi.
     entering : int
         Number of those that fly in over the edge at some time, and over the field or beside it.
+    straight_s : tuple of two floats
+        Shortest and longest time straight on between turns in the air, seconds.
     seed : int
     centre : tuple of two floats
         Reference point of the airfield, world frame, metres.
@@ -69,6 +71,7 @@ class Traffic:
     duration_s: float
     snr: float
     entering: int = 0
+    straight_s: Range = STRAIGHT_S
 
 
 def draw(traffic: Traffic) -> tuple[Flight, ...]:
@@ -112,16 +115,18 @@ def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
     legs = [
         Leg(rng.uniform(*RUNWAY_S)),
         Leg((speeds[1] - speeds[0]) / acceleration, acceleration=acceleration),
-        *_vectors(rng, speeds[1], rng.uniform(*TERMINAL_S)),
+        *_vectors(traffic, rng, speeds[1], rng.uniform(*TERMINAL_S)),
         Leg((speeds[2] - speeds[1]) / acceleration, acceleration=acceleration),
-        *_vectors(rng, speeds[2], LONGEST_S),
+        *_vectors(traffic, rng, speeds[2], LONGEST_S),
     ]
     return _flight(traffic, rng, RUNWAY, speeds[0], legs)
 
 
 def _overflight(traffic: Traffic, rng: np.random.Generator) -> Flight:
     speed = rng.uniform(*CRUISE_SPEED)
-    way = _flight(traffic, rng, 0.9 * traffic.radius, speed, list(_vectors(rng, speed, LONGEST_S)))
+    way = _flight(
+        traffic, rng, 0.9 * traffic.radius, speed, list(_vectors(traffic, rng, speed, LONGEST_S))
+    )
     return _cut(_within(traffic, way), 0.0, traffic.duration_s)
 
 
@@ -134,7 +139,7 @@ def _entering(traffic: Traffic, rng: np.random.Generator) -> Flight:
     edge = traffic.radius - 1.0
     position = float(x + edge * np.cos(bearing)), float(y + edge * np.sin(bearing))
     velocity = float(speed * np.cos(inward)), float(speed * np.sin(inward))
-    legs = tuple(_vectors(rng, speed, LONGEST_S))
+    legs = tuple(_vectors(traffic, rng, speed, LONGEST_S))
     way = _within(traffic, Flight(0, traffic.snr, 0.0, position, velocity, legs))
     start_s = rng.uniform(-way.end_s, traffic.duration_s)
     return _cut(replace(way, start_s=start_s), 0.0, traffic.duration_s)
@@ -158,7 +163,9 @@ def _taxiing(traffic: Traffic, rng: np.random.Generator) -> Flight:
     return _cut(_flight(traffic, rng, APRON, speed, legs), 0.0, traffic.duration_s)
 
 
-def _vectors(rng: np.random.Generator, speed: float, duration_s: float) -> Iterator[Leg]:
+def _vectors(
+    traffic: Traffic, rng: np.random.Generator, speed: float, duration_s: float
+) -> Iterator[Leg]:
     """Yield straight legs and turns in alternation, for at least this long."""
     flown_s = 0.0
     while flown_s < duration_s:
@@ -166,7 +173,7 @@ def _vectors(rng: np.random.Generator, speed: float, duration_s: float) -> Itera
         rate = min(STANDARD_GRAVITY * np.tan(bank) / speed, np.radians(STANDARD_DEG_S))
         angle = np.radians(rng.uniform(*TURN_DEG))
         side = rng.choice([-1.0, 1.0])
-        for leg in (Leg(rng.uniform(*STRAIGHT_S)), Leg(angle / rate, side * rate)):
+        for leg in (Leg(rng.uniform(*traffic.straight_s)), Leg(angle / rate, side * rate)):
             flown_s += leg.duration_s
             yield leg
 
