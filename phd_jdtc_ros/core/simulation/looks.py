@@ -130,7 +130,7 @@ def looks_beside(
     flight = scenario.flights[number - 1]
     time = time[(time >= max(flight.start_s, 0.0)) & (time <= flight.end_s)]
     found = _seen(scenario, index, layout, number, time[~scenario.hidden(number, time)])
-    azimuth = _slant(layout, beside, np.zeros(1))[0, 1]
+    azimuth = slant(layout, beside, np.zeros(1))[0, 1]
     exact = np.stack([found.exact[:, 0], np.full(len(found.exact), azimuth)], axis=1)
     return found._replace(exact=exact)
 
@@ -141,7 +141,7 @@ def _seen(
     """Return what a radar sees of a target at times, those outside its elevations left out."""
     state = scenario.flights[number - 1].states(time_s)
     height = scenario.height(number, time_s)
-    exact = _slant(layout, scenario.measured(index, state, time_s), height)
+    exact = slant(layout, scenario.measured(index, state, time_s), height)
     found = Looks(time_s, state, exact, np.full(len(time_s), number))
     antenna = scenario.antennas[index]
     if layout is None or layout.site is None:
@@ -153,7 +153,7 @@ def _seen(
     return Looks(*(column[inside] for column in found))
 
 
-def _slant(layout: RadarInput | None, measured: FloatArray, height: FloatArray) -> FloatArray:
+def slant(layout: RadarInput | None, measured: FloatArray, height: FloatArray) -> FloatArray:
     """Return (range, azimuth) as a radar on the round earth measures them, others as they are.
 
     Parameters

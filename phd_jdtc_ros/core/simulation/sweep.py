@@ -84,6 +84,15 @@ class Plots(NamedTuple):
     answering: IntArray
     range_rate: FloatArray | None = None
 
+    def take(self, rows: IntArray) -> Plots:
+        """Return some of them."""
+        rate = None if self.range_rate is None else self.range_rate[rows]
+        turns, measurement, amplitude, source, answering, _ = self
+        return Plots(
+            *(turns[rows], measurement[rows], amplitude[rows]),
+            *(source[rows], answering[rows], rate),
+        )
+
 
 def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int) -> list[Report]:
     """Return the reports of all radars, ordered by stamp and then by radar.
@@ -111,18 +120,20 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
 def answered_plots(
     scenario: Scenario, index: int, layout: RadarInput, seed: int
 ) -> tuple[Plots, Detections]:
-    """Return the plots of a radar that turns, and the same as it measures them, errors included.
+    """Return the plots of a radar from scan 0 on, and the same as it measures them.
 
-    The detections have all that its targets answer, and a kind, whatever the `layout` of its
-    messages is; of a radar with a site slant ranges. Their times are `plot_times`.
+    The radar turns. The detections have its errors, all that its targets answer, and a kind,
+    whatever the `layout` of its messages is; of a radar with a site slant ranges. Their times are
+    `plot_times`.
     """
     plots = plots_of(scenario, index, _generator(seed, index), layout)
     found = _answers(scenario, index, plots, seed)
     if scenario.transponders is None:
-        rows = slice(0, len(plots.turns))
-        found = replace(found, height=_heights(scenario, index, plots, rows))
+        every = slice(0, len(plots.turns))
+        found = replace(found, height=_heights(scenario, index, plots, every))
     _, found = scenario.bias(index).added(0, replace(found, kind=_kind(found)))
-    return plots, found
+    rows = np.flatnonzero(plot_times(scenario, index, plots) >= 0.0)
+    return plots.take(rows), found.take(rows)
 
 
 def _generator(seed: int, index: int) -> np.random.Generator:
@@ -158,15 +169,15 @@ def plots_of(
     turned = np.concatenate([part.turns for part in parts])
     others = len(turned) - len(targets.turns)
     range_rate = range_rates(state[seen], others, radar, rng)
-    order = np.argsort(turned, kind="stable")
-    return Plots(
-        turned[order],
-        np.concatenate([part.measurement for part in parts])[order],
-        np.concatenate([part.amplitude for part in parts])[order],
-        np.concatenate([part.source for part in parts])[order],
-        np.concatenate([part.answering for part in parts])[order],
-        None if range_rate is None else range_rate[order],
+    every = Plots(
+        turned,
+        np.concatenate([part.measurement for part in parts]),
+        np.concatenate([part.amplitude for part in parts]),
+        np.concatenate([part.source for part in parts]),
+        np.concatenate([part.answering for part in parts]),
+        range_rate,
     )
+    return every.take(np.argsort(turned, kind="stable"))
 
 
 def _turned(
