@@ -15,7 +15,7 @@ from ..models.amplitude_density import snr_from_db
 from .checked import names_of, take
 from .flight import Flight, Leg
 from .geodesy import METRES_PER_NM, MPS_PER_KT, STANDARD_GRAVITY, east_north
-from .traffic import STRAIGHT_S, Traffic, draw
+from .traffic import STRAIGHT_S, TURN_DEG, Traffic, draw
 
 SNR = Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0)
 TRAFFIC = (
@@ -33,6 +33,7 @@ TRAFFIC = (
         1e5,
         length=2,
     ),
+    Parameter("turn_deg", list(TURN_DEG), "Least and largest turn, degrees.", 0.1, 360.0, length=2),
     SNR,
 )
 MANOEUVRES = (
@@ -64,6 +65,7 @@ def traffic(given: Mapping[str, Any], duration_s: float, faults: list[str]) -> S
             snr=snr_from_db(values["snr_db"]),
             entering=values["entering"],
             straight_s=(min(values["straight_s"]), max(values["straight_s"])),
+            turn_deg=(min(values["turn_deg"]), max(values["turn_deg"])),
         )
     )
 

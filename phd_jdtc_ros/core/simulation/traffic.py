@@ -53,6 +53,8 @@ class Traffic:
         Number of those that fly in over the edge at some time, and over the field or beside it.
     straight_s : tuple of two floats
         Shortest and longest time straight on between turns in the air, seconds.
+    turn_deg : tuple of two floats
+        Least and largest angle of these turns, degrees.
     seed : int
     centre : tuple of two floats
         Reference point of the airfield, world frame, metres.
@@ -72,6 +74,7 @@ class Traffic:
     snr: float
     entering: int = 0
     straight_s: Range = STRAIGHT_S
+    turn_deg: Range = TURN_DEG
 
 
 def draw(traffic: Traffic) -> tuple[Flight, ...]:
@@ -171,7 +174,7 @@ def _vectors(
     while flown_s < duration_s:
         bank = np.radians(rng.uniform(*BANK_DEG))
         rate = min(STANDARD_GRAVITY * np.tan(bank) / speed, np.radians(STANDARD_DEG_S))
-        angle = np.radians(rng.uniform(*TURN_DEG))
+        angle = np.radians(rng.uniform(*traffic.turn_deg))
         side = rng.choice([-1.0, 1.0])
         for leg in (Leg(rng.uniform(*traffic.straight_s)), Leg(angle / rate, side * rate)):
             flown_s += leg.duration_s
