@@ -25,14 +25,13 @@ out; what is near nothing is false.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from msg_adapters import ground_ranges
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.evaluation.identity import IdentitySwitches
@@ -43,6 +42,7 @@ from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.simulation.looks import looks, slant
 from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.core.simulation.sweep import Report, answered_plots, plot_times
+from phd_jdtc_ros.core.sited_plots import Ground
 from phd_jdtc_ros.core.types import Detections, Estimates, Truth
 
 from .peers.plot_kalman import follow
@@ -97,10 +97,13 @@ class Reader:
     layout : RadarInput
     radar : RadarModel
         Where it is in the tracks' plane.
+    read : callable of (distance, azimuth, elevation, height, layout)
+        `msg_adapters.ground_ranges.read`.
     """
 
     layout: RadarInput
     radar: RadarModel
+    read: Callable[[FloatArray, FloatArray, None, FloatArray | None, RadarInput], Ground]
 
     def ground(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
@@ -114,7 +117,7 @@ class Reader:
         """
         known = height if self.layout.height_field else None
         own = azimuth - self.radar.yaw if self.layout.site is None else azimuth
-        found = ground_ranges.read(distance, own, None, known, self.layout)
+        found = self.read(distance, own, None, known, self.layout)
         return np.stack([found.distance, found.azimuth], axis=1), found.possible
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters import estimates, ground_ranges, interfaces, names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import resources, yaml_files
 from phd_jdtc_ros.bags.errors import BagError
@@ -136,7 +136,7 @@ def scored(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
     config = tracker_params.config(bag_parameters.read(tracked) or {})
     if len(config.inputs) != 1:
         raise BagError(f"{tracked}: {len(config.inputs)} radars, must be 1")
-    reader = Reader(config.inputs[0], config.model.radars[0])
+    reader = Reader(config.inputs[0], config.model.radars[0], ground_ranges.read)
     bag = BagReader(tracked)
     own_s, _ = hour.plots
     recorded_s = _recorded(bag, config)
