@@ -94,7 +94,7 @@ def path_of_user(recording: Path, work: Path) -> dict[str, tuple[Path, list[Run]
     ways[AS_IS] = work / "out", [read, run("track_bag", bag, "--out", work / "out")]
     recorded = bag_parameters.read(bag) or {}
     removed = [
-        f"-p{radar}.fields.{field}:="
+        f"-p{radar}.fields.{field}:=''"
         for radar in recorded.get("radars", [])
         for field in ("code", "address")
     ]
@@ -192,9 +192,9 @@ def measured(name: str, minutes: float | None, seed: int, work: Path) -> dict[st
 
 def table(title: str, rows: Mapping[str, Scores | None]) -> Table:
     """Return the scores of several tracks of an hour."""
-    head = "found, %", "from the first plot, %", "RMS, m", "false a turn", "switches", "renumbered"
+    head = "found, %", "from 1st plot, %", "RMS, m", "false a turn", "switches", "renumbered"
     shown = Table(title=title, title_justify="left")
-    shown.add_column("tracks")
+    shown.add_column("tracks", no_wrap=True)
     for name in head:
         shown.add_column(name, justify="right")
     for name, row in rows.items():

@@ -162,6 +162,8 @@ def main(argv: Sequence[str]) -> int:
         run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)
         check_platform(run, config)
         check_sites(config)
+        if arguments.asterix is not None:
+            simulated_asterix.check(run)
         faults: list[str] = []
         sent = sending.of_radars(document or {}, radars, faults)
         if arguments.asterix is not None and arguments.asterix.exists():

@@ -34,6 +34,22 @@ CAPTURE = ".pcap"
 SERVICE_DELAY_S = 0.02
 
 
+def check(run: Scenario) -> None:
+    """Refuse radars that do not turn: what they send is not simulated.
+
+    Raises
+    ------
+    ConfigError
+    """
+    faults = [
+        f"{radar.name}.rotation_s: 0 given, must be above 0 to send ASTERIX"
+        for radar in run.radars
+        if not radar.rotation_s
+    ]
+    if faults:
+        raise ConfigError(faults)
+
+
 def write(
     path: Path, run: Scenario, config: TrackerConfig, sending: Sequence[Sending], seed: int
 ) -> int:
@@ -44,6 +60,7 @@ def write(
     path : Path
         A capture if it ends with `CAPTURE`.
     run : Scenario
+        All its radars turn.
     config : TrackerConfig
         Its inputs say where the radars stand.
     sending : sequence of Sending
@@ -54,15 +71,7 @@ def write(
     -------
     int
         Number of data blocks.
-
-    Raises
-    ------
-    ConfigError
-        If a radar does not turn.
     """
-    still = [radar.name for radar in run.radars if not radar.rotation_s]
-    if still:
-        raise ConfigError([f"{still[0]}.rotation_s: 0 given, must be above 0 to send ASTERIX"])
     sent = []
     for index, own in enumerate(sending):
         line = pcap_out.Line(sender=(10, 0, 0, index + 1))

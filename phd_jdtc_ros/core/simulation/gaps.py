@@ -85,17 +85,18 @@ def of_targets(
 def _drawn(values: Mapping[str, float], flights: Sequence[Flight]) -> tuple[Gap, ...]:
     """Return gaps of targets that are there for long enough: the longer, the more of them."""
     rng = np.random.default_rng(int(values["seed"]))
-    fast = np.array([np.hypot(*flight.velocity) >= values["slowest"] for flight in flights])
+    speed = np.array([np.hypot(*flight.velocity) for flight in flights])
+    there_s = np.array([flight.end_s - flight.start_s for flight in flights])
+    free = speed >= values["slowest"]
     gaps: list[Gap] = []
     for _ in range(int(values["count"])):
         length_s = float(rng.uniform(values["shortest_s"], values["longest_s"]))
-        # When it may begin, without coming near another one of the same target.
-        spare = np.array([f.end_s - f.start_s for f in flights]) - length_s - 2.0 * APART_S
-        taken = np.array([any(gap.number == k for gap in gaps) for k in range(1, len(flights) + 1)])
-        weight = np.where(fast & ~taken, np.maximum(spare, 0.0), 0.0)
-        if not weight.any():
+        # When it may begin; a target has one at most.
+        spare = np.where(free, np.maximum(there_s - length_s - 2.0 * APART_S, 0.0), 0.0)
+        if not spare.any():
             break
-        row = int(rng.choice(len(flights), p=weight / weight.sum()))
+        row = int(rng.choice(len(flights), p=spare / spare.sum()))
         start_s = flights[row].start_s + APART_S + float(rng.uniform(0.0, spare[row]))
         gaps.append(Gap(row + 1, start_s, start_s + length_s))
+        free[row] = False
     return tuple(gaps)

@@ -320,11 +320,15 @@ class Scenario:
 
     def until(self, elapsed_s: float) -> Scenario:
         """Return the scenario up to a time after scan 0, seconds, with the targets until then."""
-        there = zip(self.targets, self.flights, strict=True)
+        there = [row for row, flight in enumerate(self.flights) if flight.start_s <= elapsed_s]
+        number = {row + 1: own for own, row in enumerate(there, start=1)}
         return replace(
             self,
             scans=min(self.scans, int(elapsed_s / self.interval_s) + 1),
-            targets=tuple(target for target, flight in there if flight.start_s <= elapsed_s),
+            targets=tuple(self.targets[row] for row in there),
+            gaps=tuple(
+                gap._replace(number=number[gap.number]) for gap in self.gaps if gap.number in number
+            ),
         )
 
     def stamp_ns(self, scan: int) -> int:

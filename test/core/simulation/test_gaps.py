@@ -4,9 +4,11 @@
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.simulation import gaps
 from phd_jdtc_ros.core.simulation.flight import Flight, Leg
 from phd_jdtc_ros.core.simulation.gaps import Gap
+from phd_jdtc_ros.core.simulation.scenario import Scenario
 
 
 def flight(speed, length_s, start_s=100.0):
@@ -45,6 +47,12 @@ def test_more_gaps_than_targets_are_left_out():
     assert len(drawn(count=10)[0]) == 2
 
 
+def test_gaps_of_no_targets_are_none():
+    faults = []
+    assert gaps.of_targets({"gaps": GIVEN}, [], faults) == ()
+    assert not faults
+
+
 def test_target_is_hidden_in_its_own_gaps_only():
     known = [Gap(1, 5.0, 6.0), Gap(2, 0.0, 9.0), Gap(1, 7.0, 8.0)]
     out = gaps.hidden(known, 1, np.array([4.9, 5.0, 6.0, 7.5, 8.5]))
@@ -63,3 +71,12 @@ def test_gaps_name_what_is_wrong(changes, fault):
     found, faults = drawn(**changes)
     assert found == ()
     assert faults[0].startswith(fault)
+
+
+def test_gaps_stay_with_their_targets_in_a_part_of_the_run():
+    targets = (flight(200.0, 900.0, 700.0), flight(150.0, 900.0, 10.0), flight(100.0, 900.0))
+    known = (Gap(1, 800.0, 850.0), Gap(2, 80.0, 90.0), Gap(3, 200.0, 220.0))
+    radars = resolve({}).model.radars
+    part = Scenario(1, 1.0, 3601, targets, radars, gaps=known).until(500.0)
+    assert part.targets == targets[1:]
+    assert part.gaps == (Gap(1, 80.0, 90.0), Gap(2, 200.0, 220.0))
