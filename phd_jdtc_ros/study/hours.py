@@ -18,9 +18,10 @@ The plot Kalman tracker gets the same plots, read in the same way, with their ow
 
 Tracks are scored once a turn, at their own stamp nearest to the end of the radar's turn; a turn
 without tracks within half of it has none. A target is scored if it is not slow, as in `turning`,
-if the beam has passed it in sight within `IN_SIGHT_TURNS`, and from its `LEAST_LOOKS`-th pass since
-it came into sight: a track needs that many plots. Tracks of targets that are not scored are left
-out; what is near nothing is false.
+while it is in sight, and from its `LEAST_LOOKS`-th pass since it came into sight: a track needs
+that many plots. It is in sight between two passes of the beam at most `IN_SIGHT_TURNS` apart, in
+both of which it could be detected. Tracks of targets that are not scored are left out; what is near
+nothing is false.
 """
 
 from __future__ import annotations
@@ -167,13 +168,14 @@ class Hour:
     def passes(self, number: int, time_s: float) -> int:
         """Return how often the beam has passed a target since it came into sight; 0 out of it."""
         known = self.in_sight.get(number, np.zeros(0))
-        before = known[known <= time_s]
+        count = int(np.searchsorted(known, time_s, side="right"))
+        apart = np.diff(known[: count + 1])
         longest_s = IN_SIGHT_TURNS * self.rotation_s
-        if not len(before) or time_s - before[-1] > longest_s:
+        if count in (0, len(known)) or apart[-1] > longest_s:
             return 0
         # It came into sight after the last time that it was out of it.
-        came = np.flatnonzero(np.diff(before) > longest_s)
-        return len(before) - (int(came[-1]) + 1 if len(came) else 0)
+        came = np.flatnonzero(apart > longest_s)
+        return count - (int(came[-1]) + 1 if len(came) else 0)
 
     def truth(self, time_s: float, reader: Reader) -> tuple[Truth, FloatArray]:
         """Return the targets at a time after scan 0, and where they are in a tracks' plane."""

@@ -104,8 +104,9 @@ def _renamed(points, number, other, now):
 
 def test_passes_count_from_when_a_target_came_into_sight(hour):
     gap = next(each for each in hour.scenario.gaps if each.end_s < 440.0)
-    assert hour.passes(gap.number, gap.start_s - 1.0) > 3
-    assert hour.passes(gap.number, gap.end_s - 0.1) == (gap.end_s - gap.start_s < 6.0)
+    assert hour.passes(gap.number, gap.start_s - 5.0) > 3
+    assert hour.passes(gap.number, gap.start_s + 0.1) == 0
+    assert hour.passes(gap.number, gap.end_s - 0.1) == 0
     after = [hour.passes(gap.number, gap.end_s + 4.0016 * turns) for turns in (1.05, 2.05, 3.05)]
     assert after == [1, 2, 3]
     assert hour.passes(10_000, 100.0) == 0
