@@ -10,7 +10,7 @@ are judged:
 
     truth in the scenario's plane
       |  what the radar measures of it without noise: slant range, azimuth from true north, height
-      |  as the tracker reads plots with that range, azimuth and height
+      |  as the tracker reads plots with that range, azimuth and, of what answers, height
     truth in the tracks' plane
 
 and the times of the tracks are those of the radar: what the recording was shifted by is taken off.
@@ -183,7 +183,10 @@ class Hour:
         height = np.zeros(len(truth.track_id)) if truth.height is None else truth.height[:, 0]
         plane = self.scenario.measured(0, truth.state, np.full(len(height), time_s))
         distance, azimuth = slant(self.layout, plane, height).T
-        ground, _ = reader.ground(distance, azimuth, height + self.layout.datum)
+        # Of targets that answer nothing no tracker knows the height.
+        told = [self.scenario.answers(number) for number in truth.track_id.tolist()]
+        known = np.where(told, height + self.layout.datum, np.nan)
+        ground, _ = reader.ground(distance, azimuth, known)
         return truth, reader.radar.to_world(ground)
 
 

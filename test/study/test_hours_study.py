@@ -9,10 +9,11 @@ import pytest
 from msg_adapters import ground_ranges
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.simulation.scenario import truth_after
+from phd_jdtc_ros.core.simulation.transponder import Transponders
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.study import hours
 from phd_jdtc_ros.study.hour_goals import AS_IS, NO_IDENTITIES, TUNED, Tracked, goals_of
-from phd_jdtc_ros.study.hours import FOUND_M, Reader, Scores
+from phd_jdtc_ros.study.hours import FOUND_M, Hour, Reader, Scores
 from phd_jdtc_ros.tools.hours import hour_of
 
 
@@ -145,6 +146,17 @@ def test_truth_is_where_a_flat_earth_puts_it(hour, reader):
     # Of 105 km some 30 m, and of nothing nothing.
     assert 5.0 < off.max() < 80.0
     assert off[np.hypot(*truth.position.T) < 10e3].max() < 5.0
+
+
+def test_truth_that_answers_nothing_is_where_its_plots_are(hour, reader):
+    silent = Hour(
+        replace(hour.scenario, transponders=Transponders(share=0.0)), hour.layout, hour.seed
+    )
+    truth, position = silent.truth(300.0, reader)
+    off = np.hypot(*position.T) - np.hypot(*truth.position.T)
+    # The antenna's height is supposed: what is higher seems farther away.
+    assert 100.0 < off.max() < 5000.0
+    assert off.min() > -50.0
 
 
 def test_plot_kalman_gets_the_same_plots_and_finds_aircraft(hour, reader):
