@@ -90,7 +90,7 @@ RUNS ?= 50
 
 study: $(VENV)/.ready-study
 	@$(RUN) -m phd_jdtc_ros monte_carlo --runs $(RUNS) \
-	    --beside madap --beside registration --beside seam
+	    --beside madap --beside registration --beside seam --beside hours
 
 bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)

@@ -19,6 +19,7 @@ EXECUTABLES = (
     "monte_carlo",
     "madap",
     "registration",
+    "hours",
     "seam",
     "hand_over",
     "autoferry",

@@ -43,6 +43,10 @@ EXECUTABLES = {
         "phd_jdtc_ros.tools.registration",
         "the study of registration: three radars, one with errors",
     ),
+    "hours": (
+        "phd_jdtc_ros.tools.hours",
+        "simulated hours of a radar's ASTERIX, tracked with nothing set",
+    ),
     "seam": ("phd_jdtc_ros.tools.seam", "what is lost where two trackers part an area"),
     "hand_over": (
         "phd_jdtc_ros.tools.hand_over",

@@ -28,7 +28,6 @@ from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
 from phd_jdtc_ros.core.types import (
     COASTING,
     FILTERED,
-    FULL_TURN,
     SMOOTHED,
     SOURCES,
     Estimates,
@@ -44,10 +43,11 @@ OLDEST_TURNS = 1.5
 def turn_ends(scenario: Scenario) -> list[float]:
     """Return when the turns of the first radar that turns end, seconds after scan 0."""
     index = next(k for k, radar in enumerate(scenario.radars) if radar.rotation_s > 0.0)
-    rotation_s = scenario.radars[index].rotation_s
-    offset = scenario.antennas[index].bearing / FULL_TURN
-    first, last = int(np.ceil(offset)) + 1, scenario.duration_s / rotation_s + offset
-    return [(turn - offset) * rotation_s for turn in range(first, int(last + 1e-9) + 1)]
+    rotation_s, antenna = scenario.radars[index].rotation_s, scenario.antennas[index]
+    last = antenna.turns_at(np.array(scenario.duration_s), rotation_s)
+    turns = np.arange(int(np.ceil(antenna.begin)) + 1, int(last + 1e-9) + 1)
+    ends: list[float] = antenna.times_at(turns, rotation_s).tolist()
+    return ends
 
 
 def turning_run(scenario: Scenario, seed: int, ignored: Ignored = TAXIING) -> SimulatedRun:

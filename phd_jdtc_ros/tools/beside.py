@@ -24,7 +24,9 @@ from phd_jdtc_ros.study.monte_carlo.execution import THREAD_VARIABLES
 
 from . import registration
 
-NAMES = ("madap", "registration", "seam")
+NAMES = ("madap", "registration", "seam", "hours")
+# Those whose goals are among the study's; the file that each writes has its name.
+WITH_GOALS = ("registration", "hours")
 
 
 class Beside:
@@ -72,14 +74,14 @@ class Beside:
     def finish(self) -> int:
         """Wait for them, print what they have printed, and return failure if one has failed.
 
-        The goals of registration are written among those of the study's summary, which is written
-        after them.
+        The goals of those that have some are written among those of the study's summary, which is
+        written after them.
         """
         self._thread.join()
         for name, succeeded, text in self._ended:
             sys.stdout.write(text)
-            if name == "registration" and succeeded:
-                found = (self._out / "registration.json").read_text(encoding="utf-8")
+            if name in WITH_GOALS and succeeded:
+                found = (self._out / f"{name}.json").read_text(encoding="utf-8")
                 registration.merge(self._out / registration.SUMMARY, json.loads(found)["goals"])
         whole = len(self._ended) == len(self._studies)
         return OK if whole and all(succeeded for _, succeeded, _ in self._ended) else FAILED

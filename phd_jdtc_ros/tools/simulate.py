@@ -15,7 +15,7 @@ from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.simulation import scenario, scenario_file
+from phd_jdtc_ros.core.simulation import scenario, scenario_file, sending
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.simulation.sweep import simulate_reports
@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.nodes.common import bag_parameters
 
-from . import command
+from . import command, simulated_asterix
 
 DEPTH = 50
 # The frame of what carries radars.
@@ -140,6 +140,13 @@ def main(argv: Sequence[str]) -> int:
     parser = ArgumentParser("simulate", description=__doc__)
     parser.add_argument("--seed", type=int, default=0, help="%(default)s")
     parser.add_argument("--out", type=Path, required=True, help="directory of the new bag")
+    parser.add_argument(
+        "--asterix",
+        type=Path,
+        metavar="FILE",
+        help="what the radars send, as ASTERIX; a capture with times of receipt if it ends with "
+        f"{simulated_asterix.CAPTURE}",
+    )
     command.add_parameter_arguments(
         parser, "scenario file to simulate; without one the reference scenario"
     )
@@ -155,7 +162,18 @@ def main(argv: Sequence[str]) -> int:
         run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)
         check_platform(run, config)
         check_sites(config)
+        if arguments.asterix is not None:
+            simulated_asterix.check(run)
+        faults: list[str] = []
+        sent = sending.of_radars(document or {}, radars, faults)
+        if arguments.asterix is not None and arguments.asterix.exists():
+            faults.append(f"--asterix: {arguments.asterix} exists, is not overwritten")
+        if faults:
+            raise ConfigError(faults)
         write_bag(arguments.out, run, config, arguments.seed)
+        if arguments.asterix is not None:
+            blocks = simulated_asterix.write(arguments.asterix, run, config, sent, arguments.seed)
+            print(f"{arguments.asterix}: {blocks} data blocks")
         several = "radar" if len(radars) == 1 else "radars"
         print(f"{arguments.out}: {run.scans} scans, {len(radars)} {several}, seed {arguments.seed}")
         return OK

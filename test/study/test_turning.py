@@ -15,8 +15,9 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engines import ENGINES
 from phd_jdtc_ros.core.evaluation.metrics import ospa
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.simulation.antenna import Antenna
 from phd_jdtc_ros.core.simulation.flight import Flight, Leg
-from phd_jdtc_ros.core.simulation.scenario import Antenna, Scenario, truth_after
+from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.core.simulation.sweep import simulate_reports
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.tasks import perform

@@ -22,13 +22,14 @@ def test_studies_run_meanwhile_and_are_shown_at_the_end(tmp_path, capfd):
     assert "usage: madap" in capfd.readouterr().out
 
 
-def test_goals_of_registration_are_among_those_of_the_summary(tmp_path):
+@pytest.mark.parametrize("name", ["registration", "hours"])
+def test_goals_of_other_studies_are_among_those_of_the_summary(tmp_path, name):
     summary = tmp_path / "summary.json"
     summary.write_text(json.dumps({"goals": [{"name": "filter"}]}))
     found = {"goals": [{"name": "range bias", "reached": True}]}
-    (tmp_path / "registration.json").write_text(json.dumps(found))
+    (tmp_path / f"{name}.json").write_text(json.dumps(found))
     # Its help succeeds at once.
-    with Beside([("registration", "--help")], tmp_path) as others:
+    with Beside([(name, "--help")], tmp_path) as others:
         pass
     assert others.finish() == OK
     goals = json.loads(summary.read_text())["goals"]

@@ -13,7 +13,8 @@ import yaml
 import phd_jdtc_ros
 from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros.core.simulation import scenario_file, sending
+from phd_jdtc_ros.core.simulation.sending import Sending
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.nodes.hand_over import settings as hand_over
@@ -65,10 +66,15 @@ def test_every_example_of_the_hand_over_is_a_parameter_file_that_resolves(tmp_pa
 
 @pytest.mark.parametrize(("name", "text"), SCENES, ids=[name for name, _ in SCENES])
 def test_every_example_of_the_page_on_scenarios_is_one(name, text):
-    found = scenario_file.resolve(yaml.safe_load(text), resolve({}).model.radars)
+    document, radars, faults = yaml.safe_load(text), resolve({}).model.radars, []
+    found = scenario_file.resolve(document, radars)
+    sent = sending.of_radars(document, radars, faults)
+    assert not faults
 
     parts = found.targets, found.clutter, found.echoes, found.reflectors, found.platform
-    assert any(parts) or found.transponders is not None
+    uneven = any(antenna.wobble for antenna in found.antennas)
+    said = uneven or any(each != Sending() for each in sent)
+    assert any((*parts, found.mirrors)) or found.transponders is not None or said
 
 
 def test_the_example_in_python_of_the_page_on_the_earth_runs():

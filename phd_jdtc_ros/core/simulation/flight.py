@@ -81,6 +81,12 @@ class Flight:
         """When its last leg ends, after scan 0."""
         return self.start_s + float(self._starts[-1])
 
+    @property
+    def end_velocity(self) -> tuple[float, float]:
+        """When its last leg ends, metres per second."""
+        _, _, speed, course = self._marks[-1].tolist()
+        return speed * math.cos(course), speed * math.sin(course)
+
     def exists_at(self, scan: int, interval_s: float) -> bool:
         """Return whether the target exists at a scan; scans are `interval_s` apart."""
         elapsed = scan * interval_s

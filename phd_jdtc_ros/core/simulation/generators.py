@@ -15,15 +15,25 @@ from ..models.amplitude_density import snr_from_db
 from .checked import names_of, take
 from .flight import Flight, Leg
 from .geodesy import METRES_PER_NM, MPS_PER_KT, STANDARD_GRAVITY, east_north
-from .traffic import Traffic, draw
+from .traffic import STRAIGHT_S, TURN_DEG, Traffic, draw
 
 SNR = Parameter("snr_db", 30.0, "Mean signal-to-noise ratio, dB.", -100.0, 200.0)
 TRAFFIC = (
     Parameter("aircraft", 0, "Number of aircraft in the air.", 0, 10**4),
     Parameter("taxiing", 0, "Number of aircraft that taxi.", 0, 10**4),
+    Parameter("entering", 0, "Number of aircraft that fly in over the edge.", 0, 10**4),
     Parameter("seed", 0, "Seed of the random generator.", 0, 2**31 - 1),
     Parameter("centre", [0.0, 0.0], "Reference point of the airfield, world frame, m.", length=2),
     Parameter("radius", 105e3, "Aircraft end at this distance from the centre, m.", 1e4, 1e6),
+    Parameter(
+        "straight_s",
+        list(STRAIGHT_S),
+        "Shortest and longest time straight on between turns, s.",
+        1.0,
+        1e5,
+        length=2,
+    ),
+    Parameter("turn_deg", list(TURN_DEG), "Least and largest turn, degrees.", 0.1, 360.0, length=2),
     SNR,
 )
 MANOEUVRES = (
@@ -53,6 +63,9 @@ def traffic(given: Mapping[str, Any], duration_s: float, faults: list[str]) -> S
             radius=values["radius"],
             duration_s=duration_s,
             snr=snr_from_db(values["snr_db"]),
+            entering=values["entering"],
+            straight_s=(min(values["straight_s"]), max(values["straight_s"])),
+            turn_deg=(min(values["turn_deg"]), max(values["turn_deg"])),
         )
     )
 

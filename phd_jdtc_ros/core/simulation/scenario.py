@@ -5,13 +5,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
 from ..biases import NO_BIAS, RadarBias
@@ -19,14 +19,18 @@ from ..configuration.schema import ConfigError
 from ..models.amplitude_density import snr_from_db
 from ..models.motion import CoordinatedTurn
 from ..models.radar import RadarModel
-from ..types import FULL_TURN, Detections, Pose, Truth
+from ..types import UNKNOWN, Detections, Pose, Truth
+from .antenna import Antenna, usual_antenna
 from .clutter_law import NOISE, ClutterLaw
 from .echoes import Echoes
 from .flight import ROUNDING_S, Flight, Leg
+from .gaps import Gap, hidden
+from .mirrors import Mirror
 from .platform import MovingPlatform
 from .reflectors import Reflectors
 from .transponder import STREAM, Card, Transponders
 
+BoolArray = npt.NDArray[np.bool_]
 # True targets follow this model's mean; turn rate 0 is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
 
@@ -139,38 +143,6 @@ Target: TypeAlias = "TargetScript | Flight"
 
 
 @dataclass(frozen=True)
-class Antenna:
-    """The sense in which a radar's antenna turns, and where it points at scan 0.
-
-    Parameters
-    ----------
-    bearing : float
-        At scan 0, radians from the sensor's y axis in the sense in which it turns, from 0 to 2 pi.
-        A turn, and its first sector, begins at the y axis.
-    clockwise : bool
-    """
-
-    bearing: float = 0.0
-    clockwise: bool = True
-
-    def turns_to(self, azimuth: FloatArray) -> FloatArray:
-        """Return the part of a turn from the y axis to azimuths, in [0, 1); shape kept."""
-        turned = np.pi / 2.0 - azimuth if self.clockwise else azimuth - np.pi / 2.0
-        part: FloatArray = np.mod(turned / FULL_TURN, 1.0)
-        return np.where(part < 1.0, part, 0.0)  # rounding may reach 1
-
-
-def usual_antenna(radar: int) -> Antenna:
-    """Return the antenna of a scenario's k-th radar where the scenario does not say.
-
-    The first begins at its y axis, and each of the others a golden angle behind the one before, so
-    that radars with equal turns are not synchronous.
-    """
-    golden = 0.5 * (3.0 - math.sqrt(5.0))
-    return Antenna(FULL_TURN * (radar * golden % 1.0))
-
-
-@dataclass(frozen=True)
 class Scenario:
     """A scenario to simulate.
 
@@ -200,6 +172,10 @@ class Scenario:
         What targets answer; None if they have none.
     biases : tuple of RadarBias
         The systematic errors of each radar; empty if there are none. Only where radars turn.
+    gaps : tuple of Gap
+        When targets are out of sight of radars that turn.
+    mirrors : tuple of Mirror
+        What lets radars that turn see targets' answers elsewhere, too.
     """
 
     start_ns: int
@@ -215,6 +191,8 @@ class Scenario:
     platform: MovingPlatform | None = None
     transponders: Transponders | None = None
     biases: tuple[RadarBias, ...] = ()
+    gaps: tuple[Gap, ...] = ()
+    mirrors: tuple[Mirror, ...] = ()
 
     def __post_init__(self) -> None:
         if self.biases and not self.turning:
@@ -319,11 +297,17 @@ class Scenario:
         if self.transponders is None:
             return {}
         return {
-            number: self.transponders.card(
-                number, float(np.hypot(*flight.velocity)), self.duration_s, flight.height
-            )
+            number: self.transponders.card(number, flight, self.duration_s)
             for number, flight in enumerate(self.flights, start=1)
         }
+
+    def hidden(self, number: int, time_s: FloatArray) -> BoolArray:
+        """Return when a target, by its number from 1, is in a gap; times after scan 0, (N,)."""
+        return hidden(self.gaps, number, time_s)
+
+    def answers(self, number: int) -> bool:
+        """Return whether a target, by its number from 1, has a transponder."""
+        return number in self.cards and self.cards[number].code != UNKNOWN
 
     def answered(
         self, found: Detections, source: IntArray, time_s: FloatArray, seed: Sequence[int]
@@ -336,11 +320,15 @@ class Scenario:
 
     def until(self, elapsed_s: float) -> Scenario:
         """Return the scenario up to a time after scan 0, seconds, with the targets until then."""
-        there = zip(self.targets, self.flights, strict=True)
+        there = [row for row, flight in enumerate(self.flights) if flight.start_s <= elapsed_s]
+        number = {row + 1: own for own, row in enumerate(there, start=1)}
         return replace(
             self,
             scans=min(self.scans, int(elapsed_s / self.interval_s) + 1),
-            targets=tuple(target for target, flight in there if flight.start_s <= elapsed_s),
+            targets=tuple(self.targets[row] for row in there),
+            gaps=tuple(
+                gap._replace(number=number[gap.number]) for gap in self.gaps if gap.number in number
+            ),
         )
 
     def stamp_ns(self, scan: int) -> int:

@@ -13,13 +13,15 @@ from ..biases import NO_BIAS, RadarBias
 from ..configuration.schema import SMALL, ConfigError, Parameter
 from ..models.amplitude_density import snr_from_db
 from ..models.radar import RadarModel
-from . import clutter_law, echoes, generators
+from . import clutter_law, echoes, gaps, generators
+from .antenna import Antenna, usual_antenna
 from .checked import mapping, mappings, names_of, place, take
 from .flight import Flight, Leg
 from .geodesy import east_north
+from .mirrors import mirrors
 from .platform import platform
 from .reflectors import reflectors
-from .scenario import Antenna, Scenario, Target, TargetScript, Turn, usual_antenna
+from .scenario import Scenario, Target, TargetScript, Turn
 from .transponder import transponders
 
 # Stamps count seconds in signed 32-bit integers.
@@ -71,6 +73,10 @@ ANTENNA = (
         360.0,
     ),
     Parameter("clockwise", True, "Whether it turns clockwise."),
+    Parameter("wobble", 0.0, "Largest share by which it is faster or slower.", 0.0, 0.5),
+    Parameter("wobble_period_s", 600.0, "In which it is faster and slower, s.", SMALL, 1e6),
+    Parameter("lowest_deg", -90.0, "Lowest elevation of its beam, degrees.", -90.0, 90.0),
+    Parameter("highest_deg", 90.0, "Highest elevation of its beam, degrees.", -90.0, 90.0),
 )
 BIAS = (
     Parameter("range_bias", 0.0, "What ranges are too long by, m.", -1e5, 1e5),
@@ -105,6 +111,9 @@ OTHER_KEYS = (
     "reflectors",
     "platform",
     "transponders",
+    "gaps",
+    "mirrors",
+    "sending",
 )
 
 
@@ -123,9 +132,10 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         `echoes`. ``world_origin`` is the latitude and longitude of the world's zero, and ``sites``
         has those of radars by name, see `site_parameters`. ``reflectors`` is a list of
         mappings, see `reflectors`, and ``platform`` what carries radars, with ``legs``.
-        ``transponders`` says what targets answer, see `transponder`.
+        ``transponders`` says what targets answer, see `transponder`, ``gaps`` when they are out of
+        sight, see `gaps`, and ``mirrors`` where their answers are seen, too, see `mirrors`.
         ``parameters`` are those of the tracker and the radars, and are ignored here, as are
-        ``sites``.
+        ``sites``, and ``sending``, how radars send what they see.
     radars : tuple of RadarModel
 
     Raises
@@ -145,10 +155,14 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     carrier = platform(document, radars, _legs, faults)
     still = reflectors(document, radars, faults)
     replies = transponders(document, faults)
+    reflecting = mirrors(document, faults)
     duration_s = 0.0 if faults else (timing["scans"] - 1) * timing["interval_s"]
     targets += generators.traffic(mapping(document, "traffic", faults), duration_s, faults)
     given = mapping(document, "manoeuvres", faults)
     targets += generators.manoeuvres(given, _origin(document, faults), duration_s, faults)
+    interval_s = timing.get("interval_s") or 1.0
+    flights = [t if isinstance(t, Flight) else t.flight(interval_s) for t in targets]
+    unseen = gaps.of_targets(document, flights, faults)
     faults = faults or _time_faults(timing)
     if faults:
         raise ConfigError(faults)
@@ -166,6 +180,8 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         platform=carrier,
         transponders=replies,
         biases=biases,
+        gaps=unseen,
+        mirrors=reflecting,
     )
 
 
@@ -228,7 +244,16 @@ def _antennas(
         values = take(ANTENNA, of_radar, f"antennas.{name}.", found, names_of(ANTENNA))
         faults += found
         if not found:
-            antennas.append(Antenna(math.radians(values["bearing_deg"]), values["clockwise"]))
+            antennas.append(
+                Antenna(
+                    math.radians(values["bearing_deg"]),
+                    values["clockwise"],
+                    values["wobble"],
+                    values["wobble_period_s"],
+                    math.radians(values["lowest_deg"]),
+                    math.radians(values["highest_deg"]),
+                )
+            )
     return tuple(antennas)
 
 

@@ -6,7 +6,7 @@
 ::
 
     Scenario, seed
-      |  when the beam passes each target        passes
+      |  when the beam passes each target        passes, looks
       |  detection, noise, clutter               plots_of
     Plots of a radar, in the order of time
       |  by turn or by sector                    reports_of
@@ -26,23 +26,17 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..configuration.radar_input import RadarInput
-from ..models.radar import RadarModel, wrap_angle
+from ..models.radar import wrap_angle
 from ..sited_plots import over_ground
 from ..types import FULL_TURN, UNKNOWN, Coverage, Detections
+from .antenna import Antenna
 from .flight import Flight, Leg
-from .platform import MovingPlatform
-from .scenario import Antenna, Scenario, truth_at
-from .simulate import BoolArray, detect, false_detections, observe, range_rates
+from .looks import looks, looks_beside, passes
+from .scenario import Scenario, truth_at
+from .simulate import detect, false_detections, observe, range_rates
 
 # Kinds of plots, the TYP of I048/020.
 PRIMARY, COMBINED = 1, 3
-
-# The beam is far faster than any target, so that each step leaves a small part of the error.
-STEPS = 12
-# Nobody passes a target twice within so short a time; near the radar, steps may end at one pass.
-SAME_PASS_S = 1e-3
-# Turns beyond a target's end: one that circles the radar is passed more often than the beam turns.
-SPARE_TURNS = 8
 
 
 class Report(NamedTuple):
@@ -77,6 +71,9 @@ class Plots(NamedTuple):
     amplitude : array of shape (M,)
     source : int array of shape (M,)
         The track_id of each plot's target; 0 for clutter.
+    answering : int array of shape (M,)
+        The track_id of the target whose transponder answers: of a mirrored answer, too, which is
+        clutter.
     range_rate : array of shape (M,) or None
     """
 
@@ -84,7 +81,17 @@ class Plots(NamedTuple):
     measurement: FloatArray
     amplitude: FloatArray
     source: IntArray
+    answering: IntArray
     range_rate: FloatArray | None = None
+
+    def take(self, rows: IntArray) -> Plots:
+        """Return some of them."""
+        rate = None if self.range_rate is None else self.range_rate[rows]
+        turns, measurement, amplitude, source, answering, _ = self
+        return Plots(
+            *(turns[rows], measurement[rows], amplitude[rows]),
+            *(source[rows], answering[rows], rate),
+        )
 
 
 def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int) -> list[Report]:
@@ -100,8 +107,7 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
     """
     reports = []
     for index, (radar, layout) in enumerate(zip(scenario.radars, inputs, strict=True)):
-        # Each radar has a generator of its own, so that it does not depend on the others.
-        rng = np.random.default_rng([seed, index])
+        rng = _generator(seed, index)
         if radar.rotation_s > 0.0:
             plots = plots_of(scenario, index, rng, layout)
             reports += reports_of(scenario, index, plots, layout, seed)
@@ -111,57 +117,34 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
 
 
+def answered_plots(
+    scenario: Scenario, index: int, layout: RadarInput, seed: int
+) -> tuple[Plots, Detections]:
+    """Return the plots of a radar from scan 0 on, and the same as it measures them.
+
+    The radar turns. The detections have its errors, all that its targets answer, and a kind,
+    whatever the `layout` of its messages is; of a radar with a site slant ranges. Their times are
+    `plot_times`.
+    """
+    plots = plots_of(scenario, index, _generator(seed, index), layout)
+    found = _answers(scenario, index, plots, seed)
+    if scenario.transponders is None:
+        every = slice(0, len(plots.turns))
+        found = replace(found, height=_heights(scenario, index, plots, every))
+    _, found = scenario.bias(index).added(0, replace(found, kind=_kind(found)))
+    rows = np.flatnonzero(plot_times(scenario, index, plots) >= 0.0)
+    return plots.take(rows), found.take(rows)
+
+
+def _generator(seed: int, index: int) -> np.random.Generator:
+    """Return the generator of a radar, which has its own so as not to depend on the others."""
+    return np.random.default_rng([seed, index])
+
+
 def _biased(report: Report, scenario: Scenario) -> Report:
     """Return a report with the systematic errors of its radar."""
     stamp_ns, found = scenario.bias(report.radar).added(report.stamp_ns, report.detections)
     return report._replace(stamp_ns=stamp_ns, detections=found)
-
-
-def passes(
-    flight: Flight,
-    radar: RadarModel,
-    antenna: Antenna,
-    until_s: float,
-    carrier: MovingPlatform | None = None,
-) -> FloatArray:
-    """Return when the beam passes a target, seconds after scan 0, ascending.
-
-    Parameters
-    ----------
-    flight : Flight
-    radar : RadarModel
-    antenna : Antenna
-    until_s : float
-        Passes after it are left out.
-    carrier : MovingPlatform or None
-        What carries the radar; None if it stands.
-
-    Notes
-    -----
-    The target moves while the beam turns. Its bearing is unwrapped over the turns, so that one
-    that crosses the y axis is passed neither twice nor not at all. In each step the beam is turned
-    to where the target is at the time of the step before.
-    """
-    rotation_s = radar.rotation_s
-    offset = antenna.bearing / FULL_TURN
-    end = min(flight.end_s, until_s)
-    after = end + SPARE_TURNS * rotation_s
-    grid = np.arange(flight.start_s - rotation_s, after, rotation_s)
-
-    def part(time_s: FloatArray) -> FloatArray:
-        state = flight.states(time_s)
-        seen = state if carrier is None else carrier.seen(state, time_s)
-        return antenna.turns_to(radar.measure(seen)[:, 1])
-
-    unwrapped = np.unwrap(part(grid), period=1.0)
-    first = np.floor(grid[0] / rotation_s + offset - unwrapped[0])
-    turn = first + np.arange(len(grid)) + unwrapped
-    time = (turn - offset) * rotation_s
-    for _ in range(STEPS):
-        error = part(time) - (time / rotation_s + offset)
-        time = time + (error - np.round(error)) * rotation_s
-    time = np.sort(time[(time >= flight.start_s) & (time <= end)])
-    return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]
 
 
 def plots_of(
@@ -172,38 +155,29 @@ def plots_of(
     Its `layout` says where it stands on the round earth; None if it measures over a plane.
     """
     radar, antenna = scenario.radars[index], scenario.antennas[index]
-    offset = antenna.bearing / FULL_TURN
-    exact, turns, snr, source = [np.zeros((0, 2))], [np.zeros(0)], [np.zeros(0)], []
-    state = [np.zeros((0, len(radar.space)))]
-    for number, flight in enumerate(scenario.flights, start=1):
-        time = passes(flight, radar, antenna, scenario.duration_s, scenario.carrier(index))
-        time = time[_among_nearest(scenario, index, flight, time)]
-        state.append(flight.states(time))
-        measured = scenario.measured(index, state[-1], time)
-        if layout is not None and layout.site is not None:
-            height = scenario.height(number, time) + layout.datum
-            distance, azimuth = layout.site.to_slant(measured[:, 0], measured[:, 1], height)
-            measured = np.stack([distance, wrap_angle(azimuth)], axis=1)
-        exact.append(measured)
-        turns.append(time / radar.rotation_s + offset)
-        snr.append(np.full(len(time), flight.snr))
-        source += [number] * len(time)
-    true = np.concatenate(exact)
-    found, amplitude, seen = observe(true, np.concatenate(snr), radar, rng)
-    turned = _turned(antenna, np.concatenate(turns), true, found)
-    targets = Plots(turned[seen], found[seen], amplitude[seen], np.array(source, np.int64)[seen])
-    parts = targets, _clutter(scenario, index, rng), *_reflected(scenario, index, rng)
+    _, state, true, source = own = looks(scenario, index, layout)
+    snr = np.array([0.0, *(flight.snr for flight in scenario.flights)])[source]
+    found, amplitude, seen = observe(true, snr, radar, rng)
+    turned = _turned(antenna, antenna.turns_at(own.time_s, radar.rotation_s), true, found)
+    targets = Plots(turned[seen], found[seen], amplitude[seen], source[seen], source[seen])
+    parts = (
+        targets,
+        _clutter(scenario, index, rng),
+        *_reflected(scenario, index, rng),
+        *_mirrored(scenario, index, layout, rng),
+    )
     turned = np.concatenate([part.turns for part in parts])
     others = len(turned) - len(targets.turns)
-    range_rate = range_rates(np.concatenate(state)[seen], others, radar, rng)
-    order = np.argsort(turned, kind="stable")
-    return Plots(
-        turned[order],
-        np.concatenate([part.measurement for part in parts])[order],
-        np.concatenate([part.amplitude for part in parts])[order],
-        np.concatenate([part.source for part in parts])[order],
-        None if range_rate is None else range_rate[order],
+    range_rate = range_rates(state[seen], others, radar, rng)
+    every = Plots(
+        turned,
+        np.concatenate([part.measurement for part in parts]),
+        np.concatenate([part.amplitude for part in parts]),
+        np.concatenate([part.source for part in parts]),
+        np.concatenate([part.answering for part in parts]),
+        range_rate,
     )
+    return every.take(np.argsort(turned, kind="stable"))
 
 
 def _turned(
@@ -233,41 +207,48 @@ def _reflected(scenario: Scenario, index: int, rng: np.random.Generator) -> Iter
             still = Flight(0, 0.0, 0.0, point, (0.0, 0.0), whole)
             time = passes(still, radar, antenna, scenario.duration_s, scenario.carrier(index))
             exact.append(scenario.measured(index, still.states(time), time))
-            turns.append(time / radar.rotation_s + antenna.bearing / FULL_TURN)
+            turns.append(antenna.turns_at(time, radar.rotation_s))
         true = np.concatenate(exact)
         found, amplitude, seen = kind.answers(true, radar, rng)
         turned = _turned(antenna, np.concatenate(turns), true, found)
         none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
-        yield Plots(turned[seen], found[seen], amplitude[seen], none)
+        yield Plots(turned[seen], found[seen], amplitude[seen], none, none)
 
 
-def _among_nearest(scenario: Scenario, index: int, flight: Flight, time_s: FloatArray) -> BoolArray:
-    """Return when a radar is among the nearest `most_radars` that see a target, shape (N,)."""
-    if not scenario.most_radars:
-        return np.ones(len(time_s), dtype=np.bool_)
-    state = flight.states(time_s)
-    exact = [scenario.measured(k, state, time_s) for k in range(len(scenario.radars))]
-    sees = [radar.visibility.sees(z) > 0.0 for radar, z in zip(scenario.radars, exact, strict=True)]
-    distance = np.where(sees, [z[:, 0] for z in exact], np.inf)
-    nearer: BoolArray = (distance < distance[index]).sum(axis=0) < scenario.most_radars
-    return nearer
+def _mirrored(
+    scenario: Scenario, index: int, layout: RadarInput | None, rng: np.random.Generator
+) -> Iterator[Plots]:
+    """Yield the answers of each target that each mirror sends to a radar."""
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    axes = list(radar.space.position)
+    for mirror in scenario.mirrors:
+        for number, flight in enumerate(scenario.flights, start=1):
+            if not scenario.answers(number):
+                continue
+            own = looks_beside(scenario, index, layout, number, mirror.position)
+            position = own.state[:, axes]
+            exact = own.exact + np.stack(
+                [mirror.detour(position, radar), np.zeros(len(position))], axis=1
+            )
+            snr = np.full(len(position), flight.snr)
+            found, amplitude, seen = observe(exact, snr, radar, rng)
+            seen &= mirror.reflects(position, radar, rng)
+            turned = _turned(antenna, antenna.turns_at(own.time_s, radar.rotation_s), exact, found)
+            none = np.zeros(int(np.count_nonzero(seen)), dtype=np.int64)
+            yield Plots(turned[seen], found[seen], amplitude[seen], none, own.source[seen])
 
 
 def _clutter(scenario: Scenario, index: int, rng: np.random.Generator) -> Plots:
     """Return one radar's clutter in its field of view; the rate is that of a whole turn."""
     radar, antenna = scenario.radars[index], scenario.antennas[index]
-    begin = antenna.bearing / FULL_TURN
-    last = int(np.ceil(scenario.duration_s / radar.rotation_s + begin))
+    end = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)
+    last = int(np.ceil(end[0]))
     count = rng.poisson(radar.clutter_rate, last)
     measurement, amplitude = false_detections(radar, int(count.sum()), rng, scenario.law(index))
     turns = np.repeat(np.arange(last), count) + antenna.turns_to(measurement[:, 1])
     kept = radar.visibility.sees(measurement) > 0.0
-    return Plots(
-        turns[kept],
-        measurement[kept],
-        amplitude[kept],
-        np.zeros(int(np.count_nonzero(kept)), dtype=np.int64),
-    )
+    none = np.zeros(int(np.count_nonzero(kept)), dtype=np.int64)
+    return Plots(turns[kept], measurement[kept], amplitude[kept], none, none)
 
 
 def reports_of(
@@ -281,20 +262,24 @@ def reports_of(
     radar, antenna = scenario.radars[index], scenario.antennas[index]
     # Turns and sectors begin where the antenna says so, not where it is.
     ahead = scenario.bias(index).azimuth / FULL_TURN * (-1.0 if antenna.clockwise else 1.0)
-    turned, offset = plots.turns + ahead, antenna.bearing / FULL_TURN + ahead
+    turned, offset = plots.turns + ahead, antenna.begin + ahead
     answers = _answers(scenario, index, plots, seed)
+    time_s = plot_times(scenario, index, plots)
     parts = max(layout.sectors, 1)
     first = int(np.ceil(offset)) * parts
-    end_turn = scenario.duration_s / radar.rotation_s + offset
+    end_turn = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)[0] + ahead
     last = int(np.floor(end_turn * parts + 1e-9))
     edges = np.searchsorted(turned * parts, np.arange(first, last + 1))
     reports = []
     for number, begin, end in zip(range(first, last), edges[:-1], edges[1:], strict=True):
-        end_s = ((number + 1) / parts - offset) * radar.rotation_s
+        edge = (number + 1) / parts
+        end_s = float(antenna.times_at(np.array(edge - ahead), radar.rotation_s))
         rows = slice(int(begin), int(end))
-        time_s = (turned[rows] - (number + 1) / parts) * radar.rotation_s
+        # What the antenna is ahead of even turns changes between the plot and the stamp.
+        gained_s = antenna.ahead_s(time_s[rows]) - antenna.ahead_s(np.array(end_s))
+        own_s = (turned[rows] - edge) * radar.rotation_s - gained_s
         coverage = _coverage(antenna, number % parts, parts) if layout.sectors else None
-        detections = _reported(plots, rows, time_s, coverage, layout)
+        detections = _reported(plots, rows, own_s, coverage, layout)
         if scenario.transponders is not None:
             own = answers.take(np.arange(len(plots.turns))[rows])
             detections = _with_answers(detections, own, layout)
@@ -303,6 +288,11 @@ def reports_of(
         detections = placed(detections, layout)
         reports.append(Report(index, scenario.ns_after(end_s), detections, plots.source[rows]))
     return reports
+
+
+def plot_times(scenario: Scenario, index: int, plots: Plots) -> FloatArray:
+    """Return the times of one radar's plots, seconds after scan 0, shape (M,)."""
+    return scenario.antennas[index].times_at(plots.turns, scenario.radars[index].rotation_s)
 
 
 def _reported(
@@ -320,8 +310,7 @@ def _reported(
 
 def _heights(scenario: Scenario, index: int, plots: Plots, rows: slice) -> FloatArray:
     """Return the heights of the targets of some plots, metres; NaN for clutter."""
-    offset = scenario.antennas[index].bearing / FULL_TURN
-    time_s = (plots.turns[rows] - offset) * scenario.radars[index].rotation_s
+    time_s = plot_times(scenario, index, plots)[rows]
     source = plots.source[rows]
     height = np.full(len(source), np.nan)
     for number in np.unique(source[source > 0]).tolist():
@@ -353,9 +342,8 @@ def placed(found: Detections, layout: RadarInput) -> Detections:
 def _answers(scenario: Scenario, index: int, plots: Plots, seed: int) -> Detections:
     """Return all plots with what their targets answer, however they are reported."""
     found = Detections(plots.measurement, None)
-    offset = scenario.antennas[index].bearing / FULL_TURN
-    time_s = (plots.turns - offset) * scenario.radars[index].rotation_s
-    return scenario.answered(found, plots.source, time_s, (seed, index))
+    time_s = plot_times(scenario, index, plots)
+    return scenario.answered(found, plots.answering, time_s, (seed, index))
 
 
 def _with_answers(found: Detections, answers: Detections, layout: RadarInput) -> Detections:

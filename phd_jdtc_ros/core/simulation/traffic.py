@@ -33,6 +33,8 @@ RUNWAY = 1000.0
 # from the reference point.
 TAXI_SPEED, TAXI_ACCELERATION, TAXI_TURN_S = (5.0, 10.0), 1.0, 6.0
 TAXI_STRAIGHT_S, HOLD_S, APRON = (15.0, 50.0), (10.0, 45.0), 1500.0
+# What flies in over the edge heads for the field, but for so much, radians.
+MOST_ASIDE = 0.8
 # A way out of the radius takes less, seconds.
 LONGEST_S = 3600.0
 
@@ -47,6 +49,12 @@ class Traffic:
     ----------
     aircraft, taxiing : int
         Number of aircraft in the air, and of those that taxi.
+    entering : int
+        Number of those that fly in over the edge at some time, and over the field or beside it.
+    straight_s : tuple of two floats
+        Shortest and longest time straight on between turns in the air, seconds.
+    turn_deg : tuple of two floats
+        Least and largest angle of these turns, degrees.
     seed : int
     centre : tuple of two floats
         Reference point of the airfield, world frame, metres.
@@ -64,10 +72,13 @@ class Traffic:
     radius: float
     duration_s: float
     snr: float
+    entering: int = 0
+    straight_s: Range = STRAIGHT_S
+    turn_deg: Range = TURN_DEG
 
 
 def draw(traffic: Traffic) -> tuple[Flight, ...]:
-    """Return the aircraft, those in the air first; equal traffic gives equal flights.
+    """Return the aircraft: in the air, taxiing, entering; equal traffic gives equal flights.
 
     Each has a generator of its own, so that more aircraft do not change the others.
     """
@@ -79,7 +90,11 @@ def draw(traffic: Traffic) -> tuple[Flight, ...]:
         _taxiing(traffic, np.random.default_rng([traffic.seed, 1, number]))
         for number in range(traffic.taxiing)
     ]
-    return (*in_the_air, *taxiing)
+    entering = [
+        _entering(traffic, np.random.default_rng([traffic.seed, 2, number]))
+        for number in range(traffic.entering)
+    ]
+    return (*in_the_air, *taxiing, *entering)
 
 
 def _in_the_air(traffic: Traffic, rng: np.random.Generator) -> Flight:
@@ -103,17 +118,34 @@ def _climb(traffic: Traffic, rng: np.random.Generator) -> Flight:
     legs = [
         Leg(rng.uniform(*RUNWAY_S)),
         Leg((speeds[1] - speeds[0]) / acceleration, acceleration=acceleration),
-        *_vectors(rng, speeds[1], rng.uniform(*TERMINAL_S)),
+        *_vectors(traffic, rng, speeds[1], rng.uniform(*TERMINAL_S)),
         Leg((speeds[2] - speeds[1]) / acceleration, acceleration=acceleration),
-        *_vectors(rng, speeds[2], LONGEST_S),
+        *_vectors(traffic, rng, speeds[2], LONGEST_S),
     ]
     return _flight(traffic, rng, RUNWAY, speeds[0], legs)
 
 
 def _overflight(traffic: Traffic, rng: np.random.Generator) -> Flight:
     speed = rng.uniform(*CRUISE_SPEED)
-    way = _flight(traffic, rng, 0.9 * traffic.radius, speed, list(_vectors(rng, speed, LONGEST_S)))
+    way = _flight(
+        traffic, rng, 0.9 * traffic.radius, speed, list(_vectors(traffic, rng, speed, LONGEST_S))
+    )
     return _cut(_within(traffic, way), 0.0, traffic.duration_s)
+
+
+def _entering(traffic: Traffic, rng: np.random.Generator) -> Flight:
+    """Return an overflight from one edge to another, which begins at any time of the run."""
+    speed, bearing = rng.uniform(*CRUISE_SPEED), rng.uniform(-np.pi, np.pi)
+    inward = bearing + np.pi + rng.uniform(-1.0, 1.0) * MOST_ASIDE
+    x, y = traffic.centre
+    # Just inside, so that it has not left at once.
+    edge = traffic.radius - 1.0
+    position = float(x + edge * np.cos(bearing)), float(y + edge * np.sin(bearing))
+    velocity = float(speed * np.cos(inward)), float(speed * np.sin(inward))
+    legs = tuple(_vectors(traffic, rng, speed, LONGEST_S))
+    way = _within(traffic, Flight(0, traffic.snr, 0.0, position, velocity, legs))
+    start_s = rng.uniform(-way.end_s, traffic.duration_s)
+    return _cut(replace(way, start_s=start_s), 0.0, traffic.duration_s)
 
 
 def _taxiing(traffic: Traffic, rng: np.random.Generator) -> Flight:
@@ -134,15 +166,17 @@ def _taxiing(traffic: Traffic, rng: np.random.Generator) -> Flight:
     return _cut(_flight(traffic, rng, APRON, speed, legs), 0.0, traffic.duration_s)
 
 
-def _vectors(rng: np.random.Generator, speed: float, duration_s: float) -> Iterator[Leg]:
+def _vectors(
+    traffic: Traffic, rng: np.random.Generator, speed: float, duration_s: float
+) -> Iterator[Leg]:
     """Yield straight legs and turns in alternation, for at least this long."""
     flown_s = 0.0
     while flown_s < duration_s:
         bank = np.radians(rng.uniform(*BANK_DEG))
         rate = min(STANDARD_GRAVITY * np.tan(bank) / speed, np.radians(STANDARD_DEG_S))
-        angle = np.radians(rng.uniform(*TURN_DEG))
+        angle = np.radians(rng.uniform(*traffic.turn_deg))
         side = rng.choice([-1.0, 1.0])
-        for leg in (Leg(rng.uniform(*STRAIGHT_S)), Leg(angle / rate, side * rate)):
+        for leg in (Leg(rng.uniform(*traffic.straight_s)), Leg(angle / rate, side * rate)):
             flown_s += leg.duration_s
             yield leg
 

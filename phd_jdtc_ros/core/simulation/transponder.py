@@ -19,20 +19,24 @@ from ..arrays import FloatArray, IntArray
 from ..configuration.schema import Parameter
 from ..types import UNKNOWN, Detections
 from .checked import mapping, names_of, take
+from .flight import Flight
 
 TRANSPONDERS = (
     Parameter("share", 1.0, "Share of the targets that have one.", 0.0, 1.0),
     Parameter("reply_probability", 0.95, "That such a target's plot has an answer.", 0.0, 1.0),
+    Parameter("mode_s_share", 1.0, "Share of these that have an address.", 0.0, 1.0),
     Parameter("code_garbled", 0.0, "Probability that the code of an answer is any.", 0.0, 1.0),
     Parameter("height_garbled", 0.0, "Probability that the height is any.", 0.0, 1.0),
+    Parameter("address_garbled", 0.0, "Probability that the address is any.", 0.0, 1.0),
     Parameter("shared_code_share", 0.1, "Share of the targets with the code 7000.", 0.0, 1.0),
     Parameter("seed", 0, "Seed of the targets' codes and heights.", 0, 2**31 - 1),
 )
 SHARED = 0o7000
 # Metres: Mode C counts in hundreds of feet; levels, and what garbled heights are within.
 MODE_C, LEVELS, GARBLED = 30.48, (1500.0, 11e3), (0.0, 14e3)
-# Metres per second, and seconds of a climb or descent; slower targets than the last are on ground.
-CLIMB, CLIMB_S, GROUND_SPEED = (3.0, 12.0), (60.0, 300.0), 20.0
+# Metres per second, and seconds of a climb or descent; what is slower than the last two is on
+# ground, and takes off or lands.
+CLIMB, CLIMB_S, GROUND_SPEED, RUNWAY_SPEED = (3.0, 12.0), (60.0, 300.0), 20.0, 85.0
 # Third word of the seeds.
 STREAM = 3
 
@@ -71,30 +75,30 @@ class Transponders:
 
     Parameters
     ----------
-    share, reply_probability, code_garbled, height_garbled, shared_code_share : float
+    share, reply_probability, mode_s_share, code_garbled, height_garbled, address_garbled : float
+    shared_code_share : float
         See `TRANSPONDERS`.
     seed : int
     """
 
     share: float = 1.0
     reply_probability: float = 0.95
+    mode_s_share: float = 1.0
     code_garbled: float = 0.0
     height_garbled: float = 0.0
+    address_garbled: float = 0.0
     shared_code_share: float = 0.1
     seed: int = 0
 
-    def card(self, number: int, speed: float, duration_s: float, height: float = 0.0) -> Card:
+    def card(self, number: int, flight: Flight, duration_s: float) -> Card:
         """Return what a target, counted from 1, answers; equal arguments give equal cards.
 
         Parameters
         ----------
         number : int
-        speed : float
-            At its start, metres per second.
+        flight : Flight
         duration_s : float
             Of the run.
-        height : float
-            Where it stays, if that is not 0, metres.
         """
         rng = np.random.default_rng([self.seed, number, STREAM])
         equipped, shared = rng.random() < self.share, rng.random() < self.shared_code_share
@@ -102,12 +106,21 @@ class Transponders:
         code = SHARED if shared else own
         level, climb = rng.uniform(*LEVELS), rng.uniform(*CLIMB)
         # A third each stays, climbs and descends.
-        climb *= rng.integers(-1, 2)
+        sense = int(rng.integers(-1, 2))
         since_s, for_s = rng.uniform(0.0, duration_s), rng.uniform(*CLIMB_S)
-        if height or speed < GROUND_SPEED:
-            level, climb = height, 0.0
+        begins, ends = (np.hypot(*velocity) for velocity in (flight.velocity, flight.end_velocity))
+        if flight.height or begins < GROUND_SPEED:
+            level, sense = flight.height, 0
+        elif begins < RUNWAY_SPEED:
+            since_s, for_s, sense, level = flight.start_s, level / climb, 1, 0.0
+        elif ends < RUNWAY_SPEED:
+            for_s, sense = level / climb, -1
+            since_s = flight.end_s - for_s
+        if rng.random() >= self.mode_s_share:
+            address = UNKNOWN
         if not equipped:
             code = address = UNKNOWN
+        climb *= sense
         return Card(code, address, float(level), float(climb), float(since_s), float(for_s))
 
     def answered(
@@ -146,6 +159,9 @@ class Transponders:
             height[own] = card.height(time_s[own])[:, 0]
         answers = code != UNKNOWN
         code = np.where(garbled[0] & answers, wrong, code)
+        # Drawn last, so that the others do not depend on it.
+        other = rng.random(count) < self.address_garbled
+        address = np.where(other & (address != UNKNOWN), rng.integers(1, 1 << 24, count), address)
         height = np.where(garbled[1], wrong_height, height)
         height = np.where(answers, MODE_C * np.round(height / MODE_C), np.nan)
         return replace(found, code=code, address=address, height=height)

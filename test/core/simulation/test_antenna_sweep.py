@@ -12,9 +12,11 @@ import pytest
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.models.radar import wrap_angle
 from phd_jdtc_ros.core.models.visibility import within
+from phd_jdtc_ros.core.simulation.antenna import Antenna
 from phd_jdtc_ros.core.simulation.flight import Flight, Leg
-from phd_jdtc_ros.core.simulation.scenario import Antenna, Scenario, TargetScript
-from phd_jdtc_ros.core.simulation.sweep import passes, plots_of, simulate_reports
+from phd_jdtc_ros.core.simulation.looks import passes
+from phd_jdtc_ros.core.simulation.scenario import Scenario, TargetScript
+from phd_jdtc_ros.core.simulation.sweep import plots_of, simulate_reports
 from phd_jdtc_ros.core.types import FULL_TURN
 
 ROTATION_S = 4.0

@@ -73,3 +73,25 @@ def test_some_arrive_and_some_depart_during_the_run(flights):
 
     assert sum(on_the_runway(flight, flight.end_s) for flight in landed) >= 3
     assert sum(on_the_runway(flight, flight.start_s) for flight in started) >= 3
+
+
+def test_entering_aircraft_come_in_over_the_edge_all_through_the_run():
+    hour = replace(BUSY, aircraft=3, taxiing=2, duration_s=3600.0)
+    flights = draw(replace(hour, entering=60))
+    assert flights[:5] == draw(hour)
+    entering = flights[5:]
+    assert len(entering) == 60
+    begun = [flight for flight in entering if flight.start_s > 0.0]
+    assert len(begun) > 40
+    for flight in begun:
+        away = np.subtract(flight.position, CENTRE)
+        assert np.hypot(*away) == pytest.approx(hour.radius, abs=1.5)
+        assert np.dot(away, flight.velocity) < 0.0
+    assert np.quantile([flight.start_s for flight in begun], 0.75) > 2000.0
+
+
+def test_traffic_flies_legs_and_turns_as_it_is_told():
+    calm = replace(BUSY, straight_s=(300.0, 400.0), turn_deg=(5.0, 20.0))
+    for flight in draw(calm)[:50]:
+        turned = [np.degrees(abs(leg.turn_rate)) * leg.duration_s for leg in flight.legs]
+        assert max(turned) <= 20.0 + 1e-9

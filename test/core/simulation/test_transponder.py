@@ -117,3 +117,51 @@ def test_faults_of_the_block_are_all_named():
         terminal({"share": 1.5, "code": 3})
     assert "transponders.share" in str(refused.value)
     assert "transponders.code: unknown key" in str(refused.value)
+
+
+def answers_of(given):
+    _, reports = plots(given)
+    source = np.concatenate([report.source for report in reports])
+    columns = (
+        np.concatenate([getattr(report.detections, name) for report in reports]) for name in NAMES
+    )
+    return source, *columns
+
+
+def test_targets_without_mode_s_answer_with_codes_only():
+    source, code, address, _ = answers_of({"mode_s_share": 0.6, "reply_probability": 1.0})
+    numbers = np.unique(source[source > 0])
+    known = [n for n in numbers if (address[source == n] != UNKNOWN).all()]
+    unknown = [n for n in numbers if (address[source == n] == UNKNOWN).all()]
+    assert len(known) + len(unknown) == len(numbers)
+    assert len(known) / len(numbers) == pytest.approx(0.6, abs=0.15)
+    assert (code[source > 0] != UNKNOWN).all()
+
+
+def test_some_addresses_are_garbled_and_nothing_else_changes():
+    source, code, address, height = answers_of({})
+    _, same_code, garbled, same_height = answers_of({"address_garbled": 0.1})
+    np.testing.assert_array_equal(code, same_code)
+    np.testing.assert_array_equal(height, same_height)
+    answered = address != UNKNOWN
+    np.testing.assert_array_equal(answered, garbled != UNKNOWN)
+    assert np.mean(garbled[answered] != address[answered]) == pytest.approx(0.1, abs=0.03)
+    assert (source[answered] > 0).all()
+
+
+def test_aircraft_take_off_from_the_ground_and_land_on_it():
+    document = dict(yaml_files.load(ROOT / "config" / "scenarios" / "terminal_radar.yaml"))
+    document |= {"scans": 3601, "transponders": {}}
+    config = resolve(dict(flatten(document["parameters"])))
+    run = scenario_file.resolve(document, config.model.radars)
+    began = landed = 0
+    for number, flight in enumerate(run.flights, start=1):
+        first, last = run.height(number, np.array([flight.start_s, flight.end_s]))
+        if 40.0 < np.hypot(*flight.velocity) < 85.0:
+            began += 1
+            assert first == 0.0
+        elif 40.0 < np.hypot(*flight.end_velocity) < 85.0:
+            landed += 1
+            assert last == pytest.approx(0.0, abs=1e-6)
+    assert began > 3
+    assert landed > 3
