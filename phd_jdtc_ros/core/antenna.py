@@ -34,6 +34,8 @@ RATE_STD, AZIMUTH_STD = 0.05, 0.05
 # How much more of the detections must be on the line than on that of the other direction, and their
 # weight against an unusual rate.
 EVIDENCE, CONCENTRATION = 4.0, 4.0
+# After so many reports that are not clear the turn is looked for again.
+MOST_UNCLEAR = 8
 # Detections that are looked at: a regular choice of more.
 MOST = 250
 # So many detections on most of a turn show its motion without those before them.
@@ -126,8 +128,8 @@ class AntennaTrack(NamedTuple):
         Its motion; None if that is not known.
     sightings : Sightings
         The latest detections.
-    unclear : bool
-        Whether they are not where one antenna could have been.
+    unclear : int
+        Number of reports in a row after which they were not where one antenna could have been.
     looked, looked_s : int, float
         For a turn that nobody knows: number of detections when it was looked for last, and when.
     """
@@ -135,7 +137,7 @@ class AntennaTrack(NamedTuple):
     rotation_s: float
     antenna: Antenna | None = None
     sightings: Sightings = NONE
-    unclear: bool = False
+    unclear: int = 0
     looked: int = 0
     looked_s: float = -math.inf
 
@@ -175,7 +177,11 @@ class AntennaTrack(NamedTuple):
         if line is not None and weight @ line.fits(*seen) >= LEAST_FIT * weight.sum():
             return AntennaTrack(line.turn_s, line, seen)
         lost = self.antenna is not None or seen.many(self.rotation_s)
-        return AntennaTrack(self.rotation_s, None, own if lost else seen, lost)
+        if not lost:
+            return AntennaTrack(self.rotation_s, None, seen, self.unclear)
+        # In the end it turns in another time than anybody thought.
+        usual_s = self.rotation_s if self.unclear < MOST_UNCLEAR else 0.0
+        return AntennaTrack(usual_s, None, own, self.unclear + 1)
 
     def turning_in(self, turn_s: float) -> AntennaTrack:
         """Return the same with a time of a turn that is known better, seconds; 0 if it is not."""

@@ -3,15 +3,15 @@
 
 """The latest reports of a turning radar, so that one that comes late is cut in its place.
 
-What a report covers follows from those before it, and when the antenna was where from all of them.
-With a late report the later ones are cut again, and become what they would have been.
+What a report covers follows from those before it. With a late report the later ones are cut again,
+and become what they would have been.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from dataclasses import dataclass
+from operator import attrgetter
 from typing import NamedTuple
 
 from .scans import Rejection
@@ -29,8 +29,7 @@ class _Record(NamedTuple):
     pieces: tuple[Piece, ...]
 
 
-@dataclass(frozen=True)
-class Recut:
+class Recut(NamedTuple):
     """What a late report changes.
 
     Parameters
@@ -46,12 +45,7 @@ class Recut:
 
 
 class TurnHistory:
-    """Cuts the reports of one turning radar, and can do so again with a late one.
-
-    Parameters
-    ----------
-    turns : Turns
-    """
+    """Cuts the reports of one radar, and can do so again with a late one; see `Turns.split`."""
 
     def __init__(self, turns: Turns) -> None:
         self._turns = turns
@@ -60,14 +54,13 @@ class TurnHistory:
     def split(
         self, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Piece] | Rejection:
-        """Return the parts of a report that is not late; see `Turns.split`."""
+        """Return the parts of a report that is not late."""
         if self._records and stamp_ns < self._records[-1].stamp_ns:
-            self._records = []  # of another run
+            self.clear()  # of another run
         before = self._turns.state
         pieces = self._turns.split(stamp_ns, detections, sector)
         if not isinstance(pieces, Rejection):
-            record = _Record(stamp_ns, detections, sector, before, tuple(pieces))
-            self._records.append(record)
+            self._records.append(_Record(stamp_ns, detections, sector, before, tuple(pieces)))
         return pieces
 
     def later(self, stamp_ns: int) -> int:
@@ -77,38 +70,23 @@ class TurnHistory:
     def insert(
         self, stamp_ns: int, detections: Detections, sector: int | None
     ) -> Recut | Rejection:
-        """Cut a late report and all later ones.
-
-        Parameters
-        ----------
-        stamp_ns, detections, sector
-            See `Turns.split`.
-
-        Returns
-        -------
-        Recut
-        Rejection
-            If the report has come before, or belongs before all that are kept.
-        """
+        """Cut a late report and all later ones; refuse one that came, or comes before all."""
         place = self._place(stamp_ns)
         if place and self._records[place - 1].stamp_ns == stamp_ns:
             return Rejection.DUPLICATE
-        later = self._records[place:]
+        later, kept = self._records[place:], self._turns.state
         last_ns = later[0].before.last_ns if later else None
         if last_ns is None or last_ns >= stamp_ns:
             return Rejection.LATE
-        before, records = self._turns.state, list(self._records)
-        doubts = Counter(self._turns.doubts)
+        records, doubts = list(self._records), Counter(self._turns.doubts)
         del self._records[place:]
         self._turns.state = later[0].before
         reports = [(stamp_ns, detections, sector), *(own[:3] for own in later)]
         cut = [self.split(*report) for report in reports]
         # What is odd about the later ones was counted when they came.
-        self._turns.doubts.clear()
-        self._turns.doubts.update(doubts)
+        self._turns.doubts = doubts
         if any(isinstance(pieces, Rejection) for pieces in cut):
-            self._turns.state = before
-            self._records = records
+            self._turns.state, self._records = kept, records
             return Rejection.LATE
         return Recut(
             tuple(own_ns for record in later for own_ns, _ in record.pieces),
@@ -125,4 +103,4 @@ class TurnHistory:
 
     def _place(self, stamp_ns: int) -> int:
         """Return the number of reports at a stamp or before it."""
-        return bisect_right([record.stamp_ns for record in self._records], stamp_ns)
+        return bisect_right(self._records, stamp_ns, key=attrgetter("stamp_ns"))

@@ -20,9 +20,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -73,8 +71,6 @@ class State(NamedTuple):
         Of the latest sector.
     step : int
         What numbers rise by from one sector to the next; 0 if it is not known.
-    numbered_s : mapping of int to float
-        When each sector was reported last.
     """
 
     track: AntennaTrack
@@ -87,7 +83,6 @@ class State(NamedTuple):
     end: float = math.nan
     number: int | None = None
     step: int = 0
-    numbered_s: Mapping[int, float] = MappingProxyType({})
 
 
 class _Report(NamedTuple):
@@ -155,7 +150,7 @@ class Turns:
     @property
     def turn_s(self) -> float:
         """Time of a turn as the detections show it, seconds; 0 for none, as far as is known."""
-        return self.state.track.rotation_s
+        return self.state.track.rotation_s or self.rotation_s
 
     @property
     def report_s(self) -> float:
@@ -242,17 +237,18 @@ class Turns:
                 # Stamps tell the turn better than azimuths that are somewhere in their sectors.
                 track = track.turning_in(self.sectors * state.horizon.step_s)
             state = state._replace(track=track)
-        if not self.rotation_s and state.track.rotation_s:
+        if not self.state.track.rotation_s and state.track.rotation_s:
             self.rotation_s = state.track.rotation_s
             self.doubts["turn_found_ms"] = round(1e3 * self.rotation_s)
-        self.doubts["antenna_unclear"] += state.track.unclear and len(report.detections) > 0
+        self.doubts["antenna_unclear"] += state.track.unclear > self.state.track.unclear
         return state
 
     def _cut(self, report: _Report, sector: int | None) -> list[Piece]:
         """Return the parts of a report that is newer than those before it."""
         steps = self._steps(report)
+        before = self.state.number
         number = self._number_of(report, sector, max(round(steps), 1))
-        if self._repeats(report, number, steps):
+        if self._repeats(report, before, steps):
             self.doubts["sectors_repeated"] += 1
             return [self._piece(report.stamp_ns, report, UNKNOWN_COVERAGE)]
         own, antenna = (
@@ -324,16 +320,13 @@ class Turns:
         start = math.remainder(measured.start - self.azimuth_bias, FULL_TURN)
         return Coverage(start, measured.width)
 
-    def _repeats(self, report: _Report, number: int | None, steps: float) -> bool:
+    def _repeats(self, report: _Report, before: int | None, steps: float) -> bool:
         """Return whether a report is of azimuths that the antenna cannot have passed again."""
-        if number is None:
-            again = not report.timed or report.time_s.max(initial=-math.inf) < self.state.end_s
-            return again and steps < 0.5 and self._per_turn > 1
-        last_s = self.state.numbered_s.get(number, -math.inf)
-        self.state = self.state._replace(
-            numbered_s=MappingProxyType({**self.state.numbered_s, number: report.stamp_s})
-        )
-        return report.stamp_s - last_s < 0.5 * self.turn_s
+        number = self.state.number
+        if number is not None and number != before:
+            return False
+        again = not report.timed or report.time_s.max(initial=-math.inf) < self.state.end_s
+        return (number is not None or again) and steps < 0.5 and self._per_turn > 1
 
     def _covering(
         self, report: _Report, number: int | None, start_s: float, end_s: float

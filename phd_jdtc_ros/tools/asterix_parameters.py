@@ -39,6 +39,8 @@ BEYOND, BEFORE = 1.1, 0.9
 # What of a radar is measured, as `tune` does it, in so many seconds with so many tracks at least.
 MEASURED = ("range_std", "azimuth_std_deg", "detection_probability", "clutter_rate")
 MEASURED_S, LEAST_TRACKS = 300.0, 10
+# Smaller deviations are not believed: to lose a track costs more than to smooth it less.
+LEAST_STD = {"range_std": 5.0, "azimuth_std_deg": 0.01}
 # `equipped_probability` is not believed to be nearer to certainty.
 MOST_EQUIPPED = 0.99
 
@@ -125,7 +127,10 @@ def measure(found: Proposal, bag: Path) -> None:
             continue
         for row in proposal.rows(own, config.values, radar):
             if row.name in MEASURED and row.proposed:
-                found.set(f"{radar}.{row.name}", row.value, f"measured: {row.source}")
+                value = max(row.value, LEAST_STD.get(row.name, 0.0))
+                least = "; no less is believed" if value > row.value else ""
+                said = f"measured: {row.value:g} by {row.source}{least}"
+                found.set(f"{radar}.{row.name}", value, said)
                 if row.name == "detection_probability":
                     found.set(f"{radar}.detection_probability_over_range", [], "as measured")
 

@@ -35,7 +35,7 @@ def found(*plots):
     ("rotation_s", "per_s"), [(1.008, 5.0), (4.0016, 12.0), (7.63, 10.0), (12.03, 8.0)]
 )
 def test_turn_of_an_even_antenna_is_exact(rotation_s, per_s):
-    assert found(swept(rotation_s, 1200.0, per_s)) == pytest.approx(rotation_s, abs=1e-5)
+    assert found(swept(rotation_s, 1200.0, per_s)) == pytest.approx(rotation_s, abs=1e-4)
 
 
 @pytest.mark.parametrize(("rotation_s", "wobble"), [(1.008, 0.01), (4.0016, 0.005), (12.03, 0.005)])

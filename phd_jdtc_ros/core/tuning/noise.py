@@ -39,6 +39,8 @@ MOST_PLOTS = 1000
 # Deviations of the search's bounds from its start, as logarithms: of measurement noise, and of the
 # spectral densities.
 FAR, FAR_DENSITY = np.log(30.0), np.log(1e4)
+# No radar is more exact, m and rad, but for plots that a program made up.
+LEAST_STD = (0.01, 1e-5)
 # Step of the differences, and what the second density is above the first at least.
 STEP, LEAST_RATIO = 0.02, np.log(4.0)
 
@@ -91,10 +93,12 @@ def fitted(
     """
     sequences = _sequences(plots, tracks, log_ratio)
     ratio = np.log(start.densities[1] / start.densities[0])
-    begin = np.log([start.range_std, start.azimuth_std, start.densities[0]])
+    least = np.log([*LEAST_STD, np.finfo(float).tiny])
+    begin = np.maximum(np.log([start.range_std, start.azimuth_std, start.densities[0]]), least)
     begin = np.append(begin, max(ratio, LEAST_RATIO))
     reach = np.array([FAR, FAR, FAR_DENSITY])
-    bounds = [*zip(begin[:3] - reach, begin[:3] + reach, strict=True), (LEAST_RATIO, FAR_DENSITY)]
+    lowest = np.maximum(begin[:3] - reach, least)
+    bounds = [*zip(lowest, begin[:3] + reach, strict=True), (LEAST_RATIO, FAR_DENSITY)]
 
     def cost(point: FloatArray) -> tuple[float, FloatArray]:
         around = np.concatenate([point[None], point + STEP * _AXES, point - STEP * _AXES])
@@ -103,6 +107,7 @@ def fitted(
 
     # Far from the best the likelihood is flat, so that the search begins near it.
     grid = begin + _GRID
+    grid[:, :3] = np.maximum(grid[:, :3], lowest)
     begin = grid[int(np.argmax(_log_likelihood(sequences, grid, speed_std)))]
     best = minimize(cost, begin, jac=True, method="L-BFGS-B", bounds=bounds, options=_OPTIONS)
     point = best.x

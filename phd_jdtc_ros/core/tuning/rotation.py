@@ -118,13 +118,13 @@ def _turning(
         return None
     block, step = np.floor(time_s / block_s), 0.1 / block_s
     rates = np.arange(1.0 / longest_s, 1.0 / shortest_s + step, step)
-    fits = {way: coherence(rates, time_s, way * azimuth, block) for way in (1, -1)}
+    fits = {way: _coherence(rates, time_s, way * azimuth, block) for way in (1, -1)}
     way = max(fits, key=lambda direction: float(fits[direction].max()))
     if fits[way].max() < LEAST_COHERENCE:
         return None
     rate = float(rates[np.argmax(fits[way])])
     even = rate + step * np.linspace(-1.0, 1.0, 2 * math.ceil(float(np.ptp(time_s)) / block_s) * 10)
-    fit = coherence(even, time_s, way * azimuth, np.zeros(len(time_s)))
+    fit = _coherence(even, time_s, way * azimuth, np.zeros(len(time_s)))
     if fit.max() >= LEAST_COHERENCE:  # all turns are equally long
         rate, std = _peak(even, fit), 0.05 / max(float(np.ptp(time_s)), block_s)
         return rate, std / math.sqrt(len(time_s)), way
@@ -140,7 +140,7 @@ def _peak(rates: FloatArray, fit: FloatArray) -> float:
     return float(rates[best] + off * (rates[1] - rates[0]))
 
 
-def coherence(
+def _coherence(
     rates: FloatArray, time_s: FloatArray, azimuth: FloatArray, block: FloatArray
 ) -> FloatArray:
     """Return how well azimuths go with each rate (turns per second), from 0 to 1."""
@@ -166,7 +166,7 @@ def _refined(
         inside = block == number
         if np.count_nonzero(inside) < LEAST:
             continue
-        fit = coherence(near, time_s[inside], azimuth[inside], np.zeros(np.count_nonzero(inside)))
+        fit = _coherence(near, time_s[inside], azimuth[inside], np.zeros(np.count_nonzero(inside)))
         found.append(_peak(near, fit))
     deviation = np.std(found) / np.sqrt(len(found)) if len(found) > 1 else step
     return float(np.mean(found)), float(max(deviation, 0.05 * step / np.sqrt(len(found))))
