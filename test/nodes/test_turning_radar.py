@@ -168,14 +168,14 @@ def assert_alike(found, expected):
     assert (away.min(axis=0) < 200.0).all()
 
 
-def test_sectors_that_are_not_configured_are_warned_of_with_what_to_set(tracker, peer):
+def test_a_turn_that_is_not_configured_is_found_and_said(tracker, peer):
     layout = {"tower.sectors": 0, "tower.rotation_s": 0.0, "tower.fields.sector": ""}
     config, output, found, log = tracker(**layout, **{"tower.clutter_rate": 150.0})
     for cloud in clouds(config, 16, clutter=150)[:40]:
         before = len(found)
         output.publish(cloud)
         assert peer.spin_until(lambda before=before: len(found) > before)
-    expected = "set tower.rotation_s and tower.sectors, or what the antenna did not pass counts"
+    expected = "its antenna turns in "
     assert peer.spin_until(lambda: expected in log.read_text())
 
 

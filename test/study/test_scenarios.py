@@ -37,10 +37,10 @@ OF_STUDIES = {
     "weak_12_db",
     "weak_15_db",
 }
-# On the round earth; test_earth_files is about it.
-ROUND = "two_approach_radars"
+# On the round earth; test_earth_files and test_hours_study are about them.
+ROUND = ("two_approach_radars", "approach_hour", "en_route_hour")
 DEFINED = sorted(
-    path for path in (ROOT / "config" / "scenarios").glob("*.yaml") if path.stem != ROUND
+    path for path in (ROOT / "config" / "scenarios").glob("*.yaml") if path.stem not in ROUND
 )
 ALL_FILES = [path for path in DEFINED if path.stem not in OF_STUDIES]
 # Radars that turn have no common scan.

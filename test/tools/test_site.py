@@ -161,7 +161,7 @@ def test_every_table_fits_its_column(measured, width):
 def test_cells_of_tables_have_their_columns_headings(site):
     page = (site / "nodes" / "tracker.html").read_text()
 
-    assert '<td data-label="QoS">best effort, depth 10</td>' in page
+    assert '<td data-label="QoS">reliable, depth 10</td>' in page
     assert "<td>" not in page
 
 
