@@ -118,7 +118,7 @@ class Assembler:
 
     def add_service(self, message: ServiceMessage, time_ns: int) -> list[SectorReport]:
         """Take a north mark or a sector crossing; return what is complete by it."""
-        if not self.rotation_s and message.rotation_s > 0.0:
+        if not self.rotation_s and 0.0 < message.rotation_s <= LONGEST_TURN_S:
             self.rotation_s = self._slicer.rotation_s = message.rotation_s
         if not math.isfinite(message.azimuth):
             return []
@@ -141,6 +141,7 @@ class Assembler:
 
     def _sliced(self, found: list[SectorReport]) -> list[SectorReport]:
         self.by_time += len(found)
+        self._stamp_ns = found[-1].stamp_ns if found else self._stamp_ns
         return found
 
     @staticmethod
@@ -169,7 +170,10 @@ class Assembler:
         if self._phase is None or abs(time_ns - self._phase_ns) <= TURNS_LOST * turn_s * 1e9:
             return []
         self.counts["turns_lost"] += 1
+        # How the antenna turned before is the best that is known.
+        self.rotation_s = self._slicer.rotation_s = self.turn_s
         found = self.finish()
+        self._slicer.begin(self._stamp_ns)
         self._phase = self._mark = None
         return found
 
@@ -222,7 +226,7 @@ class Assembler:
         self.counts["late_plots"] += sum(entry[0] < number for entry in taken)
         time_ns = self._ends_ns.popleft()
         # A stamp is above that of the one before, unless time went back.
-        if 0 <= self._stamp_ns - time_ns < 10**9:
+        if 0 <= self._stamp_ns - time_ns < 2 * 10**9:
             time_ns = self._stamp_ns + 1
         self._stamp_ns = time_ns
         self.by_sector += 1

@@ -23,7 +23,7 @@ BACK_NS = 60 * 10**9
 # A slice is an eighth of a turn; and no shorter than this, as an antenna on an airport turns in a
 # second.
 PARTS, SHORTEST_NS = 8, 250_000_000
-# A time without plots that is longer is none in which the antenna saw nothing.
+# After a longer time without plots the radar was off, and no empty slices are sent for it.
 SILENCE_NS = 15 * 10**9
 # How late plots may be: at most, as assumed at first, and how long that is remembered.
 LATEST_NS, MEMORY_NS = 2 * 10**9, 60 * 10**9
@@ -177,11 +177,26 @@ class Slicer:
         pending, self._pending = self._pending, []
         return pending
 
+    def begin(self, time_ns: int) -> None:
+        """Begin slices at a time up to which plots have been reported otherwise."""
+        self._sent_ns = max(self._sent_ns, time_ns)
+
     def finish(self) -> list[SectorReport]:
-        """Return the slices of all plots that wait."""
+        """Return the slices of all plots that wait.
+
+        Plots of times far ahead, which nothing else has reached, go with the last one.
+        """
+        far = bisect_left(self._pending, self._latest_ns + SILENCE_NS, key=_time_of)
+        ahead, self._pending = self._pending[far:], self._pending[:far]
         found = []
         while self._pending:
             found.append(self._next())
+        if ahead and not found:
+            self._sent_ns = max(self._sent_ns, self._latest_ns) + 1
+            found.append(SectorReport(self._sent_ns, None, [], []))
+        for time_ns, plot in ahead:
+            found[-1].times_ns.append(time_ns)
+            found[-1].plots.append(plot)
         return found
 
     def _until(self, time_ns: int) -> list[SectorReport]:

@@ -24,8 +24,8 @@ FARTHEST = 0.4
 REFINEMENTS = (0.9, 0.5, FARTHEST)
 # This share of the detections must fit a line, and detections of so much weight find one.
 LEAST_FIT, LEAST_WEIGHT = 0.7, 3.0
-# Age in turns at which a detection has half of its weight, and that from which on it has none; and
-# of a line that nobody is sure of: wind alone turns an antenna away.
+# Age in turns at which a detection has half of its weight, and that from which on it has none.
+# After so many turns unseen the line is dropped: wind changes an antenna's speed.
 HALF_AGE, OLDEST, LONGEST_UNSEEN = 0.5, 2.2, 10.0
 # The rates that are tried without a line, relative to the latest or the given one.
 RATES = np.exp(0.05 * np.arange(-6, 7))
@@ -36,6 +36,9 @@ RATE_STD, AZIMUTH_STD = 0.05, 0.05
 EVIDENCE, CONCENTRATION = 4.0, 4.0
 # After so many reports that are not clear the turn is looked for again.
 MOST_UNCLEAR = 8
+# In a report of at least so many detections, a time that is farther from the median than so many
+# median deviations, and than so many seconds, tells nothing of the antenna.
+LEAST_OF_REPORT, MOST_OFF, LEAST_OFF_S = 3, 4.0, 1.0
 # Detections that are looked at: a regular choice of more.
 MOST = 250
 # So many detections on most of a turn show its motion without those before them.
@@ -100,6 +103,14 @@ class Sightings(NamedTuple):
         kept = kept[:: max(1, math.ceil(len(kept) / MOST))]
         return Sightings(self.time_s[kept], self.azimuth[kept])
 
+    def believed(self) -> Sightings:
+        """Return those whose times are near the others'; far ones are of a wrong clock."""
+        if len(self.time_s) < LEAST_OF_REPORT:
+            return self
+        off_s = np.abs(self.time_s - np.median(self.time_s))
+        kept = off_s <= max(MOST_OFF * float(np.median(off_s)), LEAST_OFF_S)
+        return Sightings(self.time_s[kept], self.azimuth[kept])
+
     def joined(self, newer: Sightings) -> Sightings:
         """Return these and newer ones."""
         return Sightings(*(np.concatenate(pair) for pair in zip(self, newer, strict=True)))
@@ -157,7 +168,7 @@ class AntennaTrack(NamedTuple):
         shortest_s : float
             A turn that nobody knows takes at least so long, seconds.
         """
-        own = Sightings(time_s, azimuth).since(-math.inf)
+        own = Sightings(time_s, azimuth).believed().since(-math.inf)
         if self.antenna is not None and now_s - self.antenna.time_s > (
             LONGEST_UNSEEN * self.rotation_s
         ):

@@ -68,7 +68,7 @@ class Horizon(NamedTuple):
     def lead_s(self) -> float:
         """How far after its stamp a report's time ends, seconds; NaN if detections do not tell.
 
-        It is after the last detections of reports, and before the first ones of those that follow.
+        No report's last detection is later, and no next report's first one is earlier.
         """
         last = [each.last_s for each in self.reports if not math.isnan(each.last_s)]
         first = [each.first_s for each in self.reports if not math.isnan(each.first_s)]

@@ -179,7 +179,7 @@ class Pipeline:
         if turns.turn_s:
             del noticed["sectors_not_configured"]
         turns.doubts += noticed
-        history = self._histories.get(radar)
+        history, turn_s = self._histories.get(radar), turns.rotation_s
         if history is None:
             pieces = turns.split(stamp_ns, detections, sector)
         elif turns.behind(stamp_ns) and self._late.since_ns() is not None:
@@ -187,7 +187,7 @@ class Pipeline:
             return self._events([]) if rejected_late is None else rejected_late
         else:
             pieces = history.split(stamp_ns, detections, sector)
-        if turns.doubts["turn_found_ms"]:
+        if turns.rotation_s != turn_s:
             self._turning()
         if isinstance(pieces, Rejection):
             return pieces
@@ -218,7 +218,7 @@ class Pipeline:
             return
         model, rule = self._tuned
         turns_s = [
-            radar.rotation_s or turns.turn_s
+            turns.rotation_s or radar.rotation_s
             for radar, turns in zip(model.radars, self._turns, strict=True)
         ]
         radars = tuple(map(RadarModel.turning_in, model.radars, turns_s))
@@ -253,6 +253,8 @@ class Pipeline:
     ) -> Rejection | None:
         """Cut a report in its place among those of its turning radar; return why not, or None."""
         turns, history = self._turns[radar], self._histories[radar]
+        if history.reported(stamp_ns):
+            return Rejection.DUPLICATE
         since_ns, closed_ns = self._late.since_ns(), self._grouper.closed_ns
         if since_ns is None or closed_ns is None or stamp_ns <= since_ns:
             return Rejection.LATE
@@ -271,6 +273,7 @@ class Pipeline:
         pieces = [(stamp_ns, self._inside(radar, piece)) for stamp_ns, piece in recut.pieces]
         self._grouper.replace(radar, recut.stamps_ns, pieces)
         closed = [piece for piece in pieces if since_ns < piece[0] <= closed_ns]
+        self._turns[radar].doubts["slices_late"] += sum(piece[0] <= since_ns for piece in pieces)
         self._late.place(radar, recut.stamps_ns, closed)
 
     def _inside(self, radar: int, detections: Detections) -> Detections:

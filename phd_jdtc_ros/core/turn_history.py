@@ -55,11 +55,11 @@ class TurnHistory:
         self, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Piece] | Rejection:
         """Return the parts of a report that is not late."""
-        if self._records and stamp_ns < self._records[-1].stamp_ns:
+        before, late = self._turns.state, self._turns.behind(stamp_ns)
+        if self._records and stamp_ns < self._records[-1].stamp_ns and not late:
             self.clear()  # of another run
-        before = self._turns.state
         pieces = self._turns.split(stamp_ns, detections, sector)
-        if not isinstance(pieces, Rejection):
+        if not isinstance(pieces, Rejection) and not late:
             self._records.append(_Record(stamp_ns, detections, sector, before, tuple(pieces)))
         return pieces
 
@@ -67,13 +67,18 @@ class TurnHistory:
         """Return the number of reports after a stamp."""
         return len(self._records) - self._place(stamp_ns)
 
+    def reported(self, stamp_ns: int) -> bool:
+        """Return whether a report with this stamp has come."""
+        place = self._place(stamp_ns)
+        return place > 0 and self._records[place - 1].stamp_ns == stamp_ns
+
     def insert(
         self, stamp_ns: int, detections: Detections, sector: int | None
     ) -> Recut | Rejection:
-        """Cut a late report and all later ones; refuse one that came, or comes before all."""
-        place = self._place(stamp_ns)
-        if place and self._records[place - 1].stamp_ns == stamp_ns:
+        """Cut a late report and all later ones; refuse one that comes before all, or once more."""
+        if self.reported(stamp_ns):
             return Rejection.DUPLICATE
+        place = self._place(stamp_ns)
         later, kept = self._records[place:], self._turns.state
         last_ns = later[0].before.last_ns if later else None
         if last_ns is None or last_ns >= stamp_ns:

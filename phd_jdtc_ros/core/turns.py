@@ -13,7 +13,8 @@ A detection's time is a measurement and never changes. One that does not go with
 that comes after its time has been accounted for, is counted and used as it is.
 
 A radar that does not turn sees its whole field at once. Its reports stay as they are, also where
-its detections have times of their own: cut in pieces, none of them could say what was missed.
+its detections have times of their own: cut in pieces, none of them could say what was missed. So do
+those of a radar of which nobody knows yet that it turns, for some two turns.
 """
 
 from __future__ import annotations
@@ -34,18 +35,16 @@ from .types import FULL_TURN, UNKNOWN_COVERAGE, Coverage, Detections
 
 # Into so many slices a turn is cut; a target's motion during half of one is as good as straight.
 SLICES = 8
-# Where a report begins and the one before ended, the antenna's motions differ by less, rad.
+# Where two reports meet, the old and the new line may differ by less than this, rad.
 JOINED = 0.3
 # So many detections show whether a report without an antenna's motion is of the whole field: they
 # are on more than the first part of a turn, and those of an antenna that stands on less than the
 # second, rad.
 LEAST_SHOWN, AROUND, STANDING = 5, 0.75 * FULL_TURN, 0.25 * FULL_TURN
-# A detection this part of a turn before the time that its report accounts for came late.
+# A detection older than its report's begin by more than this part of a turn counts as late.
 LATE = 0.5 / SLICES
-# A report accounts for no more turns than this, whatever comes between two of them.
+# A report covers at most so many turns, however long ago the one before came.
 LONGEST = 1.2
-# A report of at least this part of a turn is of a whole turn.
-WHOLE = 0.9
 
 Piece = tuple[int, Detections]
 
@@ -199,17 +198,20 @@ class Turns:
             known = UNKNOWN_COVERAGE if sector is None else self._coverage(sector)
             late = [(stamp_ns, replace(detections, coverage=known))]
             return Rejection.LATE if timed else late
-        if self.rotation_s and stamp_ns == self.state.last_ns:
+        last_ns = self.state.last_ns
+        if self.rotation_s and stamp_ns == last_ns:
             return Rejection.DUPLICATE
-        if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
+        if last_ns is not None and stamp_ns < last_ns - self.reset_threshold_s * 1e9:
             self.reset()
+        elif last_ns is not None and stamp_ns < last_ns:
+            return [(stamp_ns, detections)]
         report = self._report(stamp_ns, detections)
         self.state = self._followed(report)
         if not self.rotation_s or (not timed and self._per_turn == 1):
             horizon = self.state.horizon.after(report.stamp_s, report.time_s[:0], self.turn_s)
-            self.state = self.state._replace(horizon=horizon)
+            self.state = self.state._replace(horizon=horizon, piece_ns=stamp_ns)
             return [(stamp_ns, detections)]
-        return self._cut(report, sector)
+        return self._cut(report, sector if self.sectors > 1 else None)
 
     def _report(self, stamp_ns: int, detections: Detections) -> _Report:
         if self.state.zero_ns is None:
@@ -238,8 +240,9 @@ class Turns:
                 track = track.turning_in(self.sectors * state.horizon.step_s)
             state = state._replace(track=track)
         if not self.state.track.rotation_s and state.track.rotation_s:
+            if not self.rotation_s:
+                self.doubts["turn_found_ms"] = round(1e3 * state.track.rotation_s)
             self.rotation_s = state.track.rotation_s
-            self.doubts["turn_found_ms"] = round(1e3 * self.rotation_s)
         self.doubts["antenna_unclear"] += state.track.unclear > self.state.track.unclear
         return state
 
@@ -279,16 +282,15 @@ class Turns:
         before_s, length_s = self.state.end_s, self.report_s
         lead_s = self.state.horizon.lead_s if report.timed else 0.5 * length_s
         end_s = report.stamp_s + (0.0 if math.isnan(lead_s) else lead_s)
+        end_s = end_s if math.isnan(before_s) else max(end_s, before_s)
+        longest_s = end_s - LONGEST * self.turn_s
         if math.isnan(before_s):
-            start_s = min(
-                own.min(initial=math.inf), end_s - (length_s if self.sectors > 1 else 0.0)
-            )
-            return start_s, end_s
-        end_s = max(end_s, before_s)
+            least_s = end_s - (length_s if self.sectors > 1 else 0.0)
+            return max(min(own.min(initial=math.inf), least_s), longest_s), end_s
         if round(steps) < 2:
-            return max(before_s, end_s - LONGEST * self.turn_s), end_s
-        # What of reports in between was seen was not lost.
-        start_s = max(before_s, min(end_s - length_s, own.min(initial=math.inf)))
+            return max(before_s, longest_s), end_s
+        # A detection from the gap shows that what it is of was not lost.
+        start_s = max(before_s, longest_s, min(end_s - length_s, own.min(initial=math.inf)))
         self.doubts["clouds_missing"] += round((start_s - before_s) / length_s)
         return start_s, end_s
 
@@ -344,7 +346,7 @@ class Turns:
             times_s, azimuths = (middle_s - half_s, middle_s + half_s), (middle - way, middle + way)
             return self._slices(report, antenna, times_s, azimuths), azimuths[1]
         if antenna is None:
-            coverage = self._unclear(report, end_s - start_s)
+            coverage = self._unclear(report)
             return [self._piece(report.stamp_ns, report, coverage)], math.nan
         start, end = antenna.azimuth_at(start_s), antenna.azimuth_at(end_s)
         if start_s == self.state.end_s and not math.isnan(self.state.end):
@@ -353,12 +355,11 @@ class Turns:
             start -= off if abs(off) < JOINED else 0.0
         return self._slices(report, antenna, (start_s, end_s), (start, end)), end
 
-    def _unclear(self, report: _Report, length_s: float) -> Coverage | None:
+    def _unclear(self, report: _Report) -> Coverage | None:
         """Return what a report covers while the antenna's motion is not known."""
         shown = len(report.detections) >= LEAST_SHOWN
         width = smallest_arc(report.azimuth)[1] if shown else 0.0
-        whole = self._per_turn == 1 or length_s > WHOLE * self.turn_s
-        if width > AROUND or (whole and not (shown and width < STANDING)):
+        if width > AROUND or (self._per_turn == 1 and not (shown and width < STANDING)):
             return None
         return UNKNOWN_COVERAGE
 

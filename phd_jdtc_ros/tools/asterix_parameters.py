@@ -41,6 +41,8 @@ MEASURED = ("range_std", "azimuth_std_deg", "detection_probability", "clutter_ra
 MEASURED_S, LEAST_TRACKS = 300.0, 10
 # Smaller deviations are not believed: to lose a track costs more than to smooth it less.
 LEAST_STD = {"range_std": 5.0, "azimuth_std_deg": 0.01}
+# Clouds that are older by more are of a wrong clock, seconds.
+MOST_DISORDER_S = 60.0
 # `equipped_probability` is not believed to be nearer to certainty.
 MOST_EQUIPPED = 0.99
 
@@ -101,7 +103,12 @@ def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None
     found.values["radars"] = [state.settings.name for state in together]
     _turns(found, together)
     _identities(found, together)
-    if len(together) > 1 and disorder_s:
+    if disorder_s > MOST_DISORDER_S:
+        found.hints.append(
+            f"clouds came {disorder_s:.0f} s after newer ones: the clock of a radar is wrong, and "
+            "reorder_s is not set for it"
+        )
+    elif len(together) > 1 and disorder_s:
         comment = "so much older than others were clouds when they came"
         found.set("reorder_s", math.ceil(10.0 * disorder_s) / 10.0, comment)
     for state in heard:

@@ -108,3 +108,13 @@ def test_plots_that_wait_are_bounded(slicer):
     fed(slicer, [0.0] * (MAX_PENDING + 10))
     assert slicer.counts["overflow"] == 10
     assert sum(len(report.plots) for report in slicer.finish()) == MAX_PENDING
+
+
+def test_one_plot_far_ahead_does_not_silence_a_radar_that_pauses(slicer):
+    before = [k * 0.1 for k in range(200)]
+    found = fed(slicer, [*before[:100], 3600.0, *before[100:]]) + slicer.finish()
+    assert max(report.stamp_ns for report in found) < BEGIN + 25 * NS
+    assert sorted(times_of(found)) == pytest.approx(sorted([*before, 3600.0]))
+    after = [30.0 + time_s for time_s in before]
+    assert times_of(fed(slicer, after) + slicer.finish()) == pytest.approx(after)
+    assert slicer.counts["late_plots"] == 0

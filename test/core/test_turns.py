@@ -507,3 +507,46 @@ def test_a_radar_that_does_not_turn_is_never_taken_for_one_that_does(kind, timed
         assert turns.split(stamp_ns, report) == [(stamp_ns, report)]
     assert turns.turn_s == 0.0
     assert not +turns.doubts
+
+
+@pytest.mark.parametrize("ahead_s", [60.0, 12.0, 3.9])
+def test_a_time_far_ahead_does_not_keep_a_turn_from_being_found(ahead_s):
+    radar = TurningRadar(sectors=8, plots=80)
+    turns, reports = Turns(), radar.reports(6)
+    time_s = reports[0].detections.time_s.copy()
+    time_s[0] += ahead_s
+    wrong = replace(reports[0].detections, time_s=time_s)
+    turns.split(reports[0].stamp_ns, wrong)
+    fed(turns, reports[1:])
+    assert turns.turn_s == pytest.approx(4.0, rel=0.01)
+
+
+def test_a_late_detection_after_a_gap_does_not_make_the_gap_swept():
+    radar = TurningRadar(sectors=8, plots=80)
+    turns, reports = Turns(4.0, reset_threshold_s=12.0), radar.reports(12)
+    fed(turns, reports[:40])
+    # Four turns are lost, and one of their detections comes with what follows.
+    sent, lost = reports[76], reports[45].detections.take(np.array([0]))
+    late_s = lost.time_s + (reports[45].stamp_ns - sent.stamp_ns) / S
+    joined = Detections(
+        np.concatenate([sent.detections.measurement, lost.measurement]),
+        None,
+        np.concatenate([sent.detections.time_s, late_s]),
+    )
+    assert covered(turns.split(sent.stamp_ns, joined)).mean() < 1.3
+
+
+def test_the_first_slices_of_a_turn_that_was_found_follow_the_reports_before():
+    radar = TurningRadar(sectors=4, plots=80, stamp_at=3.0)
+    turns = Turns()
+    stamps = [stamp_ns for pieces in fed(turns, radar.reports(8)) for stamp_ns, _ in pieces]
+    assert turns.turn_s > 0.0
+    assert (np.diff(stamps) > 0).all()
+
+
+def test_a_report_out_of_order_does_not_stop_the_search_for_a_turn():
+    radar = TurningRadar(sectors=8, plots=80)
+    turns, reports = Turns(reset_threshold_s=12.0), radar.reports(6)
+    swapped = [each for pair in zip(reports[1::2], reports[::2], strict=True) for each in pair]
+    fed(turns, swapped)
+    assert turns.turn_s == pytest.approx(4.0, rel=0.01)

@@ -77,3 +77,9 @@ def test_azimuths_at_random_have_no_turn():
 def test_plots_at_one_place_have_no_turn():
     time_s = np.arange(0.0, 300.0, 0.1)
     assert found((time_s, np.full(len(time_s), 1.0))) == 0.0
+
+
+def test_one_plot_far_ahead_disturbs_no_turn():
+    time_s, azimuth = swept(4.0016, 120.0, 12.0)
+    time_s[5] += 3600.0
+    assert found((time_s, azimuth)) == pytest.approx(4.0016, abs=1e-3)

@@ -14,6 +14,8 @@ from phd_jdtc_ros.core.types import FULL_TURN
 
 # The antenna is followed from so many plots to the next, seconds apart at least.
 PLOTS, PERIOD_S = 12, 1.0
+# Plots that are older than others by more say that the times have gone back, seconds.
+MOST_BACK_S = 60.0
 # Over a gap of more turns nobody knows how often it has turned.
 MOST_TURNS = 3.0
 # An antenna whose turn differs by more from the mean so far was switched to another speed.
@@ -27,6 +29,7 @@ class PlotTurns:
         self._track = AntennaTrack(0.0)
         self._zero_ns: int | None = None
         self._waiting: list[tuple[float, float]] = []
+        self._now_s = 0.0
         self._before: tuple[float, Antenna] | None = None
         self._turned, self._passed_s = 0.0, 0.0
 
@@ -42,9 +45,9 @@ class PlotTurns:
         if self._zero_ns is None:
             self._zero_ns = time_ns
         time_s = (time_ns - self._zero_ns) * 1e-9
-        if self._waiting and time_s < self._waiting[0][0] - PERIOD_S:
+        if time_s < self._now_s - MOST_BACK_S:
             self._waiting.clear()  # times have gone back
-            self._track, self._before = AntennaTrack(self.turn_s), None
+            self._track, self._before, self._now_s = AntennaTrack(self.turn_s), None, time_s
         self._waiting.append((time_s, azimuth))
         if len(self._waiting) >= PLOTS and time_s - self._waiting[0][0] >= PERIOD_S:
             self.find()
@@ -55,7 +58,8 @@ class PlotTurns:
             return
         time_s, azimuth = np.array(sorted(self._waiting)).T
         self._waiting.clear()
-        now_s = float(time_s[-1])
+        now_s = float(np.median(time_s))
+        self._now_s = now_s
         self._track = self._track.followed(now_s, time_s, azimuth)
         line = self._track.antenna
         if line is None:
