@@ -47,6 +47,8 @@ MANY, MOST_OF_A_TURN = 20, 0.8
 # go with it so well, from 0 to 1 (chance is 0.5 with as many), and so much better than with an
 # antenna that stands: what is seen at one azimuth once a second goes with a turn of a second too.
 SHORTEST_S, LONGEST_S = 0.5, 60.0
+# It is looked for in those of the latest seconds first, and again after so many seconds.
+SHORT_S, LOOK_S = 15.0, 10.0
 LEAST_UNKNOWN, LEAST_COHERENCE, LEAST_EVIDENCE = 30, 0.85, 15.0
 
 
@@ -205,17 +207,15 @@ class AntennaTrack(NamedTuple):
         """Return what is known of a turn that nobody gave: looked for as the detections grow."""
         seen = self.sightings.joined(own)
         seen = seen.since(float(seen.time_s.max()) - LONGEST_S)
-        count, span_s, now_s = len(seen.time_s), float(np.ptp(seen.time_s)), float(seen.time_s[-1])
-        due = count >= 1.25 * self.looked or now_s - self.looked_s > LONGEST_S
-        if count < LEAST_UNKNOWN or span_s < 1.5 * shortest_s or not due:
+        count, now_s = len(seen.time_s), float(seen.time_s[-1])
+        due = count >= 1.25 * self.looked or now_s - self.looked_s > LOOK_S
+        if count < LEAST_UNKNOWN or not due:
             return self._replace(sightings=seen)
-        slowest, fastest, step = 1.5 / span_s, 1.0 / shortest_s, 0.1 / span_s
-        rates = FULL_TURN * np.arange(slowest, fastest + step, step)
-        fit, line = max(_coarse(seen, np.ones(count), way * rates) for way in (1, -1))
-        standing = float(np.abs(np.exp(1j * seen.azimuth).mean()))
-        if fit < LEAST_COHERENCE or count * (fit**2 - standing**2) < LEAST_EVIDENCE:
-            return self._replace(sightings=seen, looked=count, looked_s=now_s)
-        return AntennaTrack(line.turn_s).followed(now_s, *seen)
+        # It may have stood until just now.
+        for latest in (seen.since(now_s - SHORT_S), seen):
+            if (turn_s := _turn_s(latest, shortest_s)) is not None:
+                return AntennaTrack(turn_s).followed(now_s, *latest)
+        return self._replace(sightings=seen, looked=count, looked_s=now_s)
 
     def _line(self, seen: Sightings, weight: FloatArray) -> Antenna | None:
         """Return the line that fits detections best; None if no direction is much better."""
@@ -253,6 +253,19 @@ class AntennaTrack(NamedTuple):
             rate = line.rate * min(max(1.0 + float(faster), 0.7), 1.4)
             line = Antenna(last_s, line.azimuth + float(shift), rate)
         return line
+
+
+def _turn_s(seen: Sightings, shortest_s: float) -> float | None:
+    """Return the time of a turn that nobody gave, seconds; None if detections show none."""
+    count, span_s = len(seen.time_s), float(np.ptp(seen.time_s)) if len(seen.time_s) else 0.0
+    if count < LEAST_UNKNOWN or span_s < 1.5 * shortest_s:
+        return None
+    slowest, fastest, step = 1.5 / span_s, 1.0 / shortest_s, 0.1 / span_s
+    rates = FULL_TURN * np.arange(slowest, fastest + step, step)
+    fit, line = max(_coarse(seen, np.ones(count), way * rates) for way in (1, -1))
+    standing = float(np.abs(np.exp(1j * seen.azimuth).mean()))
+    shown = fit >= LEAST_COHERENCE and count * (fit**2 - standing**2) >= LEAST_EVIDENCE
+    return line.turn_s if shown else None
 
 
 def _coarse(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from antennas import START_NS
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from phd_jdtc_ros.core.scans import Rejection
@@ -163,7 +163,12 @@ def turns_of(hour):
     return Turns(given_s, reset_threshold_s=3.0 * hour.rotation_s)
 
 
+# An antenna that stands for so long that the turn is looked for again.
+STOOD = Hour(0, 302.4, 1.008, guess=-0.03, clouds_per_turn=3.7, stop_s=(151.2, 171.36))
+
+
 @settings(deadline=None, max_examples=8)
+@example(hour=STOOD)
 @given(hour=hours())
 def test_times_never_change_and_coverages_follow_the_antenna(hour):
     rejected, covered = run(hour, turns_of(hour))
