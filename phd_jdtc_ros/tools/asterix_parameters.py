@@ -37,7 +37,9 @@ SURFACE_RANGE = 20e3
 # How far beyond the farthest plot a radar is taken to see, and how near before the nearest one.
 BEYOND, BEFORE = 1.1, 0.9
 # What of a radar is measured, as `tune` does it, in so many seconds with so many tracks at least.
-MEASURED = ("range_std", "azimuth_std_deg", "detection_probability", "clutter_rate")
+MEASURED = ("range_std", "azimuth_std_deg", "clutter_rate")
+# Detection probabilities are believed in this interval, and fall by so much in a metre.
+PROBABILITIES, FALL = (0.5, 0.99), 0.03 / 100e3
 MEASURED_S, LEAST_TRACKS = 300.0, 10
 # Smaller deviations are not believed: to lose a track costs more than to smooth it less.
 LEAST_STD = {"range_std": 5.0, "azimuth_std_deg": 0.01}
@@ -118,7 +120,7 @@ def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None
 
 
 def measure(found: Proposal, bag: Path) -> None:
-    """Set the noise, the detection probability and the clutter of radars by the plots in a bag."""
+    """Set the noise and the clutter of radars by the plots in a bag."""
     config = tracker_params.config(found.values)
     recorded = recorded_plots.read(BagReader(bag), config, MEASURED_S)
     for radar, plots in recorded.plots.items():
@@ -138,8 +140,22 @@ def measure(found: Proposal, bag: Path) -> None:
                 least = "; no less is believed" if value > row.value else ""
                 said = f"measured: {row.value:g} by {row.source}{least}"
                 found.set(f"{radar}.{row.name}", value, said)
-                if row.name == "detection_probability":
-                    found.set(f"{radar}.detection_probability_over_range", [], "as measured")
+        if math.isfinite(own.detection.value):
+            _detect(found, radar, own.detection.value)
+
+
+def _detect(found: Proposal, radar: str, measured: float) -> None:
+    """Set detection probabilities that fall from a measured mean with the range.
+
+    One probability for all ranges would be too much far away, where misses go together, and lose
+    tracks.
+    """
+    least, most = PROBABILITIES
+    far = found.values[f"{radar}.max_range"]
+    near = min(max(measured, least), most)
+    table = [0.0, round(near, 3), far, round(max(near - FALL * far, least), 3)]
+    name = f"{radar}.detection_probability_over_range"
+    found.set(name, table, f"measured: {measured:.3f}; the fall with the range is guessed")
 
 
 def write(path: Path, head: str, found: Proposal) -> None:

@@ -16,7 +16,7 @@ from ..configuration.radar_parameters import AUTO
 from ..configuration.schema import Value
 from .findings import MOST_LAND, Findings
 
-# A given table of the detection probability stays if its mean is as near as this.
+# A given table of the detection probability stays if it is as near as this to what it spans.
 SAME_PROBABILITY = 0.05
 # False alarm probabilities that a receiver may have; others say that the level is not known.
 ALARMS = (1e-12, 0.5)
@@ -142,7 +142,8 @@ def _detection(found: Findings, now: Any, by_band: bool) -> Row:
         return Row("detection_probability", value, rate.std, source, given)
     if table:
         mean = float(np.mean(table[1::2]))
-        other = abs(mean - value) > SAME_PROBABILITY
+        least, most = min(table[1::2]), max(table[1::2])
+        other = not least - SAME_PROBABILITY <= value <= most + SAME_PROBABILITY
         return Row("detection_probability", value, rate.std, source, f"table, {mean:.3g}", other)
     if by_band:
         return Row("detection_probability", value, rate.std, source, "from SNR bands", False)
