@@ -8,7 +8,8 @@ from __future__ import annotations
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 
-from .stamps import NS_PER_S
+# That of `stamps` would bring ROS with it.
+NS_PER_S = 1_000_000_000
 
 
 def relative(sent: FloatArray, stamp_ns: int, radar: RadarInput) -> FloatArray:

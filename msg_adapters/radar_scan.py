@@ -21,8 +21,8 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Detections
 
-from . import cdr, ground_ranges
-from .detections import require_frame, sent_level, stamp_of
+from . import cdr, ground_ranges, sent_columns
+from .detections import require_frame, stamp_of
 from .errors import RejectedMessageError
 from .point_cloud import MAX_POINTS
 from .selection import Columns, Report, select
@@ -120,7 +120,7 @@ def to_cdr(detections: Detections, stamp_ns: int, radar: RadarInput) -> bytes:
     if detections.range_rate is not None:
         returns[:, 3] = detections.range_rate
     if radar.amplitude_field:
-        returns[:, 4] = sent_level(detections, _as_defined(radar))
+        returns[:, 4] = sent_columns.level(detections, _as_defined(radar))
     scan = cdr.Writer()
     scan.header(stamp_ns, radar.frame)
     scan.put("I", len(returns))
