@@ -1,6 +1,30 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Joint detection, tracking and classification of targets with radars, live on ROS 2."""
+"""Joint detection, tracking and classification of targets with radars, live on ROS 2.
 
+In Python, without ROS: `Tracker`, `simulate` and `evaluate`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from phd_jdtc_ros.api.scores import evaluate
+    from phd_jdtc_ros.api.simulated import simulate
+    from phd_jdtc_ros.api.tracker import Tracker
+
+__all__ = ["Tracker", "__version__", "evaluate", "simulate"]
 __version__ = "0.1.0"
+
+# Imported when they are asked for, so that they cost the nodes no time at their start.
+_MODULES = {"Tracker": "tracker", "simulate": "simulated", "evaluate": "scores"}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.api.{_MODULES[name]}"), name)

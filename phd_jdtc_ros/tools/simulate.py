@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.simulation import scenario, scenario_file, sending
 from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.simulation.sweep import simulate_reports
+from phd_jdtc_ros.core.simulation.sweep import check_sites, simulate_reports
 from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.nodes.common import bag_parameters
@@ -54,22 +54,6 @@ def write_bag(directory: Path, run: Scenario, config: TrackerConfig, seed: int) 
         for stamp_ns, topic, data in _messages(run, config, seed):
             bag.write(topic, data, stamp_ns)
     bag_parameters.write(directory / bag_parameters.NAME, config.values)
-
-
-def check_sites(config: TrackerConfig) -> None:
-    """Refuse radars on the round earth that do not turn: they are simulated over a plane only.
-
-    Raises
-    ------
-    ConfigError
-    """
-    faults = [
-        f"{radar.name}.rotation_s: 0 given, must be above 0 to simulate a radar with geodetic"
-        for radar in config.inputs
-        if radar.site is not None and not radar.rotation_s
-    ]
-    if faults:
-        raise ConfigError(faults)
 
 
 def check_platform(run: Scenario, config: TrackerConfig) -> None:
@@ -161,7 +145,7 @@ def main(argv: Sequence[str]) -> int:
         radars = config.model.radars
         run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)
         check_platform(run, config)
-        check_sites(config)
+        check_sites(config.inputs)
         if arguments.asterix is not None:
             simulated_asterix.check(run)
         faults: list[str] = []

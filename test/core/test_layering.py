@@ -121,6 +121,7 @@ PARTS = {
         *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "nodes", "report"),
         *("resources", "study", "yaml_files"),
     ),
+    "api": ("core", "earth", "msg_adapters", "resources", "tools", "yaml_files"),
 }
 
 

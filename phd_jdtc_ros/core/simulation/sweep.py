@@ -26,6 +26,7 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..configuration.radar_input import RadarInput
+from ..configuration.schema import ConfigError
 from ..models.radar import wrap_angle
 from ..sited_plots import over_ground
 from ..types import FULL_TURN, UNKNOWN, Coverage, Detections
@@ -115,6 +116,22 @@ def simulate_reports(scenario: Scenario, inputs: Sequence[RadarInput], seed: int
             reports += _still_reports(scenario, index, layout, rng, seed)
     reports = [_biased(report, scenario) for report in reports]
     return sorted(reports, key=lambda report: (report.stamp_ns, report.radar))
+
+
+def check_sites(inputs: Sequence[RadarInput]) -> None:
+    """Refuse radars on the round earth that do not turn: they are simulated over a plane only.
+
+    Raises
+    ------
+    ConfigError
+    """
+    faults = [
+        f"{radar.name}.rotation_s: 0 given, must be above 0 to simulate a radar with geodetic"
+        for radar in inputs
+        if radar.site is not None and not radar.rotation_s
+    ]
+    if faults:
+        raise ConfigError(faults)
 
 
 def answered_plots(

@@ -1,0 +1,18 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The tracker in Python: tables of detections in, tables of tracks out; no ROS and no bags.
+
+::
+
+    tables       what users have, as columns: mappings, data frames, structured arrays, CSV
+      |          cut into the reports of the radars                     reports
+    tracker      `Tracker`: parameters, `fit`, `track`, `update`, `flush`
+      |          the core's pipeline, as the live node has it
+    tables       estimates as a structured array
+    scores       `evaluate`: tracks beside the truth
+    simulated    `simulate`: detections and truth of a scenario
+
+Everything that is public is in `phd_jdtc_ros` itself: `Tracker`, `simulate` and `evaluate`. These
+names, their arguments and the columns of their tables stay from version to version.
+"""

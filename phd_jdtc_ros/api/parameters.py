@@ -1,0 +1,173 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The parameters of a tracker for tables: what is given, what was found, and what else is used."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.core.tuning import proposal, unspecified
+from phd_jdtc_ros.core.tuning.findings import Findings
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.tools import params_file
+
+from .reports import POSITION, TIME
+
+# In the place of the defaults, which are those of a scenario with known birth places: targets of
+# one class, which may appear anywhere that a radar sees.
+USUAL: Mapping[str, Any] = {
+    "engine": "gaussian",
+    "radars": ["radar"],
+    "classes": ["target"],
+    "amplitude": "none",
+    "births": [],
+    "detection_births.turn_rate_std": 0.02,
+    "detection_births.least_probability": 0.005,
+    "spawn.rate": 0.0,
+    "spawn.class_transition": [],
+    "spawn.mode_transition": [],
+}
+# Expected births of all classes per interval.
+BIRTHS = 0.2
+OF_RADARS: Mapping[str, Any] = {
+    "fields.amplitude": "",
+    "detection_probability": 0.9,
+    "clutter_rate": "auto",
+}
+# What nobody but the user or a recording knows.
+NEEDED, NEEDED_OF_RADARS = ("interval_s",), ("range_std", "azimuth_std_deg", "max_range")
+# Columns that are used if they are there, named as the parameters of `fields`.
+RECOGNISED = (
+    *("amplitude", "elevation", "height", "code", "address", "kind", "sector"),
+    *("range_std", "azimuth_std", "range_rate", "range_rate_std"),
+)
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """What is known of a tracker's parameters, by dotted name.
+
+    Parameters
+    ----------
+    given : mapping
+    whole : bool
+        Whether what is not given has the defaults of the node, as with a parameter file.
+    found : mapping
+        In a recording; what is given counts more.
+    """
+
+    given: Mapping[str, Any]
+    whole: bool = False
+    found: Mapping[str, Any] = field(default_factory=dict)
+
+    @staticmethod
+    def of(given: Any) -> Parameters:
+        """Return those that a user gives: a mapping, the path of a parameter file, or None."""
+        if isinstance(given, (str, os.PathLike)):
+            return Parameters(params_file.load(Path(given)), whole=True)
+        if given is None or isinstance(given, Mapping):
+            return Parameters(dict(flatten(given or {})))
+        raise ConfigError(
+            [f"parameters: {type(given).__name__} given, must be a mapping or the path of a file"]
+        )
+
+    @property
+    def radars(self) -> Sequence[str]:
+        """Names of the radars."""
+        names = {**({} if self.whole else USUAL), **self.given}.get("radars", ())
+        listed = names if isinstance(names, (list, tuple)) else ()
+        return [name for name in listed if isinstance(name, str)]
+
+    def config(self, columns: Collection[str] = (), blank: bool = False) -> TrackerConfig:
+        """Return the configuration for a table of these columns.
+
+        Parameters
+        ----------
+        columns : collection of str
+        blank : bool
+            Whether the noise, the range and the interval need not be known: the configuration
+            only reads tables.
+
+        Raises
+        ------
+        ConfigError
+            With every fault.
+        """
+        values = self.values(columns)
+        faults = [] if self.whole or blank else self._needed(values, columns)
+        faults += [
+            f"{name}.pose: {values[f'{name}.pose']!r} given, must be fixed: tables have no poses"
+            for name in self.radars
+            if values.get(f"{name}.pose", "fixed") != "fixed"
+        ]
+        faults += [
+            f"{name}.time_reference: must be epoch with fields.time: {TIME}"
+            for name in self.radars
+            if values.get(f"{name}.fields.time") == TIME
+            and values.get(f"{name}.time_reference") != "epoch"
+        ]
+        if faults:
+            raise ConfigError(faults)
+        return resolve(values, SystemPlane)
+
+    def values(self, columns: Collection[str] = ()) -> dict[str, Any]:
+        """Return the parameters that are not the node's defaults, for a table of these columns."""
+        if self.whole:
+            return {**self.found, **self.given}
+        known = {**self.found, **self.given}
+        values = dict(USUAL)
+        classes = known.get("classes", USUAL["classes"])
+        if isinstance(classes, Sequence):
+            values["detection_births.rates"] = [BIRTHS / max(len(classes), 1)] * len(classes)
+        for name in self.radars:
+            values.update({f"{name}.{what}": value for what, value in OF_RADARS.items()})
+            fields = {f"{name}.fields.{what}": what for what in RECOGNISED if what in columns}
+            values.update(fields)
+            if known.get(f"{name}.fields.time") == TIME:
+                values[f"{name}.time_reference"] = "epoch"
+            if f"{name}.max_range" in known:
+                values[f"{name}.clutter_max_range"] = known[f"{name}.max_range"]
+            if known.get(f"{name}.detection_probability_over_range"):
+                del values[f"{name}.detection_probability"]
+        return {**values, **known}
+
+    def _needed(self, values: Mapping[str, Any], columns: Collection[str]) -> list[str]:
+        """Return a fault for each parameter that has to be given or found."""
+        positions = {*POSITION} <= {*columns}
+        names = [*NEEDED]
+        for radar in self.radars:
+            names += [
+                f"{radar}.{what}"
+                for what in NEEDED_OF_RADARS
+                if not (positions and what == "azimuth_std_deg")
+            ]
+        return [
+            f"{name}: not given, must be given or found by fit"
+            for name in names
+            if name not in values
+        ]
+
+    def with_findings(
+        self, findings: Mapping[str, Findings], timed: Mapping[str, bool]
+    ) -> Parameters:
+        """Return these with what a recording says; what is given stays.
+
+        Parameters
+        ----------
+        findings : mapping of radar to Findings
+        timed : mapping of radar to bool
+            Whether its detections have times of their own.
+        """
+        found = {} if self.whole else unspecified.parameters(findings, timed)
+        found["interval_s"] = proposal.interval_s(findings)
+        for radar, each in findings.items():
+            rows = proposal.rows(each, self.given, radar)
+            found.update({f"{radar}.{row.name}": row.value for row in rows if row.proposed})
+        return Parameters(self.given, self.whole, found)

@@ -1,0 +1,211 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tables of detections as the reports of radars."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from msg_adapters import selection, sent_columns
+from msg_adapters.selection import Report
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.models.radar import LEAST_RANGE
+
+from .tables import Columns, numbers, required, stamps_ns
+
+# Columns of positions, and of their deviation, where there are no ranges and azimuths.
+POSITION, POSITION_STD = ("x", "y"), "position_std"
+TIME = "time"
+# Detections with times of their own are reported by an eighth of a turn, as the tracker cuts turns,
+# or by a second where the turn is not known.
+PARTS_OF_A_TURN, USUAL_S = 8, 1.0
+
+
+class RadarReport(NamedTuple):
+    """A report of one radar.
+
+    Parameters
+    ----------
+    radar : int
+        Index in the configured order.
+    report : Report
+    """
+
+    radar: int
+    report: Report
+
+
+def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
+    """Return the reports in a table, by ascending stamp and then by radar.
+
+    Parameters
+    ----------
+    columns : dict of name to array
+        See `Tracker.track`.
+    config : TrackerConfig
+
+    Raises
+    ------
+    ValueError
+        If a column that is needed is missing, or has a value that does not fit.
+    """
+    time_ns = stamps_ns(columns)
+    found = []
+    for index, rows in enumerate(_rows_of_radars(columns, config.inputs)):
+        radar, model = config.inputs[index], config.model.radars[index]
+        stamp_ns = _ends_ns(time_ns[rows], radar) if radar.time_field == TIME else time_ns[rows]
+        own = {name: column[rows] for name, column in columns.items()}
+        if not len(rows):
+            continue
+        read = _Reader(radar, model.position, model.yaw, model.range_std)
+        sent = read.columns(own)
+        order = np.argsort(stamp_ns, kind="stable")
+        starts = np.flatnonzero(np.diff(stamp_ns[order], prepend=-1))
+        for part in np.split(order, starts[1:]):
+            report = read.report(int(stamp_ns[part[0]]), sent, part)
+            found.append(RadarReport(index, report))
+        if radar.time_field == TIME:
+            quiet = _quiet_ns(stamp_ns[order][starts], _step_ns(radar))
+            none = np.arange(0)
+            found += [RadarReport(index, read.report(each, sent, none)) for each in quiet]
+    return sorted(found, key=lambda each: (each.report.stamp_ns, each.radar))
+
+
+def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int) -> Report:
+    """Return one radar's report.
+
+    Parameters
+    ----------
+    stamp_ns : int
+    columns : dict of name to array
+        Of the report; empty if nothing was detected.
+    config : TrackerConfig
+    index : int
+        Of the radar, in the configured order.
+    """
+    radar, model = config.inputs[index], config.model.radars[index]
+    count = len(next(iter(columns.values()), ()))
+    read = _Reader(radar, model.position, model.yaw, model.range_std)
+    if not count:
+        none = np.zeros(0)
+        return read.report(stamp_ns, selection.Columns(none, none), np.arange(0))
+    return read.report(stamp_ns, read.columns(columns), np.arange(count))
+
+
+def _rows_of_radars(columns: Columns, radars: Sequence[RadarInput]) -> Iterator[IntArray]:
+    """Yield the rows of each radar's detections."""
+    count = len(columns[TIME])
+    if len(radars) == 1 and "radar" not in columns:
+        yield np.arange(count)
+        return
+    name = required(columns, "radar").astype(np.str_)
+    known = [radar.name for radar in radars]
+    unknown = ~np.isin(name, known)
+    if unknown.any():
+        row = int(np.argmax(unknown))
+        raise ValueError(
+            f"radar: {str(name[row])!r} in row {row + 1}, must be one of {', '.join(known)}"
+        )
+    for each in known:
+        yield np.flatnonzero(name == each)
+
+
+def _step_ns(radar: RadarInput) -> int:
+    """Return how long the parts of turns are."""
+    return round((radar.rotation_s / PARTS_OF_A_TURN or USUAL_S) * 1e9)
+
+
+def _ends_ns(time_ns: IntArray, radar: RadarInput) -> IntArray:
+    """Return the ends of the parts of turns that detections with times of their own are in."""
+    ends: IntArray = (time_ns // _step_ns(radar) + 1) * _step_ns(radar)
+    return ends
+
+
+def _quiet_ns(ends_ns: IntArray, step_ns: int) -> list[int]:
+    """Return the ends of the parts in which nothing was seen; longer than a turn it is a gap."""
+    quiet: list[int] = []
+    for begin, end in zip(ends_ns[:-1].tolist(), ends_ns[1:].tolist(), strict=True):
+        if end - begin < PARTS_OF_A_TURN * step_ns:
+            quiet += range(begin + step_ns, end, step_ns)
+    return quiet
+
+
+class _Reader:
+    """Reads one radar's columns.
+
+    Parameters
+    ----------
+    radar : RadarInput
+    position : tuple of two floats
+        World frame, metres.
+    yaw : float
+        Radians counter-clockwise.
+    range_std : float
+        Of positions, where there is no column of their deviations, metres.
+    """
+
+    def __init__(
+        self, radar: RadarInput, position: tuple[float, float], yaw: float, range_std: float
+    ) -> None:
+        self._radar, self._range_std = radar, range_std
+        self._position, self._yaw = position, yaw
+
+    def columns(self, columns: Columns) -> selection.Columns:
+        """Return the columns as the radar reports them."""
+        radar = self._radar
+        names = sent_columns.names_of(radar)
+        found = {
+            what: stamps_ns(columns) / 1e9 if name == TIME else numbers(columns, name)
+            for what, name in names.items()
+            if name in columns
+        }
+        if radar.range_field not in columns and {*POSITION} <= columns.keys():
+            found |= self._of_positions(columns)
+        for what in ("distance", "azimuth"):
+            if what not in found:
+                required(columns, names[what])
+        return selection.Columns(**found)
+
+    def _of_positions(self, columns: Columns) -> dict[str, FloatArray]:
+        """Return ranges and azimuths of positions, whose noise is the same along both axes."""
+        radar = self._radar
+        if radar.site is not None:
+            raise ValueError(
+                f"x, y: given, must be {radar.range_field} and {radar.azimuth_field} of a radar "
+                f"with geodetic, {radar.name}"
+            )
+        x, y = (
+            numbers(columns, name) - zero
+            for name, zero in zip(POSITION, self._position, strict=True)
+        )
+        distance = np.hypot(x, y)
+        std = np.full(len(x), self._range_std)
+        if POSITION_STD in columns:
+            std = numbers(columns, POSITION_STD)
+        across = np.minimum(std / np.maximum(distance, LEAST_RANGE), np.pi)
+        return {
+            "distance": distance,
+            "azimuth": sent_columns.azimuth(np.arctan2(y, x) - self._yaw, radar),
+            "range_std": std,
+            "azimuth_std": np.degrees(across) if radar.azimuth_in_degrees else across,
+        }
+
+    def report(self, stamp_ns: int, sent: selection.Columns, rows: IntArray) -> Report:
+        """Return a report of some rows; those without a place are of a scan without detections."""
+        seen = rows[~(np.isnan(sent.distance[rows]) & np.isnan(sent.azimuth[rows]))]
+        own = {what: column[seen] for what, column in vars(sent).items() if column is not None}
+        return selection.select(stamp_ns, self._radar, selection.Columns(**own))
+
+
+def beyond_any_range(config: TrackerConfig) -> TrackerConfig:
+    """Return a configuration that reads what is beyond the radars' ranges, too."""
+    inputs = tuple(replace(radar, max_range=math.inf) for radar in config.inputs)
+    return replace(config, inputs=inputs)

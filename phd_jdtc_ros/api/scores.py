@@ -1,0 +1,140 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tracks beside the truth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.evaluation.metric_table import CLASS_ACCURACY
+from phd_jdtc_ros.core.evaluation.run_scores import RunScores
+from phd_jdtc_ros.core.evaluation.scan_scores import ALL, PairedScan, PointSet
+from phd_jdtc_ros.core.evaluation.true_tracks import TrueTracks
+from phd_jdtc_ros.core.types import COASTING
+
+from .tables import STATES, Columns, Table, columns_of, numbers, required, stamps_ns
+
+
+def evaluate(
+    truth: Table,
+    tracks: Table,
+    *,
+    cutoff: float,
+    order: float = 2.0,
+    times: npt.ArrayLike | None = None,
+) -> dict[str, Any]:
+    """Compare tracks with the truth.
+
+    Parameters
+    ----------
+    truth : table
+        The targets: ``time``, ``label`` (numbers or names), ``x`` and ``y`` (metres); if they are
+        known ``vx`` and ``vy`` (metres per second), ``class`` and ``height``.
+    tracks : table
+        As of `Tracker.track`; of other trackers with the columns of `truth`.
+    cutoff : float
+        c of OSPA and GOSPA, metres: about the distance at which an estimate is no longer of a
+        target; some times the error of a position.
+    order : float
+        p of both.
+    times : array or None
+        Seconds. Where to compare: the times of all scans, so that those without tracks count too.
+        None for those of the truth. In between, the truth is interpolated.
+
+    Returns
+    -------
+    dict
+        ``ospa`` and the others of ``docs/metrics.md``, each a number, or None where it has no
+        meaning; and ``scans``, the number of times.
+
+    Raises
+    ------
+    ValueError
+        If a table does not fit, the truth is not known at a time, or tracks are at other times.
+    """
+    if not (np.isfinite(cutoff) and cutoff > 0.0):
+        raise ValueError(f"cutoff: {cutoff} given, must be a number above 0")
+    true, found = columns_of(truth), columns_of(tracks)
+    names = _class_names(true, found)
+    samples, estimates = _by_stamp(true, names), _by_stamp(found, names)
+    known = TrueTracks()
+    for stamp_ns, points in samples.items():
+        known.add(stamp_ns, points)
+    due = (
+        sorted(samples)
+        if times is None
+        else np.unique(stamps_ns({"times": _array(times)}, "times"))
+    )
+    stamps = [int(stamp_ns) for stamp_ns in due]
+    astray = sorted(estimates.keys() - {*stamps})
+    if astray:
+        raise ValueError(
+            f"tracks: {len(astray)} of {len(estimates)} times, such as {astray[0] / 1e9}, are none "
+            "to compare at; give times: those of all scans, or np.unique of those of the tracks"
+        )
+    run = RunScores(len(names), cutoff, order)
+    none = _points({name: column[:0] for name, column in found.items()}, names)
+    for stamp_ns in stamps:
+        targets = known.at(stamp_ns)
+        if targets is None:
+            raise ValueError(f"truth: not known at {stamp_ns / 1e9} s, must span all times")
+        run.add(PairedScan.of(stamp_ns, targets, estimates.get(stamp_ns, none), cutoff))
+    figures = run.figures()[ALL]
+    return {**figures, CLASS_ACCURACY.key: run.of_all(CLASS_ACCURACY), "scans": run.scans}
+
+
+def _array(times: npt.ArrayLike) -> npt.NDArray[Any]:
+    return np.atleast_1d(np.asarray(times))
+
+
+def _class_names(*tables: Columns) -> list[str]:
+    """Return the names of all classes; one name for all targets if a table has none."""
+    if not all("class" in table for table in tables):
+        return ["target"]
+    names = np.concatenate([table["class"].astype(np.str_) for table in tables])
+    return [str(name) for name in np.unique(names)]
+
+
+def _by_stamp(table: Columns, class_names: list[str]) -> dict[int, PointSet]:
+    """Return the points of a table by time."""
+    stamp_ns = stamps_ns(table)
+    points = _points(table, class_names)
+    order = np.argsort(stamp_ns, kind="stable")
+    starts = np.flatnonzero(np.diff(stamp_ns[order], prepend=-1))
+    parts = np.split(order, starts[1:]) if len(order) else []
+    return {int(stamp_ns[part[0]]): points.only(part) for part in parts}
+
+
+def _points(table: Columns, class_names: list[str]) -> PointSet:
+    x, y = numbers(table, "x"), numbers(table, "y")
+    count = len(x)
+    class_id = np.zeros(count, dtype=np.int64)
+    if len(class_names) > 1:
+        class_id = np.searchsorted(class_names, table["class"].astype(np.str_))
+    velocity = None
+    if {"vx", "vy"} <= table.keys():
+        velocity = np.stack([numbers(table, "vx"), numbers(table, "vy")], axis=1)
+    return PointSet(
+        np.stack([x, y], axis=1),
+        class_id,
+        _labels(table),
+        velocity,
+        table["covariance"][:, :2, :2] if "covariance" in table else None,
+        numbers(table, "height") if "height" in table else None,
+        required(table, "state") == STATES[COASTING] if "state" in table else None,
+    )
+
+
+def _labels(table: Columns) -> IntArray | None:
+    """Return labels as numbers from 1; None without any."""
+    if "label" not in table:
+        return None
+    label = table["label"]
+    _, number = np.unique(label, return_inverse=True)
+    unlabelled = label == 0 if label.dtype.kind in "iuf" else np.zeros(len(label), dtype=bool)
+    return np.where(unlabelled, 0, number.reshape(-1) + 1)

@@ -1,0 +1,179 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Detections and truth of a scenario, as tables."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from msg_adapters import identities, sent_columns
+from phd_jdtc_ros import resources, yaml_files
+from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario, truth_at
+from phd_jdtc_ros.core.simulation.simulate import simulate as scans_of
+from phd_jdtc_ros.core.simulation.sweep import check_sites, simulate_reports
+from phd_jdtc_ros.core.types import Detections, Truth
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.tools import params_file
+
+from .reports import TIME
+from .tables import Column
+
+SHIPPED = Path("config", "scenarios")
+
+
+class Simulated(NamedTuple):
+    """A simulated run.
+
+    Parameters
+    ----------
+    detections : structured array
+        Of all radars, in the order of time, as `Tracker` takes them; a row with NaN for each scan
+        without detections.
+    truth : structured array
+        ``time label class x y vx vy height``, as `evaluate` takes it.
+    parameters : dict
+        Those of a `Tracker` that knows the radars, by dotted name; all of them.
+    """
+
+    detections: Column
+    truth: Column
+    parameters: dict[str, Any]
+
+
+def simulate(
+    scenario: Mapping[str, Any] | str | os.PathLike[str] | None = None, *, seed: int
+) -> Simulated:
+    """Simulate radars and targets.
+
+    Parameters
+    ----------
+    scenario : mapping, str, path or None
+        A scenario as in ``docs/scenarios.md``, the path of such a file, or the name of a shipped
+        one, such as ``one_radar``; None for the reference scenario.
+    seed : int
+        The same seed gives the same tables, with what the executable ``simulate`` writes.
+
+    Returns
+    -------
+    Simulated
+
+    Raises
+    ------
+    ConfigError
+        A ValueError, with every fault of the scenario.
+    """
+    document = _document(scenario)
+    config = _config(params_file.scenario_parameters(document))
+    radars = config.model.radars
+    run = paper_scenario(radars) if document is None else scenario_file.resolve(document, radars)
+    if run.platform is not None:
+        raise ConfigError(["platform: given, must be none: tables have no poses"])
+    check_sites(config.inputs)
+    names = [kind.name for kind in config.model.modes.classes]
+    if run.turning:
+        truths = [truth_at(run, scan) for scan in range(run.scans)]
+        reports = [
+            (each.stamp_ns, each.radar, each.detections)
+            for each in simulate_reports(run, config.inputs, seed)
+        ]
+    else:
+        seen = scans_of(run, seed)
+        truths = [truth for truth, _ in seen]
+        reports = list(_reports(seen))
+    return Simulated(
+        _detections(reports, config.inputs), _truth(truths, run, names), dict(config.values)
+    )
+
+
+def _document(scenario: Mapping[str, Any] | str | os.PathLike[str] | None) -> Any:
+    if scenario is None or isinstance(scenario, Mapping):
+        return scenario
+    path = Path(scenario)
+    shipped = resources.find(SHIPPED / f"{path}.yaml")
+    return yaml_files.load(shipped if len(path.parts) == 1 and shipped.is_file() else path)
+
+
+def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
+    """Return a configuration in which times of detections are absolute, as in tables."""
+    config = resolve(parameters, SystemPlane)
+    timed = [radar.name for radar in config.inputs if radar.time_field]
+    return resolve(
+        {
+            **config.values,
+            **{f"{name}.fields.time": TIME for name in timed},
+            **{f"{name}.time_reference": "epoch" for name in timed},
+            **{f"{name}.time_unit": "s" for name in timed},
+        },
+        SystemPlane,
+    )
+
+
+def _reports(seen: Sequence[tuple[Truth, Any]]) -> Iterator[tuple[int, int, Detections]]:
+    for _, scan in seen:
+        for radar, found in enumerate(scan.detections):
+            if found is not None:
+                yield scan.stamp_ns, radar, found
+
+
+def _detections(
+    reports: Sequence[tuple[int, int, Detections]], inputs: Sequence[RadarInput]
+) -> Column:
+    """Return reports as a table, with the columns that any of the radars has."""
+    parts = []
+    for stamp_ns, index, found in reports:
+        radar = inputs[index]
+        sent = sent_columns.of(found, stamp_ns, radar)
+        own = sent_columns.names_of(radar).values()
+        part = {TIME: np.full(len(found), stamp_ns / 1e9)}
+        part |= {name: _number(column) for name, column in sent.items() if name in own}
+        if not len(found):
+            part = {TIME: np.array([stamp_ns / 1e9])}
+        parts.append((radar.name, part))
+    names = list(dict.fromkeys(name for _, part in parts for name in part))
+    widest = max(len(radar.name) for radar in inputs)
+    dtype = [("radar", f"U{widest}"), *((name, np.float64) for name in names)]
+    table = np.zeros(sum(len(part[TIME]) for _, part in parts), dtype=dtype)
+    begin = 0
+    for radar_name, part in parts:
+        rows = table[begin : begin + len(part[TIME])]
+        begin += len(rows)
+        rows["radar"] = radar_name
+        for name in names:
+            rows[name] = part.get(name, np.nan)
+    return table
+
+
+def _number(column: Column) -> Column:
+    """Return a column as floats, NaN for codes and addresses of which there are none."""
+    none = column == identities.NONE if column.dtype == np.uint32 else np.zeros(len(column), bool)
+    return np.where(none, np.nan, column.astype(np.float64))
+
+
+def _truth(truths: Sequence[Truth], run: Scenario, class_names: Sequence[str]) -> Column:
+    known = max([-1, *(target.class_id for target in run.targets)])
+    names = [*class_names, *(f"class_{k}" for k in range(len(class_names), known + 1))]
+    dtype = [
+        *((TIME, np.float64), ("label", np.int64), ("class", f"U{max(map(len, names))}")),
+        *((name, np.float64) for name in ("x", "y", "vx", "vy", "height")),
+    ]
+    table = np.zeros(sum(len(each.track_id) for each in truths), dtype=dtype)
+    begin = 0
+    for each in truths:
+        rows = table[begin : begin + len(each.track_id)]
+        begin += len(rows)
+        rows[TIME], rows["label"] = each.stamp_ns / 1e9, each.track_id
+        rows["class"] = np.array(names)[each.class_id]
+        rows["x"], rows["y"] = each.position.T
+        rows["vx"], rows["vy"] = each.velocity.T
+        rows["height"] = np.nan if each.height is None else each.height[:, 0]
+    return table

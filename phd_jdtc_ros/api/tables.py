@@ -1,0 +1,223 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tables as users have them, as columns; and estimates as a table."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.quoting import short
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
+
+Column: TypeAlias = "npt.NDArray[Any]"
+Columns: TypeAlias = "dict[str, Column]"
+# A mapping, a data frame, a structured array, or the path of a CSV file.
+Table: TypeAlias = Any
+
+STATES = {TENTATIVE: "tentative", CONFIRMED: "confirmed", COASTING: "coasting"}
+# The latest time that nanoseconds can count in 64 bits, seconds.
+LATEST_S = 9.2e9
+
+
+def columns_of(table: Table) -> Columns:
+    """Return a table's columns by name, all of one length.
+
+    Parameters
+    ----------
+    table : mapping of name to column, data frame, structured array, str or path
+        A str or a path is that of a CSV file with a line of names.
+
+    Raises
+    ------
+    ValueError
+        If it is none of these, or its columns differ in length.
+    """
+    if isinstance(table, (str, os.PathLike)):
+        return _read_csv(Path(table))
+    dtype = getattr(table, "dtype", None)
+    names = dtype.names if isinstance(dtype, np.dtype) else _names(table)
+    if names is None:
+        raise ValueError(
+            f"{type(table).__name__} given, must have named columns: a mapping of name to column, "
+            "a data frame, a structured array or the path of a CSV file; an array of rows is "
+            'dict(zip(("time", "range", "azimuth"), array.T))'
+        )
+    columns = {str(name): np.atleast_1d(np.asarray(table[name])) for name in names}
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise ValueError(f"columns must be of one length, have {short(str(lengths))}")
+    return columns
+
+
+def _names(table: Table) -> list[Any] | None:
+    found = getattr(table, "columns", None)  # data frames
+    if found is None and isinstance(table, Mapping):
+        found = table.keys()
+    return None if found is None else list(found)
+
+
+def _read_csv(path: Path) -> Columns:
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        rows = [row for row in csv.reader(stream) if row]
+    if not rows:
+        raise ValueError(f"{path}: is empty, must have a line of names and lines of values")
+    names = [name.strip() for name in rows[0]]
+    for line, row in enumerate(rows[1:], start=2):
+        if len(row) != len(names):
+            raise ValueError(f"{path}: row {line} has {len(row)} values, must have {len(names)}")
+    values = np.array(rows[1:], dtype=np.str_).reshape(-1, len(names))
+    return {name: np.char.strip(values[:, index]) for index, name in enumerate(names)}
+
+
+def numbers(columns: Columns, name: str) -> FloatArray:
+    """Return a column as numbers; what is empty in a text is NaN.
+
+    Raises
+    ------
+    ValueError
+        If there is no such column, or one of its values is no number.
+    """
+    column = required(columns, name)
+    if column.ndim > 1:
+        raise ValueError(f"{name}: shape {column.shape}, must be one number in a row")
+    if column.dtype.kind in "US":
+        column = np.where(column == "", "nan", column)
+    try:
+        return column.astype(np.float64)
+    except (TypeError, ValueError):
+        raise _unfit(name, column, float, "a number") from None
+
+
+def required(columns: Columns, name: str) -> Column:
+    """Return a column.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if name not in columns:
+        raise ValueError(f"{name}: no such column, there are {short(', '.join(columns)) or 'none'}")
+    return columns[name]
+
+
+def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
+    """Return a column of times in nanoseconds: seconds, dates, or texts of either.
+
+    They are whole microseconds, so that seconds since 1970, as floats, are the same again.
+
+    Raises
+    ------
+    ValueError
+        If there is no such column, or one of its values is no time.
+    """
+    column = required(columns, name)
+    if column.dtype.kind in "US" and not _all_numbers(column):
+        column = _dates(name, column)
+    if column.dtype.kind == "M":
+        micros = column.astype("datetime64[us]").astype(np.int64)
+        bad = (micros < 0) | (micros > LATEST_S * 1e6)
+    else:
+        seconds = numbers({name: column}, name)
+        bad = ~((seconds >= 0.0) & (seconds <= LATEST_S))
+        micros = np.rint(np.where(bad, 0.0, seconds) * 1e6).astype(np.int64)
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(
+            f"{name}: {str(column[row])!r} in row {row + 1}, must be a time from 0 s on: seconds "
+            "or a date since 1970"
+        )
+    stamps: IntArray = 1000 * micros
+    return stamps
+
+
+def _all_numbers(column: Column) -> bool:
+    try:
+        column.astype(np.float64)
+    except ValueError:
+        return False
+    return True
+
+
+def _dates(name: str, column: Column) -> Column:
+    """Return texts as dates; Z at the end is what they are in any case."""
+
+    def date(text: str) -> np.datetime64:
+        return np.datetime64(text.removesuffix("Z"), "ns")
+
+    try:
+        return np.array([date(text) for text in column.tolist()], dtype="datetime64[ns]")
+    except ValueError:
+        raise _unfit(
+            name, column, date, "seconds or a date such as 2026-01-31T12:00:00.5"
+        ) from None
+
+
+def _unfit(name: str, column: Column, fits: Callable[[Any], Any], what: str) -> ValueError:
+    """Return the error that names the first value of a column that does not fit."""
+    for row, value in enumerate(column.tolist(), start=1):
+        try:
+            fits(value)
+        except (TypeError, ValueError):
+            return ValueError(f"{name}: {short(repr(value))} in row {row}, must be {what}")
+    return ValueError(f"{name}: {column.dtype} given, must be {what}")
+
+
+def table_of(found: Sequence[Estimates], class_names: Sequence[str]) -> Column:
+    """Return estimates as a structured array, a row each, in the order given.
+
+    See `Tracker` for its columns.
+    """
+    widest = max(map(len, class_names))
+    dtype = np.dtype(
+        [
+            ("time", np.float64),
+            ("label", np.int64),
+            ("class", f"U{widest}"),
+            ("class_probability", np.float64),
+            ("probability", np.float64),
+            ("state", f"U{max(map(len, STATES.values()))}"),
+            ("x", np.float64),
+            ("y", np.float64),
+            ("vx", np.float64),
+            ("vy", np.float64),
+            ("height", np.float64),
+            ("code", np.int64),
+            ("address", np.int64),
+            ("covariance", np.float64, (4, 4)),
+        ]
+    )
+    table = np.zeros(sum(map(len, found)), dtype=dtype)
+    begin = 0
+    for each in found:
+        rows = table[begin : begin + len(each)]
+        begin += len(each)
+        _fill(rows, each, class_names)
+    return table
+
+
+def _fill(rows: Column, found: Estimates, class_names: Sequence[str]) -> None:
+    """Fill the rows of the estimates of one stamp."""
+    axes = [*found.space.position, *found.space.velocity]
+    rows["time"] = found.stamp_ns / 1e9
+    rows["label"] = found.track_id
+    rows["class"] = np.array(class_names)[found.class_id]
+    rows["class_probability"] = found.class_probability[np.arange(len(found)), found.class_id]
+    rows["probability"] = found.weight
+    rows["state"] = np.array([STATES[state] for state in sorted(STATES)])[found.track_state]
+    for name, axis in zip(("x", "y", "vx", "vy"), axes, strict=True):
+        rows[name] = found.state[:, axis]
+    rows["covariance"] = found.covariance[:, axes][:, :, axes]
+    known = found.attributes
+    rows["height"] = np.nan if known is None else known.height[:, 0]
+    rows["code"] = UNKNOWN if known is None else known.code
+    rows["address"] = UNKNOWN if known is None else known.address
