@@ -128,8 +128,7 @@ class Parameters:
             values["detection_births.rates"] = [BIRTHS / max(len(classes), 1)] * len(classes)
         for name in self.radars:
             values.update({f"{name}.{what}": value for what, value in OF_RADARS.items()})
-            fields = {f"{name}.fields.{what}": what for what in RECOGNISED if what in columns}
-            values.update(fields)
+            values.update(_fields(name, columns))
             if known.get(f"{name}.fields.time") == TIME:
                 values[f"{name}.time_reference"] = "epoch"
             if f"{name}.max_range" in known:
@@ -155,7 +154,10 @@ class Parameters:
         ]
 
     def with_findings(
-        self, findings: Mapping[str, Findings], timed: Mapping[str, bool]
+        self,
+        findings: Mapping[str, Findings],
+        timed: Mapping[str, bool],
+        columns: Collection[str],
     ) -> Parameters:
         """Return these with what a recording says; what is given stays.
 
@@ -164,10 +166,19 @@ class Parameters:
         findings : mapping of radar to Findings
         timed : mapping of radar to bool
             Whether its detections have times of their own.
+        columns : collection of str
+            Of the recording.
         """
         found = {} if self.whole else unspecified.parameters(findings, timed)
         found["interval_s"] = proposal.interval_s(findings)
         for radar, each in findings.items():
+            if not self.whole:
+                found.update(_fields(radar, columns))
             rows = proposal.rows(each, self.given, radar)
             found.update({f"{radar}.{row.name}": row.value for row in rows if row.proposed})
         return Parameters(self.given, self.whole, found)
+
+
+def _fields(radar: str, columns: Collection[str]) -> dict[str, str]:
+    """Return the parameters that name the columns of a radar that are recognised."""
+    return {f"{radar}.fields.{what}": what for what in RECOGNISED if what in columns}

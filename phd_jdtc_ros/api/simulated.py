@@ -129,27 +129,32 @@ def _detections(
     reports: Sequence[tuple[int, int, Detections]], inputs: Sequence[RadarInput]
 ) -> Column:
     """Return reports as a table, with the columns that any of the radars has."""
-    parts = []
-    for stamp_ns, index, found in reports:
-        radar = inputs[index]
-        sent = sent_columns.of(found, stamp_ns, radar)
-        own = sent_columns.names_of(radar).values()
-        part = {TIME: np.full(len(found), stamp_ns / 1e9)}
-        part |= {name: _number(column) for name, column in sent.items() if name in own}
-        if not len(found):
-            part = {TIME: np.array([stamp_ns / 1e9])}
-        parts.append((radar.name, part))
-    names = list(dict.fromkeys(name for _, part in parts for name in part))
-    widest = max(len(radar.name) for radar in inputs)
-    dtype = [("radar", f"U{widest}"), *((name, np.float64) for name in names)]
-    table = np.zeros(sum(len(part[TIME]) for _, part in parts), dtype=dtype)
+    names = list(
+        dict.fromkeys(
+            name
+            for radar in inputs
+            for name in sent_columns.names_of(radar).values()
+            if name != TIME
+        )
+    )
+    dtype = [
+        (TIME, np.float64),
+        ("radar", f"U{max(len(radar.name) for radar in inputs)}"),
+        *((name, np.float64) for name in names),
+    ]
+    table = np.zeros(sum(max(len(found), 1) for *_, found in reports), dtype=dtype)
     begin = 0
-    for radar_name, part in parts:
-        rows = table[begin : begin + len(part[TIME])]
+    for stamp_ns, index, found in reports:
+        radar, sent = inputs[index], {}
+        rows = table[begin : begin + max(len(found), 1)]
         begin += len(rows)
-        rows["radar"] = radar_name
+        if len(found):
+            sent = sent_columns.of(found, stamp_ns, radar)
+        rows[TIME] = sent[TIME] if radar.time_field and sent else stamp_ns / 1e9
+        rows["radar"] = radar.name
+        own = sent_columns.names_of(radar).values()
         for name in names:
-            rows[name] = part.get(name, np.nan)
+            rows[name] = _number(sent[name]) if name in own and sent else np.nan
     return table
 
 

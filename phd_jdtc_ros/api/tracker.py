@@ -145,7 +145,7 @@ class Tracker:
                 faults.append(f"{name}: {error}")
         if faults:
             raise TuningError("; ".join(faults))
-        self._parameters = self._parameters.with_findings(found, timed)
+        self._parameters = self._parameters.with_findings(found, timed, columns)
         return self
 
     def track(self, detections: Table) -> Tracks:

@@ -1,0 +1,81 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tracks beside the truth, as tables."""
+
+import crossing
+import numpy as np
+import pytest
+
+from phd_jdtc_ros import evaluate
+
+TRUTH = crossing.truth()
+
+
+def test_evaluate_of_the_truth_itself_finds_no_error():
+    found = evaluate(TRUTH, TRUTH, cutoff=100.0)
+
+    assert found["scans"] == crossing.LAST
+    assert found["ospa"] == found["missed"] == found["false"] == 0.0
+    assert found["identity_switches"] == 0
+    assert found["class_accuracy"] == 1.0
+
+
+def test_evaluate_of_no_tracks_is_the_cutoff():
+    none = {name: column[:0] for name, column in TRUTH.items()}
+
+    found = evaluate(TRUTH, none, cutoff=100.0)
+
+    assert found["ospa"] == pytest.approx(100.0)
+    assert found["missed"] == 2.0
+
+
+def test_evaluate_counts_tracks_that_swap_their_targets():
+    late = TRUTH["time"] >= 30.0
+    swapped = {**TRUTH, "label": np.where(late, 3 - TRUTH["label"], TRUTH["label"])}
+
+    assert evaluate(TRUTH, swapped, cutoff=50.0)["identity_switches"] == 2
+
+
+def test_evaluate_counts_wrong_classes():
+    true = {**TRUTH, "class": np.where(TRUTH["label"] == 1, "ship", "boat")}
+    found = {**TRUTH, "class": np.full(len(TRUTH["time"]), "boat")}
+
+    assert evaluate(true, found, cutoff=50.0)["class_accuracy"] == 0.5
+
+
+def test_evaluate_takes_names_as_labels():
+    named = {**TRUTH, "label": np.where(TRUTH["label"] == 1, "CLX123", "DLH4")}
+
+    assert evaluate(named, TRUTH, cutoff=50.0)["identity_switches"] == 0
+
+
+def test_evaluate_interpolates_the_truth_at_given_times():
+    between = {**TRUTH, "time": TRUTH["time"] + 0.25}
+    for axis in "xy":
+        between[axis] = TRUTH[axis] + 0.25 * TRUTH[f"v{axis}"]
+    rows = between["time"] < TRUTH["time"][-1]
+    between = {name: column[rows] for name, column in between.items()}
+
+    found = evaluate(TRUTH, between, cutoff=100.0, times=np.unique(between["time"]))
+
+    assert found["ospa"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_evaluate_counts_times_without_tracks():
+    some = {name: column[TRUTH["time"] < 30.0] for name, column in TRUTH.items()}
+
+    assert evaluate(TRUTH, some, cutoff=100.0)["missed"] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "arguments", "said"),
+    [
+        ({"time": TRUTH["time"] + 0.5}, {}, "tracks: 40 of 40 times, such as 10.5"),
+        ({}, {"times": [*TRUTH["time"], 100.0]}, "truth: not known at 100.0 s"),
+        ({}, {"cutoff": 0.0}, "cutoff: 0.0 given, must be a number above 0"),
+    ],
+)
+def test_evaluate_says_what_does_not_fit(change, arguments, said):
+    with pytest.raises(ValueError, match=said):
+        evaluate(TRUTH, {**TRUTH, **change}, **{"cutoff": 100.0, **arguments})

@@ -1,0 +1,129 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tables of users as columns."""
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.api.tables import columns_of, numbers, stamps_ns
+
+
+class Frame:
+    """What of a data frame is used."""
+
+    def __init__(self, **columns):
+        self._columns = columns
+        self.columns = list(columns)
+
+    def __getitem__(self, name):
+        return self._columns[name]
+
+
+STRUCTURED = np.array([(1.0, 2.0), (3.0, 4.0)], dtype=[("time", float), ("range", float)])
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        {"time": [1, 3], "range": (2.0, 4.0)},
+        Frame(time=[1, 3], range=[2.0, 4.0]),
+        STRUCTURED,
+        STRUCTURED.view(np.recarray),
+    ],
+    ids=["mapping", "data frame", "structured array", "record array"],
+)
+def test_columns_of_takes_what_has_named_columns(table):
+    columns = columns_of(table)
+
+    assert numbers(columns, "time").tolist() == [1.0, 3.0]
+    assert numbers(columns, "range").tolist() == [2.0, 4.0]
+
+
+def test_columns_of_reads_csv_with_spaces_empty_cells_and_a_mark_of_its_encoding(tmp_path):
+    path = tmp_path / "detections.csv"
+    path.write_text("\ufefftime, range ,note\n1.5, 20,a\n\n2.5,,\n", encoding="utf-8")
+
+    columns = columns_of(path)
+
+    assert list(columns) == ["time", "range", "note"]
+    assert numbers(columns, "time").tolist() == [1.5, 2.5]
+    np.testing.assert_array_equal(numbers(columns, "range"), [20.0, np.nan])
+
+
+def test_columns_of_reads_csv_without_rows(tmp_path):
+    path = tmp_path / "detections.csv"
+    path.write_text("time,range\n")
+
+    assert numbers(columns_of(path), "range").tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (np.zeros((3, 2)), "ndarray given, must have named columns"),
+        ([1, 2], "list given, must have named columns"),
+        ({"time": [1.0], "range": [1.0, 2.0]}, "must be of one length"),
+    ],
+)
+def test_columns_of_says_what_does_not_fit(table, said):
+    with pytest.raises(ValueError, match=said):
+        columns_of(table)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [("", "is empty"), ("time,range\n1,2\n3\n", "row 3 has 1 values, must have 2")],
+)
+def test_csv_that_is_no_table_is_named_with_its_row(tmp_path, text, said):
+    path = tmp_path / "detections.csv"
+    path.write_text(text)
+
+    with pytest.raises(ValueError, match=f"detections.csv: {said}"):
+        columns_of(path)
+
+
+@pytest.mark.parametrize(
+    ("column", "said"),
+    [
+        (["1.0", "far"], "range: 'far' in row 2, must be a number"),
+        ([1.0, None, "x"], "range: None in row 2, must be a number"),
+        (np.zeros((2, 2)), r"range: shape \(2, 2\), must be one number in a row"),
+    ],
+)
+def test_numbers_names_the_value_that_is_none(column, said):
+    with pytest.raises(ValueError, match=said):
+        numbers(columns_of({"range": column}), "range")
+
+
+def test_numbers_names_the_columns_that_there_are():
+    with pytest.raises(ValueError, match="azimuth: no such column, there are time, rng"):
+        numbers(columns_of({"time": [1.0], "rng": [2.0]}), "azimuth")
+
+
+@pytest.mark.parametrize(
+    "column",
+    [
+        [1_700_000_000.25],
+        ["1700000000.25"],
+        ["2023-11-14T22:13:20.250Z"],
+        ["2023-11-14 22:13:20.25"],
+        np.array(["2023-11-14T22:13:20.250"], dtype="datetime64[ms]"),
+    ],
+    ids=["seconds", "text of seconds", "ISO 8601", "with a space", "dates"],
+)
+def test_stamps_are_seconds_or_dates(column):
+    assert stamps_ns(columns_of({"time": column})).tolist() == [1_700_000_000_250_000_000]
+
+
+def test_stamps_of_seconds_since_1970_are_the_same_again():
+    rng = np.random.default_rng(1)
+    once = stamps_ns({"time": 1.7e9 + 1e4 * rng.random(10_000)})
+
+    assert (stamps_ns({"time": once / 1e9}) == once).all()
+
+
+@pytest.mark.parametrize("time", [np.nan, -1.0, np.inf, 1e10, "yesterday", "", "1960-01-01"])
+def test_stamps_name_what_is_no_time(time):
+    with pytest.raises(ValueError, match=r"time: .* in row 2, must be"):
+        stamps_ns(columns_of({"time": [1.0 if isinstance(time, float) else "2026-01-01", time]}))

@@ -1,0 +1,334 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Tables of detections to tables of tracks."""
+
+import warnings
+
+import crossing
+import numpy as np
+import pytest
+import yaml
+
+from msg_adapters.readers import reader_of
+from phd_jdtc_ros import Tracker, evaluate, simulate
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.pipeline import RunEnded, new_pipeline
+from phd_jdtc_ros.tools import params_file, tracker_params
+
+DETECTIONS, TRUTH = crossing.detections(), crossing.truth()
+
+
+def cartesian(table):
+    """Return a table with positions in the place of ranges and azimuths."""
+    x = table["range"] * np.cos(table["azimuth"])
+    y = table["range"] * np.sin(table["azimuth"])
+    return {"time": table["time"], "x": x, "y": y}
+
+
+def with_radar(**changes):
+    """Return the usual parameters with others of the radar."""
+    return {**crossing.PARAMETERS, "radar": {**crossing.PARAMETERS["radar"], **changes}}
+
+
+def assert_same(found, expected):
+    """Compare tables of tracks."""
+    assert found.dtype == expected.dtype
+    for name in found.dtype.names:
+        np.testing.assert_array_equal(found[name], expected[name])
+
+
+def test_track_finds_two_targets_that_cross():
+    found = Tracker(crossing.PARAMETERS).track(DETECTIONS).smoothed
+
+    scores = evaluate(TRUTH, found, cutoff=50.0)
+    assert scores["identity_switches"] == 0
+    assert scores["ospa"] < 8.0
+    assert set(found["class"]) == {"target"}
+
+
+def test_fit_alone_is_enough_to_track():
+    tracker = Tracker().fit(DETECTIONS)
+
+    scores = evaluate(TRUTH, tracker.track(DETECTIONS).smoothed, cutoff=50.0)
+    assert scores["ospa"] < 8.0
+    assert tracker.parameters["radar.range_std"] == pytest.approx(5.0, rel=0.25)
+    assert tracker.parameters["radar.azimuth_std_deg"] == pytest.approx(0.5, rel=0.25)
+    assert tracker.parameters["interval_s"] == 1.0
+
+
+def test_fit_leaves_what_is_given():
+    tracker = Tracker({"radar": {"range_std": 7.0}}).fit(DETECTIONS)
+
+    assert tracker.parameters["radar.range_std"] == 7.0
+    assert tracker.parameters["radar.azimuth_std_deg"] < 1.0
+
+
+def test_fit_says_what_a_recording_lacks():
+    few = {name: column[:20] for name, column in DETECTIONS.items()}
+
+    with pytest.raises(ValueError, match=r"radar: .* clouds .*, must be at least 10"):
+        Tracker().fit(few)
+
+
+def test_positions_are_tracked_where_no_ranges_are_known():
+    found = Tracker(crossing.PARAMETERS).track(cartesian(DETECTIONS)).smoothed
+
+    assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
+
+
+def test_positions_have_deviations_of_their_own():
+    table = cartesian(DETECTIONS)
+    near = Tracker(crossing.PARAMETERS).track(
+        {**table, "position_std": np.full(len(table["x"]), 2.0)}
+    )
+    far = Tracker(crossing.PARAMETERS).track(
+        {**table, "position_std": np.full(len(table["x"]), 20.0)}
+    )
+
+    def spread(tracks):
+        return np.median(tracks.filtered["covariance"][:, 0, 0])
+
+    assert spread(far) > 10.0 * spread(near)
+
+
+def test_positions_are_in_the_world_wherever_the_sensor_is():
+    parameters = with_radar(position=[-300.0, 200.0], yaw_deg=70.0, max_range=3000.0)
+
+    found = Tracker(parameters).track(cartesian(DETECTIONS)).smoothed
+
+    assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
+
+
+def test_azimuths_are_read_as_parameters_say():
+    compass = {**DETECTIONS, "azimuth": 90.0 - np.degrees(DETECTIONS["azimuth"])}
+    parameters = with_radar(azimuth_convention="compass_cw", azimuth_unit="deg")
+
+    found = Tracker(parameters).track(compass).smoothed
+    expected = Tracker(crossing.PARAMETERS).track(DETECTIONS).smoothed
+
+    np.testing.assert_array_equal(found["label"], expected["label"])
+    np.testing.assert_allclose(found["x"], expected["x"])
+
+
+def test_csv_gives_what_arrays_give(tmp_path):
+    path = tmp_path / "detections.csv"
+    lines = [",".join(map(repr, map(float, row))) for row in zip(*DETECTIONS.values(), strict=True)]
+    path.write_text("\n".join([",".join(DETECTIONS), *lines]))
+
+    found = Tracker(crossing.PARAMETERS).track(path)
+
+    assert_same(found.smoothed, Tracker(crossing.PARAMETERS).track(DETECTIONS).smoothed)
+
+
+def test_order_of_rows_makes_no_difference():
+    order = np.argsort(-DETECTIONS["time"], kind="stable")
+
+    found = Tracker(crossing.PARAMETERS).track({k: v[order] for k, v in DETECTIONS.items()})
+
+    assert_same(found.smoothed, Tracker(crossing.PARAMETERS).track(DETECTIONS).smoothed)
+
+
+def test_updates_and_flush_give_what_track_gives():
+    tracker = Tracker(crossing.PARAMETERS)
+    expected = tracker.track(DETECTIONS)
+
+    parts = []
+    for time in np.unique(DETECTIONS["time"]):
+        now = DETECTIONS["time"] == time
+        parts.append(tracker.update(time, {k: DETECTIONS[k][now] for k in ("range", "azimuth")}))
+    parts.append(tracker.flush())
+
+    for kind in ("filtered", "smoothed"):
+        found = np.concatenate([getattr(part, kind) for part in parts])
+        assert_same(found, getattr(expected, kind))
+    assert len(parts[-1].smoothed) > 0
+
+
+def test_flush_begins_another_run():
+    tracker = Tracker(crossing.PARAMETERS)
+
+    assert len(tracker.flush().smoothed) == 0
+    tracker.update(10.0, {"range": [100.0], "azimuth": [0.1]})
+    tracker.flush()
+    tracker.update(5.0, {"range": [100.0], "azimuth": [0.1]})
+    assert not tracker.dropped
+
+
+@pytest.mark.parametrize("how", ["row", "update"])
+def test_scan_without_detections_counts_as_missed(how):
+    one = {"range": np.full(12, 500.0), "azimuth": np.zeros(12)}
+    seen, quiet = np.arange(12.0), np.arange(12.0, 30.0)
+    tracker = Tracker(crossing.PARAMETERS)
+    if how == "row":
+        none = np.full(len(quiet), np.nan)
+        table = {name: np.append(column, none) for name, column in one.items()}
+        found = tracker.track({"time": np.append(seen, quiet), **table}).filtered
+    else:
+        parts = [
+            tracker.update(time, {name: column[:1] for name, column in one.items()})
+            for time in seen
+        ]
+        parts += [tracker.update(time) for time in quiet]
+        found = np.concatenate([part.filtered for part in [*parts, tracker.flush()]])
+
+    assert 11.0 <= found["time"].max() < 25.0
+    assert not tracker.dropped
+
+
+def test_amplitudes_tell_classes_where_there_are_several():
+    run = simulate(seed=2)
+
+    found = Tracker(run.parameters).track(run.detections).smoothed
+
+    scores = evaluate(run.truth, found, cutoff=1000.0)
+    assert scores["class_accuracy"] > 0.98
+    assert scores["ospa"] < 75.0
+    assert set(found["class"]) == {"class_0", "class_1"}
+
+
+def test_turning_antenna_is_followed_by_the_plots_times():
+    run = simulate("terminal_radar", seed=4)
+    early = run.detections[run.detections["time"] < 1090.0]
+    keep = (
+        "azimuth_convention",
+        "fields.time",
+        "fields.range",
+        "fields.azimuth",
+        "fields.amplitude",
+    )
+    known = {f"approach.{name}": run.parameters[f"approach.{name}"] for name in keep}
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        tracker = Tracker({"radars": ["approach"], **known}).fit(early)
+        found = tracker.track(early).smoothed
+
+    assert tracker.parameters["approach.rotation_s"] == pytest.approx(4.0, abs=0.01)
+    settled = found[found["time"] > 1030.0]
+    truth = {name: run.truth[name] for name in ("time", "label", "x", "y", "vx", "vy")}
+    times = np.unique(settled["time"])
+    scores = evaluate(truth, settled, cutoff=500.0, times=times)
+    assert scores["position_detection"] > 0.9
+    assert scores["position_rms"] < 100.0
+
+
+def test_tracker_of_a_parameter_file_gives_what_the_bags_tracker_gives(request):
+    bag = request.config.rootpath / "bags" / "one_radar"
+    config = tracker_params.config(params_file.load(bag / "parameters.yaml"))
+    (radar,) = config.inputs
+    pipeline, smoothed, rows = new_pipeline(config), [], []
+    for entry in BagReader(bag).messages([radar.topic]):
+        report = reader_of(radar).from_cdr(entry.data, radar)
+        found = report.detections
+        events = pipeline.add(0, report.stamp_ns, found)
+        smoothed += [each for event in events for each in event.step.smoothed]
+        columns = (*found.measurement.T, found.amplitude)
+        rows += [(entry.stamp_ns / 1e9, *row) for row in zip(*columns, strict=True)]
+    for event in pipeline.flush():
+        smoothed += event.smoothed if isinstance(event, RunEnded) else event.step.smoothed
+    names = ("time", "range", "azimuth", "amplitude")
+
+    table = Tracker(bag / "parameters.yaml").track(dict(zip(names, np.array(rows).T, strict=True)))
+
+    position = np.concatenate([each.position for each in smoothed])
+    np.testing.assert_array_equal(table.smoothed["x"], position[:, 0])
+    label = np.concatenate([each.track_id for each in smoothed])
+    np.testing.assert_array_equal(table.smoothed["label"], label)
+
+
+def test_covariance_is_of_x_y_vx_vy():
+    found = Tracker(crossing.PARAMETERS).track(DETECTIONS).filtered
+    settled = found[found["time"] > 30.0]
+
+    deviations = np.sqrt(np.einsum("nii->ni", settled["covariance"])).mean(axis=0)
+    assert (deviations[:2] > 0.5).all()
+    assert (deviations[:2] < 6.0).all()
+    assert (deviations[2:] < 3.0).all()
+    assert evaluate(TRUTH, found, cutoff=50.0)["nees"] < 1.5
+
+
+def test_detections_that_are_not_used_are_told():
+    far = {**DETECTIONS, "range": np.where(DETECTIONS["time"] < 20.0, 2000.0, DETECTIONS["range"])}
+    tracker = Tracker(crossing.PARAMETERS)
+
+    with pytest.warns(UserWarning, match=r"\d+ of \d+ detections were not used: range \d+"):
+        tracker.track(far)
+    assert tracker.dropped["range"] == np.count_nonzero(far["range"] == 2000.0)
+
+
+def test_what_must_be_known_is_named_together():
+    with pytest.raises(ConfigError) as raised:
+        Tracker({"radar": {"range_std": 5.0}}).track(DETECTIONS)
+
+    assert raised.value.faults == (
+        "interval_s: not given, must be given or found by fit",
+        "radar.azimuth_std_deg: not given, must be given or found by fit",
+        "radar.max_range: not given, must be given or found by fit",
+    )
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        ({"radar": {"range_sdt": 5.0}}, "radar.range_sdt: unknown parameter, is radar.range_std"),
+        ({"interval_s": "often"}, "interval_s: 'often' given"),
+        ({"radars": 3}, "radars: 3 given"),
+        ({"radar": {"pose": "/odometry"}}, "radar.pose: '/odometry' given, must be fixed"),
+        (7, "parameters: int given, must be a mapping"),
+        ("no_such.yaml", "no_such.yaml: cannot be read"),
+    ],
+)
+def test_wrong_parameters_are_told_at_once(parameters, said):
+    with pytest.raises(ConfigError, match=said):
+        Tracker(parameters)
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ({"time": [1.0], "range": [2.0]}, "azimuth: no such column, there are time, range"),
+        ({"range": [1.0], "azimuth": [2.0]}, "time: no such column"),
+        (
+            {"time": [1.0], "range": [1.0], "azimuth": [0.0], "radar": ["left"]},
+            "radar: 'left' in row 1, must be one of radar",
+        ),
+    ],
+)
+def test_wrong_tables_are_told(table, said):
+    with pytest.raises(ValueError, match=said):
+        Tracker(crossing.PARAMETERS).track(table)
+
+
+def test_update_asks_which_radar_it_is_of():
+    tracker = Tracker(
+        {"radars": ["a", "b"], "interval_s": 1.0}
+        | {
+            f"{name}.{what}": value
+            for name in "ab"
+            for what, value in crossing.PARAMETERS["radar"].items()
+        }
+    )
+
+    with pytest.raises(ValueError, match="radar: None given, must be one of a, b"):
+        tracker.update(1.0, {"range": [1.0], "azimuth": [0.0]})
+
+
+def test_parameters_go_into_a_file_of_the_node(tmp_path):
+    tracker = Tracker().fit(DETECTIONS)
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump({"/**": {"ros__parameters": tracker.parameters}}))
+
+    found = Tracker(path).track(DETECTIONS)
+
+    assert_same(found.smoothed, tracker.track(DETECTIONS).smoothed)
+
+
+def test_fit_keeps_the_columns_that_it_knows():
+    table = {**DETECTIONS, "height": np.full(len(DETECTIONS["time"]), 30.0)}
+    tracker = Tracker({"radar": {"height": 30.0}}).fit(table)
+
+    assert tracker.parameters["radar.fields.height"] == "height"
+    found = tracker.track(table).smoothed
+    assert found["height"] == pytest.approx(30.0, abs=5.0)
