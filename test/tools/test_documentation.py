@@ -4,21 +4,28 @@
 """The documentation's examples work, its pages are all in the site, and what it names exists."""
 
 import ast
+import csv
 import re
 from pathlib import Path
 
+import crossing
+import numpy as np
 import pytest
 import yaml
 
 import phd_jdtc_ros
+from phd_jdtc_ros import Tracker
 from phd_jdtc_ros.__main__ import EXECUTABLES
+from phd_jdtc_ros.api.parameters import RECOGNISED
+from phd_jdtc_ros.api.tables import table_of
+from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.simulation import scenario_file, sending
 from phd_jdtc_ros.core.simulation.sending import Sending
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.nodes.hand_over import settings as hand_over
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.tools import params_file, recorded_plots
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -85,6 +92,91 @@ def test_the_example_in_python_of_the_page_on_the_earth_runs():
     assert found["latitude"] == pytest.approx(50.05)
     # West of the origin meridians lean to the right.
     assert -0.01 < found["north"] < 0.0
+
+
+def python_of(name):
+    """Return the examples in Python of a page of the documentation."""
+    page = (ROOT / "docs" / name).read_text()
+    return re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+
+
+def run_all(examples, names=None):
+    """Run examples one after the other and return the names that they leave."""
+    found = {} if names is None else names
+    for example in examples:
+        exec(compile(example, "example", "exec"), found)
+    return found
+
+
+def test_examples_of_the_page_on_python_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+
+    found = run_all(python_of("python.md"))
+
+    assert {*found["tracks"]["label"]} == {1, 2}
+    assert found["scores"]["ospa"] < 200.0
+    printed = capsys.readouterr().out
+    early, late = map(int, re.search(r"(\d+) estimates before the end, (\d+) at", printed).groups())
+    time = found["tracks"]["time"]
+    assert (early + late, late) == (len(time), np.count_nonzero(time > time.max() - 5 * 6.0))
+    assert len(Tracker("mine.yaml").track(found["detections"]).smoothed) == early + late
+
+
+def test_tables_of_the_page_on_python_are_the_trackers(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "python.md").read_text()
+    described = re.findall(
+        r"^\| (`.*?) \|", page.split("## Tracks")[1].split("\n\n")[1], re.MULTILINE
+    )
+    columns = [name for cell in described for name in re.findall(r"`(\w+)`", cell)]
+
+    assert columns == list(table_of([], ["target"]).dtype.names)
+    for name in RECOGNISED:
+        assert name == "sector" or f"`{name}`" in page.split("## Parameters")[0]
+
+
+def test_examples_of_the_page_on_csv_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    detections = crossing.detections()
+    rows = [",".join(map(str, row)) for row in zip(*detections.values(), strict=True)]
+    (tmp_path / "detections.csv").write_text("\n".join(["time,range,azimuth", *rows]))
+
+    found = run_all(python_of("csv.md"))
+
+    with (tmp_path / "tracks.csv").open() as file:
+        written = list(csv.DictReader(file))
+    assert {row["label"] for row in written} == {"1", "2"}
+    assert [float(row["x"]) for row in written] == found["tracks"]["x"].tolist()
+    radars = recorded_plots.recognised_radars(BagReader(tmp_path / "bag"))
+    assert radars["radars"] == ["radar"]
+
+
+def test_parameters_in_the_table_of_the_page_on_csv_are_some():
+    page = (ROOT / "docs" / "csv.md").read_text()
+    given = [ast.literal_eval(text) for text in re.findall(r"`(?:Tracker\()?(\{.*?\})\)?`", page)]
+
+    assert len(given) == 5
+    for parameters in given:
+        assert Tracker(parameters).parameters
+
+
+def test_plots_of_the_page_on_other_inputs_are_where_targets_are():
+    (example,) = python_of("other_inputs.md")
+    plots_of = run_all([example])["plots_of"]
+    rng = np.random.default_rng(1)
+    video = rng.rayleigh(1.0, (720, 600))
+    places = ((100, 50), (400, 300), (650, 580))
+    for spoke, column in places:
+        video[spoke - 1 : spoke + 2, column - 1 : column + 2] += 12.0
+    azimuth = np.mod(1.0 + np.arange(720) * 2.0 * np.pi / 720, 2.0 * np.pi)
+
+    found = plots_of(video, azimuth, 10.0 + np.arange(720) / 300.0, cell=5.0)
+
+    assert found["range"] == pytest.approx([5.0 * (column + 0.5) for _, column in places], abs=2.5)
+    assert found["time"] == pytest.approx([10.0 + spoke / 300.0 for spoke, _ in places], abs=0.002)
+    angle = found["azimuth"] - [1.0 + spoke * 2.0 * np.pi / 720 for spoke, _ in places]
+    assert np.abs(np.exp(1j * angle) - 1.0).max() < 0.005
+    assert (found["amplitude"] > 4.0).all()
 
 
 def test_every_page_is_in_the_sites_navigation():
