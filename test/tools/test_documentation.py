@@ -242,13 +242,22 @@ def test_navigation_is_yaml():
     assert yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]
 
 
-def test_readmes_python_example_prints_four_tracks(capsys):
-    (example,) = re.findall(r"^```python\n(.*?)^```", README.read_text(), re.DOTALL | re.MULTILINE)
-
-    exec(compile(example, "README.md", "exec"), {})
+def test_readmes_python_example_prints_four_tracks_to_their_end(capsys):
+    page = README.read_text()
+    found = run_all(re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE))
 
     printed = capsys.readouterr().out
-    assert {*re.findall(r"track (\d+), class [01] at", printed)} == {"1", "2", "3", "4"}
+    assert {*re.findall(r"track (\d+), class_[01] at", printed)} == {"1", "2", "3", "4"}
+    assert found["tracks"]["time"].max() == found["run"].truth["time"].max()
+    assert float(re.search(r"^OSPA ([\d.]+) m$", printed, re.MULTILINE)[1]) < 80.0
+
+
+@pytest.mark.parametrize("page", [README, ROOT / "docs" / "index.md"], ids=lambda page: page.name)
+def test_ospa_is_explained_where_it_first_stands(page):
+    text = " ".join(page.read_text().split())
+    first = text[text.index("OSPA") :]
+
+    assert "the distance between the estimated and the true positions" in first[:200]
 
 
 def test_readmes_accuracies_are_the_studys():
