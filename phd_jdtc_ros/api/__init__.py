@@ -13,6 +13,6 @@
     scores       `evaluate`: tracks beside the truth
     simulated    `simulate`: detections and truth of a scenario
 
-What is public is in `phd_jdtc_ros` itself: `Tracker`, `simulate` and `evaluate`, their arguments and
-the columns of their tables. They do not move as modules do.
+What is public is in `phd_jdtc_ros` itself: `Tracker`, `simulate` and `evaluate`, their arguments
+and the columns of their tables. They do not move as modules do.
 """

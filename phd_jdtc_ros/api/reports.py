@@ -162,6 +162,9 @@ class _Reader:
         """Return the columns as the radar reports them."""
         radar = self._radar
         names = sent_columns.names_of(radar)
+        if radar.time_field == TIME:
+            # Reports are parts of turns by time, and not the sectors that the radar has sent.
+            names.pop("sector", None)
         found = {
             what: stamps_ns(columns) / 1e9 if name == TIME else numbers(columns, name)
             for what, name in names.items()

@@ -113,6 +113,7 @@ def _config(parameters: Mapping[str, Any]) -> TrackerConfig:
             **{f"{name}.fields.time": TIME for name in timed},
             **{f"{name}.time_reference": "epoch" for name in timed},
             **{f"{name}.time_unit": "s" for name in timed},
+            **{f"{name}.fields.sector": "" for name in timed},
         },
         SystemPlane,
     )

@@ -198,6 +198,9 @@ class Tracker:
         columns = {} if detections is None else columns_of(detections)
         stamp_ns = int(stamps_ns({TIME: _column(time)})[0])
         if self._run is None:
+            if not columns:
+                # Which columns there are is not known, nor is there anything to track.
+                return self._nothing()
             self._run = _Run(self._parameters.config(columns))
         config = self._run.config
         index = _index_of(radar, [each.name for each in config.inputs])
@@ -214,11 +217,16 @@ class Tracker:
         """
         run = self._run
         if run is None:
-            return _Run(self._parameters.config()).take()
+            return self._nothing()
         self._run = None
         found = run.finish()
         self._told(run)
         return found
+
+    def _nothing(self) -> Tracks:
+        """Return tables without rows."""
+        names = self._parameters.config(blank=True).values["classes"]
+        return Tracks(table_of([], names), table_of([], names))
 
     def _told(self, run: _Run) -> None:
         self.dropped += run.dropped
