@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -123,6 +124,8 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
     column = required(columns, name)
     if column.dtype.kind in "US" and not _all_numbers(column):
         column = _dates(name, column)
+    elif column.dtype.kind == "O":
+        column = np.array([_since_1970(value) for value in column.tolist()], dtype=object)
     if column.dtype.kind == "M":
         micros = column.astype("datetime64[us]").astype(np.int64)
         bad = (micros < 0) | (micros > LATEST_S * 1e6)
@@ -138,6 +141,13 @@ def stamps_ns(columns: Columns, name: str = "time") -> IntArray:
         )
     stamps: IntArray = 1000 * micros
     return stamps
+
+
+def _since_1970(value: Any) -> Any:
+    """Return a date of Python's or pandas', of UTC if it has no time zone, in seconds."""
+    if not isinstance(value, datetime):
+        return value
+    return (value if value.tzinfo else value.replace(tzinfo=timezone.utc)).timestamp()
 
 
 def _all_numbers(column: Column) -> bool:
