@@ -38,7 +38,9 @@ LONGEST = (
 # Two halves that take about as long as each other.
 HALF = ("test/core", "test/study")
 # Most of all tests, of which none is live: conftest.py refuses them there.
-NEVER_LIVE = [f"test/{folder}" for folder in ("asterix", "bags", "core", "msg_adapters", "report")]
+NEVER_LIVE = [
+    f"test/{folder}" for folder in ("api", "asterix", "bags", "core", "msg_adapters", "report")
+]
 # Some hundred processes import the same files: what one has compiled serves the others.
 ENVIRONMENT = {name: os.environ[name] for name in os.environ if name != "PYTHONDONTWRITEBYTECODE"}
 LIMIT_S = 2400.0
