@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.configuration.parameters import schema
+from phd_jdtc_ros.core.configuration.radar_parameters import RADAR
 from phd_jdtc_ros.core.configuration.schema import ConfigError, flatten
 from phd_jdtc_ros.core.tuning import proposal, unspecified
 from phd_jdtc_ros.core.tuning.findings import Findings
@@ -102,13 +104,20 @@ class Parameters:
         """
         values = self.values(columns)
         faults = [] if self.whole or blank else self._needed(values, columns)
+        of_radars = {parameter.name for parameter in RADAR}
+        faults += [
+            f"{name}: unknown parameter, is {self.radars[0]}.{name} meant?"
+            for name in self.given
+            if name in of_radars and self.radars
+        ]
         faults += [
             f"{name}.pose: {values[f'{name}.pose']!r} given, must be fixed: tables have no poses"
             for name in self.radars
             if values.get(f"{name}.pose", "fixed") != "fixed"
         ]
         faults += [
-            f"{name}.time_reference: must be epoch with fields.time: {TIME}"
+            f"{name}.time_reference: must be epoch where fields.time is {TIME}, the column that "
+            "scans are told apart by"
             for name in self.radars
             if values.get(f"{name}.fields.time") == TIME
             and values.get(f"{name}.time_reference") != "epoch"
@@ -121,7 +130,7 @@ class Parameters:
         """Return the parameters that are not the node's defaults, for a table of these columns."""
         if self.whole:
             return {**self.found, **self.given}
-        known = {**self.found, **self.given}
+        known = {**self._usable(), **self.given}
         values = dict(USUAL)
         classes = known.get("classes", USUAL["classes"])
         if isinstance(classes, Sequence):
@@ -136,6 +145,14 @@ class Parameters:
             if known.get(f"{name}.detection_probability_over_range"):
                 del values[f"{name}.detection_probability"]
         return {**values, **known}
+
+    def _usable(self) -> dict[str, Any]:
+        """Return what was found without what is of other classes and motions than those given."""
+        table = schema({**USUAL, **self.found, **self.given})
+        found = {name: value for name, value in self.found.items() if name in table}
+        if "classes" in self.given:
+            found.pop("detection_births.rates", None)
+        return found
 
     def _needed(self, values: Mapping[str, Any], columns: Collection[str]) -> list[str]:
         """Return a fault for each parameter that has to be given or found."""

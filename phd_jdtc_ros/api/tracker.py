@@ -135,7 +135,7 @@ class Tracker:
         for index, report in reports_of(columns, config):
             reports.setdefault(index, []).append((report.stamp_ns, report.detections))
         found, timed, faults = {}, {}, []
-        for index, name in enumerate(self._parameters.radars):
+        for index, name in enumerate(each.name for each in config.inputs):
             try:
                 if index not in reports:
                     raise TuningError("no detections")

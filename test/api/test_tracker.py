@@ -69,6 +69,32 @@ def test_fit_leaves_what_is_given():
     assert tracker.parameters["radar.azimuth_std_deg"] < 1.0
 
 
+def test_fit_goes_with_other_classes_and_motions():
+    given = {
+        "classes": ["boat", "ship"],
+        "motions": ["straight"],
+        "straight": {"noise_density": 0.1},
+        **{name: {"motions": ["straight"], "mode_transition": [1.0]} for name in ("boat", "ship")},
+    }
+
+    found = Tracker(given).fit(DETECTIONS).track(DETECTIONS).smoothed
+
+    assert evaluate(TRUTH, found, cutoff=50.0)["ospa"] < 8.0
+    assert set(found["class"]) <= {"boat", "ship"}
+
+
+def test_fit_adds_to_a_parameter_file(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "/**: {ros__parameters: {radars: [only], only: {azimuth_std_deg: 0.5, fields.height: ''}}}"
+    )
+
+    tracker = Tracker(path).fit(DETECTIONS)
+
+    assert tracker.parameters["only.range_std"] == pytest.approx(5.0, rel=0.25)
+    assert tracker.parameters["only.azimuth_std_deg"] == 0.5
+
+
 def test_fit_says_what_a_recording_lacks():
     few = {name: column[:20] for name, column in DETECTIONS.items()}
 
@@ -284,6 +310,7 @@ def test_what_must_be_known_is_named_together():
     ("parameters", "said"),
     [
         ({"radar": {"range_sdt": 5.0}}, "radar.range_sdt: unknown parameter, is radar.range_std"),
+        ({"range_std": 5.0}, "range_std: unknown parameter, is radar.range_std meant"),
         ({"interval_s": "often"}, "interval_s: 'often' given"),
         ({"radars": 3}, "radars: 3 given"),
         ({"radar": {"pose": "/odometry"}}, "radar.pose: '/odometry' given, must be fixed"),

@@ -442,4 +442,7 @@ def test_workflow_runs_what_a_change_must_pass():
     jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())["jobs"]
     commands = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
 
-    assert commands == [".ci/run", "make test", "make docs"]
+    container = ["docker build -t phd_jdtc_ros .", "docker run --rm phd_jdtc_ros"]
+    assert commands == [".ci/run", "make test", "make docs", *container]
+    page = (ROOT / "docs" / "container.md").read_text()
+    assert all(f"    {command}\n" in page for command in container)
