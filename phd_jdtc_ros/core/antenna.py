@@ -78,11 +78,6 @@ class Antenna(NamedTuple):
         """Return where it points at a time, radians; not wrapped."""
         return self.azimuth + self.rate * (time_s - self.time_s)
 
-    def time_near(self, azimuth: float, time_s: float) -> float:
-        """Return the time nearest to another at which it points to an azimuth, seconds."""
-        off = math.remainder(azimuth - self.azimuth_at(time_s), FULL_TURN)
-        return time_s + off / self.rate
-
     def beside(self, time_s: FloatArray, azimuth: FloatArray) -> FloatArray:
         """Return how far azimuths are from where it points at their times, radians; (M,)."""
         return wrap_angle(azimuth - self.azimuth - self.rate * (time_s - self.time_s))

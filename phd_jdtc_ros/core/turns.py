@@ -85,33 +85,32 @@ class State(NamedTuple):
 
 
 class _Report(NamedTuple):
-    """A report with its times in seconds; `time_s` has the stamp's where detections have none."""
+    """A report, and its times in seconds."""
 
     stamp_ns: int
-    stamp_s: float
     detections: Detections
-    time_s: FloatArray
-    timed: bool
+
+    @property
+    def stamp_s(self) -> float:
+        """Its stamp."""
+        return self.stamp_ns * 1e-9
+
+    @property
+    def timed(self) -> bool:
+        """Whether detections have times of their own."""
+        return self.detections.time_s is not None
 
     @property
     def own_s(self) -> FloatArray:
-        """Times of the detections' own, seconds; empty if they have none."""
-        return self.time_s if self.timed else self.time_s[:0]
+        """These times, shape (M,); empty if there are none."""
+        own_s = self.detections.time_s
+        return np.zeros(0) if own_s is None else self.stamp_s + own_s
 
     @property
     def azimuth(self) -> FloatArray:
         """Azimuths of the detections, radians, shape (M,)."""
         azimuth: FloatArray = self.detections.measurement[:, 1]
         return azimuth
-
-
-class _Passed(NamedTuple):
-    """What an antenna passed: from when to when, seconds, and azimuths, radians, not wrapped."""
-
-    start_s: float
-    end_s: float
-    start: float
-    end: float
 
 
 @dataclass
@@ -212,26 +211,21 @@ class Turns:
             return self._out_of_order(stamp_ns, detections, sector)
         if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
             self.reset()
-        own_s, stamp_s = detections.time_s, stamp_ns * 1e-9
-        time_s = stamp_s + (np.zeros(len(detections)) if own_s is None else own_s)
-        report = _Report(stamp_ns, stamp_s, detections, time_s, own_s is not None)
+        report = _Report(stamp_ns, detections)
         self._follow(report)
         if not self.usual_s or (not report.timed and self._per_turn == 1):
-            horizon = self.state.horizon.after(stamp_s, report.own_s, self.turn_s)
-            self.state = self.state._replace(horizon=horizon, piece_ns=stamp_ns)
+            self._remember(report, report.own_s)
+            self.state = self.state._replace(piece_ns=stamp_ns)
             return [(stamp_ns, detections)]
-        steps, before = self._steps(stamp_s), self.state.number
+        steps, before = self._steps(report.stamp_s), self.state.number
         number = self._number(report, sector, steps)
         if steps < 0.5 and self._again(report, number, before):
             self.doubts["sectors_repeated"] += 1
             return self._rising(report, [(stamp_ns, detections, UNKNOWN_COVERAGE)])
         start_s, end_s = self._accounted(report, steps)
-        passed = self._passed(report, number, start_s, end_s)
-        if isinstance(passed, _Passed):
-            self.state = self.state._replace(end_s=end_s, end=passed.end)
-            return self._rising(report, self._slices(report, passed))
-        self.state = self.state._replace(end_s=end_s, end=math.nan)
-        return self._rising(report, [(stamp_ns, detections, passed)])
+        parts, end = self._parts(report, number, start_s, end_s)
+        self.state = self.state._replace(end_s=end_s, end=end)
+        return self._rising(report, parts)
 
     def _out_of_order(
         self, stamp_ns: int, detections: Detections, sector: int | None
@@ -254,7 +248,7 @@ class Turns:
         if report.timed:
             # Times of their own tell more than the stamps did.
             track = before if timed else AntennaTrack(self.usual_s)
-            track = track.followed(report.stamp_s, report.time_s, report.azimuth, self.shortest_s)
+            track = track.followed(report.stamp_s, report.own_s, report.azimuth, self.shortest_s)
         elif not timed:
             azimuth, shortest_s = report.azimuth, max(1.9 * horizon.step_s, self.shortest_s)
             if len(azimuth):
@@ -302,7 +296,7 @@ class Turns:
         """Return whether an early report is of what has been reported, and not of the next part."""
         if number is not None and number != before:
             return False
-        passed = not report.timed or report.time_s.max(initial=-math.inf) < self.state.end_s
+        passed = not report.timed or report.own_s.max(initial=-math.inf) < self.state.end_s
         return (number is not None or passed) and self._per_turn > 1
 
     def _coverage(self, sector: int) -> Coverage:
@@ -311,16 +305,19 @@ class Turns:
         start = math.remainder(measured.start - self.azimuth_bias, FULL_TURN)
         return Coverage(start, measured.width)
 
-    def _accounted(self, report: _Report, steps: float) -> tuple[float, float]:
-        """Return the times from which and to which a report accounts for."""
-        before_s, length_s, antenna = self.state.end_s, self.report_s, self.state.track.antenna
-        own_s = report.own_s
-        if report.timed and antenna is not None:
-            own_s = own_s[antenna.fits(own_s, report.azimuth)]
-            self.doubts["times_disagree"] += len(report.time_s) - len(own_s)
+    def _remember(self, report: _Report, own_s: FloatArray) -> None:
+        """Take in when a report came, and those times of its detections that are believed."""
         horizon = self.state.horizon.after(report.stamp_s, own_s, self.turn_s)
         self.state = self.state._replace(horizon=horizon)
-        lead_s = np.nan_to_num(horizon.lead_s) if report.timed else 0.5 * length_s
+
+    def _accounted(self, report: _Report, steps: float) -> tuple[float, float]:
+        """Return the times from which and to which a report accounts for."""
+        before_s, length_s, own_s = self.state.end_s, self.report_s, report.own_s
+        if report.timed and (antenna := self.state.track.antenna) is not None:
+            own_s = own_s[antenna.fits(own_s, report.azimuth)]
+            self.doubts["times_disagree"] += len(report.detections) - len(own_s)
+        self._remember(report, own_s)
+        lead_s = np.nan_to_num(self.state.horizon.lead_s) if report.timed else 0.5 * length_s
         # No time is accounted for twice; of the first report `before_s` is NaN.
         end_s = float(np.fmax(report.stamp_s + lead_s, before_s))
         start_s, lost = end_s - LONGEST * self.turn_s, round(steps) >= 2
@@ -334,50 +331,48 @@ class Turns:
         self.doubts["detections_late"] += int(np.count_nonzero(late))
         return start_s, end_s
 
-    def _passed(
+    def _parts(
         self, report: _Report, number: int | None, start_s: float, end_s: float
-    ) -> _Passed | Coverage | None:
-        """Return what a report covers, which is not to be cut where it is no `_Passed`."""
-        antenna = self.state.track.antenna
+    ) -> tuple[list[_Part], float]:
+        """Return the parts of a report, and where the antenna points at its end, radians or NaN."""
+        stamp_ns, detections = report.stamp_ns, report.detections
+        antenna, sector = self.state.track.antenna, None
         if number is not None:
             sector = self._coverage(number)
-            if antenna is None or not report.timed:
-                return sector
-            half = 0.5 * sector.width
-            middle = sector.start + half
-            middle_s = antenna.time_near(middle, 0.5 * (start_s + end_s))
-            half_s, turned = half / abs(antenna.rate), math.copysign(half, antenna.rate)
-            return _Passed(middle_s - half_s, middle_s + half_s, middle - turned, middle + turned)
-        if antenna is not None:
+        if antenna is None or (sector is not None and not report.timed):
+            return [(stamp_ns, detections, sector or self._unclear(report))], math.nan
+        if sector is not None:
+            start, end = sector.start, sector.start + sector.width
+            start, end = (start, end) if antenna.rate > 0.0 else (end, start)
+        else:
             start, end = antenna.azimuth_at(start_s), antenna.azimuth_at(end_s)
             if start_s == self.state.end_s and not math.isnan(self.state.end):
                 # No azimuth between two reports is left out, and none is passed twice.
                 off = math.remainder(start - self.state.end, FULL_TURN)
                 start -= off if abs(off) < JOINED else 0.0
             start = start if (end - start) * antenna.rate > 0.0 else end
-            return _Passed(start_s, end_s, start, end)
+        if not report.timed:
+            return [(stamp_ns, detections, _arc(start, end))], end
+        count = max(1, round(SLICES * (end_s - start_s) / self.turn_s))
+        edges_s, edges = np.linspace(start_s, end_s, count + 1), np.linspace(start, end, count + 1)
+        place = np.clip(np.searchsorted(edges_s, report.own_s, side="right") - 1, 0, count - 1)
+        middle_ns = np.rint((0.5 * (edges_s[1:] + edges_s[:-1]) - report.stamp_s) * 1e9)
+        parts: list[_Part] = [
+            (
+                stamp_ns + int(middle_ns[k]),
+                detections.take(np.flatnonzero(place == k)),
+                _arc(edges[k], edges[k + 1]),
+            )
+            for k in range(count)
+        ]
+        return parts, end
+
+    def _unclear(self, report: _Report) -> Coverage | None:
+        """Return what a report covers while the antenna's motion is not known."""
         shown = len(report.detections) >= LEAST_SHOWN
         width = smallest_arc(report.azimuth)[1] if shown else 0.0
         whole = width > AROUND or (self._per_turn == 1 and not (shown and width < STANDING))
         return None if whole else UNKNOWN_COVERAGE
-
-    def _slices(self, report: _Report, passed: _Passed) -> list[_Part]:
-        """Return the slices of the time that a report accounts for, in their order."""
-        count = 1
-        if report.timed:
-            count = max(1, round(SLICES * (passed.end_s - passed.start_s) / self.turn_s))
-        edges_s = np.linspace(passed.start_s, passed.end_s, count + 1)
-        edges = np.linspace(passed.start, passed.end, count + 1)
-        place = np.clip(np.searchsorted(edges_s, report.time_s, side="right") - 1, 0, count - 1)
-        middle_s = 0.5 * (edges_s[1:] + edges_s[:-1]) if report.timed else [report.stamp_s]
-        return [
-            (
-                report.stamp_ns + round((middle_s[k] - report.stamp_s) * 1e9),
-                report.detections.take(np.flatnonzero(place == k)),
-                _coverage(edges[k], edges[k + 1]),
-            )
-            for k in range(count)
-        ]
 
     def _rising(self, report: _Report, parts: list[_Part]) -> list[Piece]:
         """Return parts, each with a stamp above those before it."""
@@ -392,7 +387,7 @@ class Turns:
         return pieces
 
 
-def _coverage(start: float, end: float) -> Coverage:
+def _arc(start: float, end: float) -> Coverage:
     """Return the azimuths from one to another, radians, of which none need be passed."""
     width = min(abs(end - start), FULL_TURN)
     if width <= UNKNOWN_COVERAGE.width:
