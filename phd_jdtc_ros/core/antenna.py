@@ -78,6 +78,11 @@ class Antenna(NamedTuple):
         """Return where it points at a time, radians; not wrapped."""
         return self.azimuth + self.rate * (time_s - self.time_s)
 
+    def time_near(self, azimuth: float, time_s: float) -> float:
+        """Return the time nearest to another at which it points to an azimuth, seconds."""
+        off = math.remainder(azimuth - self.azimuth_at(time_s), FULL_TURN)
+        return time_s + off / self.rate
+
     def beside(self, time_s: FloatArray, azimuth: FloatArray) -> FloatArray:
         """Return how far azimuths are from where it points at their times, radians; (M,)."""
         return wrap_angle(azimuth - self.azimuth - self.rate * (time_s - self.time_s))
@@ -197,8 +202,8 @@ class AntennaTrack(NamedTuple):
             count, span_s = len(latest.time_s), float(np.ptp(latest.time_s))
             if count < LEAST_UNKNOWN or span_s < LEAST_TURNS * shortest_s:
                 continue
-            rates = np.arange(LEAST_TURNS, span_s / shortest_s, RATE_STEP) * FULL_TURN / span_s
-            (fit, line), _ = searched(latest, np.ones(count), rates)
+            turns = np.arange(LEAST_TURNS, span_s / shortest_s + RATE_STEP, RATE_STEP)
+            (fit, line), _ = searched(latest, np.ones(count), turns * FULL_TURN / span_s)
             standing = float(np.abs(np.exp(1j * latest.azimuth).mean()))
             if fit >= LEAST_COHERENCE and count * (fit**2 - standing**2) >= LEAST_EVIDENCE:
                 return AntennaTrack(line.turn_s).followed(now_s, *latest)

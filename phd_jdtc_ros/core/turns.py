@@ -207,6 +207,7 @@ class Turns:
         Rejection
             If the report is a part of a turn that has been cut already.
         """
+        sector = sector if self.sectors > 1 else None
         if self.behind(stamp_ns):
             return self._out_of_order(stamp_ns, detections, sector)
         if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
@@ -219,7 +220,7 @@ class Turns:
             return [(stamp_ns, detections)]
         steps, before = self._steps(report.stamp_s), self.state.number
         number = self._number(report, sector, steps)
-        if steps < 0.5 and self._again(report, number, before):
+        if steps < 0.5 and self._per_turn > 1 and self._again(report, number, before):
             self.doubts["sectors_repeated"] += 1
             return self._rising(report, [(stamp_ns, detections, UNKNOWN_COVERAGE)])
         start_s, end_s = self._accounted(report, steps)
@@ -275,8 +276,6 @@ class Turns:
 
     def _number(self, report: _Report, sector: int | None, steps: float) -> int | None:
         """Return the number of the sector: what the report says, or the next one if it is empty."""
-        if self.sectors < 2:
-            return None
         before, step, antenna = self.state.number, self.state.step, self.state.track.antenna
         if antenna is not None:
             step = 1 if (antenna.rate > 0.0) != self.compass else -1
@@ -294,10 +293,9 @@ class Turns:
 
     def _again(self, report: _Report, number: int | None, before: int | None) -> bool:
         """Return whether an early report is of what has been reported, and not of the next part."""
-        if number is not None and number != before:
-            return False
-        passed = not report.timed or report.own_s.max(initial=-math.inf) < self.state.end_s
-        return (number is not None or passed) and self._per_turn > 1
+        if number is not None:
+            return number == before
+        return not report.timed or bool(report.own_s.max(initial=-math.inf) < self.state.end_s)
 
     def _coverage(self, sector: int) -> Coverage:
         """Return the true azimuths of a sector."""
@@ -336,14 +334,16 @@ class Turns:
     ) -> tuple[list[_Part], float]:
         """Return the parts of a report, and where the antenna points at its end, radians or NaN."""
         stamp_ns, detections = report.stamp_ns, report.detections
-        antenna, sector = self.state.track.antenna, None
-        if number is not None:
-            sector = self._coverage(number)
-        if antenna is None or (sector is not None and not report.timed):
+        antenna, sector = self.state.track.antenna, number is not None and self._coverage(number)
+        if antenna is None or (sector and not report.timed):
             return [(stamp_ns, detections, sector or self._unclear(report))], math.nan
-        if sector is not None:
-            start, end = sector.start, sector.start + sector.width
-            start, end = (start, end) if antenna.rate > 0.0 else (end, start)
+        if sector:
+            # The number says where, and the antenna when.
+            half = math.copysign(0.5 * sector.width, antenna.rate)
+            middle = sector.start + 0.5 * sector.width
+            middle_s = antenna.time_near(middle, 0.5 * (start_s + end_s))
+            start_s, end_s = middle_s - half / antenna.rate, middle_s + half / antenna.rate
+            start, end = middle - half, middle + half
         else:
             start, end = antenna.azimuth_at(start_s), antenna.azimuth_at(end_s)
             if start_s == self.state.end_s and not math.isnan(self.state.end):
