@@ -32,8 +32,9 @@ RATE_STD, AZIMUTH_STD = 0.05, 0.05
 # How much more of the detections must be on the line than on that of the other direction, and their
 # weight against an unusual rate.
 EVIDENCE, CONCENTRATION = 4.0, 4.0
-# After so many reports that are not clear the turn is looked for again.
-MOST_UNCLEAR = 8
+# After so many reports that are not clear the turn is looked for again. One of so many usual turns
+# is none: a line follows an antenna that stops, and would not find it again.
+MOST_UNCLEAR, SLOWEST = 8, 2.0
 # In a report of at least so many detections, a time that is farther from the median than so many
 # median deviations, and than so many seconds, tells nothing of the antenna.
 LEAST_OF_REPORT, MOST_OFF, LEAST_OFF_S = 3, 4.0, 1.0
@@ -120,8 +121,8 @@ class AntennaTrack(NamedTuple):
 
     Parameters
     ----------
-    rotation_s : float
-        Time of a turn, a first guess or the latest one, seconds; 0 if it is not known.
+    usual_s : float
+        Time of a turn as it was given or found out, seconds; 0 if it is not known.
     antenna : Antenna or None
         Its motion; None if that is not known.
     sightings : Sightings
@@ -132,11 +133,16 @@ class AntennaTrack(NamedTuple):
         When a turn that nobody knows was looked for last, seconds.
     """
 
-    rotation_s: float
+    usual_s: float
     antenna: Antenna | None = None
     sightings: Sightings = Sightings()
     unclear: int = 0
     looked_s: float = -math.inf
+
+    @property
+    def rotation_s(self) -> float:
+        """Time of a turn as far as it is known, seconds; 0 if it is not."""
+        return self.usual_s if self.antenna is None else self.antenna.turn_s
 
     def followed(
         self, now_s: float, time_s: FloatArray, azimuth: FloatArray, shortest_s: float = SHORTEST_S
@@ -154,7 +160,7 @@ class AntennaTrack(NamedTuple):
         """
         turn_s, line = self.rotation_s, self.antenna
         if line is not None and now_s - line.time_s > LONGEST_UNSEEN * turn_s:
-            return AntennaTrack(turn_s).followed(now_s, time_s, azimuth)
+            return AntennaTrack(self.usual_s).followed(now_s, time_s, azimuth)
         if not len(time_s):
             return self
         near = _believed(time_s)
@@ -167,12 +173,13 @@ class AntennaTrack(NamedTuple):
         if weight.sum() < LEAST_WEIGHT:
             return self._replace(sightings=seen)
         for line in self._lines(seen, weight):
-            if weight @ line.fits(*seen) >= LEAST_FIT * weight.sum():
-                return AntennaTrack(line.turn_s, line, seen)
+            fits = weight @ line.fits(*seen) >= LEAST_FIT * weight.sum()
+            if fits and line.turn_s < SLOWEST * self.usual_s:
+                return AntennaTrack(self.usual_s, line, seen)
         if self.antenna is None and not seen.many(turn_s):
             return self._replace(sightings=seen)
         # In the end it turns in another time than anybody thought.
-        usual_s = turn_s if self.unclear < MOST_UNCLEAR else 0.0
+        usual_s = self.usual_s if self.unclear < MOST_UNCLEAR else 0.0
         return AntennaTrack(usual_s, None, own, self.unclear + 1)
 
     def turning_in(self, turn_s: float) -> AntennaTrack:
@@ -180,7 +187,7 @@ class AntennaTrack(NamedTuple):
         if self.antenna is None or not turn_s:
             return self
         rate = math.copysign(FULL_TURN / turn_s, self.antenna.rate)
-        return self._replace(rotation_s=turn_s, antenna=self.antenna._replace(rate=rate))
+        return self._replace(antenna=self.antenna._replace(rate=rate))
 
     def _lines(self, seen: Sightings, weight: FloatArray) -> Iterator[Antenna]:
         """Yield the lines that detections may be on, by what is known of the antenna before."""
@@ -206,7 +213,8 @@ class AntennaTrack(NamedTuple):
             (fit, line), _ = searched(latest, np.ones(count), turns * FULL_TURN / span_s)
             standing = float(np.abs(np.exp(1j * latest.azimuth).mean()))
             if fit >= LEAST_COHERENCE and count * (fit**2 - standing**2) >= LEAST_EVIDENCE:
-                return AntennaTrack(line.turn_s).followed(now_s, *latest)
+                found = AntennaTrack(line.turn_s).followed(now_s, *latest)
+                return found._replace(usual_s=found.rotation_s)
         return self._replace(sightings=seen, looked_s=now_s)
 
 
