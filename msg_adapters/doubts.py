@@ -25,6 +25,14 @@ def no_amplitude(radar: RadarInput) -> str:
     )
 
 
+def turn_found(radar: RadarInput, turn_s: float) -> str:
+    """Return the warning of a radar whose turn, in seconds, is not set and was found out."""
+    return (
+        f"{radar.topic}: its antenna turns in {turn_s:.3f} s, as its detections show; set "
+        f"{radar.name}.rotation_s to know it from the start"
+    )
+
+
 def nothing_reported(scans: int) -> str:
     """Return the warning of a tracker that reports no target for a while."""
     return (
@@ -125,10 +133,6 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     "detections_late": lambda radar, count: (
         f"{count} detections came after what the antenna passed at their times had been reported; "
         "they are used, and their targets counted as missed before"
-    ),
-    "turn_found_ms": lambda radar, turn_ms: (
-        f"its antenna turns in {1e-3 * turn_ms:.3f} s, as its detections show; set "
-        f"{radar.name}.rotation_s to know it from the start"
     ),
     "slices_late": lambda radar, count: (
         f"{count} parts of turns came after their scans were closed; set reorder_s to the longest "

@@ -76,12 +76,10 @@ class Assembler:
         self._lateness = Lateness(quarter, max(quarter // 2, 1), MEMORY_NS)
         # Plots of sectors not yet reported: the number of the sector's end, time, plot.
         self._pending: deque[tuple[int, int, Plot]] = deque()
-        # The last service message that told the azimuth, and where and when the antenna passed
-        # last: counted on over the turns from `_begin`, None without sector crossings.
-        self._mark: tuple[float, int] | None = None
-        self._phase: float | None = None
-        self._phase_ns = 0
-        self._begin: tuple[float, int] = (0.0, 0)
+        # Where and when the antenna passed last as a service message tells, NaN if none does. With
+        # sector crossings it is counted on over the turns from `_begin`, which else is None.
+        self._phase, self._phase_ns = math.nan, 0
+        self._begin: tuple[float, int] | None = None
         # Ends of sectors passed, the last one's number, and the times of those not yet reported.
         self._passed = 0
         self._ends_ns: deque[int] = deque()
@@ -94,8 +92,8 @@ class Assembler:
     @property
     def turn_s(self) -> float:
         """Time of a turn, seconds, as crossings or plots tell it or it was given; 0 if unknown."""
-        phase, begin_ns = self._begin
-        turned = 0.0 if self._phase is None else self._phase - phase
+        phase, begin_ns = self._begin or (math.nan, 0)
+        turned = self._phase - phase
         if turned >= 0.5 * FULL_TURN:
             seen_s = (self._phase_ns - begin_ns) * 1e-9 * FULL_TURN / turned
             if SHORTEST_TURN_S <= seen_s <= LONGEST_TURN_S:
@@ -107,13 +105,13 @@ class Assembler:
         # One plot with a wrong time is no sign that the crossings have ended.
         known_ns, self._plot_ns = min(time_ns, self._plot_ns), time_ns
         lost = self._lost(known_ns) if known_ns > self._phase_ns else []
-        if self._phase is None:
+        if self._begin is None:
             return lost + self._sliced(self._slicer.add(plot, time_ns))
         if len(self._pending) >= MAX_PENDING:
             self._pending.popleft()
             self.counts["overflow"] += 1
         number = self._keep(plot, time_ns)
-        self._lateness.take(max(self._passed + 1 - number, 0), time_ns)
+        self._lateness.take(max(self._passed + 1 - number, 0), self._phase_ns)
         return []
 
     def add_service(self, message: ServiceMessage, time_ns: int) -> list[SectorReport]:
@@ -123,10 +121,11 @@ class Assembler:
         if not math.isfinite(message.azimuth):
             return []
         found = []
-        if self._phase is None:
+        if self._begin is None:
             found = self._sliced(self._slicer.advance(time_ns))
-            before, self._mark = self._mark, (message.azimuth, time_ns)
-            if before is None or not self._crosses(before, self._mark):
+            before = self._phase, self._phase_ns
+            self._phase, self._phase_ns = message.azimuth, time_ns
+            if not self._crosses(*before):
                 return found
             found += self._anchor(*before)
         return found + self._advance(message.azimuth, time_ns)
@@ -144,11 +143,10 @@ class Assembler:
         self._stamp_ns = found[-1].stamp_ns if found else self._stamp_ns
         return found
 
-    @staticmethod
-    def _crosses(before: tuple[float, int], mark: tuple[float, int]) -> bool:
+    def _crosses(self, before: float, before_ns: int) -> bool:
         """Return whether two service messages are sector crossings, one after the other."""
-        step = (mark[0] - before[0]) % FULL_TURN
-        return TOLERANCE < step <= LARGEST_STEP and 0 <= mark[1] - before[1] < LONGEST_STEP_S * 1e9
+        step, passed_ns = (self._phase - before) % FULL_TURN, self._phase_ns - before_ns
+        return TOLERANCE < step <= LARGEST_STEP and 0 <= passed_ns < LONGEST_STEP_S * 1e9
 
     def _anchor(self, azimuth: float, time_ns: int) -> list[SectorReport]:
         """Begin to follow the antenna; return the plots of the part of a sector before."""
@@ -167,21 +165,21 @@ class Assembler:
     def _lost(self, time_ns: int) -> list[SectorReport]:
         """Return what is left of the sectors if nothing tells any more where the antenna is."""
         turn_s = self.turn_s or LONGEST_TURN_S
-        if self._phase is None or abs(time_ns - self._phase_ns) <= TURNS_LOST * turn_s * 1e9:
+        if self._begin is None or abs(time_ns - self._phase_ns) <= TURNS_LOST * turn_s * 1e9:
             return []
         self.counts["turns_lost"] += 1
         # How the antenna turned before is the best that is known.
         self.rotation_s = self._slicer.rotation_s = self.turn_s
         found = self.finish()
         self._slicer.begin(self._stamp_ns)
-        self._phase = self._mark = None
+        self._phase, self._begin = math.nan, None
         return found
 
     def _advance(self, azimuth: float, time_ns: int) -> list[SectorReport]:
         """Move the antenna to an azimuth, and return the sectors that are complete by that."""
         found = self._lost(time_ns)
-        if self._phase is None:
-            self._mark = azimuth, time_ns
+        if self._begin is None:
+            self._phase, self._phase_ns = azimuth, time_ns
             return found + self._sliced(self._slicer.advance(time_ns))
         step = self._step(azimuth, time_ns)
         if step <= 0.0:
@@ -202,7 +200,7 @@ class Assembler:
 
     def _step(self, azimuth: float, time_ns: int) -> float:
         """Return how far the antenna has turned, radians."""
-        step = (azimuth - (self._phase or 0.0)) % FULL_TURN
+        step = (azimuth - self._phase) % FULL_TURN
         if not self.turn_s:
             return step if step < FULL_TURN - TOLERANCE else 0.0
         expected = (time_ns - self._phase_ns) * 1e-9 / self.turn_s * FULL_TURN

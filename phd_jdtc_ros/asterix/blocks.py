@@ -26,11 +26,6 @@ LONGEST_TRAILER, TRAILERS = 16, 3
 LARGEST_BLOCK = 2048
 
 
-def messages(data: bytes, counts: Counter[str]) -> list[Message]:
-    """Return the messages of one datagram in order; `counts` are those of `BlockReader`."""
-    return BlockReader(counts).messages(data)
-
-
 class BlockReader:
     """Reads the datagrams of a stream.
 

@@ -80,9 +80,9 @@ class Lateness:
 
     def take(self, value: int, time_ns: int) -> None:
         """Take a value of a time."""
-        if self._since_ns is None or time_ns < self._since_ns - BACK_NS:
+        if self._since_ns is None:
             self._since_ns = time_ns
-        if time_ns - self._since_ns >= self.memory_ns:
+        if abs(time_ns - self._since_ns) >= self.memory_ns:
             self._before, self._now, self._since_ns = self._now, 0, time_ns
         if value <= self.most:
             self._now = max(self._now, value)
@@ -98,6 +98,9 @@ class TurnFinder(Protocol):
     def add(self, azimuth: float, time_ns: int) -> None:
         """Take a plot's azimuth, radians clockwise from north, and its time."""
 
+    def begin_again(self) -> None:
+        """Forget the plots, as times have gone back, but not the turn."""
+
 
 @dataclass
 class Unknown:
@@ -107,6 +110,9 @@ class Unknown:
 
     def add(self, azimuth: float, time_ns: int) -> None:
         """Leave a plot alone."""
+
+    def begin_again(self) -> None:
+        """There is nothing to forget."""
 
 
 @dataclass
@@ -168,6 +174,7 @@ class Slicer:
         if max(last_ns, time_ns) < self._latest_ns - BACK_NS:
             found = self.finish()
             self._sent_ns, self._latest_ns = 0, max(last_ns, time_ns)
+            self.finder.begin_again()
             return found
         self._latest_ns = max(self._latest_ns, min(last_ns, time_ns))
         return self._until(self._latest_ns - round(MARGIN * self._lateness.value))

@@ -11,6 +11,7 @@ by a turn.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +19,9 @@ import numpy as np
 from .arrays import BoolArray, FloatArray, wrap_angle
 from .types import FULL_TURN
 
-# A detection farther from the line than this does not fit, rad: 23 degrees.
-FARTHEST = 0.4
-# How far beside the line a detection may be to count in each round of the regression, rad.
-REFINEMENTS = (0.9, 0.5, FARTHEST)
-# This share of the detections must fit a line, and detections of so much weight find one.
-LEAST_FIT, LEAST_WEIGHT = 0.7, 3.0
+# How far beside the line a detection may be to count in each round of the regression, rad; one
+# that is farther than the last does not fit. This share must fit, and so much weight finds a line.
+REFINEMENTS, LEAST_FIT, LEAST_WEIGHT = (0.9, 0.5, 0.4), 0.7, 3.0
 # Age in turns at which a detection has half of its weight, and that from which on it has none.
 # After so many turns unseen the line is dropped: wind changes an antenna's speed.
 HALF_AGE, OLDEST, LONGEST_UNSEEN = 0.5, 2.2, 10.0
@@ -34,22 +32,25 @@ RATE_STD, AZIMUTH_STD = 0.05, 0.05
 # How much more of the detections must be on the line than on that of the other direction, and their
 # weight against an unusual rate.
 EVIDENCE, CONCENTRATION = 4.0, 4.0
-# After so many reports that are not clear the turn is looked for again.
-MOST_UNCLEAR = 8
+# After so many reports that are not clear the turn is looked for again. One of so many usual turns
+# is none: a line follows an antenna that stops, and would not find it again.
+MOST_UNCLEAR, SLOWEST = 8, 2.0
 # In a report of at least so many detections, a time that is farther from the median than so many
 # median deviations, and than so many seconds, tells nothing of the antenna.
 LEAST_OF_REPORT, MOST_OFF, LEAST_OFF_S = 3, 4.0, 1.0
-# Detections that are looked at: a regular choice of more.
-MOST = 250
-# So many detections on most of a turn show its motion without those before them.
-MANY, MOST_OF_A_TURN = 20, 0.8
+# Detections that are looked at, a regular choice of more; and so many on most of a turn show its
+# motion without those before them.
+MOST, MANY, MOST_OF_A_TURN = 250, 20, 0.8
 # Where nobody knows a turn, seconds, it is looked for in so many detections of a minute. They must
 # go with it so well, from 0 to 1 (chance is 0.5 with as many), and so much better than with an
 # antenna that stands: what is seen at one azimuth once a second goes with a turn of a second too.
 SHORTEST_S, LONGEST_S = 0.5, 60.0
-# It is looked for in those of the latest seconds first, and again after so many seconds.
-SHORT_S, LOOK_S = 15.0, 10.0
 LEAST_UNKNOWN, LEAST_COHERENCE, LEAST_EVIDENCE = 30, 0.85, 15.0
+# It is looked for in those of the latest seconds first, at rates that differ by such a part of a
+# turn over their time, and in so many turns at least.
+SHORT_S, RATE_STEP, LEAST_TURNS = 15.0, 0.1, 1.5
+# And again after such a part of that time, or so many seconds.
+AGAIN, LOOK_S = 0.2, 10.0
 
 
 class Antenna(NamedTuple):
@@ -89,15 +90,15 @@ class Antenna(NamedTuple):
 
     def fits(self, time_s: FloatArray, azimuth: FloatArray) -> BoolArray:
         """Return which detections are where it was, (M,)."""
-        near: BoolArray = np.abs(self.beside(time_s, azimuth)) <= FARTHEST
+        near: BoolArray = np.abs(self.beside(time_s, azimuth)) <= REFINEMENTS[-1]
         return near
 
 
 class Sightings(NamedTuple):
     """Detections' times in seconds and azimuths in radians, each of shape (M,)."""
 
-    time_s: FloatArray
-    azimuth: FloatArray
+    time_s: FloatArray = np.zeros(0)
+    azimuth: FloatArray = np.zeros(0)
 
     def since(self, oldest_s: float) -> Sightings:
         """Return those after a time, a regular choice of `MOST`."""
@@ -105,29 +106,14 @@ class Sightings(NamedTuple):
         kept = kept[:: max(1, math.ceil(len(kept) / MOST))]
         return Sightings(self.time_s[kept], self.azimuth[kept])
 
-    def believed(self) -> Sightings:
-        """Return those whose times are near the others'; far ones are of a wrong clock."""
-        if len(self.time_s) < LEAST_OF_REPORT:
-            return self
-        off_s = np.abs(self.time_s - np.median(self.time_s))
-        kept = off_s <= max(MOST_OFF * float(np.median(off_s)), LEAST_OFF_S)
-        return Sightings(self.time_s[kept], self.azimuth[kept])
-
-    def joined(self, newer: Sightings) -> Sightings:
-        """Return these and newer ones."""
-        return Sightings(*(np.concatenate(pair) for pair in zip(self, newer, strict=True)))
-
-    def weight(self, turn_s: float) -> FloatArray:
-        """Return weights that fall with the age, (M,)."""
-        weight: FloatArray = 0.5 ** ((self.time_s.max() - self.time_s) / (HALF_AGE * turn_s))
-        return weight
+    def with_latest(self, own: Sightings, seconds: float) -> Sightings:
+        """Return those of the last seconds up to the latest of a new report, and that."""
+        older = self.since(float(own.time_s.max()) - seconds)
+        return Sightings(*(np.concatenate(pair) for pair in zip(older, own, strict=True)))
 
     def many(self, turn_s: float) -> bool:
         """Return whether they must show how the antenna turns."""
         return len(self.time_s) >= MANY and bool(np.ptp(self.time_s) > MOST_OF_A_TURN * turn_s)
-
-
-NONE = Sightings(np.zeros(0), np.zeros(0))
 
 
 class AntennaTrack(NamedTuple):
@@ -135,24 +121,28 @@ class AntennaTrack(NamedTuple):
 
     Parameters
     ----------
-    rotation_s : float
-        Time of a turn, a first guess or the latest one, seconds; 0 if it is not known.
+    usual_s : float
+        Time of a turn as it was given or found out, seconds; 0 if it is not known.
     antenna : Antenna or None
         Its motion; None if that is not known.
     sightings : Sightings
         The latest detections.
     unclear : int
         Number of reports in a row after which they were not where one antenna could have been.
-    looked, looked_s : int, float
-        For a turn that nobody knows: number of detections when it was looked for last, and when.
+    looked_s : float
+        When a turn that nobody knows was looked for last, seconds.
     """
 
-    rotation_s: float
+    usual_s: float
     antenna: Antenna | None = None
-    sightings: Sightings = NONE
+    sightings: Sightings = Sightings()
     unclear: int = 0
-    looked: int = 0
     looked_s: float = -math.inf
+
+    @property
+    def rotation_s(self) -> float:
+        """Time of a turn as far as it is known, seconds; 0 if it is not."""
+        return self.usual_s if self.antenna is None else self.antenna.turn_s
 
     def followed(
         self, now_s: float, time_s: FloatArray, azimuth: FloatArray, shortest_s: float = SHORTEST_S
@@ -163,37 +153,33 @@ class AntennaTrack(NamedTuple):
         ----------
         now_s : float
             Of the report, seconds.
-        time_s : array of shape (M,)
-            Times of its detections, seconds.
-        azimuth : array of shape (M,)
-            Counter-clockwise, radians.
+        time_s, azimuth : arrays of shape (M,)
+            Of its detections, seconds, and radians counter-clockwise.
         shortest_s : float
             A turn that nobody knows takes at least so long, seconds.
         """
-        own = Sightings(time_s, azimuth).believed().since(-math.inf)
-        if self.antenna is not None and now_s - self.antenna.time_s > (
-            LONGEST_UNSEEN * self.rotation_s
-        ):
-            return AntennaTrack(self.rotation_s).followed(now_s, time_s, azimuth)
+        turn_s, line = self.rotation_s, self.antenna
+        if line is not None and now_s - line.time_s > LONGEST_UNSEEN * turn_s:
+            return AntennaTrack(self.usual_s).followed(now_s, time_s, azimuth)
         if not len(time_s):
             return self
-        if not self.rotation_s:
-            return self._searched(own, shortest_s)
-        seen = own
-        if not own.many(self.rotation_s):
-            oldest_s = float(own.time_s.max()) - OLDEST * self.rotation_s
-            seen = self.sightings.since(oldest_s).joined(own)
-        weight = seen.weight(self.rotation_s)
+        near = _believed(time_s)
+        own = Sightings(time_s[near], azimuth[near]).since(-math.inf)
+        if not turn_s:
+            seen = self.sightings.with_latest(own, LONGEST_S)
+            return self._found(now_s, seen, shortest_s)
+        seen = own if own.many(turn_s) else self.sightings.with_latest(own, OLDEST * turn_s)
+        weight = 0.5 ** ((seen.time_s.max() - seen.time_s) / (HALF_AGE * turn_s))
         if weight.sum() < LEAST_WEIGHT:
             return self._replace(sightings=seen)
-        line = self._line(seen, weight)
-        if line is not None and weight @ line.fits(*seen) >= LEAST_FIT * weight.sum():
-            return AntennaTrack(line.turn_s, line, seen)
-        lost = self.antenna is not None or seen.many(self.rotation_s)
-        if not lost:
-            return AntennaTrack(self.rotation_s, None, seen, self.unclear)
+        for line in self._lines(seen, weight):
+            fits = weight @ line.fits(*seen) >= LEAST_FIT * weight.sum()
+            if fits and line.turn_s < SLOWEST * self.usual_s:
+                return AntennaTrack(self.usual_s, line, seen)
+        if self.antenna is None and not seen.many(turn_s):
+            return self._replace(sightings=seen)
         # In the end it turns in another time than anybody thought.
-        usual_s = self.rotation_s if self.unclear < MOST_UNCLEAR else 0.0
+        usual_s = self.usual_s if self.unclear < MOST_UNCLEAR else 0.0
         return AntennaTrack(usual_s, None, own, self.unclear + 1)
 
     def turning_in(self, turn_s: float) -> AntennaTrack:
@@ -201,78 +187,82 @@ class AntennaTrack(NamedTuple):
         if self.antenna is None or not turn_s:
             return self
         rate = math.copysign(FULL_TURN / turn_s, self.antenna.rate)
-        return self._replace(rotation_s=turn_s, antenna=self.antenna._replace(rate=rate))
+        return self._replace(antenna=self.antenna._replace(rate=rate))
 
-    def _searched(self, own: Sightings, shortest_s: float) -> AntennaTrack:
-        """Return what is known of a turn that nobody gave: looked for as the detections grow."""
-        seen = self.sightings.joined(own)
-        seen = seen.since(float(seen.time_s.max()) - LONGEST_S)
-        count, now_s = len(seen.time_s), float(seen.time_s[-1])
-        due = count >= 1.25 * self.looked or now_s - self.looked_s > LOOK_S
-        if count < LEAST_UNKNOWN or not due:
-            return self._replace(sightings=seen)
-        # It may have stood until just now.
-        for latest in (seen.since(now_s - SHORT_S), seen):
-            if (turn_s := _turn_s(latest, shortest_s)) is not None:
-                return AntennaTrack(turn_s).followed(now_s, *latest)
-        return self._replace(sightings=seen, looked=count, looked_s=now_s)
-
-    def _line(self, seen: Sightings, weight: FloatArray) -> Antenna | None:
-        """Return the line that fits detections best; None if no direction is much better."""
+    def _lines(self, seen: Sightings, weight: FloatArray) -> Iterator[Antenna]:
+        """Yield the lines that detections may be on, by what is known of the antenna before."""
+        usual = FULL_TURN / self.rotation_s
         if self.antenna is not None:
-            line = self._refined(self.antenna, seen, weight)
-            if weight @ line.fits(*seen) >= LEAST_FIT * weight.sum():
-                return line
-        rates, log_prior = (
-            FULL_TURN / self.rotation_s * RATES,
-            -0.5 * (np.log(RATES) / RATE_STD) ** 2,
-        )
-        (fit, line), (other, _) = sorted(
-            (_coarse(seen, weight, way * rates, log_prior) for way in (1, -1)), reverse=True
-        )
-        if weight.sum() * (fit**2 - other**2) < EVIDENCE:
-            return None
-        return self._refined(line, seen, weight)
+            yield _refined(self.antenna, seen, weight, usual)
+        log_prior = -0.5 * (np.log(RATES) / RATE_STD) ** 2
+        (fit, line), (other, _) = searched(seen, weight, usual * RATES, log_prior)
+        if weight.sum() * (fit**2 - other**2) >= EVIDENCE:
+            yield _refined(line, seen, weight, usual)
 
-    def _refined(self, line: Antenna, seen: Sightings, weight: FloatArray) -> Antenna:
-        """Return the regression of azimuth on time near a line, at a rate near the usual one."""
-        usual = math.copysign(FULL_TURN / self.rotation_s, line.rate)
-        ridge = (AZIMUTH_STD / RATE_STD) ** 2
-        last_s = float(seen.time_s[-1])
-        line = Antenna(last_s, line.azimuth_at(last_s), line.rate)
-        for farthest in REFINEMENTS:
-            off = line.beside(*seen)
-            used = weight * (np.abs(off) <= farthest)
-            passed = line.rate * (seen.time_s - last_s)
-            across = used @ passed
-            normal = np.array([[used.sum() + 1e-9, across], [across, used @ passed**2 + ridge]])
-            right = np.array(
-                [used @ off, used * passed @ off + ridge * math.log(usual / line.rate)]
-            )
-            shift, faster = np.linalg.solve(normal, right)
-            rate = line.rate * min(max(1.0 + float(faster), 0.7), 1.4)
-            line = Antenna(last_s, line.azimuth + float(shift), rate)
-        return line
+    def _found(self, now_s: float, seen: Sightings, shortest_s: float) -> AntennaTrack:
+        """Return what is known where nobody knows the turn: it is looked for now and then."""
+        due_s = self.looked_s + min(LOOK_S, AGAIN * float(np.ptp(seen.time_s)))
+        if len(seen.time_s) < LEAST_UNKNOWN or now_s < due_s:
+            return self._replace(sightings=seen)
+        for longest_s in (SHORT_S, LONGEST_S):  # it may have stood until just now
+            latest = seen.since(float(seen.time_s.max()) - longest_s)
+            count, span_s = len(latest.time_s), float(np.ptp(latest.time_s))
+            if count < LEAST_UNKNOWN or span_s < LEAST_TURNS * shortest_s:
+                continue
+            turns = np.arange(LEAST_TURNS, span_s / shortest_s + RATE_STEP, RATE_STEP)
+            (fit, line), _ = searched(latest, np.ones(count), turns * FULL_TURN / span_s)
+            standing = float(np.abs(np.exp(1j * latest.azimuth).mean()))
+            if fit >= LEAST_COHERENCE and count * (fit**2 - standing**2) >= LEAST_EVIDENCE:
+                found = AntennaTrack(line.turn_s).followed(now_s, *latest)
+                return found._replace(usual_s=found.rotation_s)
+        return self._replace(sightings=seen, looked_s=now_s)
 
 
-def _turn_s(seen: Sightings, shortest_s: float) -> float | None:
-    """Return the time of a turn that nobody gave, seconds; None if detections show none."""
-    count, span_s = len(seen.time_s), float(np.ptp(seen.time_s)) if len(seen.time_s) else 0.0
-    if count < LEAST_UNKNOWN or span_s < 1.5 * shortest_s:
-        return None
-    slowest, fastest, step = 1.5 / span_s, 1.0 / shortest_s, 0.1 / span_s
-    rates = FULL_TURN * np.arange(slowest, fastest + step, step)
-    fit, line = max(_coarse(seen, np.ones(count), way * rates) for way in (1, -1))
-    standing = float(np.abs(np.exp(1j * seen.azimuth).mean()))
-    shown = fit >= LEAST_COHERENCE and count * (fit**2 - standing**2) >= LEAST_EVIDENCE
-    return line.turn_s if shown else None
+def _believed(time_s: FloatArray) -> BoolArray:
+    """Return which times of a report are near the others; far ones are of a wrong clock."""
+    off_s = np.abs(time_s - np.median(time_s))
+    near: BoolArray = off_s <= max(MOST_OFF * float(np.median(off_s)), LEAST_OFF_S)
+    return near | (len(time_s) < LEAST_OF_REPORT)
 
 
-def _coarse(
+def searched(
     seen: Sightings, weight: FloatArray, rates: FloatArray, log_prior: FloatArray | float = 0.0
-) -> tuple[float, Antenna]:
-    """Return the best line of some rates, rad/s, and how well it fits, from 0 to 1."""
-    last_s, total = float(seen.time_s[-1]), float(weight.sum())
-    mean = np.exp(1j * (seen.azimuth - rates[:, None] * (seen.time_s - last_s))) @ weight / total
-    best = int(np.argmax(CONCENTRATION * total * np.abs(mean) + log_prior))
-    return float(abs(mean[best])), Antenna(last_s, float(np.angle(mean[best])), float(rates[best]))
+) -> list[tuple[float, Antenna]]:
+    """Return the best line in either direction, the better first, with its fit from 0 to 1.
+
+    Parameters
+    ----------
+    seen : Sightings
+    weight : array of shape (M,)
+    rates : array of shape (R,)
+        Those that are tried, radians per second.
+    log_prior : array of shape (R,) or float
+        Logarithms of what is thought of them.
+    """
+    last_s, sighted = float(seen.time_s[-1]), weight * np.exp(1j * seen.azimuth)
+    back = np.exp(-1j * rates[:, None] * (seen.time_s - last_s))
+    found = []
+    for way, unturned in ((1, back), (-1, back.conj())):
+        mean = unturned @ sighted
+        best = int(np.argmax(CONCENTRATION * np.abs(mean) + log_prior))
+        line = Antenna(last_s, float(np.angle(mean[best])), way * float(rates[best]))
+        found.append((float(abs(mean[best]) / weight.sum()), line))
+    return sorted(found, reverse=True)
+
+
+def _refined(line: Antenna, seen: Sightings, weight: FloatArray, usual: float) -> Antenna:
+    """Return the regression of azimuth on time near a line, at a rate near the usual one, rad/s."""
+    ridge = (AZIMUTH_STD / RATE_STD) ** 2
+    last_s = float(seen.time_s[-1])
+    line = Antenna(last_s, line.azimuth_at(last_s), line.rate)
+    for farthest in REFINEMENTS:
+        off = line.beside(*seen)
+        used = weight * (np.abs(off) <= farthest)
+        passed = line.rate * (seen.time_s - last_s)
+        across = used @ passed
+        normal = np.array([[used.sum() + 1e-9, across], [across, used @ passed**2 + ridge]])
+        prior = ridge * math.log(usual / abs(line.rate))
+        shift, faster = np.linalg.solve(normal, [used @ off, used * passed @ off + prior])
+        rate = line.rate * min(max(1.0 + float(faster), 0.7), 1.4)
+        line = Antenna(last_s, line.azimuth + float(shift), rate)
+    return line

@@ -24,58 +24,35 @@ REGULAR, LEAST_STEPS = 0.15, 4
 BEYOND, BEYOND_TURNS = 0.75, 0.06
 
 
-class Lay(NamedTuple):
-    """How a report lay about the stamps, seconds; NaN without detections that have times.
+class Horizon(NamedTuple):
+    """What the latest reports of a radar say of the next one.
 
     Parameters
     ----------
-    stamp_s : float
-    first_s : float
-        Time of its first detection, after the stamp of the report before.
-    last_s : float
-        Time of its last detection, after its own stamp.
+    lays : array of shape (K, 3)
+        Of each report, oldest first, seconds: its stamp, its first detection after the stamp of the
+        one before, and its last detection after its own; NaN without detections' times.
+    step_s : float
+        The usual time between reports, seconds; 0 if it is not known.
+    regular : bool
+        Whether reports come at even times, so that one that does not come was lost.
+    lead_s : float
+        How far after its stamp a report's time ends, seconds; NaN if no detection had a time. No
+        report's last detection is later, and no next report's first one is earlier.
     """
 
-    stamp_s: float
-    first_s: float = math.nan
-    last_s: float = math.nan
-
-
-class Horizon(NamedTuple):
-    """The latest reports of a radar, oldest first."""
-
-    reports: tuple[Lay, ...] = ()
+    lays: FloatArray = np.zeros((0, 3))
+    step_s: float = 0.0
+    regular: bool = True
+    lead_s: float = math.nan
 
     @property
-    def steps_s(self) -> FloatArray:
-        """Times between reports, seconds."""
-        return np.diff([each.stamp_s for each in self.reports])
-
-    @property
-    def step_s(self) -> float:
-        """The usual time between reports, seconds; 0 if it is not known."""
-        return float(np.median(self.steps_s)) if len(self.reports) > 1 else 0.0
-
-    @property
-    def regular(self) -> bool:
-        """Whether reports come at even times, so that one that does not come was lost."""
-        steps = self.steps_s
-        if len(steps) < LEAST_STEPS:
-            return True
-        return bool(np.median(np.abs(steps / np.median(steps) - 1.0)) < REGULAR)
-
-    @property
-    def lead_s(self) -> float:
-        """How far after its stamp a report's time ends, seconds; NaN if detections do not tell.
-
-        No report's last detection is later, and no next report's first one is earlier.
-        """
-        last = [each.last_s for each in self.reports if not math.isnan(each.last_s)]
-        first = [each.first_s for each in self.reports if not math.isnan(each.first_s)]
-        return min([max(last), *first]) if last else math.nan
+    def last_s(self) -> float:
+        """Stamp of the latest report, seconds; NaN without any."""
+        return float(self.lays[-1, 0]) if len(self.lays) else math.nan
 
     def after(self, stamp_s: float, time_s: FloatArray, turn_s: float) -> Horizon:
-        """Return the reports with a new one.
+        """Return the same with a new report.
 
         Parameters
         ----------
@@ -85,25 +62,27 @@ class Horizon(NamedTuple):
         turn_s : float
             Time of a turn, seconds.
         """
-        lay = Lay(stamp_s)
+        lay = [stamp_s, math.nan, math.nan]
         if len(time_s):
             time_s = self._believed(stamp_s, time_s, turn_s)
-            before_s = self.reports[-1].stamp_s if self.reports else math.nan
-            first_s, last_s = float(time_s.min()), float(time_s.max())
-            lay = Lay(stamp_s, first_s - before_s, last_s - stamp_s)
-        older, newer = self.reports[:-REPORTS], self.reports[-REPORTS:]
-        kept = tuple(each for each in older if each.stamp_s > stamp_s - TURNS * turn_s)
-        return Horizon((*kept, *newer, lay))
+            lay[1:] = time_s.min() - self.last_s, time_s.max() - stamp_s
+        kept = self.lays[:, 0] > stamp_s - TURNS * turn_s
+        kept[-REPORTS:] = True
+        lays = np.vstack([self.lays[kept], lay])
+        steps = np.diff(lays[:, 0])
+        step_s = float(np.median(steps)) if len(steps) else 0.0
+        even = len(steps) < LEAST_STEPS or np.median(np.abs(steps / step_s - 1.0)) < REGULAR
+        lead_s = np.fmin.reduce([np.fmax.reduce(lays[:, 2]), *lays[:, 1]])
+        return Horizon(lays, step_s, bool(even), self.lead_s if np.isnan(lead_s) else float(lead_s))
 
     def _believed(self, stamp_s: float, time_s: FloatArray, turn_s: float) -> FloatArray:
         """Return the times that can be of a report; one that is a turn off does not tell its end.
 
         If most are elsewhere than expected, the radar reports in another way than before.
         """
-        lead_s, step_s = self.lead_s, self.step_s
-        if math.isnan(lead_s) or not step_s:
+        if math.isnan(self.lead_s) or not self.step_s:
             return time_s
-        end_s, begin_s = stamp_s + lead_s, self.reports[-1].stamp_s + lead_s
-        beyond_s = min(BEYOND * step_s, BEYOND_TURNS * turn_s)
+        end_s, begin_s = stamp_s + self.lead_s, self.last_s + self.lead_s
+        beyond_s = min(BEYOND * self.step_s, BEYOND_TURNS * turn_s)
         near = (time_s > begin_s - beyond_s) & (time_s < end_s + beyond_s)
         return time_s[near] if 2 * np.count_nonzero(near) > len(time_s) else time_s

@@ -30,7 +30,7 @@ from .region import Everywhere, Region, within
 from .reporting_rule import ReportingRule, slowest_s
 from .scans import Rejection, Reset, ScanGrouper
 from .turn_history import Recut, TurnHistory
-from .turns import Turns
+from .turns import Piece, Turns
 from .types import Detections, Estimates, Pose, Scan
 from .watch import ReportWatch, ResultWatch
 
@@ -179,15 +179,15 @@ class Pipeline:
         if turns.turn_s:
             del noticed["sectors_not_configured"]
         turns.doubts += noticed
-        history, turn_s = self._histories.get(radar), turns.rotation_s
+        history, usual_s = self._histories.get(radar), turns.usual_s
+        pieces: list[Piece] | Rejection
         if history is None:
             pieces = turns.split(stamp_ns, detections, sector)
-        elif turns.behind(stamp_ns) and self._late.since_ns() is not None:
-            rejected_late = self._insert(radar, stamp_ns, detections, sector)
-            return self._events([]) if rejected_late is None else rejected_late
+        elif usual_s and turns.behind(stamp_ns) and self._late.since_ns() is not None:
+            pieces = self._insert(radar, stamp_ns, detections, sector)
         else:
             pieces = history.split(stamp_ns, detections, sector)
-        if turns.rotation_s != turn_s:
+        if turns.usual_s != usual_s:
             self._turning()
         if isinstance(pieces, Rejection):
             return pieces
@@ -202,7 +202,7 @@ class Pipeline:
                 rejected.append(found)
             else:
                 closed += found
-        if len(rejected) == len(pieces):
+        if rejected and len(rejected) == len(pieces):
             return rejected[0]
         turns.doubts["slices_late"] += len(rejected)
         return self._events(closed)
@@ -218,7 +218,7 @@ class Pipeline:
             return
         model, rule = self._tuned
         turns_s = [
-            turns.rotation_s or radar.rotation_s
+            turns.usual_s or radar.rotation_s
             for radar, turns in zip(model.radars, self._turns, strict=True)
         ]
         radars = tuple(map(RadarModel.turning_in, model.radars, turns_s))
@@ -228,6 +228,11 @@ class Pipeline:
     def turn_s(self, radar: int) -> float:
         """Return the time of a radar's turn as its detections show it, seconds; 0 for none."""
         return self._turns[radar].turn_s
+
+    def turn_found_s(self, radar: int) -> float:
+        """Return the time of a radar's turn that is not set and was found out, seconds; or 0."""
+        turns = self._turns[radar]
+        return 0.0 if turns.rotation_s else turns.state.found_s
 
     def _group(
         self, radar: int, stamp_ns: int, detections: Detections
@@ -250,23 +255,22 @@ class Pipeline:
 
     def _insert(
         self, radar: int, stamp_ns: int, detections: Detections, sector: int | None
-    ) -> Rejection | None:
-        """Cut a report in its place among those of its turning radar; return why not, or None."""
+    ) -> list[Piece] | Rejection:
+        """Cut a report in its place among those of its turning radar; none of it is left over."""
         turns, history = self._turns[radar], self._histories[radar]
-        if history.reported(stamp_ns):
-            return Rejection.DUPLICATE
+        later = history.later(stamp_ns)
+        if isinstance(later, Rejection):
+            return later
         since_ns, closed_ns = self._late.since_ns(), self._grouper.closed_ns
         if since_ns is None or closed_ns is None or stamp_ns <= since_ns:
             return Rejection.LATE
         longest_ns = round((turns.report_s or turns.turn_s) * 1e9)
-        if not self._late.afford(stamp_ns - longest_ns, history.later(stamp_ns)):
+        if not self._late.afford(stamp_ns - longest_ns, later):
             return Rejection.LATE_BURST
         recut = history.insert(stamp_ns, detections, sector)
-        if isinstance(recut, Rejection):
-            return recut
         self._replace(radar, recut, since_ns, closed_ns)
         turns.doubts[LATE_REWORKED] += 1
-        return None
+        return []
 
     def _replace(self, radar: int, recut: Recut, since_ns: int, closed_ns: int) -> None:
         """Put parts of turns in their scans, in place of those that were cut without the late."""

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from .arrays import FloatArray, wrap_angle
-from .types import FULL_TURN, UNKNOWN_COVERAGE, Coverage
+from .types import FULL_TURN, Coverage
 
 # Detections of a sector may be half a sector beside it, and at least this, rad: some come with the
 # next. So few detections do not say that its number is wrong.
@@ -74,22 +74,3 @@ def smallest_arc(azimuth: FloatArray) -> tuple[float, float]:
     gaps = np.diff(np.append(ordered, ordered[0] + FULL_TURN))
     widest = int(np.argmax(gaps))
     return float(ordered[(widest + 1) % len(ordered)]), FULL_TURN - float(gaps[widest])
-
-
-def arcs(azimuth: FloatArray, apart: float) -> list[Coverage]:
-    """Return the arcs of azimuths, between which there is none for more than `apart`, radians.
-
-    Parameters
-    ----------
-    azimuth : array of shape (M,)
-    apart : float
-    """
-    if not len(azimuth):
-        return []
-    ordered = np.sort(np.mod(azimuth, FULL_TURN))
-    ends = np.flatnonzero(np.diff(ordered) > apart)
-    first, last = ordered[np.append(0, ends + 1)], ordered[np.append(ends, -1)]
-    return [
-        Coverage(float(start), max(float(end - start), UNKNOWN_COVERAGE.width))
-        for start, end in zip(first, last, strict=True)
-    ]

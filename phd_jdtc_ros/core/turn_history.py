@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import Counter
-from operator import attrgetter
 from typing import NamedTuple
 
 from .scans import Rejection
@@ -26,7 +25,7 @@ class _Record(NamedTuple):
     detections: Detections
     sector: int | None
     before: State
-    pieces: tuple[Piece, ...]
+    pieces: list[Piece]
 
 
 class Recut(NamedTuple):
@@ -34,14 +33,14 @@ class Recut(NamedTuple):
 
     Parameters
     ----------
-    stamps_ns : tuple of int
+    stamps_ns : list of int
         Of the parts of later reports as they were cut first.
-    pieces : tuple of (stamp in nanoseconds, Detections)
+    pieces : list of (stamp in nanoseconds, Detections)
         The parts of the late report and of all later ones, by ascending stamp.
     """
 
-    stamps_ns: tuple[int, ...]
-    pieces: tuple[Piece, ...]
+    stamps_ns: list[int]
+    pieces: list[Piece]
 
 
 class TurnHistory:
@@ -55,47 +54,39 @@ class TurnHistory:
         self, stamp_ns: int, detections: Detections, sector: int | None
     ) -> list[Piece] | Rejection:
         """Return the parts of a report that is not late."""
-        before, late = self._turns.state, self._turns.behind(stamp_ns)
-        if self._records and stamp_ns < self._records[-1].stamp_ns and not late:
-            self.clear()  # of another run
+        before = self._turns.state
         pieces = self._turns.split(stamp_ns, detections, sector)
-        if not isinstance(pieces, Rejection) and not late:
-            self._records.append(_Record(stamp_ns, detections, sector, before, tuple(pieces)))
+        if self._turns.state is not before and not isinstance(pieces, Rejection):
+            if self._records and stamp_ns < self._records[-1].stamp_ns:
+                self._records.clear()  # of another run
+            self._records.append(_Record(stamp_ns, detections, sector, before, pieces))
         return pieces
 
-    def later(self, stamp_ns: int) -> int:
-        """Return the number of reports after a stamp."""
-        return len(self._records) - self._place(stamp_ns)
+    def later(self, stamp_ns: int) -> int | Rejection:
+        """Return the number of reports after a late one, or why it cannot be cut in its place.
 
-    def reported(self, stamp_ns: int) -> bool:
-        """Return whether a report with this stamp has come."""
+        It comes once more, or before all.
+        """
         place = self._place(stamp_ns)
-        return place > 0 and self._records[place - 1].stamp_ns == stamp_ns
-
-    def insert(
-        self, stamp_ns: int, detections: Detections, sector: int | None
-    ) -> Recut | Rejection:
-        """Cut a late report and all later ones; refuse one that comes before all, or once more."""
-        if self.reported(stamp_ns):
+        if place and self._records[place - 1].stamp_ns == stamp_ns:
             return Rejection.DUPLICATE
-        place = self._place(stamp_ns)
-        later, kept = self._records[place:], self._turns.state
+        later = self._records[place:]
         last_ns = later[0].before.last_ns if later else None
-        if last_ns is None or last_ns >= stamp_ns:
-            return Rejection.LATE
-        records, doubts = list(self._records), Counter(self._turns.doubts)
+        return Rejection.LATE if last_ns is None or last_ns >= stamp_ns else len(later)
+
+    def insert(self, stamp_ns: int, detections: Detections, sector: int | None) -> Recut:
+        """Cut a late report that `later` finds a place for, and all later ones."""
+        place = self._place(stamp_ns)
+        later = self._records[place:]
         del self._records[place:]
-        self._turns.state = later[0].before
-        reports = [(stamp_ns, detections, sector), *(own[:3] for own in later)]
-        cut = [self.split(*report) for report in reports]
+        doubts, self._turns.state = Counter(self._turns.doubts), later[0].before
+        for report in ((stamp_ns, detections, sector), *(record[:3] for record in later)):
+            self.split(*report)
         # What is odd about the later ones was counted when they came.
         self._turns.doubts = doubts
-        if any(isinstance(pieces, Rejection) for pieces in cut):
-            self._turns.state, self._records = kept, records
-            return Rejection.LATE
         return Recut(
-            tuple(own_ns for record in later for own_ns, _ in record.pieces),
-            tuple(piece for record in self._records[place:] for piece in record.pieces),
+            [own_ns for record in later for own_ns, _ in record.pieces],
+            [piece for record in self._records[place:] for piece in record.pieces],
         )
 
     def forget_before(self, stamp_ns: int) -> None:
@@ -104,8 +95,8 @@ class TurnHistory:
 
     def clear(self) -> None:
         """Forget all reports."""
-        self._records = []
+        self._records.clear()
 
     def _place(self, stamp_ns: int) -> int:
         """Return the number of reports at a stamp or before it."""
-        return bisect_right(self._records, stamp_ns, key=attrgetter("stamp_ns"))
+        return bisect_right(self._records, stamp_ns, key=lambda record: record.stamp_ns)

@@ -26,8 +26,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .antenna import SHORTEST_S, Antenna, AntennaTrack
-from .arrays import FloatArray, IntArray
+from .antenna import SHORTEST_S, AntennaTrack
+from .arrays import FloatArray
 from .horizon import Horizon
 from .scans import Rejection
 from .sectors import coverage_of, is_sector, smallest_arc
@@ -47,6 +47,7 @@ LATE = 0.5 / SLICES
 LONGEST = 1.2
 
 Piece = tuple[int, Detections]
+_Part = tuple[int, Detections, Coverage | None]
 
 
 class State(NamedTuple):
@@ -55,12 +56,12 @@ class State(NamedTuple):
     Parameters
     ----------
     track : AntennaTrack
-    zero_ns, last_ns : int or None
-        Stamps of the first report and of the latest one.
+    found_s : float
+        The turn that was found out, seconds; 0 for none. Wind does not change it.
+    last_ns : int or None
+        Stamp of the latest report.
     piece_ns : int
         Stamp of the latest slice.
-    timed : bool
-        Whether detections had times of their own.
     horizon : Horizon
         Of the reports that repeated none before them.
     end_s, end : float
@@ -73,10 +74,9 @@ class State(NamedTuple):
     """
 
     track: AntennaTrack
-    zero_ns: int | None = None
+    found_s: float = 0.0
     last_ns: int | None = None
     piece_ns: int = 0
-    timed: bool = False
     horizon: Horizon = Horizon()
     end_s: float = math.nan
     end: float = math.nan
@@ -85,13 +85,26 @@ class State(NamedTuple):
 
 
 class _Report(NamedTuple):
-    """A report in the run's seconds; `time_s` has the stamp's where detections have none."""
+    """A report, and its times in seconds."""
 
     stamp_ns: int
-    stamp_s: float
     detections: Detections
-    time_s: FloatArray
-    timed: bool
+
+    @property
+    def stamp_s(self) -> float:
+        """Its stamp."""
+        return self.stamp_ns * 1e-9
+
+    @property
+    def timed(self) -> bool:
+        """Whether detections have times of their own."""
+        return self.detections.time_s is not None
+
+    @property
+    def own_s(self) -> FloatArray:
+        """These times, shape (M,); empty if there are none."""
+        own_s = self.detections.time_s
+        return np.zeros(0) if own_s is None else self.stamp_s + own_s
 
     @property
     def azimuth(self) -> FloatArray:
@@ -125,9 +138,8 @@ class Turns:
     ----------
     state : State
     doubts : Counter
-        What was bridged or found, by what it is: ``clouds_missing``, ``sectors_repeated``,
-        ``sector_numbers_wrong``, ``antenna_unclear``, ``times_disagree``, ``detections_late`` and
-        ``turn_found_ms``, which is no number but the turn.
+        What was bridged, by what it is: ``clouds_missing``, ``sectors_repeated``,
+        ``sector_numbers_wrong``, ``antenna_unclear``, ``times_disagree`` and ``detections_late``.
     """
 
     rotation_s: float = 0.0
@@ -140,37 +152,40 @@ class Turns:
     doubts: Counter[str] = field(init=False, default_factory=Counter)
 
     def __post_init__(self) -> None:
-        self.reset()
+        self.state = State(AntennaTrack(self.rotation_s))
 
     def reset(self) -> None:
         """Forget all reports, but not that the antenna turns."""
-        self.state = State(AntennaTrack(self.rotation_s))
+        self.state = State(AntennaTrack(self.usual_s), self.state.found_s)
+
+    @property
+    def usual_s(self) -> float:
+        """Time of a turn as it was found out or given, seconds; 0 for none."""
+        return self.state.found_s or self.rotation_s
 
     @property
     def turn_s(self) -> float:
-        """Time of a turn as the detections show it, seconds; 0 for none, as far as is known."""
-        return self.state.track.rotation_s or self.rotation_s
+        """Time of a turn as the latest detections show it, seconds; 0 for none."""
+        return self.state.track.rotation_s or self.usual_s
 
     @property
     def report_s(self) -> float:
         """The time that a report is about, seconds; 0 if it is not known."""
-        if self.sectors > 1:
+        if self.sectors:
             return self.turn_s / self.sectors
         return min(self.state.horizon.step_s, self.turn_s)
 
     @property
     def _per_turn(self) -> int:
         """Number of reports to a turn; 1 if it is not known."""
-        if self.sectors:
-            return self.sectors
         return max(round(self.turn_s / self.report_s), 1) if self.report_s else 1
 
     def behind(self, stamp_ns: int) -> bool:
-        """Return whether a report is older than the latest of this run, and its place matters."""
+        """Return whether a report is no newer than the latest of this run."""
         last_ns = self.state.last_ns
-        if last_ns is None or not self.rotation_s:
+        if last_ns is None:
             return False
-        return last_ns - self.reset_threshold_s * 1e9 <= stamp_ns < last_ns
+        return last_ns - self.reset_threshold_s * 1e9 <= stamp_ns <= last_ns
 
     def split(
         self, stamp_ns: int, detections: Detections, sector: int | None = None
@@ -192,129 +207,95 @@ class Turns:
         Rejection
             If the report is a part of a turn that has been cut already.
         """
-        timed = detections.time_s is not None
+        sector = sector if self.sectors > 1 else None
         if self.behind(stamp_ns):
-            # Without times its stamp stays, and who groups scans may still have a place for it.
-            known = UNKNOWN_COVERAGE if sector is None else self._coverage(sector)
-            late = [(stamp_ns, replace(detections, coverage=known))]
-            return Rejection.LATE if timed else late
-        last_ns = self.state.last_ns
-        if self.rotation_s and stamp_ns == last_ns:
-            return Rejection.DUPLICATE
-        if last_ns is not None and stamp_ns < last_ns - self.reset_threshold_s * 1e9:
+            return self._out_of_order(stamp_ns, detections, sector)
+        if self.state.last_ns is not None and stamp_ns < self.state.last_ns:
             self.reset()
-        elif last_ns is not None and stamp_ns < last_ns:
+        report = _Report(stamp_ns, detections)
+        self._follow(report)
+        if not self.usual_s or (not report.timed and self._per_turn == 1):
+            self._remember(report, report.own_s)
+            self.state = self.state._replace(piece_ns=stamp_ns)
             return [(stamp_ns, detections)]
-        report = self._report(stamp_ns, detections)
-        self.state = self._followed(report)
-        if not self.rotation_s or (not timed and self._per_turn == 1):
-            horizon = self.state.horizon.after(report.stamp_s, report.time_s[:0], self.turn_s)
-            self.state = self.state._replace(horizon=horizon, piece_ns=stamp_ns)
-            return [(stamp_ns, detections)]
-        return self._cut(report, sector if self.sectors > 1 else None)
-
-    def _report(self, stamp_ns: int, detections: Detections) -> _Report:
-        if self.state.zero_ns is None:
-            self.state = self.state._replace(zero_ns=stamp_ns)
-        stamp_s = (stamp_ns - (self.state.zero_ns or 0)) * 1e-9
-        own = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
-        return _Report(stamp_ns, stamp_s, detections, stamp_s + own, detections.time_s is not None)
-
-    def _followed(self, report: _Report) -> State:
-        """Return what is known with where a report's detections are."""
-        state = self.state._replace(last_ns=report.stamp_ns)
-        if report.timed and not state.timed:
-            # Times of their own tell more than the stamps did.
-            state = state._replace(timed=True, track=AntennaTrack(self.rotation_s))
-        time_s, azimuth, shortest_s = report.time_s, report.azimuth, self.shortest_s
-        if not state.timed and len(azimuth):
-            # Somewhere in their sector; of less than two reports to a turn nothing shows.
-            start, width = smallest_arc(azimuth)
-            azimuth = np.full(len(azimuth) if self.rotation_s else 1, start + 0.5 * width)
-            time_s = time_s[: len(azimuth)]
-            shortest_s = max(1.9 * state.horizon.step_s, shortest_s)
-        if report.timed == state.timed:
-            track = state.track.followed(report.stamp_s, time_s, azimuth, shortest_s)
-            if not state.timed and self.sectors > 1:
-                # Stamps tell the turn better than azimuths that are somewhere in their sectors.
-                track = track.turning_in(self.sectors * state.horizon.step_s)
-            state = state._replace(track=track)
-        if not self.state.track.rotation_s and state.track.rotation_s:
-            if not self.rotation_s:
-                self.doubts["turn_found_ms"] = round(1e3 * state.track.rotation_s)
-            self.rotation_s = state.track.rotation_s
-        self.doubts["antenna_unclear"] += state.track.unclear > self.state.track.unclear
-        return state
-
-    def _cut(self, report: _Report, sector: int | None) -> list[Piece]:
-        """Return the parts of a report that is newer than those before it."""
-        steps = self._steps(report)
-        before = self.state.number
-        number = self._number_of(report, sector, max(round(steps), 1))
-        if self._repeats(report, before, steps):
+        steps, before = self._steps(report.stamp_s), self.state.number
+        number = self._number(report, sector, steps)
+        if steps < 0.5 and self._per_turn > 1 and self._again(report, number, before):
             self.doubts["sectors_repeated"] += 1
-            return [self._piece(report.stamp_ns, report, UNKNOWN_COVERAGE)]
-        own, antenna = (
-            report.time_s if report.timed else report.time_s[:0],
-            self.state.track.antenna,
-        )
-        if report.timed and antenna is not None:
-            own = own[antenna.fits(own, report.azimuth)]
-            self.doubts["times_disagree"] += len(report.time_s) - len(own)
-        horizon = self.state.horizon.after(report.stamp_s, own, self.turn_s)
-        self.state = self.state._replace(horizon=horizon)
-        start_s, end_s = self._accounted(report, own, steps)
-        late = own < start_s - LATE * self.turn_s
-        self.doubts["detections_late"] += int(np.count_nonzero(late))
-        pieces, end = self._covering(report, number, start_s, end_s)
+            return self._rising(report, [(stamp_ns, detections, UNKNOWN_COVERAGE)])
+        start_s, end_s = self._accounted(report, steps)
+        parts, end = self._parts(report, number, start_s, end_s)
         self.state = self.state._replace(end_s=end_s, end=end)
-        return pieces
+        return self._rising(report, parts)
 
-    def _steps(self, report: _Report) -> float:
+    def _out_of_order(
+        self, stamp_ns: int, detections: Detections, sector: int | None
+    ) -> list[Piece] | Rejection:
+        """Return what becomes of a report that is no newer than the latest; nothing follows."""
+        if not self.usual_s:
+            return [(stamp_ns, detections)]
+        if stamp_ns == self.state.last_ns:
+            return Rejection.DUPLICATE
+        if detections.time_s is not None:
+            return Rejection.LATE
+        # Without times its stamp stays, and who groups scans may still have a place for it.
+        known = UNKNOWN_COVERAGE if sector is None else self._coverage(sector)
+        return [(stamp_ns, replace(detections, coverage=known))]
+
+    def _follow(self, report: _Report) -> None:
+        """Follow the antenna by where a report's detections are."""
+        before, horizon = self.state.track, self.state.horizon
+        track, timed = before, not math.isnan(horizon.lead_s)
+        if report.timed:
+            # Times of their own tell more than the stamps did.
+            track = before if timed else AntennaTrack(self.usual_s)
+            track = track.followed(report.stamp_s, report.own_s, report.azimuth, self.shortest_s)
+        elif not timed:
+            azimuth, shortest_s = report.azimuth, max(1.9 * horizon.step_s, self.shortest_s)
+            if len(azimuth):
+                # Somewhere in their sector; of less than two reports to a turn nothing shows.
+                start, width = smallest_arc(azimuth)
+                azimuth = np.full(len(azimuth) if self.usual_s else 1, start + 0.5 * width)
+            time_s = np.full(len(azimuth), report.stamp_s)
+            track = before.followed(report.stamp_s, time_s, azimuth, shortest_s)
+            if self.sectors > 1:
+                # Stamps tell the turn better than azimuths that are somewhere in their sectors.
+                track = track.turning_in(self.sectors * horizon.step_s)
+        found_s = self.state.found_s if before.rotation_s else track.rotation_s
+        self.doubts["antenna_unclear"] += track.unclear > before.unclear
+        self.state = self.state._replace(
+            track=track, found_s=found_s or self.state.found_s, last_ns=report.stamp_ns
+        )
+
+    def _steps(self, stamp_s: float) -> float:
         """Return how many reports are due since the one before, this one included."""
         horizon = self.state.horizon
-        if not horizon.reports or not self.report_s or not horizon.regular:
+        if math.isnan(horizon.last_s) or not self.report_s or not horizon.regular:
             return 1.0
-        return (report.stamp_s - horizon.reports[-1].stamp_s) / self.report_s
+        return (stamp_s - horizon.last_s) / self.report_s
 
-    def _accounted(self, report: _Report, own: FloatArray, steps: float) -> tuple[float, float]:
-        """Return the times from which and to which a report accounts for."""
-        before_s, length_s = self.state.end_s, self.report_s
-        lead_s = self.state.horizon.lead_s if report.timed else 0.5 * length_s
-        end_s = report.stamp_s + (0.0 if math.isnan(lead_s) else lead_s)
-        end_s = end_s if math.isnan(before_s) else max(end_s, before_s)
-        longest_s = end_s - LONGEST * self.turn_s
-        if math.isnan(before_s):
-            least_s = end_s - (length_s if self.sectors > 1 else 0.0)
-            return max(min(own.min(initial=math.inf), least_s), longest_s), end_s
-        if round(steps) < 2:
-            return max(before_s, longest_s), end_s
-        # A detection from the gap shows that what it is of was not lost.
-        start_s = max(before_s, longest_s, min(end_s - length_s, own.min(initial=math.inf)))
-        self.doubts["clouds_missing"] += round((start_s - before_s) / length_s)
-        return start_s, end_s
-
-    def _number_of(self, report: _Report, sector: int | None, steps: int) -> int | None:
+    def _number(self, report: _Report, sector: int | None, steps: float) -> int | None:
         """Return the number of the sector: what the report says, or the next one if it is empty."""
-        state = self.state
-        if self.sectors < 2:
-            return None
-        antenna = state.track.antenna
+        before, step, antenna = self.state.number, self.state.step, self.state.track.antenna
         if antenna is not None:
-            way = 1 if antenna.rate > 0.0 else -1
-            state = state._replace(step=-way if self.compass else way)
+            step = 1 if (antenna.rate > 0.0) != self.compass else -1
         if sector is None:
-            if not len(report.detections) and state.number is not None and state.step:
-                sector = (state.number + state.step * steps) % self.sectors
+            if not len(report.detections) and before is not None and step:
+                sector = (before + step * max(round(steps), 1)) % self.sectors
         elif not is_sector(report.azimuth, self._coverage(sector)):
             self.doubts["sector_numbers_wrong"] += 1
             sector = None
-        elif state.number is not None and self.sectors > 2:
+        elif before is not None and self.sectors > 2:
             follows = {1: 1, self.sectors - 1: -1}
-            step = follows.get((sector - state.number) % self.sectors, state.step)
-            state = state._replace(step=step)
-        self.state = state._replace(number=sector)
+            step = follows.get((sector - before) % self.sectors, step)
+        self.state = self.state._replace(number=sector, step=step)
         return sector
+
+    def _again(self, report: _Report, number: int | None, before: int | None) -> bool:
+        """Return whether an early report is of what has been reported, and not of the next part."""
+        if number is not None:
+            return number == before
+        return not report.timed or bool(report.own_s.max(initial=-math.inf) < self.state.end_s)
 
     def _coverage(self, sector: int) -> Coverage:
         """Return the true azimuths of a sector."""
@@ -322,90 +303,93 @@ class Turns:
         start = math.remainder(measured.start - self.azimuth_bias, FULL_TURN)
         return Coverage(start, measured.width)
 
-    def _repeats(self, report: _Report, before: int | None, steps: float) -> bool:
-        """Return whether a report is of azimuths that the antenna cannot have passed again."""
-        number = self.state.number
-        if number is not None and number != before:
-            return False
-        again = not report.timed or report.time_s.max(initial=-math.inf) < self.state.end_s
-        return (number is not None or again) and steps < 0.5 and self._per_turn > 1
+    def _remember(self, report: _Report, own_s: FloatArray) -> None:
+        """Take in when a report came, and those times of its detections that are believed."""
+        horizon = self.state.horizon.after(report.stamp_s, own_s, self.turn_s)
+        self.state = self.state._replace(horizon=horizon)
 
-    def _covering(
+    def _accounted(self, report: _Report, steps: float) -> tuple[float, float]:
+        """Return the times from which and to which a report accounts for."""
+        before_s, length_s, own_s = self.state.end_s, self.report_s, report.own_s
+        if report.timed and (antenna := self.state.track.antenna) is not None:
+            own_s = own_s[antenna.fits(own_s, report.azimuth)]
+            self.doubts["times_disagree"] += len(report.detections) - len(own_s)
+        self._remember(report, own_s)
+        lead_s = np.nan_to_num(self.state.horizon.lead_s) if report.timed else 0.5 * length_s
+        # No time is accounted for twice; of the first report `before_s` is NaN.
+        end_s = float(np.fmax(report.stamp_s + lead_s, before_s))
+        start_s, lost = end_s - LONGEST * self.turn_s, round(steps) >= 2
+        if lost or math.isnan(before_s):
+            # A detection from the gap shows that what it is of was not lost.
+            start_s = max(start_s, min(end_s - length_s, own_s.min(initial=math.inf)))
+        start_s = float(np.fmax(start_s, before_s))
+        if lost and not math.isnan(before_s):
+            self.doubts["clouds_missing"] += round((start_s - before_s) / length_s)
+        late = own_s < start_s - LATE * self.turn_s
+        self.doubts["detections_late"] += int(np.count_nonzero(late))
+        return start_s, end_s
+
+    def _parts(
         self, report: _Report, number: int | None, start_s: float, end_s: float
-    ) -> tuple[list[Piece], float]:
-        """Return the parts of a report, and where the antenna points at its end, radians."""
-        antenna = self.state.track.antenna
-        if number is not None:
-            sector = self._coverage(number)
-            if antenna is None or not report.timed:
-                return [self._piece(report.stamp_ns, report, sector)], math.nan
-            half = 0.5 * sector.width
-            middle = sector.start + half
+    ) -> tuple[list[_Part], float]:
+        """Return the parts of a report, and where the antenna points at its end, radians or NaN."""
+        stamp_ns, detections = report.stamp_ns, report.detections
+        antenna, sector = self.state.track.antenna, number is not None and self._coverage(number)
+        if antenna is None or (sector and not report.timed):
+            return [(stamp_ns, detections, sector or self._unclear(report))], math.nan
+        if sector:
+            # The number says where, and the antenna when.
+            half = math.copysign(0.5 * sector.width, antenna.rate)
+            middle = sector.start + 0.5 * sector.width
             middle_s = antenna.time_near(middle, 0.5 * (start_s + end_s))
-            half_s, way = half / abs(antenna.rate), math.copysign(half, antenna.rate)
-            times_s, azimuths = (middle_s - half_s, middle_s + half_s), (middle - way, middle + way)
-            return self._slices(report, antenna, times_s, azimuths), azimuths[1]
-        if antenna is None:
-            coverage = self._unclear(report)
-            return [self._piece(report.stamp_ns, report, coverage)], math.nan
-        start, end = antenna.azimuth_at(start_s), antenna.azimuth_at(end_s)
-        if start_s == self.state.end_s and not math.isnan(self.state.end):
-            # No azimuth between two reports is left out, and none is passed twice.
-            off = math.remainder(start - self.state.end, FULL_TURN)
-            start -= off if abs(off) < JOINED else 0.0
-        return self._slices(report, antenna, (start_s, end_s), (start, end)), end
+            start_s, end_s = middle_s - half / antenna.rate, middle_s + half / antenna.rate
+            start, end = middle - half, middle + half
+        else:
+            start, end = antenna.azimuth_at(start_s), antenna.azimuth_at(end_s)
+            if start_s == self.state.end_s and not math.isnan(self.state.end):
+                # No azimuth between two reports is left out, and none is passed twice.
+                off = math.remainder(start - self.state.end, FULL_TURN)
+                start -= off if abs(off) < JOINED else 0.0
+            start = start if (end - start) * antenna.rate > 0.0 else end
+        if not report.timed:
+            return [(stamp_ns, detections, _arc(start, end))], end
+        count = max(1, round(SLICES * (end_s - start_s) / self.turn_s))
+        edges_s, edges = np.linspace(start_s, end_s, count + 1), np.linspace(start, end, count + 1)
+        place = np.clip(np.searchsorted(edges_s, report.own_s, side="right") - 1, 0, count - 1)
+        middle_ns = np.rint((0.5 * (edges_s[1:] + edges_s[:-1]) - report.stamp_s) * 1e9)
+        parts: list[_Part] = [
+            (
+                stamp_ns + int(middle_ns[k]),
+                detections.take(np.flatnonzero(place == k)),
+                _arc(edges[k], edges[k + 1]),
+            )
+            for k in range(count)
+        ]
+        return parts, end
 
     def _unclear(self, report: _Report) -> Coverage | None:
         """Return what a report covers while the antenna's motion is not known."""
         shown = len(report.detections) >= LEAST_SHOWN
         width = smallest_arc(report.azimuth)[1] if shown else 0.0
-        if width > AROUND or (self._per_turn == 1 and not (shown and width < STANDING)):
-            return None
-        return UNKNOWN_COVERAGE
+        whole = width > AROUND or (self._per_turn == 1 and not (shown and width < STANDING))
+        return None if whole else UNKNOWN_COVERAGE
 
-    def _slices(
-        self,
-        report: _Report,
-        antenna: Antenna,
-        times_s: tuple[float, float],
-        azimuths: tuple[float, float],
-    ) -> list[Piece]:
-        """Return the slices of the time that a report accounts for, in their order."""
-        (start_s, end_s), (start, end) = times_s, azimuths
-        if not report.timed:
-            return [self._piece(report.stamp_ns, report, _coverage(start, end, antenna))]
-        count = max(1, round(SLICES * (end_s - start_s) / antenna.turn_s))
-        edges_s, edges = np.linspace(start_s, end_s, count + 1), np.linspace(start, end, count + 1)
-        place = np.clip(np.searchsorted(edges_s, report.time_s, side="right") - 1, 0, count - 1)
+    def _rising(self, report: _Report, parts: list[_Part]) -> list[Piece]:
+        """Return parts, each with a stamp above those before it."""
         pieces = []
-        for k in range(count):
-            middle_s = 0.5 * (edges_s[k] + edges_s[k + 1])
-            stamp_ns = report.stamp_ns + round((middle_s - report.stamp_s) * 1e9)
-            coverage = _coverage(edges[k], edges[k + 1], antenna)
-            pieces.append(self._piece(stamp_ns, report, coverage, np.flatnonzero(place == k)))
+        for own_ns, part, coverage in parts:
+            stamp_ns = max(own_ns, self.state.piece_ns + 1)
+            self.state = self.state._replace(piece_ns=stamp_ns)
+            time_s = part.time_s
+            if time_s is not None:
+                time_s = time_s + (report.stamp_ns - stamp_ns) * 1e-9
+            pieces.append((stamp_ns, replace(part, time_s=time_s, coverage=coverage)))
         return pieces
 
-    def _piece(
-        self,
-        stamp_ns: int,
-        report: _Report,
-        coverage: Coverage | None,
-        rows: IntArray | None = None,
-    ) -> Piece:
-        """Return a part with a stamp above those before it."""
-        part = report.detections if rows is None else report.detections.take(rows)
-        stamp_ns = max(stamp_ns, self.state.piece_ns + 1)
-        self.state = self.state._replace(piece_ns=stamp_ns)
-        time_s = part.time_s
-        if time_s is not None:
-            time_s = time_s + (report.stamp_ns - stamp_ns) * 1e-9
-        return stamp_ns, replace(part, time_s=time_s, coverage=coverage)
 
-
-def _coverage(start: float, end: float, antenna: Antenna) -> Coverage:
-    """Return the azimuths that an antenna passes from one to another."""
-    passed = (end - start) if antenna.rate > 0.0 else start - end
-    if passed <= UNKNOWN_COVERAGE.width:
+def _arc(start: float, end: float) -> Coverage:
+    """Return the azimuths from one to another, radians, of which none need be passed."""
+    width = min(abs(end - start), FULL_TURN)
+    if width <= UNKNOWN_COVERAGE.width:
         return UNKNOWN_COVERAGE
-    first = start if antenna.rate > 0.0 else end
-    return Coverage(math.remainder(first, FULL_TURN), min(passed, FULL_TURN))
+    return Coverage(math.remainder(min(start, end), FULL_TURN), width)

@@ -19,9 +19,9 @@ from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from phd_jdtc_ros.core.plot_turns import PlotTurns
 from phd_jdtc_ros.nodes.asterix import clouds, settings
 from phd_jdtc_ros.nodes.asterix.settings import Bridge
-from phd_jdtc_ros.nodes.asterix.turning import PlotTurns
 from phd_jdtc_ros.nodes.common import bag_parameters
 
 from . import asterix_parameters

@@ -140,6 +140,8 @@ class OfflineTracker:
         for index, radar in enumerate(self._config.inputs):
             if index in self._without_amplitude and len(self._config.model.modes.classes) > 1:
                 yield doubts.no_amplitude(radar)
+            if turn_s := self._pipeline.turn_found_s(index):
+                yield doubts.turn_found(radar, turn_s)
             for doubt in doubts.of(radar, self._doubts[index]):
                 yield f"{radar.topic}: {doubt}"
         if self._overdue and not self._targets_seen:

@@ -45,6 +45,7 @@ ROOMS = {
     "sectors": ("arrays", "types"),
     "antenna": ("arrays", "types"),
     "horizon": ("arrays",),
+    "plot_turns": ("antenna", "types"),
     "biases": ("arrays", "types"),
     "turns": ("antenna", "arrays", "horizon", "scans", "sectors", "types"),
     "turn_history": ("scans", "turns", "types"),
@@ -72,7 +73,7 @@ ROOMS = {
     "backward": ("arrays", "window"),
     "poses": ("arrays", "models", "types"),
     "posed_reports": ("poses", "types"),
-    "touch": ("arrays", "models", "sectors", "types", "window"),
+    "touch": ("arrays", "models", "types", "window"),
     "window_snapshot": ("arrays", "models", "snapshot", "types", "window"),
     "clutter_snapshot": ("models", "snapshot"),
     "forward": (
@@ -93,7 +94,7 @@ ROOMS = {
         *("antenna", "ellipsoid", "region", "scans", "site", "smc", "turns", "watch"),
     ),
     "simulation": (*BASE, "biases", "configuration", "models", "site", "sited_plots"),
-    "tuning": (*BASE, "configuration", "models", "sectors"),
+    "tuning": (*BASE, "antenna", "configuration", "models", "plot_turns", "sectors"),
     "registration": (*BASE, "biases", "models", "tuning"),
     "engines": ("backend", "configuration", "engine", "gaussian", "smc"),
     "pipeline": (

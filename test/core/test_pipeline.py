@@ -228,7 +228,7 @@ def test_a_turn_that_is_not_set_is_found_and_targets_are_tracked(engine, timed):
         found += [
             one for event in events if isinstance(event, Stepped) for one in event.step.filtered
         ]
-    assert pipeline.take_doubts(0)["turn_found_ms"] == pytest.approx(4000, abs=40)
+    assert pipeline.turn_found_s(0) == pytest.approx(4.0, rel=0.01)
     assert pipeline.turn_s(0) == pytest.approx(sweep.ROTATION_S, rel=5e-3)
     last = found[-1]
     truth = sweep.position_at(sweep.seconds_of(last.stamp_ns))
@@ -243,5 +243,5 @@ def test_a_turn_is_found_once_and_known_after_a_reset():
         for radar, stamp_ns, detections, _sector in reports:
             list(pipeline.add(radar, stamp_ns, detections))
         pipeline.reset()
-    assert pipeline.take_doubts(0)["turn_found_ms"] == pytest.approx(4000, abs=40)
+    assert pipeline.turn_found_s(0) == pytest.approx(4.0, rel=0.01)
     assert pipeline.turn_s(0) == pytest.approx(sweep.ROTATION_S, rel=5e-3)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.core.models.visibility import within
-from phd_jdtc_ros.core.sectors import arcs, coverage_of, is_sector, sector_of
+from phd_jdtc_ros.core.sectors import coverage_of, is_sector, sector_of
 
 
 @pytest.mark.parametrize("compass", [False, True])
@@ -29,15 +29,6 @@ def test_sectors_are_counted_as_azimuths_are():
     # Clockwise from north, the first quarter turn ends in the east.
     assert within(north_east, coverage_of(0, 4, compass=True)) == 1.0
     assert within(-east, coverage_of(1, 4, compass=True)) == 1.0
-
-
-def test_arcs_join_what_is_near_and_nothing_else():
-    found = arcs(np.array([3.0, 0.1, 0.15, -3.2, 0.05]), 0.1)
-    assert [(round(arc.start, 6), round(arc.width, 6)) for arc in found] == [
-        (0.05, 0.1),
-        (3.0, round(2.0 * np.pi - 6.2, 6)),
-    ]
-    assert arcs(np.zeros(0), 0.1) == []
 
 
 def test_is_sector_believes_a_number_but_for_most_detections_elsewhere():

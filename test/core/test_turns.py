@@ -550,3 +550,13 @@ def test_a_report_out_of_order_does_not_stop_the_search_for_a_turn():
     swapped = [each for pair in zip(reports[1::2], reports[::2], strict=True) for each in pair]
     fed(turns, swapped)
     assert turns.turn_s == pytest.approx(4.0, rel=0.01)
+
+
+@pytest.mark.parametrize("length_s", [0.7, 0.75, 0.8])
+def test_a_turn_is_looked_for_in_just_enough_time(length_s):
+    # The shortest turn takes half a second, of which one and a half are needed.
+    time_s = np.linspace(0.0, length_s, 40)
+    azimuth = np.remainder(2.0 * np.pi * time_s / 0.5 + np.pi, 2.0 * np.pi) - np.pi
+    turns, report = Turns(), Detections(np.stack([np.full(40, 1e3), azimuth], axis=1), None, time_s)
+    turns.split(START_NS, report)
+    assert turns.turn_s == (pytest.approx(0.5, rel=0.01) if length_s >= 0.75 else 0.0)

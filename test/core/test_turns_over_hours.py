@@ -166,9 +166,22 @@ def turns_of(hour):
 # An antenna that stands for so long that the turn is looked for again.
 STOOD = Hour(0, 302.4, 1.008, guess=-0.03, clouds_per_turn=3.7, stop_s=(151.2, 171.36))
 
+# A line that followed an antenna until it stood, and was taken for a turn of hours.
+STOPPED = Hour(
+    *(327236, 3600.0, 12.0),
+    guess=-1.0,
+    clouds_per_turn=16.0,
+    jitter_s=0.24,
+    wrong=0.02,
+    gap_s=(2415.1311101022347, 2761.431018026897),
+    quiet_s=(2048.8429939303683, 2325.4523246023386),
+    stop_s=(1274.2499963562377, 1465.4766987067567),
+)
+
 
 @settings(deadline=None, max_examples=8)
 @example(hour=STOOD)
+@example(hour=STOPPED)
 @given(hour=hours())
 def test_times_never_change_and_coverages_follow_the_antenna(hour):
     rejected, covered = run(hour, turns_of(hour))

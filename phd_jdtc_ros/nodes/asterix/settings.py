@@ -17,11 +17,11 @@ from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.tracks_out import Source
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.core.plot_turns import PlotTurns
 from phd_jdtc_ros.earth import SystemPlane
 
 from ..common.parameters import check, with_members
 from .tracks import TrackOutput
-from .turning import PlotTurns
 
 # What each radar may have of its own; the same without a radar's name is for all.
 OF_ANY_RADAR = (

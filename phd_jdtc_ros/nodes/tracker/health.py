@@ -132,6 +132,8 @@ class InputHealth:
 
     Attributes
     ----------
+    turn_found_s : float
+        Time of a turn that is not set and was found out, seconds; or 0.
     losses : Losses
     """
 
@@ -141,6 +143,7 @@ class InputHealth:
     received: int = 0
     deadlines_missed: int = 0
     incompatible_qos: int = 0
+    turn_found_s: float = 0.0
     doubts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     losses: Losses = field(default_factory=Losses)
@@ -284,6 +287,8 @@ class InputHealth:
             **{f"dropped_{reason}": count for reason, count in sorted(self.dropped.items())},
         }
         values |= dict(sorted(self.doubts.items()))
+        if self.turn_found_s:
+            values["turn_found_ms"] = round(1e3 * self.turn_found_s)
         return diagnostics.status(
             names.health(self.name, node), values, level, text, names.hardware(self.name, node)
         )

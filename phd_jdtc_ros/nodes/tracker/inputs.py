@@ -181,6 +181,15 @@ class Inputs:
         for what, text in zip(counts, texts, strict=True):
             self._warnings.warn((radar.name, what), f"{radar.topic}: {text}")
 
+    def turning(self, index: int, turn_s: float) -> None:
+        """Take the turn of a radar that was found out, seconds, or 0; warn of a new one."""
+        health, radar = self.radars[index], self._settings.config.inputs[index]
+        if turn_s and turn_s != health.turn_found_s:
+            text = doubts.turn_found(radar, turn_s)
+            health.doubt(Counter(), text, time.monotonic())
+            self._warnings.warn((radar.name, "turn_found"), text)
+        health.turn_found_s = turn_s
+
     def without_amplitudes(self, index: int) -> None:
         """Warn, once, of a radar without amplitudes, which would tell the classes apart."""
         radar = self._settings.config.inputs[index]

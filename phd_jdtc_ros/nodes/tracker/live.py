@@ -254,6 +254,7 @@ class LiveTracker:
         waiting = self._pipeline.waiting
         events = self._pipeline.add(index, report.stamp_ns, report.detections, report.sector)
         self._inputs.doubt(index, report.doubts + self._pipeline.take_doubts(index))
+        self._inputs.turning(index, self._pipeline.turn_found_s(index))
         if isinstance(events, Rejection):
             self._inputs.drop(health, events.value, f"scan rejected: {events.value} stamp")
             return

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.nodes.asterix.turning import PlotTurns
+from phd_jdtc_ros.core.plot_turns import PlotTurns
 
 NS = 10**9
 BEGIN_S = 20_779 * 86_400.0
