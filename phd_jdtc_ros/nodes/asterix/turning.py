@@ -14,6 +14,8 @@ from phd_jdtc_ros.core.types import FULL_TURN
 
 # The antenna is followed from so many plots to the next, seconds apart at least.
 PLOTS, PERIOD_S = 12, 1.0
+# No radar has more plots in that time.
+MOST_PLOTS = 1000
 # Plots that are older than others by more say that the times have gone back, seconds.
 MOST_BACK_S = 60.0
 # Over a gap of more turns nobody knows how often it has turned.
@@ -48,7 +50,8 @@ class PlotTurns:
         if time_s < self._now_s - MOST_BACK_S:
             self._waiting.clear()  # times have gone back
             self._track, self._before, self._now_s = AntennaTrack(self.turn_s), None, time_s
-        self._waiting.append((time_s, azimuth))
+        if len(self._waiting) < MOST_PLOTS:  # of a flood
+            self._waiting.append((time_s, azimuth))
         if len(self._waiting) >= PLOTS and time_s - self._waiting[0][0] >= PERIOD_S:
             self.find()
 
