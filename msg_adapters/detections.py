@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
-from std_msgs.msg import Header
 
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Detections
@@ -91,8 +90,8 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     Raises
     ------
     RejectedMessageError
-        ``frame`` if the cloud is in another frame than the radar's; see `stamp_of` and
-        `point_cloud.decode`.
+        ``frame`` if the cloud is in another frame than the radar's; see `stamps.of_header`
+        and `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, radar)
     named = _named(radar)
@@ -106,7 +105,7 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
             for name, column in point_cloud.decode(cloud, wanted).items()
         }
     found = {what: columns[name] for what, (name, _) in named.items() if name in columns}
-    report = select(stamp_of(cloud.header), radar, Columns(**found))
+    report = select(stamps.of_header(cloud.header), radar, Columns(**found))
     lacking = Counter(f"{what}_missing" for what in missing if what != "level")
     return replace(report, doubts=report.doubts + lacking) if lacking else report
 
@@ -120,22 +119,6 @@ def _named(radar: RadarInput) -> dict[str, tuple[str, Sequence[str]]]:
         what: (name, types.get(what, point_cloud.FLOATS))
         for what, name in sent_columns.names_of(radar).items()
     }
-
-
-def stamp_of(header: Header) -> int:
-    """Return a header's stamp in nanoseconds.
-
-    Raises
-    ------
-    RejectedMessageError
-        ``schema`` if it is before 1970 or its nanoseconds are a second or more.
-    """
-    sec, nanosec = header.stamp.sec, header.stamp.nanosec
-    if sec < 0 or nanosec >= stamps.NS_PER_S:
-        raise RejectedMessageError(
-            "schema", f"stamp {sec} s {nanosec} ns, must be from 0 s and below {stamps.NS_PER_S} ns"
-        )
-    return stamps.to_ns(header.stamp)
 
 
 def require_frame(frame: str, radar: RadarInput) -> None:

@@ -80,6 +80,10 @@ def _without_height(radar: RadarInput) -> str:
 
 _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     "azimuths_beyond_a_turn": _beyond_a_turn,
+    "detections_repeated": lambda radar, count: (
+        f"{count} detections that repeat another one of their report in all they say; each counts "
+        "once. Does the driver send its buffer twice?"
+    ),
     "heights_unknown": _heights_unknown,
     "deviations_unusable": lambda radar, count: (
         f"{count} deviations that are zero, negative or absurd; {radar.name}.range_std, "

@@ -95,7 +95,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     Raises
     ------
     RejectedMessageError
-        See `point_cloud.decode`.
+        See `point_cloud.decode` and `stamps.of_header`.
     """
     classes = [f"p_class_{index}" for index in range(class_count(cloud))]
     if not classes:
@@ -115,7 +115,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         cloud,
         dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED),
     )
-    stamp_ns = stamps.to_ns(cloud.header.stamp)
+    stamp_ns = stamps.of_header(cloud.header)
     known = _attributes(columns, stamp_ns) if attributed else None
     point_cloud.require_finite(
         {n: column for n, column in columns.items() if n not in (*_VERTICAL, *_AGES)}
@@ -152,7 +152,7 @@ def _attributes(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Attri
     covariance = np.zeros((len(height), 2, 2))
     for name, (row, column) in _VERTICAL.items():
         covariance[:, row, column] = covariance[:, column, row] = columns[name]
-    unknown = ~np.isfinite(covariance).all(axis=(1, 2))
+    unknown = ~point_cloud.finite(covariance).all(axis=(1, 2))
     height[unknown], covariance[unknown] = np.nan, np.nan
     code, address = (_identity(columns[name], part) for name, part in _IDENTITIES.items())
     return Attributes(height, covariance, code, address, _seen(columns, stamp_ns))

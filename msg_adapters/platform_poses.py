@@ -14,7 +14,6 @@ from nav_msgs.msg import Odometry
 from phd_jdtc_ros.core.types import Pose
 
 from . import interfaces, names, stamps
-from .detections import stamp_of
 from .errors import RejectedMessageError, quoted
 
 # Types by their name in a configuration.
@@ -51,7 +50,7 @@ def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Po
         raise RejectedMessageError(
             "frame", f"frame_id {quoted(frame)}, must be the world frame, {world_frame!r}"
         )
-    stamp_ns = stamp_of(message.header)
+    stamp_ns = stamps.of_header(message.header)
     pose = message.pose.pose if isinstance(message, Odometry) else message.pose
     position = float(pose.position.x), float(pose.position.y)
     if not all(map(math.isfinite, position)):
@@ -87,7 +86,8 @@ def to_cdr(pose: Pose, stamp_ns: int, world_frame: str, kind: str, child_frame: 
 
 def _yaw(turn: Quaternion) -> float:
     """Return the direction of the x axis over ground, radians; NaN without a quaternion."""
-    norm = math.sqrt(turn.x**2 + turn.y**2 + turn.z**2 + turn.w**2)
+    # Not by squares: those of finite numbers overflow, which Python raises for.
+    norm = math.hypot(turn.x, turn.y, turn.z, turn.w)
     if not LEAST_NORM <= norm <= LARGEST_NORM:  # nor if it is NaN
         return math.nan
     ahead = turn.w**2 + turn.x**2 - turn.y**2 - turn.z**2

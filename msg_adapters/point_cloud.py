@@ -18,6 +18,7 @@ from .errors import RejectedMessageError, quoted
 # A larger cloud is refused before its data is read.
 MAX_POINTS = 100_000
 MAX_OFFSET = 2**16
+LARGEST = float(np.finfo(np.float32).max)
 
 _CODES = {
     PointField.INT8: "i1",
@@ -86,11 +87,23 @@ def _offsets(layout: np.dtype[np.void]) -> list[int]:
     return [offset for _, offset, *_ in (layout.fields or {}).values()]
 
 
+def finite(column: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    """Return which numbers are finite in single precision.
+
+    Estimates are published in it, and a sum or a square of such numbers is finite in double
+    precision. Of a double of 1e300 neither is true.
+    """
+    near: npt.NDArray[np.bool_] = np.abs(column) <= LARGEST  # never true of NaN
+    return near
+
+
 def require_finite(columns: Mapping[str, npt.NDArray[Any]]) -> None:
-    """Raise `RejectedMessageError` if a column contains a number that is not finite."""
+    """Raise `RejectedMessageError` if a column contains a number that is not `finite`."""
     for name, column in columns.items():
-        if not np.isfinite(column).all():
-            raise RejectedMessageError("schema", f"field {name!r} has a value that is not finite")
+        if not finite(column).all():
+            raise RejectedMessageError(
+                "schema", f"field {name!r} has a value that is not finite in single precision"
+            )
 
 
 def field_names(cloud: PointCloud2) -> list[str]:

@@ -21,8 +21,8 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Detections
 
-from . import cdr, ground_ranges, sent_columns
-from .detections import require_frame, stamp_of
+from . import cdr, ground_ranges, sent_columns, stamps
+from .detections import require_frame
 from .errors import RejectedMessageError
 from .point_cloud import MAX_POINTS
 from .selection import Columns, Report, select
@@ -74,7 +74,7 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
     RejectedMessageError
         ``frame`` if the scan is in another frame than the radar's; ``oversize`` above
         `point_cloud.MAX_POINTS` returns; ``schema`` if the stamp is not valid, see
-        `detections.stamp_of`.
+        `stamps.of_header`.
     """
     _require_size(len(scan.returns))
     rows = [
@@ -141,7 +141,7 @@ def _report(header: Header, rows: FloatArray, radar: RadarInput) -> Report:
     """Return the detections among rows of the fields of a return, (M, 5)."""
     require_frame(header.frame_id, radar)
     return select(
-        stamp_of(header),
+        stamps.of_header(header),
         _as_defined(radar),
         Columns(
             distance=rows[:, 0],

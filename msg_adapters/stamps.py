@@ -10,6 +10,8 @@ import struct
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
+from .errors import RejectedMessageError
+
 NS_PER_S = 1_000_000_000
 
 
@@ -27,6 +29,22 @@ def from_ns(stamp_ns: int) -> Time:
 def header(stamp_ns: int, frame: str) -> Header:
     """Return a header."""
     return Header(stamp=from_ns(stamp_ns), frame_id=frame)
+
+
+def of_header(sent: Header) -> int:
+    """Return a header's stamp in nanoseconds.
+
+    Raises
+    ------
+    RejectedMessageError
+        ``schema`` if it is before 1970 or its nanoseconds are a second or more.
+    """
+    sec, nanosec = sent.stamp.sec, sent.stamp.nanosec
+    if sec < 0 or nanosec >= NS_PER_S:
+        raise RejectedMessageError(
+            "schema", f"stamp {sec} s {nanosec} ns, must be from 0 s and below {NS_PER_S} ns"
+        )
+    return to_ns(sent.stamp)
 
 
 def of_cdr(data: bytes) -> int:

@@ -42,7 +42,7 @@ def from_msg(cloud: PointCloud2) -> Truth:
     Raises
     ------
     RejectedMessageError
-        See `point_cloud.decode`.
+        See `point_cloud.decode` and `stamps.of_header`.
     """
     wanted = dict.fromkeys(_FLOATS, point_cloud.FLOATS) | dict.fromkeys(_IDS, point_cloud.UNSIGNED)
     columns = point_cloud.decode(cloud, wanted)
@@ -52,7 +52,7 @@ def from_msg(cloud: PointCloud2) -> Truth:
         state[:, index] = columns[name]
     height = np.stack([columns["z"], columns["vz"]], axis=1).astype(np.float64)
     return Truth(
-        stamp_ns=stamps.to_ns(cloud.header.stamp),
+        stamp_ns=stamps.of_header(cloud.header),
         state=state,
         track_id=columns["track_id"].astype(np.int64),
         class_id=columns["class_id"].astype(np.int64),

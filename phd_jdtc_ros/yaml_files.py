@@ -12,6 +12,7 @@ an alias counts as what it stands for.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -65,7 +66,6 @@ class _RefusedError(yaml.YAMLError):
 class _Loader(yaml.SafeLoader):
     """PyYAML's safe loader with the scalars of ROS and with limits."""
 
-    yaml_implicit_resolvers: ClassVar[dict[str | None, list[Any]]] = {}
     yaml_constructors: ClassVar[dict[str | None, Any]] = {
         None: yaml.SafeLoader.yaml_constructors[None],
         **{
@@ -84,7 +84,8 @@ class _Loader(yaml.SafeLoader):
         self._sizes: dict[str, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        event = self.peek_event()
+        peek: Callable[[], Any] = self.peek_event
+        event = peek()
         before, alias = self._values, isinstance(event, yaml.AliasEvent)
         if alias and event.anchor in self.anchors and event.anchor not in self._sizes:
             raise _RefusedError(event.start_mark, f"*{event.anchor} is within what it stands for")
@@ -137,6 +138,10 @@ class _Loader(yaml.SafeLoader):
             raise _RefusedError(node.start_mark, f"{node.value!r} is not a number")
         named = node.value.lower().lstrip("+-.")
         return float(node.value.replace(".", "") if named in ("inf", "nan") else node.value)
+
+
+# Each scalar is read as ROS does, see below.
+_Loader.yaml_implicit_resolvers = {}
 
 
 # In this order: the first that matches decides.

@@ -12,6 +12,7 @@ Not part of the installed package. The data's path::
     warm_restart, publishers
     bags, recordings, network                                files, disks, rogue peers
     crowd, forgeries, bombs, numerics                        input that is made to harm
+    absurd, hostile, flood
     soak, decoders, raw_bytes                                a day of scans; random input
       |
     engines     which engine the trackers have

@@ -15,6 +15,7 @@ from pathlib import Path
 from rich.console import Console
 
 from . import (
+    absurd,
     asterix_bytes,
     bad_scans,
     bags,
@@ -23,7 +24,9 @@ from . import (
     crowd,
     decoders,
     engines,
+    flood,
     forgeries,
+    hostile,
     late_sectors,
     moving,
     network,
@@ -64,6 +67,8 @@ OF_ENGINES: tuple[Measure, ...] = (
     late_sectors.measure,
     moving.measure,
     numerics.measure,
+    absurd.measure,
+    hostile.measure_repeated,
     forgeries.measure,
     crowd.measure,
     overload.measure,
@@ -107,6 +112,12 @@ def every_fault() -> Iterator[Measure]:
     yield clutter.measure
     yield crowd.measure
     yield numerics.measure
+    yield absurd.measure
+    yield hostile.measure_seam
+    yield hostile.measure_repeated
+    yield hostile.measure_names
+    yield hostile.measure_forged_times
+    yield flood.measure
     yield bombs.measure
     yield stamps_and_time.measure_silence
     yield publishers.measure

@@ -92,6 +92,11 @@ def _unfilled(message: Odometry) -> None:
     turn.x = turn.y = turn.z = turn.w = 0.0
 
 
+def _absurd(message: Odometry) -> None:
+    turn = message.pose.pose.orientation
+    turn.z = turn.w = 1e300
+
+
 def _at(x: float) -> Callable[[Odometry], None]:
     def change(message: Odometry) -> None:
         message.pose.pose.position.x = x
@@ -109,6 +114,7 @@ FAULTS: Mapping[str, Fault] = {
     "a position of infinity": Fault("dropped_not_finite", 0.05, _at(math.inf)),
     "a position of the other side of the earth": Fault("dropped_range", 0.05, _at(1e8)),
     "no orientation": Fault("dropped_orientation", 0.05, _unfilled),
+    "an absurd orientation": Fault("dropped_orientation", 0.05, _absurd),
     "a jump of 5 km": Fault("dropped_jump", 0.05, _at(5e3)),
     "late": Fault("dropped_late", -1.3, _nothing),
     "twice": Fault("dropped_duplicate", 0.0, _nothing),

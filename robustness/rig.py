@@ -22,7 +22,15 @@ from .domains import Domain
 if TYPE_CHECKING:
     from .radars import Radars
 
+# How long a node may take to start where nothing else runs; see `start_limit_s`.
 START_S, STOP_S = 30.0, 10.0
+
+
+def start_limit_s() -> float:
+    """Return how long a node may take to start, s: longer the more else waits for the CPUs."""
+    return START_S * max(1.0, os.getloadavg()[0] / len(os.sched_getaffinity(0)))
+
+
 RELIABLE = tuple(
     word
     for radar in ("radar_1", "radar_2")
@@ -66,14 +74,23 @@ class Node:
         """The output so far."""
         return self._log.read_text(errors="replace")
 
-    def said(self, text: str, timeout_s: float = START_S) -> bool:
-        """Wait until the output contains `text`; return whether it does."""
-        deadline = time.monotonic() + timeout_s
+    def said(self, text: str, timeout_s: float | None = None) -> bool:
+        """Wait until the output contains `text`, by default as for a start; return if it does."""
+        deadline = time.monotonic() + (start_limit_s() if timeout_s is None else timeout_s)
         while text not in self.text:
             if not self.alive or time.monotonic() > deadline:
                 return False
             time.sleep(0.01)
         return True
+
+    def why_not(self, text: str) -> str:
+        """Return why the output does not contain `text`, after `said` has waited for it."""
+        if self.alive:
+            load = f"load {os.getloadavg()[0]:.1f} on {len(os.sched_getaffinity(0))} CPUs"
+            reason = f"runs, but has not said {text!r} within {start_limit_s():.0f} s, {load}"
+        else:
+            reason = f"ended with status {self.process.returncode} before it said {text!r}"
+        return f"{reason}; the end of its output:\n{self.text[-2000:]}"
 
     def stop(self, number: int = signal.SIGTERM) -> int | None:
         """Stop the process by a signal; return its exit status, or None if it had to be killed."""
@@ -156,7 +173,7 @@ class Rig:
         """Start a tracker that subscribes reliably, and wait until it tracks."""
         node = self.start("tracker", "--ros-args", *RELIABLE, *arguments)
         if not node.said("tracking"):
-            raise RuntimeError(f"the tracker did not start:\n{node.text[-2000:]}")
+            raise RuntimeError(node.why_not("tracking"))
         return node
 
     @property

@@ -8,7 +8,7 @@ process has a ROS domain of its own (see conftest.py), and one that crashes take
 it. A file whose process was ended by a signal is run once again, and that is told: once in many
 runs the native libraries of ROS crash where a test destroys its own node. Whatever is over makes
 place for the next. Arguments go to every pytest. The last line is the sum of all of theirs, in
-pytest's form.
+pytest's form, with the number of files that were run again.
 """
 
 import os
@@ -46,7 +46,7 @@ ENVIRONMENT = {name: os.environ[name] for name in os.environ if name != "PYTHOND
 LIMIT_S = 2400.0
 # The exit status of a pytest that has nothing to run.
 NOTHING = 5
-OUTCOMES = ("failed", "passed", "skipped", "xfailed", "xpassed", "error")
+OUTCOMES = ("failed", "passed", "skipped", "xfailed", "xpassed", "error", "rerun")
 
 
 def pytest(*arguments):
@@ -75,6 +75,9 @@ def live(file, *arguments):
     if status < 0:
         print(f"{file}: ended by signal {-status}, and run again\n{text}", flush=True)
         status, text = pytest("-m", "live", file, *arguments)
+        # As a plugin of pytest's would say it; the last line is what is counted.
+        *lines, last = text.rstrip().split("\n")
+        text = "\n".join([*lines, f"1 rerun, {last}"])
     return status, text
 
 

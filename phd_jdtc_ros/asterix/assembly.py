@@ -11,6 +11,7 @@ slice of time, see `slices`; the tracker then finds in the plots where the anten
 from __future__ import annotations
 
 import math
+from bisect import bisect_right, insort
 from collections import Counter, deque
 from dataclasses import dataclass, field
 
@@ -74,8 +75,8 @@ class Assembler:
         self._slicer = Slicer(self.rotation_s, self.counts, self.finder)
         quarter = self.sectors // 4
         self._lateness = Lateness(quarter, max(quarter // 2, 1), MEMORY_NS)
-        # Plots of sectors not yet reported: the number of the sector's end, time, plot.
-        self._pending: deque[tuple[int, int, Plot]] = deque()
+        # Plots of sectors not yet reported, by the number of the sector's end: that, time, plot.
+        self._pending: list[tuple[int, int, Plot]] = []
         # Where and when the antenna passed last as a service message tells, NaN if none does. With
         # sector crossings it is counted on over the turns from `_begin`, which else is None.
         self._phase, self._phase_ns = math.nan, 0
@@ -92,13 +93,21 @@ class Assembler:
     @property
     def turn_s(self) -> float:
         """Time of a turn, seconds, as crossings or plots tell it or it was given; 0 if unknown."""
+        if self._seen_turn_s:
+            return self._seen_turn_s
+        found_s = self.finder.turn_s
+        return found_s if _is_turn(found_s) else self.rotation_s
+
+    @property
+    def _seen_turn_s(self) -> float:
+        """Time of a turn, seconds, as crossings tell it; 0 if they do not."""
         phase, begin_ns = self._begin or (math.nan, 0)
         turned = self._phase - phase
         if turned >= 0.5 * FULL_TURN:
             seen_s = (self._phase_ns - begin_ns) * 1e-9 * FULL_TURN / turned
-            if SHORTEST_TURN_S <= seen_s <= LONGEST_TURN_S:
+            if _is_turn(seen_s):
                 return seen_s
-        return self.finder.turn_s or self.rotation_s
+        return 0.0
 
     def add_plot(self, plot: Plot, time_ns: int) -> list[SectorReport]:
         """Take a plot; return what is complete by it."""
@@ -107,16 +116,20 @@ class Assembler:
         lost = self._lost(known_ns) if known_ns > self._phase_ns else []
         if self._begin is None:
             return lost + self._sliced(self._slicer.add(plot, time_ns))
-        if len(self._pending) >= MAX_PENDING:
-            self._pending.popleft()
-            self.counts["overflow"] += 1
         number = self._keep(plot, time_ns)
         self._lateness.take(max(self._passed + 1 - number, 0), self._phase_ns)
         return []
 
+    def keep_plot(self, plot: Plot, time_ns: int) -> None:
+        """Take a plot of a time that is not believed: it goes with what is reported next."""
+        if self._begin is None:
+            self._slicer.keep_aside(plot, time_ns)
+        else:
+            self._keep(plot, time_ns)
+
     def add_service(self, message: ServiceMessage, time_ns: int) -> list[SectorReport]:
         """Take a north mark or a sector crossing; return what is complete by it."""
-        if not self.rotation_s and 0.0 < message.rotation_s <= LONGEST_TURN_S:
+        if not self.rotation_s and _is_turn(message.rotation_s):
             self.rotation_s = self._slicer.rotation_s = message.rotation_s
         if not math.isfinite(message.azimuth):
             return []
@@ -201,26 +214,32 @@ class Assembler:
     def _step(self, azimuth: float, time_ns: int) -> float:
         """Return how far the antenna has turned, radians."""
         step = (azimuth - self._phase) % FULL_TURN
-        if not self.turn_s:
+        # Only a turn that crossings have shown says that the antenna came past here in between: one
+        # that is said or was found and is too short would show itself to be right.
+        if not (turn_s := self._seen_turn_s):
             return step if step < FULL_TURN - TOLERANCE else 0.0
-        expected = (time_ns - self._phase_ns) * 1e-9 / self.turn_s * FULL_TURN
+        expected = (time_ns - self._phase_ns) * 1e-9 / turn_s * FULL_TURN
         return step + round((expected - step) / FULL_TURN) * FULL_TURN
 
     def _keep(self, plot: Plot, time_ns: int) -> int:
         """Keep a plot for its sector, and return the number of that one's end."""
+        if len(self._pending) >= MAX_PENDING:
+            del self._pending[0]
+            self.counts["overflow"] += 1
         width = FULL_TURN / self.sectors
         ahead = math.remainder(plot.azimuth - self._passed * width, FULL_TURN)
         # A plot at a sector's begin is in it, however its azimuth is rounded.
         number = self._passed + 1 + math.floor(ahead / width + 1e-9)
-        self._pending.append((number, time_ns, plot))
+        insort(self._pending, (number, time_ns, plot), key=_number_of)
         return number
 
     def _close(self) -> SectorReport:
         """Return the first sector that is not reported yet, and the plots up to its end."""
         number = self._passed - len(self._ends_ns) + 1
-        taken = [entry for entry in self._pending if entry[0] <= number]
-        if taken:
-            self._pending = deque(entry for entry in self._pending if entry[0] > number)
+        # Sorted, so that many sectors and many plots in one datagram do not take their product.
+        count = bisect_right(self._pending, number, key=_number_of)
+        taken = self._pending[:count]
+        del self._pending[:count]
         self.counts["late_plots"] += sum(entry[0] < number for entry in taken)
         time_ns = self._ends_ns.popleft()
         # A stamp is above that of the one before, unless time went back.
@@ -234,3 +253,12 @@ class Assembler:
             [own_ns for _, own_ns, _ in taken],
             [plot for _, _, plot in taken],
         )
+
+
+def _is_turn(time_s: float) -> bool:
+    """Return whether an antenna may turn in this time, seconds."""
+    return SHORTEST_TURN_S <= time_s <= LONGEST_TURN_S
+
+
+def _number_of(entry: tuple[int, int, Plot]) -> int:
+    return entry[0]

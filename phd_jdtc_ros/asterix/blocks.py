@@ -57,7 +57,10 @@ class BlockReader:
 
     def messages(self, data: bytes) -> list[Message]:
         """Return the messages of a datagram in order."""
-        found: list[Message] = []
+        return list(self.read(data))
+
+    def read(self, data: bytes) -> Iterator[Message]:
+        """Yield the messages of a datagram in order; each is read when it is asked for."""
         for category, begin, end in self._blocks(data):
             reads = records.reader(category)
             if reads is None:
@@ -70,11 +73,10 @@ class BlockReader:
                     message, at = reads.read(data, at, end, self.counts)
                     self.categories[category] += 1
                     if message is not None:
-                        found.append(message)
+                        yield message
             except MalformedError as error:
                 self.categories[category] += 1
                 self.counts[error.reason] += 1
-        return found
 
     def _blocks(self, data: bytes) -> Iterator[tuple[int, int, int]]:
         """Yield category, begin and end of the records of each data block of a datagram."""

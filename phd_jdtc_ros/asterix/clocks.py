@@ -21,6 +21,13 @@ NS_PER_DAY = DAY * NS_PER_TICK
 LEAST_OFF = 3
 # Of so many first ones by how much.
 FIRST = 15
+# Stamps say the seconds since 1970 in 31 bits. A day less: slices end later than their plots.
+LAST_NS = (2**31 - 1) * 10**9 - NS_PER_DAY
+
+
+def possible(time_ns: int) -> bool:
+    """Return whether a time can be a stamp."""
+    return 0 <= time_ns <= LAST_NS
 
 
 @dataclass
@@ -49,7 +56,8 @@ class StreamClock:
     shift_ns: dict[int, int] = field(init=False, default_factory=dict)
     _last_ns: dict[int, int] = field(init=False, default_factory=dict)
     _latest_ns: int | None = field(init=False, default=None)
-    _off: Counter[int] = field(init=False, default_factory=Counter)
+    # By how much the latest messages of a radar differ in a row from what its shift makes of them.
+    _off: dict[int, list[int]] = field(init=False, default_factory=dict)
     _first_ns: dict[int, list[int]] = field(init=False, default_factory=dict)
     _settled: set[int] = field(init=False, default_factory=set)
 
@@ -59,8 +67,11 @@ class StreamClock:
         One that is right says that it is not; otherwise the median of `FIRST` tells. Until then no
         message's `time_ns` should be asked for, so that all have the same shift.
         """
-        if radar in self._settled or received_ns is None:
+        if radar in self._settled:
             return True
+        if received_ns is None:
+            # Where some receipts are known those that come tell, and this message waits with them.
+            return radar not in self._first_ns
         found = self._first_ns.setdefault(radar, [])
         if time_of_day == NONE or time_of_day >= period:
             return not found  # what has no time has that of its receipt
@@ -87,8 +98,8 @@ class StreamClock:
         received_ns: int | None,
         judged: bool,
         counts: Counter[str],
-    ) -> int:
-        """Return the time of a message, nanoseconds since the epoch.
+    ) -> int | None:
+        """Return the time of a message, nanoseconds since the epoch; None if it cannot be true.
 
         Parameters
         ----------
@@ -101,20 +112,26 @@ class StreamClock:
             Whether the message shows if the radar's clock is right.
         counts : Counter
             Gains ``no_time`` for a message without a time or with an impossible one, which counts
-            as of its receipt or of the radar's message before, and ``clock_off`` when a shift
-            changes.
+            as of its receipt or of the radar's message before; ``clock_off`` when a shift changes;
+            and ``time_impossible`` for a time that no stamp can say.
         """
         if time_of_day == NONE or time_of_day >= period:
             counts["no_time"] += 1
             known = self._last_ns.get(radar, self._latest_ns)
             return received_ns if received_ns is not None else known or self.midnight_ns
         time_ns = self._nearest(radar, time_of_day, period, received_ns)
-        self._last_ns[radar] = self._latest_ns = time_ns
-        if received_ns is None:
-            return time_ns
-        if judged:
+        if received_ns is not None and judged:
             self._judge(radar, received_ns - time_ns, counts)
-        return time_ns + self.shift_ns.get(radar, 0)
+        shift_ns = 0 if received_ns is None else self.shift_ns.get(radar, 0)
+        if not possible(time_ns + shift_ns):
+            counts["time_impossible"] += 1
+            return None
+        self._last_ns[radar] = self._latest_ns = time_ns
+        return time_ns + shift_ns
+
+    def believes(self, time_ns: int, received_ns: int | None) -> bool:
+        """Return whether a message's time may be true, given when it was received."""
+        return received_ns is None or abs(received_ns - time_ns) <= self.max_offset_s * 1e9
 
     def _nearest(self, radar: int, time_of_day: int, period: int, received_ns: int | None) -> int:
         """Return the time that is nearest to the best that is known of it."""
@@ -137,14 +154,15 @@ class StreamClock:
         """Shift the radar's times if they keep differing from those of the receipts."""
         self.offset_s[radar] = offset_ns * 1e-9
         limit_ns = self.max_offset_s * 1e9
-        shift_ns = self.shift_ns.get(radar, 0)
-        if abs(offset_ns - shift_ns) <= limit_ns:
-            self._off[radar] = 0
+        if abs(offset_ns - self.shift_ns.get(radar, 0)) <= limit_ns:
+            self._off.pop(radar, None)
             return
-        self._off[radar] += 1
-        if self._off[radar] < LEAST_OFF:
+        off = [*self._off.get(radar, []), offset_ns][-LEAST_OFF:]
+        self._off[radar] = off
+        # A clock that is off is so by the same each time; times that are anything are no clock's.
+        if len(off) < LEAST_OFF or max(off) - min(off) > limit_ns:
             return
-        self._off[radar] = 0
+        del self._off[radar]
         self.shift_ns[radar] = offset_ns if abs(offset_ns) > limit_ns else 0
         counts["clock_off"] += 1
 

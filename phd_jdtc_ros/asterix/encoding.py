@@ -58,13 +58,14 @@ def _block(category: int, body: bytes) -> bytes:
 def unsigned(value: float, unit: float, size: int) -> bytes:
     """Return a number in whole units, at most as large as its bytes allow."""
     most: int = 256**size - 1
-    return min(max(round(value / unit), 0), most).to_bytes(size, "big")
+    # Bounded first: what is beyond all bounds, or infinite by now, has no whole number.
+    return round(min(max(value / unit, 0), most)).to_bytes(size, "big")
 
 
 def signed(value: float, unit: float, size: int) -> bytes:
     """Return a number with its sign in whole units, at most as large as its bytes allow."""
     half: int = 256**size // 2
-    return min(max(round(value / unit), -half), half - 1).to_bytes(size, "big", signed=True)
+    return round(min(max(value / unit, -half), half - 1)).to_bytes(size, "big", signed=True)
 
 
 def time_of_day(time_ns: int) -> bytes:

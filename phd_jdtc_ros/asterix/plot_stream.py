@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from .assembly import LEARNED, Assembler
 from .blocks import BlockReader
-from .clocks import StreamClock
+from .clocks import StreamClock, possible
 from .messages import DAY, NONE, Message, Plot
 from .slices import SectorReport, TurnFinder, Unknown
 
@@ -91,7 +91,10 @@ class RadarState:
         Messages taken and sectors or slices made.
     counts : Counter
         What was left out or bridged, by reason: those of `Assembler` and `StreamClock`, and
-        ``second_source``, messages from another address than the radar's, and ``source_changed``.
+        ``second_source``, messages from another address than the radar's, and ``source_changed``,
+        and ``time_off``, messages whose times are not near to when they were received. Plots of
+        such times are kept as they are, and no message of such a time says how the antenna turns
+        or that time has passed.
     sources : dict of kind to str
         Where the radar's plots (`Plot`) and service messages (`ServiceMessage`) come from, which
         may differ, if it is known.
@@ -116,7 +119,7 @@ class RadarState:
     time_ns: int = 0
     seen: Seen = field(default_factory=Seen)
     site: tuple[float, float, float] | None = None
-    waiting: list[tuple[Message, int]] = field(default_factory=list)
+    waiting: list[tuple[Message, int | None]] = field(default_factory=list)
     _heard_ns: dict[type, int] = field(default_factory=dict)
 
     def belongs(self, kind: type, source: str | None, now_ns: int) -> bool:
@@ -156,7 +159,8 @@ class PlotStream:
     blocks : BlockReader
     counts : Counter
         What was left out of all radars' messages, by reason; that of `blocks`, and
-        ``unknown_radar`` and ``too_many_radars``.
+        ``unknown_radar`` and ``too_many_radars``, and ``receipt_time`` for datagrams with a time of
+        receipt that no stamp can say, which is then unknown.
     radars : dict of number to RadarState
     """
 
@@ -189,16 +193,28 @@ class PlotStream:
         source : str or None
             Where it came from, if that is known.
         """
+        return [each for found in self.work(data, received_ns, source) for each in found]
+
+    def work(
+        self, data: bytes, received_ns: int | None = None, source: str | None = None
+    ) -> Iterator[list[tuple[RadarState, SectorReport]]]:
+        """Yield what is complete by each message of a datagram; parameters are those of `feed`.
+
+        A datagram may have thousands of messages, and what asks for them one by one can do
+        something else in between.
+        """
         self.datagrams += 1
-        found: list[tuple[RadarState, SectorReport]] = []
-        for message in self.blocks.messages(data):
+        if received_ns is not None and not possible(received_ns):
+            self.counts["receipt_time"] += 1
+            received_ns = None
+        for message in self.blocks.read(data):
             state = self.radars.get(message.radar) or self._new(message.radar)
             if state is None:
+                yield []
                 continue
             now_ns = state.time_ns if received_ns is None else received_ns
-            if state.belongs(type(message), source, now_ns):
-                found += self._dated(state, message, received_ns)
-        return found
+            own = state.belongs(type(message), source, now_ns)
+            yield self._dated(state, message, received_ns) if own else []
 
     def finish(self) -> list[tuple[RadarState, SectorReport]]:
         """Return what waits: a recording has ended, or nothing comes any more."""
@@ -215,12 +231,11 @@ class PlotStream:
         period = message.period if isinstance(message, Plot) else DAY
         settles = self.clock.settles(message.radar, message.time_of_day, period, received_ns)
         settles |= len(state.waiting) >= MAX_WAITING
-        if settles and not state.waiting:
-            self.clock.settle(message.radar, state.counts)
-            return self._made(state, self._taken(state, message, received_ns))
-        if received_ns is not None:
+        if not settles:
             state.waiting.append((message, received_ns))
-        return self._settled(message.radar, state) if settles else []
+            return []
+        found = self._settled(message.radar, state)
+        return found + self._made(state, self._taken(state, message, received_ns))
 
     def _settled(self, number: int, state: RadarState) -> list[tuple[RadarState, SectorReport]]:
         """Take the messages that have waited."""
@@ -246,13 +261,22 @@ class PlotStream:
         time_ns = self.clock.time_ns(
             message.radar, message.time_of_day, period, received_ns, judged, state.counts
         )
+        if time_ns is None:
+            return []
         state.time_ns = time_ns
+        believed = self.clock.believes(time_ns, received_ns)
+        state.counts["time_off"] += not believed
         if isinstance(message, Plot):
             state.plots += 1
             state.seen.add(message)
-            return state.assembler.add_plot(message, time_ns)
+            if believed:
+                return state.assembler.add_plot(message, time_ns)
+            state.assembler.keep_plot(message, time_ns)
+            return []
         state.services += 1
         state.site = state.site or message.site
+        if not believed:
+            return []
         return state.assembler.add_service(message, time_ns)
 
     def _new(self, number: int) -> RadarState | None:

@@ -137,6 +137,8 @@ class Slicer:
     def __post_init__(self) -> None:
         self._lateness = Lateness(LATEST_NS, round(LATEST_NS / MARGIN), MEMORY_NS)
         self._pending: list[tuple[int, Plot]] = []
+        # Plots of times that are not believed, which go with the next slice.
+        self._aside: list[tuple[int, Plot]] = []
         # The end of the last slice sent, the latest time that two messages have reached, and the
         # time of the last message.
         self._sent_ns = 0
@@ -161,7 +163,16 @@ class Slicer:
         """Take a plot that came before."""
         insort(self._pending, (time_ns, plot), key=_time_of)
         if len(self._pending) > MAX_PENDING:
-            del self._pending[0]
+            # Those of times far ahead would wait for ever, and take the place of all others.
+            ahead = self._pending[-1][0] > self._latest_ns + SILENCE_NS
+            del self._pending[-1 if ahead else 0]
+            self.counts["overflow"] += 1
+
+    def keep_aside(self, plot: Plot, time_ns: int) -> None:
+        """Take a plot whose time says nothing of slices."""
+        if len(self._aside) < MAX_PENDING:
+            self._aside.append((time_ns, plot))
+        else:
             self.counts["overflow"] += 1
 
     def advance(self, time_ns: int) -> list[SectorReport]:
@@ -191,13 +202,15 @@ class Slicer:
     def finish(self) -> list[SectorReport]:
         """Return the slices of all plots that wait.
 
-        Plots of times far ahead, which nothing else has reached, go with the last one.
+        Plots of times far ahead, which nothing else has reached, and those that were kept aside go
+        with the last one.
         """
         far = bisect_left(self._pending, self._latest_ns + SILENCE_NS, key=_time_of)
         ahead, self._pending = self._pending[far:], self._pending[:far]
         found = []
         while self._pending:
             found.append(self._next())
+        ahead, self._aside = ahead + self._aside, []
         if ahead and not found:
             self._sent_ns = max(self._sent_ns, self._latest_ns) + 1
             found.append(SectorReport(self._sent_ns, None, [], []))
@@ -231,7 +244,8 @@ class Slicer:
         """Return the next slice."""
         end_ns = self._end_ns() or self._sent_ns
         count = bisect_left(self._pending, end_ns, key=_time_of)
-        taken, self._pending = self._pending[:count], self._pending[count:]
+        taken, self._aside = self._pending[:count] + self._aside, []
+        del self._pending[:count]
         self._sent_ns = end_ns
         return SectorReport(end_ns, None, [t for t, _ in taken], [p for _, p in taken])
 

@@ -179,7 +179,7 @@ def _heights(height: float, source: Source) -> dict[str, bytes]:
         return {"130": signed(height, GEOMETRIC_UNIT, 2)}
     level = signed(height, QUARTER_LEVEL, 2)
     # The same with a bit for a correction by the pressure of the day, and so one bit less.
-    quarters = min(max(round(height / QUARTER_LEVEL), -(2**14)), 2**14 - 1)
+    quarters = round(min(max(height / QUARTER_LEVEL, -(2**14)), 2**14 - 1))
     return {"136": level, "135": (quarters & 0x7FFF).to_bytes(2, "big")}
 
 

@@ -18,8 +18,9 @@ from typing import NamedTuple
 from .framing import Datagram
 
 LARGEST = 65_535
-# Datagrams that wait to be read: by the kernel, bytes; and by the node.
-KERNEL_BYTES, MAX_WAITING = 2**22, 10_000
+# Datagrams that wait to be read: by the kernel, bytes; and by the node, bytes and datagrams. It is
+# what ten radars send in five seconds, and the worst that can be sent takes some two to be read.
+KERNEL_BYTES, MAX_BYTES, MAX_WAITING = 2**22, 2**19, 10_000
 # How long a thread that is to end may wait for another datagram, seconds.
 POLL_S = 0.1
 # Linux tells with each datagram how many were lost before it; Python does not name the option.
@@ -144,6 +145,8 @@ class Receiver:
         self, inputs: Sequence[Address], interface: str, arrived: Callable[[], object]
     ) -> None:
         self._waiting: deque[Datagram] = deque()
+        # Each counter is written by one thread alone.
+        self._bytes_in = self._bytes_out = 0
         self._arrived = arrived
         self._selector = selectors.DefaultSelector()
         self._lost_by_kernel: dict[str, int] = {}
@@ -170,11 +173,17 @@ class Receiver:
         """Datagrams that there was no room for."""
         return self._overflow + sum(self._lost_by_kernel.values())
 
-    def take(self) -> list[Datagram]:
-        """Return the datagrams that wait, oldest first."""
-        found = []
-        while self._waiting:
-            found.append(self._waiting.popleft())
+    @property
+    def waiting(self) -> int:
+        """Number of the datagrams that wait."""
+        return len(self._waiting)
+
+    def take(self) -> Datagram | None:
+        """Return the oldest datagram that waits, None if none does."""
+        if not self._waiting:
+            return None
+        found = self._waiting.popleft()
+        self._bytes_out += len(found.data)
         return found
 
     def close(self) -> None:
@@ -203,8 +212,10 @@ class Receiver:
             if (level, kind) == (socket.SOL_SOCKET, SO_RXQ_OVFL):
                 (self._lost_by_kernel[where],) = _COUNT.unpack(value[: _COUNT.size])
         self.received += 1
-        if len(self._waiting) >= MAX_WAITING:
+        held = self._bytes_in - self._bytes_out + len(data)
+        if held > MAX_BYTES or len(self._waiting) >= MAX_WAITING:
             self._overflow += 1
             return
+        self._bytes_in += len(data)
         self._waiting.append(Datagram(data, time.time_ns(), f"{source[0]} to {where}"))
         self._arrived()

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -22,6 +22,16 @@ from .types import Estimates
 
 # Those of one stamp, by the index of their tracker.
 Gathered = Mapping[int, Estimates]
+# Where the number of stamps that wait is bounded, so many targets may wait with each, on average.
+TARGETS_OF_A_STAMP = 100
+
+
+def too_many(waiting: Collection[Gathered], most: int | None) -> bool:
+    """Return whether more stamps wait than are to, or more targets with them; one always may."""
+    if most is None or len(waiting) < 2:
+        return False
+    targets = sum(len(own) for gathered in waiting for own in gathered.values())
+    return len(waiting) > most or targets > most * TARGETS_OF_A_STAMP
 
 
 class Refused(Enum):
@@ -42,10 +52,20 @@ class Gathering:
     longest_delay_s : float
         How much older than the newest of all a stamp may become while it waits for a tracker,
         seconds; infinite for recordings, all of which is there.
+    most_waiting : int or None
+        How many stamps may wait; with more of them, see `too_many`, the oldest no longer waits for
+        its trackers. None for any number.
+
+    Attributes
+    ----------
+    overflow : int
+        How many stamps were closed because too many waited.
     """
 
     trackers: int
     longest_delay_s: float
+    most_waiting: int | None = None
+    overflow: int = field(init=False, default=0)
     _pending: dict[int, dict[int, Estimates]] = field(init=False, default_factory=dict)
     _latest: dict[int, int] = field(init=False, default_factory=dict)
     _interval: dict[int, int] = field(init=False, default_factory=dict)
@@ -116,7 +136,11 @@ class Gathering:
         # The newest is never silent, so that one is waited for at least.
         awaited = [self._latest.get(k) for k in range(self.trackers) if k not in self._silent]
         until = None if None in awaited else min(stamp for stamp in awaited if stamp is not None)
-        return [] if until is None else self._close(until)
+        closed = [] if until is None else self._close(until)
+        while too_many(self._pending.values(), self.most_waiting):
+            self.overflow += 1
+            closed += self._close(min(self._pending))
+        return closed
 
     def close_all(self) -> list[Gathered]:
         """Close all stamps, oldest first."""
@@ -133,6 +157,8 @@ class Gathering:
         is_new = stamp not in self._recent[place : place + 1]
         if is_new and (self._overdue_ns is None or stamp > self._overdue_ns):
             self._recent.insert(place, stamp)
+            if self.most_waiting is not None and len(self._recent) > self.most_waiting:
+                self._recent.pop(0)
         newest, longest_ns = self.newest_ns, self.longest_delay_s * 1e9
         while newest - self._recent[0] > longest_ns:
             self._overdue_ns = self._recent.pop(0)

@@ -53,6 +53,8 @@ class Handover:
     hysteresis: float
     # The number in the joint picture, of each track and of what it is one with.
     _number: dict[Track, int] = field(init=False, default_factory=dict)
+    # The tracks that have a number, one of each tracker at most.
+    _tracks: dict[int, dict[int, Track]] = field(init=False, default_factory=dict)
     _owner: dict[int, int] = field(init=False, default_factory=dict)
     # Stamps in a row: positive together, negative apart.
     _together: dict[tuple[Track, Track], int] = field(init=False, default_factory=dict)
@@ -66,7 +68,7 @@ class Handover:
 
     def forget(self) -> None:
         """Forget all tracks; their numbers are not used again."""
-        self._number, self._owner, self._together = {}, {}, {}
+        self._number, self._tracks, self._owner, self._together = {}, {}, {}, {}
 
     def add(self, said: Mapping[int, Estimates]) -> Estimates:
         """Return the joint estimates of a stamp.
@@ -136,7 +138,7 @@ class Handover:
 
     def _begin(self, track: Track) -> int:
         self._count += 1
-        self._number[track] = self._count
+        self._give(track, self._count)
         return self._count
 
     def _pair(
@@ -189,11 +191,18 @@ class Handover:
         """Give a track a number; another track of its tracker loses it."""
         if self._number.get(track) == joint:
             return
-        others = [own for own, number in self._number.items() if number == joint]
-        for other in others:
-            if other[0] == track[0]:
-                del self._number[other]
+        self._take_number(track)
+        other = self._tracks.get(joint, {}).get(track[0])
+        if other is not None:
+            self._take_number(other)
         self._number[track] = joint
+        self._tracks.setdefault(joint, {})[track[0]] = track
+
+    def _take_number(self, track: Track) -> None:
+        """Take away the number of a track, if it has one."""
+        joint = self._number.pop(track, None)
+        if joint is not None:
+            del self._tracks[joint][track[0]]
 
     def _part(self, mine: Track, theirs: Track) -> None:
         """Leave the number to its owner once two tracks are no longer of one target."""
@@ -201,7 +210,7 @@ class Handover:
         if joint is None or joint != self._number.get(theirs):
             return
         lost = theirs if self._owner.get(joint, mine[0]) == mine[0] else mine
-        del self._number[lost]
+        self._take_number(lost)
 
     def _owned(self, joint: int, depth: Mapping[int, float]) -> int:
         """Return which tracker's estimate is reported, given how deep each one's is."""
@@ -223,8 +232,10 @@ class Handover:
             tracker, number = track
             return tracker not in there or number in there[tracker]
 
-        self._number = {track: joint for track, joint in self._number.items() if stays(track)}
-        alive = set(self._number.values())
+        for track in [track for track in self._number if not stays(track)]:
+            self._take_number(track)
+        self._tracks = {joint: tracks for joint, tracks in self._tracks.items() if tracks}
+        alive = self._tracks.keys()
         self._owner = {joint: owner for joint, owner in self._owner.items() if joint in alive}
         self._together = {
             pair: count for pair, count in self._together.items() if all(map(stays, pair))

@@ -9,6 +9,8 @@ import numpy as np
 
 from .types import Estimates
 
+# Targets of one stamp at most: work and memory grow with them, and with the stamps that wait.
+MOST_TARGETS = 10_000
 # Of a covariance as a correlation: an eigenvalue that is lower than this is no rounding of FLOAT32.
 ROUNDING = -1e-6
 # What matching adds to each axis; half of it belongs to either estimate.
@@ -19,8 +21,11 @@ def why_not(found: Estimates) -> tuple[str, str] | None:
     """Return why estimates cannot be joined: a key to count it by, and words; None if they can.
 
     Tracks must have numbers, each its own. Covariances of positions and velocities must be
-    positive semidefinite, or else no distance between two estimates is defined.
+    positive semidefinite, or else no distance between two estimates is defined. There are
+    `MOST_TARGETS` at most.
     """
+    if len(found) > MOST_TARGETS:
+        return "oversize", f"{len(found)} targets, at most {MOST_TARGETS} are allowed"
     tracks, times = np.unique(found.track_id, return_counts=True)
     if (tracks <= 0).any():
         count = int(times[tracks <= 0].sum())

@@ -13,6 +13,9 @@ from .handover import Track
 # For so long a track that the filter has no more keeps its number for smoothed estimates, and for
 # so long the filtered picture's numbers are kept at most, seconds.
 KEPT_S, FORGOTTEN_S = 60.0, 600.0
+# Tracks at most whose numbers are kept, the latest ones: numbers that change with every stamp would
+# else fill the memory.
+MOST_TRACKS = 50_000
 
 
 @dataclass
@@ -50,7 +53,11 @@ class Numbers:
             track: [spell for spell in spells if spell.last_ns >= oldest_ns]
             for track, spells in self._spells.items()
         }
-        self._spells = {track: spells for track, spells in kept.items() if spells}
+        kept = {track: spells for track, spells in kept.items() if spells}
+        if len(kept) > MOST_TRACKS:
+            latest = sorted(kept, key=lambda track: kept[track][-1].last_ns)[-MOST_TRACKS:]
+            kept = {track: kept[track] for track in latest}
+        self._spells = kept
 
     def at(self, stamp_ns: int) -> dict[Track, int]:
         """Return each track's number at a stamp, or else its next one, or else its last one."""

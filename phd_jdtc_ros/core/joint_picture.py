@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from .gathering import Gathered, Gathering, Refused
+from .gathering import Gathered, Gathering, Refused, too_many
 from .handover import Handover
 from .joint_numbers import Numbers
 from .region import Region
@@ -73,24 +73,31 @@ class JointPicture:
     wait_s : float
         By how much the filtered picture is ahead when smoothed estimates get their numbers,
         seconds.
-    longest_delay_s : float
-        See `Gathering`.
+    longest_delay_s, most_waiting
+        See `Gathering`; as many smoothed stamps wait for their numbers at most.
     """
 
     def __init__(
-        self, regions: Sequence[Region], hysteresis: float, wait_s: float, longest_delay_s: float
+        self,
+        regions: Sequence[Region],
+        hysteresis: float,
+        wait_s: float,
+        longest_delay_s: float,
+        most_waiting: int | None = None,
     ) -> None:
         self._handover = Handover(regions, hysteresis)
         self._trackers = range(len(regions))
         self._wait_ns = round(wait_s * 1e9)
-        self._longest_delay_s = longest_delay_s
+        self._longest_delay_s, self._most_waiting = longest_delay_s, most_waiting
         self._run = self._new_run()
         self._before = self._new_run()
         self._common: deque[bool] = deque(maxlen=LATEST_STAMPS)
+        self._overflow = 0
 
     def _new_run(self) -> _Run:
         count = len(self._trackers)
-        gathered = {source: Gathering(count, self._longest_delay_s) for source in SOURCES}
+        limits = self._longest_delay_s, self._most_waiting
+        gathered = {source: Gathering(count, *limits) for source in SOURCES}
         return _Run(gathered, SeriesOfAll(count), Numbers(self._wait_ns))
 
     @property
@@ -107,6 +114,12 @@ class JointPicture:
     def parted(self) -> int:
         """How many of the latest `LATEST_STAMPS` were of some trackers only, silent ones apart."""
         return self._common.count(False)
+
+    @property
+    def overflow(self) -> int:
+        """How many stamps were closed before they were complete, because too many waited."""
+        gathered = self._run.gathered.values()
+        return self._overflow + sum(one.overflow for one in gathered)
 
     def behind_s(self, tracker: int) -> float:
         """Return how much older a tracker's filtered estimates are than the newest, seconds."""
@@ -179,6 +192,7 @@ class JointPicture:
         over = self._run
         done = self._close_before() + self._filtered(over.gathered[FILTERED].close_all())
         over.reached_ns, over.until_ns = math.inf, until_ns
+        self._overflow += sum(one.overflow for one in over.gathered.values())
         self._before, self._run = over, self._new_run()
         self._handover.forget()
         return done + self._numbered(over)
@@ -238,7 +252,8 @@ class JointPicture:
         done: list[Joint] = []
         while run.smoothed:
             stamp_ns = next(iter(run.smoothed[0].values())).stamp_ns
-            if stamp_ns + self._wait_ns > run.reached_ns:
+            early = stamp_ns + self._wait_ns > run.reached_ns
+            if early and not too_many(run.smoothed, self._most_waiting):
                 break
             gathered = run.series.apart(run.smoothed.pop(0))
             joint = self._handover.numbered(gathered, run.numbers.at(stamp_ns))

@@ -14,6 +14,8 @@ from .types import FULL_TURN
 
 # The antenna is followed from so many plots to the next, seconds apart at least.
 PLOTS, PERIOD_S = 12, 1.0
+# No radar has more plots in that time.
+MOST_PLOTS = 1000
 # Over a gap of more turns nobody knows how often it has turned.
 MOST_TURNS = 3.0
 # An antenna whose turn differs by more from the mean so far was switched to another speed.
@@ -67,8 +69,10 @@ class PlotTurns:
 
     def add(self, azimuth: float, time_ns: int) -> None:
         """Take a plot's azimuth, radians, and its time."""
-        self._waiting.append((time_ns * 1e-9, azimuth))
-        past_s = self._waiting[-1][0] - self._waiting[0][0]
+        time_s = time_ns * 1e-9
+        if len(self._waiting) < MOST_PLOTS:  # of a flood
+            self._waiting.append((time_s, azimuth))
+        past_s = time_s - self._waiting[0][0]
         if len(self._waiting) >= PLOTS and abs(past_s) >= PERIOD_S:
             self.find()
 

@@ -22,8 +22,17 @@ from .types import Estimates
 # Square Mahalanobis distance beyond which two estimates are not of one target: of positions, and of
 # positions with velocities.
 GATE, MOVING_GATE = 16.0, 20.0
-# Of pairs that are no matches; larger than any that is, and finite, as the solver needs it.
+# What leaving out a target costs: more than any sum of square distances within the gates, so that
+# as many are matched as can be.
 _NO_MATCH = 1e6
+# So many targets of the other set, the nearest, are compared with each: two sets of thousands would
+# else have millions of pairs.
+NEIGHBOURS = 32
+# By what targets at one place are told apart in the search of neighbours, metres: without it all of
+# them would be in one leaf of its tree, and compared one by one.
+_SPREAD = 1e-3
+# Added to correlations, so that none is singular by the rounding of single precision.
+_LEAST_EIGENVALUE = 2e-6
 
 
 def matched(one: Estimates, other: Estimates, moving: bool = False) -> tuple[IntArray, IntArray]:
@@ -39,31 +48,64 @@ def matched(one: Estimates, other: Estimates, moving: bool = False) -> tuple[Int
     -------
     tuple of two int arrays
         Rows of the first and of the second, pair by pair. The pairs are those of least total square
-        Mahalanobis distance, by the sum of the covariances, within `GATE` or `MOVING_GATE`.
+        Mahalanobis distance, by the sum of the covariances, within `GATE` or `MOVING_GATE`, of each
+        target with its `NEIGHBOURS` nearest. Time and memory grow with the number of targets.
     """
     # Imported here because only late reports need it, and a live node starts sooner.
-    from scipy.optimize import linear_sum_assignment
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
     if not (len(one) and len(other)):
         none = np.zeros(0, dtype=np.int64)
         return none, none
     gate = MOVING_GATE if moving else GATE
     axes = [*one.space.position, *(one.space.velocity if moving else ())]
-    cost = np.minimum(_square_distance(one, other, axes), _NO_MATCH)
-    rows, columns = linear_sum_assignment(np.where(cost <= gate, cost, _NO_MATCH))
-    near = cost[rows, columns] <= gate
-    return rows[near], columns[near]
+    rows, columns = _neighbours(one, other)
+    cost = _square_distance(one, other, rows, columns, axes)
+    near = cost <= gate
+    # A target may also go with a column of its own, that is with none. Weights of 0 would be none.
+    own = np.arange(len(one))
+    edge = np.concatenate([cost[near], np.full(len(one), _NO_MATCH)]) + 1.0
+    at = np.concatenate([rows[near], own]), np.concatenate([columns[near], len(other) + own])
+    edges = csr_array((edge, at), shape=(len(one), len(other) + len(one)))
+    row, column = min_weight_full_bipartite_matching(edges)
+    pairs = column < len(other)
+    return row[pairs].astype(np.int64), column[pairs].astype(np.int64)
 
 
-def _square_distance(one: Estimates, other: Estimates, axes: list[int]) -> FloatArray:
-    apart = one.state[:, None, axes] - other.state[None, :, axes]
-    spread = one.covariance[:, None] + other.covariance[None]
-    # With a metre, and a metre per second, of slack no covariance is singular.
-    spread = spread[:, :, axes][:, :, :, axes] + np.eye(len(axes))
-    squared: FloatArray = np.einsum(
-        "ijk,ijk->ij", apart, np.linalg.solve(spread, apart[..., None])[..., 0]
+def _neighbours(one: Estimates, other: Estimates) -> tuple[IntArray, IntArray]:
+    """Return each target of the first set with its nearest ones of the second, pair by pair."""
+    from scipy.spatial import KDTree
+
+    query, point = (
+        np.column_stack([own.position, np.linspace(0.0, _SPREAD, len(own))]) for own in (one, other)
     )
-    return squared
+    count = min(NEIGHBOURS, len(other))
+    found = KDTree(point).query(query, k=np.arange(1, count + 1))[1]
+    return np.arange(len(one)).repeat(count), found.ravel().astype(np.int64)
+
+
+def _square_distance(
+    one: Estimates, other: Estimates, rows: IntArray, columns: IntArray, axes: list[int]
+) -> FloatArray:
+    """Return the square Mahalanobis distance of each pair."""
+    apart = one.state[rows][:, axes] - other.state[columns][:, axes]
+    spread = (one.covariance[rows] + other.covariance[columns])[:, axes][:, :, axes]
+    # With a metre, and a metre per second, of slack no small covariance is singular; large ones may
+    # be so wide that the slack is lost in them, and their correlations have some too.
+    spread = spread + np.eye(len(axes))
+    variance = np.einsum("pkk->pk", spread)
+    if not (variance > 0.0).all():
+        raise np.linalg.LinAlgError("covariance: a variance is negative, must be positive")
+    scale = np.sqrt(variance)
+    correlation = spread / (scale[:, :, None] * scale[:, None]) + _LEAST_EIGENVALUE * np.eye(
+        len(axes)
+    )
+    apart = apart / scale
+    squared: FloatArray = np.einsum(
+        "pk,pk->p", apart, np.linalg.solve(correlation, apart[..., None])[..., 0]
+    )
+    return np.maximum(squared, 0.0)
 
 
 def continued(

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import math
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.gathering import Gathering, Refused
+from phd_jdtc_ros.core.gathering import TARGETS_OF_A_STAMP, Gathering, Refused, too_many
 from phd_jdtc_ros.core.types import Estimates
 
 
@@ -145,3 +146,31 @@ def test_what_comes_twice_is_refused_and_a_jump_back_is_known():
     assert gathering.jumps_back(0, 3 * 10**9)
     assert not gathering.jumps_back(1, 3 * 10**9)
     assert not gathering.jumps_back(0, 8 * 10**9)
+
+
+def test_stamps_that_wait_are_bounded_in_number():
+    gathering = Gathering(2, 1e6, most_waiting=5)
+    closed = [add(gathering, 0, stamp) for stamp in range(1, 21)]
+    assert closed == [{}] * 5 + [{stamp: [0]} for stamp in range(1, 16)]
+    assert gathering.overflow == 15
+    assert add(gathering, 1, 3) is Refused.LATE
+    assert add(gathering, 1, 18) == {16: [0], 17: [0], 18: [0, 1]}
+
+
+def test_targets_that_wait_are_bounded_in_number():
+    crowd = np.zeros((3 * TARGETS_OF_A_STAMP, 5))
+    few, many = [at(1)], [at(1), at(2)]
+    crowded = replace(
+        at(1),
+        state=crowd,
+        covariance=np.zeros((len(crowd), 5, 5)),
+        weight=np.zeros(len(crowd)),
+        class_probability=np.ones((len(crowd), 1)),
+        class_id=np.zeros(len(crowd), dtype=int),
+        track_id=np.arange(len(crowd)),
+    )
+    assert not too_many([{0: own} for own in many], 2)
+    assert too_many([{0: own} for own in (*few, crowded)], 2)
+    # One stamp always may wait, whatever it says.
+    assert not too_many([{0: crowded}], 2)
+    assert not too_many([{0: crowded}] * 100, None)

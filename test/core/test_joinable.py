@@ -70,3 +70,9 @@ def test_tracks_without_numbers_cannot():
 def test_two_of_one_number_cannot():
     reason, words = joinable.why_not(replace(estimates([4, 3], GOOD), track_id=np.array([3, 3])))
     assert (reason, words) == ("schema", "track_id 3 is given twice, must be once")
+
+
+def test_more_targets_than_can_be_worked_off_cannot():
+    count = joinable.MOST_TARGETS + 1
+    found = estimates(range(1, count + 1), GOOD)
+    assert joinable.why_not(found)[0] == "oversize"

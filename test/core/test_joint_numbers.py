@@ -1,6 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+from phd_jdtc_ros.core import joint_numbers
 from phd_jdtc_ros.core.joint_numbers import FORGOTTEN_S, Numbers
 
 NS = 10**9
@@ -27,3 +28,11 @@ def test_number_at_a_stamp_is_that_of_its_time():
     late.add(0, {(WEST, 3): 1})
     late.add(9 * NS, {(WEST, 3): 2})
     assert late.at(5 * NS) == {(WEST, 3): 1}
+
+
+def test_numbers_of_tracks_are_bounded(monkeypatch):
+    monkeypatch.setattr(joint_numbers, "MOST_TRACKS", 10)
+    numbers = Numbers(0)
+    for stamp in range(20):
+        numbers.add(stamp, {(0, stamp): stamp})
+    assert numbers.at(19) == {(0, stamp): stamp for stamp in range(10, 20)}

@@ -250,3 +250,18 @@ def test_stamps_that_are_never_common_are_counted():
         picture.add(WEST, FILTERED, estimates(stamp, {7: -30e3}))
     assert picture.silent == {EAST}
     assert picture.parted == 0
+
+
+def test_smoothed_estimates_that_wait_for_the_filtered_picture_are_bounded():
+    picture = JointPicture(REGIONS, 2e3, 8.0, 100.0, most_waiting=5)
+    found = [add(picture, SMOOTHED, stamp, {}, {}) for stamp in range(1, 11)]
+    assert found == [[]] * 5 + [[(SMOOTHED, stamp, [])] for stamp in range(1, 6)]
+
+
+def test_stamps_that_went_out_early_are_counted_over_runs():
+    picture = JointPicture(REGIONS, 2e3, 8.0, 1e6, most_waiting=3)
+    for stamp in range(1, 11):
+        picture.add(WEST, FILTERED, estimates(stamp, {}))
+    assert picture.overflow == 7
+    picture.begin_again()
+    assert picture.overflow == 7

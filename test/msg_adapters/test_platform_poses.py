@@ -46,6 +46,13 @@ def test_an_orientation_that_was_not_filled_in_has_no_yaw(values):
     assert math.isnan(platform_poses.from_msg(message, "map")[1].yaw)
 
 
+@pytest.mark.parametrize("axis", "xyzw")
+@pytest.mark.parametrize("value", [1e300, -1e300, 1e160, 1.7e308, math.inf])
+def test_an_orientation_that_is_absurd_has_no_yaw(axis, value):
+    message = odometry(**{"z": value, "w": value, axis: value})
+    assert math.isnan(platform_poses.from_msg(message, "map")[1].yaw)
+
+
 def test_a_pose_in_another_frame_is_refused():
     with pytest.raises(RejectedMessageError, match="'map', must be the world frame, 'enu'") as why:
         platform_poses.from_msg(odometry(), "enu")

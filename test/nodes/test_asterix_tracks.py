@@ -9,6 +9,7 @@ from asterix_reference import decoded, value
 
 from msg_adapters import point_cloud
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.asterix.messages import NONE
 from phd_jdtc_ros.asterix.tracks_out import Source
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.asterix.tracks import TrackOutput
@@ -18,7 +19,7 @@ T0 = 20_779 * 86_400 * NS
 ORIGIN = [52.0, 4.5, 0.0]
 
 
-def cloud(rows, stamp_ns=T0, heights=False, ages=False):
+def cloud(rows, stamp_ns=T0, heights=False, ages=False, wide=()):
     """Return a cloud of estimates; rows are mappings of fields, the others are zero."""
     names = ["x", "y", "z", "vx", "vy", "vz", "omega", "weight", "track_id", "state"]
     names += [f"cov_{row}{column}" for row in range(5) for column in range(row, 5)]
@@ -35,7 +36,7 @@ def cloud(rows, stamp_ns=T0, heights=False, ages=False):
         )
         for name in names
     }
-    return point_cloud.encode(stamp_ns, "map", columns)
+    return point_cloud.encode(stamp_ns, "map", columns, wide)
 
 
 def output(plane=None, max_prediction_s=10.0):
@@ -182,3 +183,40 @@ def test_cloud_that_has_no_estimates_is_refused_and_changes_nothing():
     with pytest.raises(RejectedMessageError):
         made.take(cloud([{"x": math.nan}]))
     assert [track.number for track in made.reports(T0)] == [5]
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("x", 1.7e308), ("vx", 1e300), ("cov_00", 1e300), ("omega", -1e300)],
+)
+def test_a_cloud_with_absurd_numbers_is_refused(field, value):
+    with pytest.raises(RejectedMessageError, match=f"'{field}' has a value that is not finite"):
+        output().take(cloud([{field: value}], wide={field}))
+
+
+@pytest.mark.parametrize("field", ["z", "vz", "cov_zz", "cov_vzvz"])
+def test_an_absurd_height_is_unknown(field):
+    made = output()
+    made.take(cloud([{"cov_zz": 1.0, "cov_vzvz": 1.0, field: 1e300}], heights=True, wide={field}))
+    (track,) = made.reports(T0)
+    assert math.isnan(track.height)
+
+
+@pytest.mark.parametrize("field", ["code", "address"])
+def test_an_identity_that_is_none_is_unknown(field):
+    made = output()
+    made.take(cloud([{field: 2**31 - 1}], heights=True))
+    (track,) = made.reports(T0)
+    assert getattr(track, field) == NONE
+
+
+def test_more_tracks_than_can_be_sent_are_refused():
+    with pytest.raises(RejectedMessageError, match="at most 10000 are allowed"):
+        output().take(cloud([{}] * 10_001))
+
+
+def test_a_stamp_that_is_none_is_refused():
+    made = cloud([{}])
+    made.header.stamp.nanosec = 2**32 - 1
+    with pytest.raises(RejectedMessageError, match="must be from 0 s"):
+        output().take(made)

@@ -392,7 +392,7 @@ def test_two_trackers_of_one_name_are_one_fault():
     with pytest.raises(ConfigError) as error:
         settings.resolve(given(trackers=["west", "west"]))
     assert error.value.faults == (
-        "trackers: ['west', 'west'] given, must be a list of distinct names",
+        "trackers: ['west', 'west'] given, must be a list of distinct names, at most 50",
     )
 
 

@@ -15,6 +15,7 @@ import pytest
 from msg_adapters import interfaces, names, stamps
 from phd_jdtc_ros.core.types import Estimates
 from robustness import (
+    absurd,
     asterix_bytes,
     bags,
     command,
@@ -23,6 +24,7 @@ from robustness import (
     engines,
     figures,
     forgeries,
+    hostile,
     numerics,
     raw_bytes,
     report,
@@ -48,6 +50,30 @@ def test_a_scan_of_very_many_detections_takes_bounded_time_and_memory_and_spoils
 ):
     with engines.using(engine):
         figure = crowd.measure(10_000, seeds=1)
+    assert figure.reached, (figure.measured, figure.details)
+
+
+@every_engine
+def test_absurd_numbers_in_any_field_of_any_input_end_nothing(engine):
+    with engines.using(engine):
+        figure = absurd.measure()
+    assert figure.reached, (figure.measured, figure.details)
+
+
+@every_engine
+def test_a_repeated_buffer_is_one_target(engine):
+    with engines.using(engine):
+        figure = hostile.measure_repeated()
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_long_lists_of_names_are_told_soon():
+    figure = hostile.measure_names()
+    assert figure.reached, (figure.measured, figure.details)
+
+
+def test_captures_with_forged_times_become_whole_bags():
+    figure = hostile.measure_forged_times()
     assert figure.reached, (figure.measured, figure.details)
 
 

@@ -22,6 +22,10 @@ from ..smc.smoother import DEATH_TERMS
 from .radar_parameters import RADAR
 from .schema import SMALL, Parameter, Value
 
+# Every class has rates of its own, found by a matrix logarithm, and every name has parameters: with
+# many of them a start would take longer than anybody waits to hear what is wrong.
+MOST_RADARS, MOST_CLASSES, MOST_MOTIONS, MOST_BIRTHS = 100, 50, 50, 1000
+
 TOP = (
     Parameter("world_frame", "map", "Frame of the estimates (ENU, metres)."),
     Parameter(
@@ -38,14 +42,28 @@ TOP = (
         ["radar_1", "radar_2"],
         "Names of the radars, in the order of updates.",
         element=str,
+        most=MOST_RADARS,
     ),
-    Parameter("classes", ["class_0", "class_1"], "Names of the target classes.", element=str),
-    Parameter("motions", ["cv", "ct"], "Names of the motion models.", element=str),
+    Parameter(
+        "classes",
+        ["class_0", "class_1"],
+        "Names of the target classes.",
+        element=str,
+        most=MOST_CLASSES,
+    ),
+    Parameter(
+        "motions",
+        ["cv", "ct"],
+        "Names of the motion models.",
+        element=str,
+        most=MOST_MOTIONS,
+    ),
     Parameter(
         "births",
         ["start_1", "start_2", "start_3", "start_4"],
         "Names of the birth terms.",
         element=str,
+        most=MOST_BIRTHS,
     ),
     Parameter(
         "interval_s",

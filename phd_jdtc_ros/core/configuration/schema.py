@@ -43,6 +43,8 @@ class Parameter:
         Required length of a list.
     element : type
         Of a list: float or str.
+    most : int or None
+        How many names a list may have; None for any number.
     words : tuple of str
         Words that are allowed in the place of a number.
     mutable : bool
@@ -58,6 +60,7 @@ class Parameter:
     choices: tuple[str, ...] = ()
     length: int | None = None
     element: type = float
+    most: int | None = None
     words: tuple[str, ...] = ()
     mutable: bool = False
 
@@ -71,7 +74,7 @@ class Parameter:
         if isinstance(self.default, str):
             return "a string"
         if isinstance(self.default, list) and self.element is str:
-            return "a list of distinct names"
+            return "a list of distinct names" + (f", at most {self.most}" if self.most else "")
         noun = "a whole number" if isinstance(self.default, int) else "a finite number"
         if isinstance(self.default, list):
             noun = (
@@ -111,6 +114,8 @@ class Parameter:
 
     def _coerce_list(self, value: Any) -> Value | None:
         if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
+            return None
+        if self.most is not None and len(value) > self.most:
             return None
         entries = list(value)
         if self.length is not None and len(entries) != self.length:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import socket
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -44,6 +44,8 @@ from .tracks import TrackOutput
 
 DEPTH = 50
 INPUT_DEPTH = 10
+# Datagrams are worked off for so long at once, seconds, before the node does something else.
+BUDGET_S = 0.05
 # After so long without a datagram nothing late is expected, seconds.
 QUIET_S = 5.0
 
@@ -64,6 +66,8 @@ class AsterixBridge(LifecycleNode):
         self._warnings = ThrottledWarnings(self.get_logger(), WARNING_PERIOD_S)
         self._stream = self._new_stream()
         self._receiver: Receiver | None = None
+        # What is left of the datagram that was taken last.
+        self._work: Iterator[list[tuple[RadarState, SectorReport]]] = iter(())
         self._sender: socket.socket | None = None
         self._output: TrackOutput | None = None
         self._taken_s = 0.0
@@ -139,6 +143,7 @@ class AsterixBridge(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish what waits, and stop receiving and sending."""
+        self._work = iter(())
         self._finish()
         self._stop()
         return super().on_deactivate(state)
@@ -159,21 +164,32 @@ class AsterixBridge(LifecycleNode):
     def _stop(self) -> None:
         if self._receiver is not None:
             self._receiver.close()
-            self._dropped["lost"] += self._receiver.lost
-            self._receiver = None
+            self._dropped["lost"] += self._receiver.lost + self._receiver.waiting
+            self._receiver, self._work = None, iter(())
         if self._sender is not None:
             self._sender.close()
             self._sender = None
 
     def _take(self) -> None:
-        """Publish what is complete by what was received."""
-        if self._receiver is None:
-            return
-        for data, received_ns, source in self._receiver.take():
-            self._heard_s = time.monotonic()
-            known_ns = None if self._values["replayed"] else received_ns
-            for state, report in self._stream.feed(data, known_ns, source):
+        """Publish what is complete by what was received, for `BUDGET_S` at most.
+
+        A flood would else keep the node from everything else, and from being stopped.
+        """
+        until_s = time.monotonic() + BUDGET_S
+        while self._receiver is not None:
+            found = next(self._work, None)
+            if found is None:
+                received = self._receiver.take()
+                if received is None:
+                    return
+                self._heard_s = time.monotonic()
+                known_ns = None if self._values["replayed"] else received.received_ns
+                self._work = self._stream.work(received.data, known_ns, received.source)
+            for state, report in found or ():
                 self._publish(state, report)
+            if time.monotonic() > until_s:
+                self._arrived.trigger()
+                return
 
     def _look(self) -> None:
         """Publish what waits once nothing comes any more."""

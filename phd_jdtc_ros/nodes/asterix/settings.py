@@ -14,7 +14,7 @@ from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.asterix.assembly import LEARNED
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.columns import AMPLITUDES
-from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarSettings
+from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.tracks_out import Source
 from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
 from phd_jdtc_ros.core.plot_turns import PlotTurns
@@ -24,6 +24,8 @@ from ..common.parameters import check, with_members
 from .tracks import TrackOutput
 
 # What each radar may have of its own; the same without a radar's name is for all.
+# Each is a socket and has a buffer.
+MOST_INPUTS = 64
 OF_ANY_RADAR = (
     Parameter(
         "sectors",
@@ -85,6 +87,7 @@ IN = (
         "Names of the radars, each with its sac and sic; all others are left out. If empty every "
         "radar is taken, as radar_SAC_SIC.",
         element=str,
+        most=MAX_RADARS,
     ),
     *OF_ANY_RADAR,
     Parameter(
@@ -140,6 +143,7 @@ OF_NODE = (
         "What to receive: addresses of this machine or of multicast groups, with ports; empty for "
         "nothing.",
         element=str,
+        most=MOST_INPUTS,
     ),
     Parameter(
         "interface",

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import identities, point_cloud, stamps
+from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix import tracks_out
-from phd_jdtc_ros.asterix.messages import NONE
 from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
 from phd_jdtc_ros.core.site import Plane
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED
@@ -24,6 +24,8 @@ from phd_jdtc_ros.core.types import COASTING, CONFIRMED
 # Turns and climbs below these are none, rad/s and m/s (300 ft/min); and a turn is one only if it
 # is so many deviations.
 LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
+# Tracks that are sent at once: each is a message of its own.
+MOST_TRACKS = 10_000
 # Numbers of tracks in ASTERIX.
 TRACK_NUMBERS = 2**16
 _FLOATS = (
@@ -40,7 +42,7 @@ _FLOATS = (
     "cov_44",
 )
 _VERTICAL = ("z", "vz", "cov_zz", "cov_vzvz")
-_IDENTITIES = ("code", "address")
+_IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
 _AGES = ("age_psr", "age_ssr", "age_mds")
 FloatArray = npt.NDArray[np.float64]
 
@@ -88,7 +90,7 @@ class TrackOutput:
             If it is no such cloud.
         """
         columns = _columns(cloud)
-        stamp_ns = stamps.to_ns(cloud.header.stamp)
+        stamp_ns = stamps.of_header(cloud.header)
         if stamp_ns < self.stamp_ns:  # of a new run, which uses the same numbers for other tracks
             again = set(columns["track_id"].tolist())
             ended = {n: track for n, track in self._reported.items() if n not in again}
@@ -167,7 +169,11 @@ class TrackOutput:
 
 
 def _columns(cloud: PointCloud2) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a cloud's tracks that have a number; unknown ones as NaN and `NONE`."""
+    """Return the columns of a cloud's tracks that have a number; unknown is NaN or `UNKNOWN`."""
+    if cloud.width * cloud.height > MOST_TRACKS:
+        raise RejectedMessageError(
+            "oversize", f"{cloud.width * cloud.height} tracks, at most {MOST_TRACKS} are allowed"
+        )
     there = set(point_cloud.field_names(cloud))
     aged = all(name in there for name in _AGES)
     floats = [*_FLOATS, *(_VERTICAL if "cov_zz" in there else ()), *(_AGES if aged else ())]
@@ -179,12 +185,12 @@ def _columns(cloud: PointCloud2) -> dict[str, npt.NDArray[Any]]:
     found.setdefault("state", np.full(size, CONFIRMED))
     for name in (*_VERTICAL, *_AGES):
         found.setdefault(name, np.full(size, math.nan))
-    unknown = ~np.isfinite(found["cov_zz"])
+    known = np.all([point_cloud.finite(found[name]) for name in _VERTICAL], axis=0)
     for name in _VERTICAL:
-        found[name] = np.where(unknown, math.nan, found[name])
-    for name in _IDENTITIES:
-        column = found.get(name, np.full(size, identities.NONE)).astype(np.int64)
-        found[name] = np.where(column == identities.NONE, NONE, column)
+        found[name] = np.where(known, found[name], math.nan)
+    for name, numbers in _IDENTITIES.items():
+        column = found.get(name, np.full(size, identities.NONE)).astype(np.float64)
+        found[name], _ = identities.read(column, np.ones(size, dtype=bool), numbers)
     labelled = found["track_id"] > 0
     return {name: column[labelled] for name, column in found.items()}
 

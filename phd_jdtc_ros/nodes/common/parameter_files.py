@@ -114,7 +114,8 @@ def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
     ConfigError
         With the faults of all files.
     """
-    found, faults = [], []
+    found: list[ParameterFile] = []
+    faults: list[str] = []
     for path in _paths(argv):
         try:
             file = read(path)

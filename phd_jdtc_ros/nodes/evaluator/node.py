@@ -36,6 +36,7 @@ from msg_adapters import (
     truth,
 )
 from msg_adapters.errors import RejectedMessageError, quoted
+from phd_jdtc_ros.core.configuration.parameters import MOST_CLASSES
 from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet, ScanScore
@@ -59,12 +60,15 @@ LINGER_S = 0.5
 # Bounds of the memory of a node that may run for months: scans that a late cloud may belong to, and
 # step times.
 KEPT_SCANS, KEPT_STEPS = 1000, 100_000
+# Targets of a stamp: all distances between the true and the estimated ones are formed, and the best
+# assignment of 2000 takes a second.
+MOST_TARGETS = 2000
 
 TABLE = (
     Parameter("tracker", names.TRACKER, "Full name of the tracker node."),
     Parameter("truth_topic", names.TRUTH, "Topic of the truth."),
     Parameter("world_frame", "map", "Frame of the truth and of the estimates."),
-    Parameter("classes", 2, "Number of target classes.", 1, 1000),
+    Parameter("classes", 2, "Number of target classes.", 1, MOST_CLASSES),
     Parameter(
         "class_names",
         [],
@@ -253,6 +257,7 @@ class Evaluator(Node):
             found = read(cloud)
             self._check_frame(cloud.header.frame_id)
             self._check_classes(found)
+            _check_size(found)
         except RejectedMessageError as error:
             self._coverage.refused[topic] += 1
             self._warn(f"{topic}: {error}")
@@ -342,6 +347,14 @@ class Evaluator(Node):
 
     def _warn(self, text: str) -> None:
         self.get_logger().warning(text, throttle_duration_sec=WARNING_PERIOD_S)
+
+
+def _check_size(found: Truth | Estimates) -> None:
+    """Refuse more targets than can be compared: memory and time grow with the square and worse."""
+    if len(found.class_id) > MOST_TARGETS:
+        raise RejectedMessageError(
+            "oversize", f"{len(found.class_id)} targets, at most {MOST_TARGETS} are allowed"
+        )
 
 
 def _class_names(values: Mapping[str, Any]) -> tuple[str, ...]:

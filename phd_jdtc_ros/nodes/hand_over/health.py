@@ -127,6 +127,7 @@ def of_picture(
     handed_over: int,
     parted: int,
     alive: Sequence[str],
+    overflow: int = 0,
 ) -> DiagnosticStatus:
     """Return the status of the joint picture.
 
@@ -141,8 +142,16 @@ def of_picture(
         How many of the latest `LATEST_STAMPS` were of some trackers only, silent ones apart.
     alive : sequence of str
         Names of the trackers that are heard and in the picture.
+    overflow : int
+        How many stamps went out before they were complete, because too many waited.
     """
-    values = {**published, "tracks": tracks, "handed_over": handed_over, "parted_stamps": parted}
+    values = {
+        **published,
+        "tracks": tracks,
+        "handed_over": handed_over,
+        "parted_stamps": parted,
+        "stamps_overflow": overflow,
+    }
     level = DiagnosticStatus.WARN
     if not published:
         text = "nothing published"

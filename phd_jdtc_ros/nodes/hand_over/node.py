@@ -32,6 +32,8 @@ from ..common.throttled import ThrottledWarnings
 from . import health, settings
 
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
+# Stamps that may wait for another tracker: ten minutes, the longest delay, at two a second.
+MOST_WAITING = 1200
 
 
 class HandOver(Node):
@@ -53,12 +55,13 @@ class HandOver(Node):
             self._settings.hysteresis,
             values["smoothed_wait_s"],
             limit_s,
+            MOST_WAITING,
         )
         self._heard = [health.Heard(limit_s) for _ in self._settings.names]
         self._silent: frozenset[int] = frozenset()
         self._classes: int | None = None
         self._published: Counter[str] = Counter()
-        self._tracks = 0
+        self._tracks = self._overflow = 0
         self._seen = Seen()
         self._outputs = {
             source: self.create_publisher(PointCloud2, f"~/{source}/estimates", _qos())
@@ -107,6 +110,10 @@ class HandOver(Node):
             heard.refuse(done.value)
         else:
             self._publish(done)
+        if self._picture.overflow > self._overflow:
+            self._overflow = self._picture.overflow
+            text = "stamps went out without all trackers, because too many waited for them"
+            self._warnings.warn("overflow", f"{self._overflow} {text}")
         self._log_silent()
 
     def _is_left_ahead(self, stamp_ns: int) -> bool:
@@ -200,9 +207,7 @@ class HandOver(Node):
             if tracker not in picture.silent and not self._heard[tracker].is_quiet(now_s)
         ]
         found.append(
-            health.of_picture(
-                node, self._published, self._tracks, picture.handed_over, picture.parted, alive
-            )
+            health.of_picture(node, self._published, self._tracks, picture, alive, self._seen)
         )
         return found
 

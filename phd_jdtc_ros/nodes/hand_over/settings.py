@@ -21,6 +21,8 @@ HYSTERESIS = 0.2
 SMOOTHED_WAIT_S = 8.0
 # Bound of all waiting, seconds.
 LONGEST_S = 600.0
+# Each pair of them is compared, here and at every stamp.
+MOST_TRACKERS = 50
 
 TRACKER = (
     Parameter("node", "", "Full name of the tracker's node; /NAME/tracker if empty."),
@@ -37,6 +39,7 @@ TABLE = (
         [],
         "Names of the trackers that part the area, two or more, each with its region.",
         element=str,
+        most=MOST_TRACKERS,
     ),
     Parameter(
         "hysteresis",

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: Apache-2.0
 
 import math
+import time
 
 import numpy as np
 import pytest
 from scenes import plain
 
 from phd_jdtc_ros.core.configuration import build
+from phd_jdtc_ros.core.configuration.parameters import MOST_CLASSES
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engines import new_engine, particle_filter
 from phd_jdtc_ros.core.models import amplitude_density
@@ -390,3 +392,28 @@ def test_radars_on_one_platform_share_its_topic():
     assert config.carried == {"/ship": [0, 1]}
     assert all(config.platforms())
     assert build.resolve({}).platforms() == (None, None)
+
+
+@pytest.mark.parametrize("group", ["classes", "motions", "births", "radars"])
+@pytest.mark.parametrize("count", [300, 3000])
+def test_resolve_tells_of_too_many_names_at_once(group, count):
+    begin_s = time.process_time()
+    try:
+        build.resolve({group: [f"n{index}" for index in range(count)]})
+        faults = ()
+    except ConfigError as error:
+        faults = error.faults
+    assert time.process_time() - begin_s < 2.0
+    # Births are cheap, and a grid of places may have hundreds.
+    assert bool(faults) == ((group, count) != ("births", 300))
+    assert all(", at most" in fault for fault in faults)
+
+
+def test_resolve_takes_as_many_classes_as_there_may_be_each_with_its_own_matrix():
+    names = [f"n{index}" for index in range(MOST_CLASSES)]
+    given = {"classes": names, "births": [], "detection_births.rates": [0.01] * len(names)}
+    for index, name in enumerate(names):
+        stays = 0.95 - 0.005 * index
+        given[f"{name}.mode_transition"] = [stays, 1.0 - stays, 1.0 - stays, stays]
+    given |= {"spawn.rate": 0.0, "spawn.class_transition": [], "spawn.mode_transition": []}
+    assert len(build.resolve(given).model.modes.classes) == MOST_CLASSES

@@ -1,0 +1,332 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Numbers that are finite and absurd, in every numeric field of every message that is read.
+
+Python raises an error where the square of 1e300 is taken, and NumPy makes it infinite. Neither may
+end a node, nor go out again. So does no stamp that none can be.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2, PointField
+
+from msg_adapters import (
+    detections,
+    diagnostics,
+    estimates,
+    interfaces,
+    names,
+    platform_poses,
+    point_cloud,
+    truth,
+)
+from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.core import joinable
+from phd_jdtc_ros.core.evaluation.evaluation import Evaluation, PointSet
+from phd_jdtc_ros.core.joint_picture import JointPicture
+from phd_jdtc_ros.core.pipeline import Event, Pipeline, Stepped, new_pipeline
+from phd_jdtc_ros.core.poses import Mount, Platform, PoseTrack
+from phd_jdtc_ros.core.region import Region
+from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.types import (
+    SENSORS,
+    SOURCES,
+    Attributes,
+    Detections,
+    Estimates,
+    Pose,
+    Truth,
+)
+from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.nodes.asterix.tracks import TrackOutput
+from phd_jdtc_ros.tools import params_file, tracker_params
+
+from . import engines
+from .figures import Figure, measured_or_why
+
+NAME = "numbers that are finite and absurd"
+GOAL = "in every numeric field of every input: 0 errors, 0 NaN"
+NS = 10**9
+START_NS = 1_700_000_000 * NS
+VALUES = (1e300, -1e300, 1.7e308, 1e160, 1e154, 3.4e38, 1e20, -1e9, 1e-40, 5e-324)
+WHOLE = (0, 2**31 - 1, 2**31, 2**32 - 1)
+SECONDS, NANOSECONDS = (-(2**31), -1, 0, 2**31 - 1), (0, NS, 2**32 - 1)
+PROFILE = Path(__file__).parents[1] / "config" / "air_traffic.yaml"
+INTERVAL_S = 4.0
+# The fields of a radar that says all that one may say.
+FIELDS = {
+    "time": "time",
+    "height": "height",
+    "code": "code",
+    "address": "address",
+    "kind": "kind",
+    "range_std": "range_std",
+    "azimuth_std": "azimuth_std",
+    "range_rate": "range_rate",
+    "range_rate_std": "range_rate_std",
+}
+REGIONS = (Region(-1e5, -1e5, 0.0, 1e5, 1e4), Region(0.0, -1e5, 1e5, 1e5, 1e4))
+_CODES = {PointField.FLOAT32: "f8", PointField.FLOAT64: "f8", PointField.UINT32: "u4"}
+
+
+def measure() -> Figure:
+    """Read every spoiled message, and make of it what a node does."""
+    return measured_or_why(NAME, GOAL, _measure)
+
+
+def _measure() -> tuple[str, bool, Mapping[str, Any]]:
+    outcomes: Counter[str] = Counter()
+    wrong: dict[str, str] = {}
+    for what, use in cases():
+        fault = outcome(use)
+        outcomes[fault and "wrong"] += 1
+        if fault:
+            wrong[what] = fault
+    text = f"{outcomes.total():,} messages: {len(wrong)} end with an error or NaN"
+    if wrong:
+        text += f", such as {next(iter(wrong.items()))}"
+    return text, not wrong, {"messages": outcomes.total(), "wrong": wrong}
+
+
+def outcome(use: Callable[[], None]) -> str:
+    """Return what is wrong with what becomes of a message; empty if nothing is."""
+    try:
+        with np.errstate(all="ignore"):
+            use()
+    except RejectedMessageError:
+        pass
+    except Exception as error:  # any of them would end a node
+        return f"{type(error).__name__}: {error}"[:200]
+    return ""
+
+
+def cases() -> Iterator[tuple[str, Callable[[], None]]]:
+    """Yield each message in words, and what is done with it."""
+    yield from _of_poses()
+    yield from _of_radars()
+    clouds = ((_hand_over, "hand_over"), (_to_asterix, "asterix"), (_evaluate, "evaluator"))
+    for use, name in clouds:
+        for what, cloud in spoiled(estimates.to_msg(_estimates(START_NS), "map")):
+            yield f"estimates to {name}: {what}", partial(use, cloud)
+    for what, cloud in spoiled(truth.to_msg(_truth(START_NS), "map")):
+        yield f"truth: {what}", partial(_evaluate_truth, cloud)
+
+
+def spoiled(cloud: PointCloud2) -> Iterator[tuple[str, PointCloud2]]:
+    """Yield a cloud with each value in each field of its first point, and with each stamp."""
+    codes = [_CODES.get(field.datatype, "u1") for field in cloud.fields]
+    wanted = {field.name: [*point_cloud.FLOATS, "u4", "u1"] for field in cloud.fields}
+    columns = point_cloud.decode(cloud, wanted)
+    for (name, column), code in zip(columns.items(), codes, strict=True):
+        for value in VALUES if code == "f8" else WHOLE:
+            if code == "u1":
+                continue
+            changed = column.astype(code)
+            changed[0] = value
+            yield f"{name} {value:g}", _cloud(cloud, {**columns, name: changed}, name)
+    for sec in SECONDS:
+        for nanosec in NANOSECONDS:
+            stamped = interfaces.decode(interfaces.encode(cloud), names.CLOUD)
+            stamped.header.stamp.sec, stamped.header.stamp.nanosec = sec, nanosec
+            yield f"stamp {sec} s {nanosec} ns", stamped
+
+
+def _cloud(cloud: PointCloud2, columns: Mapping[str, Any], wide: str) -> PointCloud2:
+    found = point_cloud.encode(START_NS, cloud.header.frame_id, columns, {wide})
+    found.header = cloud.header
+    return found
+
+
+def _of_poses() -> Iterator[tuple[str, Callable[[], None]]]:
+    """Yield poses of every kind with each value in each numeric field of position and direction."""
+    for kind, type_name in platform_poses.TYPES.items():
+        data = platform_poses.to_cdr(Pose((1.0, 2.0), 0.3), START_NS, "map", kind)
+        for part in ("position", "orientation"):
+            for axis in "xyzw"[: 4 if part == "orientation" else 3]:
+                for value in VALUES:
+                    message = interfaces.decode(data, type_name)
+                    pose = message.pose.pose if kind == "odometry" else message.pose
+                    setattr(getattr(pose, part), axis, value)
+                    yield f"{kind}: {part}.{axis} {value:g}", partial(_carry, message)
+        for sec in SECONDS:
+            for nanosec in NANOSECONDS:
+                message = interfaces.decode(data, type_name)
+                message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+                yield f"{kind}: stamp {sec} s {nanosec} ns", partial(_carry, message)
+
+
+def _carry(message: Any) -> None:
+    """Place a radar's detections by a pose."""
+    stamp_ns, pose = platform_poses.from_msg(message, "map")
+    track = PoseTrack(max_speed=1e6)
+    track.add(stamp_ns - NS, Pose((0.0, 0.0), 0.0))
+    track.add(stamp_ns, pose)
+    seen = Detections(np.array([[100.0, 0.1]]), None, np.array([0.01]))
+    placed, _ = Platform(track, Mount((1.0, 1.0), 0.1)).posed(stamp_ns, seen)
+    if placed is not None:
+        _require_finite(placed.measurement)
+
+
+def _require_finite(*arrays: Any) -> None:
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise ValueError("a number that is not finite goes out")
+
+
+def _of_radars() -> Iterator[tuple[str, Callable[[], None]]]:
+    """Yield clouds of a radar that says all that one may say, in one run of the tracker."""
+    values = params_file.load(PROFILE)
+    values |= {f"approach.fields.{what}": name for what, name in FIELDS.items()}
+    values |= {"approach.range_rate_std": 2.0, "engine": engines.chosen(), "lag_s": INTERVAL_S}
+    config = tracker_params.config(values)
+    pipeline, rng = new_pipeline(config), np.random.default_rng(0)
+    radar, scan = config.inputs[0], 0
+
+    def use(cloud: PointCloud2) -> None:
+        report = detections.from_msg(cloud, radar)
+        _step(pipeline, pipeline.add(0, report.stamp_ns, report.detections, report.sector))
+
+    def plots() -> PointCloud2:
+        nonlocal scan
+        scan += 1
+        return _plots(rng, START_NS + round(scan * INTERVAL_S * NS), radar.frame)
+
+    for _ in range(3):
+        yield "radar: as usual", partial(use, plots())
+    every = [what for what, _ in spoiled(plots())]
+    # Those of absurd stamps come last: they end the run.
+    for what in sorted(every, key=lambda what: what.startswith("stamp")):
+        yield f"radar: {what}", partial(use, dict(spoiled(plots()))[what])
+    yield "radar: the end", lambda: _step(pipeline, pipeline.flush())
+
+
+def _plots(rng: np.random.Generator, stamp_ns: int, frame: str) -> PointCloud2:
+    """Return the plots of a turn; the first one is spoiled, and others go on as usual."""
+    count = 6
+    azimuth = np.sort(rng.uniform(0.0, 2.0 * np.pi, count))
+    columns = {
+        "range": rng.uniform(5e3, 5e4, count),
+        "azimuth": azimuth,
+        "time": INTERVAL_S * (azimuth / (2.0 * np.pi) - 1.0),
+        "height": rng.uniform(0.0, 3e3, count),
+        "code": rng.uniform(0.0, 4096.0, count).round(),
+        "address": rng.uniform(1.0, 9999.0, count).round(),
+        "kind": np.full(count, 3.0),
+        "range_std": np.full(count, 30.0),
+        "azimuth_std": np.full(count, 2e-3),
+        "range_rate": rng.uniform(-50.0, 50.0, count),
+        "range_rate_std": np.full(count, 2.0),
+    }
+    return point_cloud.encode(stamp_ns, frame, columns, columns)
+
+
+def _step(pipeline: Pipeline, events: Iterator[Event] | Rejection) -> None:
+    """Step the tracker, and see that what goes out is finite."""
+    if isinstance(events, Rejection):
+        return
+    for event in events:
+        step = event.step if isinstance(event, Stepped) else None
+        told = event.smoothed if step is None else (*step.filtered, *step.smoothed)
+        for own in told:
+            _publish(own)
+
+
+def _publish(found: Estimates) -> None:
+    _require_finite(found.state, found.covariance, found.weight)
+    interfaces.encode(estimates.to_msg(found, "map"))
+
+
+def _estimates(stamp_ns: int) -> Estimates:
+    """Return three tracks, one on either side of a seam and one at it."""
+    state = np.array([[1e3, 9e1, 2e3, 5.0, 0.0], [5e4, -9e1, 2e3, 5.0, 0.01], [-3e4, 0, 1, 2, 0]])
+    count = len(state)
+    known = Attributes(
+        np.tile([1e3, 1.0], (count, 1)),
+        np.tile(np.eye(2), (count, 1, 1)),
+        np.array([0o1234, 0o5, 0o7000]),
+        np.arange(1, count + 1),
+        np.full((count, len(SENSORS)), stamp_ns - NS),
+    )
+    return Estimates(
+        stamp_ns=stamp_ns,
+        lag=0,
+        state=state,
+        covariance=np.tile(np.diag([1e2, 1e1, 1e2, 1e1, 1e-4]), (count, 1, 1)),
+        weight=np.ones(count),
+        class_probability=np.full((count, 2), 0.5),
+        class_id=np.zeros(count, dtype=np.int64),
+        track_id=np.arange(1, count + 1),
+        track_state=np.ones(count, dtype=np.int64),
+        attributes=known,
+    )
+
+
+def _truth(stamp_ns: int) -> Truth:
+    found = _estimates(stamp_ns)
+    height = np.ones((len(found), 2))
+    return Truth(stamp_ns, found.state, found.track_id, found.class_id, height=height)
+
+
+def _hand_over(cloud: PointCloud2) -> None:
+    """Join the estimates of two trackers, one of which sends a spoiled cloud."""
+    found = estimates.from_msg(cloud)
+    if joinable.why_not(found) is not None:
+        return
+    picture = JointPicture(REGIONS, 2e3, 0.0, 5.0)
+    done = []
+    for scan in range(4):
+        usual = _estimates(found.stamp_ns + round((scan - 1) * INTERVAL_S * NS))
+        if usual.stamp_ns < 0 or usual.stamp_ns >= 2**31 * NS:
+            continue
+        for source in SOURCES:
+            for tracker in range(2):
+                own = found if scan == 1 and not tracker else usual
+                joined = picture.add(tracker, source, own)
+                done += joined if isinstance(joined, list) else []
+    for _, joint in [*done, *picture.close_all()]:
+        _publish(joint)
+
+
+def _to_asterix(cloud: PointCloud2) -> None:
+    """Send a spoiled cloud's tracks as ASTERIX, with places on the earth and without."""
+    for plane in (None, SystemPlane([50.0, 8.0, 100.0])):
+        output = TrackOutput(Source(1, 2), plane, 30.0)
+        for each in (cloud, estimates.to_msg(_estimates(START_NS + NS), "map")):
+            output.take(each)
+            for ahead_s in (0, 1):
+                output.datagrams(output.stamp_ns + ahead_s * NS)
+
+
+def _evaluate(cloud: PointCloud2) -> None:
+    found = estimates.from_msg(cloud)
+    _score(found.stamp_ns, PointSet.of(_truth(found.stamp_ns)), PointSet.of(found))
+
+
+def _evaluate_truth(cloud: PointCloud2) -> None:
+    found = truth.from_msg(cloud)
+    _score(found.stamp_ns, PointSet.of(found), PointSet.of(_estimates(found.stamp_ns)))
+
+
+def _score(stamp_ns: int, targets: PointSet, told: PointSet) -> None:
+    """Score a stamp between two usual ones; of other classes than there are, the node refuses."""
+    if max(targets.class_id.max(), told.class_id.max()) > 1:
+        return
+    evaluation = Evaluation(2, 1000.0, 2.0, 1000)
+    usual = PointSet.of(_truth(START_NS)), PointSet.of(_estimates(START_NS))
+    scans = ((stamp_ns - 4 * NS, *usual), (stamp_ns, targets, told), (stamp_ns + 4 * NS, *usual))
+    for each_ns, true, own in scans:
+        scores = evaluation.add_truth(each_ns, true)
+        for source in SOURCES:
+            scores += evaluation.add_estimates(source, each_ns, own)
+        for score in scores:
+            diagnostics.score_to_msg(score, 1000.0, 2.0)
+    json.dumps(evaluation.summary(), allow_nan=False)

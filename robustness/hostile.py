@@ -1,0 +1,260 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Work that grows faster than what somebody sends: seams, repeated buffers, names, forged times.
+
+What uses memory is a process of its own (``python -m robustness.hostile SPREAD``), which prints
+the CPU time, s, and the memory, MB, that it took in addition to what it had before.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from phd_jdtc_ros.nodes.asterix.turning import PlotTurns
+
+from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
+from phd_jdtc_ros.asterix import pcap_out, plots_out
+from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
+from phd_jdtc_ros.asterix.plot_stream import PlotStream
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.handover import Handover
+from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
+from phd_jdtc_ros.core.region import Region
+from phd_jdtc_ros.core.types import Detections, Estimates
+from phd_jdtc_ros.nodes.asterix import settings
+from phd_jdtc_ros.tools import asterix_in, params_file, tracker_params
+
+from . import engines
+from .figures import Figure, in_own_process, measured_or_why
+
+NS = 10**9
+DAY_NS = 20_779 * 86_400 * NS
+REGIONS = (Region(-1e5, -1e5, 0.0, 1e5, 1e4), Region(0.0, -1e5, 1e5, 1e5, 1e4))
+TARGETS = 3000
+COPIES, COPIED, SCANS = 500, range(5, 8), 32
+NAMES = 3000
+PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
+RADAR, ROTATION_S, SECTORS, FORGED = 0x0101, 4.0, 32, 500
+
+
+def measure_seam() -> Figure:
+    """Join two trackers with very many targets where their margins overlap."""
+    goal = f"{TARGETS} + {TARGETS} in the margins: 0.5 s of CPU a stamp, 256 MB"
+    return measured_or_why("targets at the seam of hand_over", goal, _measure_seam)
+
+
+def _measure_seam() -> tuple[str, bool, Mapping[str, Any]]:
+    found = {
+        spread: in_own_process("robustness.hostile", str(spread)) for spread in (9000.0, 300.0, 0.0)
+    }
+    step_s = max(each["step_s"] for each in found.values())
+    memory_mb = max(each["memory_mb"] for each in found.values())
+    text = f"{step_s:.2f} s of CPU a stamp, +{memory_mb:.0f} MB"
+    details = {f"within {spread:g} m": each for spread, each in found.items()}
+    return text, step_s <= 0.5 and memory_mb <= 256.0, details
+
+
+def _join(spread: float) -> dict[str, float]:
+    """Return the most CPU time of a stamp, and the memory that a few of them take."""
+    rng = np.random.default_rng(0)
+    place = rng.uniform(-spread, spread, (TARGETS, 2))
+    handover = Handover(REGIONS, 2e3)
+    # What SciPy loads the first time is no work on targets.
+    handover.add({k: _tracks(0, place[:2]) for k in range(2)})
+    before, step_s = _peak_mb(), 0.0
+    for stamp in range(1, 5):
+        said = {k: _tracks(stamp, place + rng.normal(0.0, 20.0, place.shape)) for k in range(2)}
+        begin_s = time.process_time()
+        handover.add(said)
+        step_s = max(step_s, time.process_time() - begin_s)
+    return {"step_s": step_s, "memory_mb": _peak_mb() - before}
+
+
+def _peak_mb() -> float:
+    # The kernel's own figure of a process is at first that of the one which started it.
+    text = Path("/proc/self/status").read_text()
+    return int(text.partition("VmHWM:")[2].split()[0]) / 1024.0
+
+
+def _tracks(stamp: int, place: np.ndarray[Any, Any]) -> Estimates:
+    count = len(place)
+    state = np.zeros((count, 5))
+    state[:, [0, 2]] = place
+    return Estimates(
+        stamp_ns=stamp * NS,
+        lag=0,
+        state=state,
+        covariance=np.tile(np.diag([2500.0, 1.0, 2500.0, 1.0, 1e-6]), (count, 1, 1)),
+        weight=np.ones(count),
+        class_probability=np.ones((count, 1)),
+        class_id=np.zeros(count, dtype=np.int64),
+        track_id=np.arange(1, count + 1),
+    )
+
+
+def measure_repeated() -> Figure:
+    """Track a target whose radar's driver sends its buffer many times in some scans."""
+    goal = f"{len(COPIED)} scans of {COPIES} copies: 1 target, never lost, every copy counted"
+    return measured_or_why("identical detections", goal, _measure_repeated)
+
+
+def _measure_repeated() -> tuple[str, bool, Mapping[str, Any]]:
+    given = params_file.load(PROFILE)
+    of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
+    engine = engines.chosen()
+    config = tracker_params.config({**of_one, "radars": ["radar_1"], "engine": engine})
+    pipeline, targets, counted = new_pipeline(config), [], 0
+    for scan in range(SCANS):
+        copies = COPIES if scan in COPIED else 1
+        seen = Detections(np.tile([5e3, 0.5], (copies, 1)), np.full(copies, 20.0))
+        stamp_ns = DAY_NS + round(scan * config.model.modes.interval_s * NS)
+        report = from_msg(to_msg(seen, stamp_ns, ""), OWN_LAYOUT)
+        counted += report.doubts["detections_repeated"]
+        for event in pipeline.add(0, report.stamp_ns, report.detections):
+            if isinstance(event, Stepped):
+                targets += [len(own) for own in event.step.filtered]
+    late = targets[min(COPIED) - 1 :]
+    lost = sum(count == 0 for count in late)
+    wanted = len(COPIED) * (COPIES - 1)
+    text = (
+        f"{max(targets)} targets, {lost} scans of {len(late)} without, {counted:,} copies counted"
+    )
+    reached = max(targets) == 1 and not lost and counted == wanted
+    return text, reached, {"targets": targets, "counted": counted}
+
+
+def measure_names() -> Figure:
+    """Give lists of very many names; what is wrong with them must be told soon."""
+    goal = f"{NAMES} in each list: told, or accepted, within 2 s of CPU"
+    return measured_or_why("long lists of names", goal, _measure_names)
+
+
+def _measure_names() -> tuple[str, bool, Mapping[str, Any]]:
+    seconds = {}
+    for group in ("classes", "motions", "births", "radars", "shared_codes"):
+        for with_sections in (False, True):
+            names = [f"n{index}" for index in range(NAMES)]
+            given: dict[str, Any] = {group: names}
+            if with_sections:
+                given |= {f"{name}.motions": ["cv"] for name in names}
+            begin_s = time.process_time()
+            try:
+                tracker_params.config(given)
+                told = "accepted"
+            except ConfigError as error:
+                told = error.faults[0][:60]
+            key = f"{group}{' with sections' * with_sections}: {told}"
+            seconds[key] = time.process_time() - begin_s
+    longest_s = max(seconds.values())
+    return f"{longest_s:.2f} s", longest_s <= 2.0, {"seconds": seconds}
+
+
+def measure_forged_times() -> Figure:
+    """Read captures with forged times of records and of plots."""
+    goal = "a whole bag, all real plots used, the true turn, no empty sector more, counted"
+    return measured_or_why("captures with forged times", goal, _measure_forged_times)
+
+
+def _measure_forged_times() -> tuple[str, bool, Mapping[str, Any]]:
+    wrong = _forged_record_times()
+    found = {}
+    for name, (crossings, sector, times_ns) in _forgeries().items():
+        stream = PlotStream({}, finders=PlotTurns)
+        empty = 0
+        for data, received_ns in _forged(crossings, sector, times_ns):
+            empty += sum(not report.plots for _, report in stream.feed(data, received_ns))
+        (state,) = stream.radars.values()
+        turn_s, off = state.assembler.turn_s, state.counts["time_off"]
+        found[name] = {"empty": empty, "turn_s": turn_s, "off": off}
+        if abs(turn_s / ROTATION_S - 1.0) > 0.01 or empty or off != FORGED:
+            wrong[name] = str(found[name])
+    text = f"{len(found) + 1} captures: {len(wrong)} wrong"
+    if wrong:
+        text += f", such as {next(iter(wrong.items()))}"
+    return text, not wrong, {"wrong": wrong, **found}
+
+
+def _forged_record_times() -> dict[str, str]:
+    """Return what is wrong with the bag of a capture with the times 0 and 2^32-1 of records."""
+    times_ns = [0, (2**32 - 1) * NS]
+    line, count = pcap_out.Line(), 3 * SECTORS
+    packets = [
+        pcap_out.packet(times_ns[k % 2] if k < 4 else _at(k), _good(_at(k), k, True), line)
+        for k in range(count)
+    ]
+    with tempfile.TemporaryDirectory() as directory:
+        path, out = Path(directory) / "forged.pcap", Path(directory) / "bag"
+        path.write_bytes(pcap_out.header() + b"".join(packets))
+        try:
+            done = asterix_in.convert(path, out, settings.resolve({}), None, ())
+        except Exception as error:  # any but an error of the recording would end with a traceback
+            return {"times of records": f"{type(error).__name__}: {error}"}
+        clouds = sum(1 for _ in BagReader(out).messages([settings.topic_of("radar_1_1")]))
+    counted = done.stream.counts["receipt_time"]
+    if done.plots != 2 * count or clouds != done.clouds or counted != 2:
+        return {"times of records": f"{done.plots} plots, {clouds} clouds, {counted} counted"}
+    return {}
+
+
+def _forgeries() -> Mapping[str, tuple[bool, int, Sequence[int]]]:
+    """Return forged plots: whether the radar sends crossings, after which sector, their times."""
+    rng = np.random.default_rng(0)
+    found = {}
+    for crossings in (True, False):
+        for sector in (0, 20 * SECTORS):
+            now_ns = _at(sector)
+            rising = [now_ns - (3600 + 7 * (FORGED - k)) * NS for k in range(FORGED)]
+            anyhow = [now_ns - round(1e9 * off) for off in rng.uniform(60.0, 4e4, FORGED)]
+            for order, times_ns in (("rising", rising), ("any", anyhow)):
+                what = f"{order} times of plots, crossings {crossings}, sector {sector}"
+                found[what] = crossings, sector, times_ns
+    return found
+
+
+def _forged(crossings: bool, sector: int, times_ns: Sequence[int]) -> Iterator[tuple[bytes, int]]:
+    """Yield the datagrams of a radar, with forged ones after a sector, and when they come."""
+    azimuths = np.random.default_rng(1).uniform(0.0, 2.0 * math.pi, len(times_ns))
+    for k in range(40 * SECTORS):
+        yield _good(_at(k), k, crossings), _at(k)
+        if k == sector:
+            for time_ns, azimuth in zip(times_ns, azimuths.tolist(), strict=True):
+                yield plots_out.plot_blocks([(time_ns, _plot(azimuth))])[0], _at(k)
+
+
+def _at(sector: int) -> int:
+    """Return when the antenna has passed a sector, counted on over the turns."""
+    return DAY_NS + 36_000 * NS + round(sector / SECTORS * ROTATION_S * NS)
+
+
+def _good(time_ns: int, sector: int, crossings: bool) -> bytes:
+    """Return what a radar sends of a sector: two plots, and perhaps the crossing."""
+    azimuth = sector / SECTORS * 2.0 * math.pi
+    plots = [(time_ns - 10**7 * k, _plot(azimuth - 0.05 * k)) for k in (1, 2)]
+    crossing = plots_out.service_block(RADAR, time_ns, azimuth % (2.0 * math.pi), 0.0)
+    return b"".join([*plots_out.plot_blocks(plots), *([crossing] if crossings else [])])
+
+
+def _plot(azimuth: float) -> Plot:
+    unknown = math.nan
+    turned = azimuth % (2.0 * math.pi)
+    return Plot(RADAR, NONE, DAY, 5e4, turned, unknown, NONE, NONE, 1, unknown, unknown)
+
+
+def main(argv: Sequence[str]) -> int:
+    """Print the figures of targets at a seam that are spread so far, metres, as JSON."""
+    print(json.dumps(_join(float(argv[0]))))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
