@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import sys
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,8 @@ from .parameter_files import ParameterFile
 
 # Parameters that rclpy declares for itself.
 _OWN = ("use_sim_time", "start_type_description_service")
+# What the names of launch's temporary files of parameters begin with.
+_OF_LAUNCH = "launch_params_"
 
 
 def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
@@ -55,9 +58,18 @@ def is_ours(name: str) -> bool:
 
 
 def sources(node: Node, files: Sequence[ParameterFile]) -> list[Path]:
-    """Return the files that set parameters of the node, other than those of every node."""
+    """Return the users' files that set parameters of the node, other than those of every node."""
     values = _values_in(files, node)
-    return [file.path for file, own in zip(files, values, strict=True) if any(map(is_ours, own))]
+    return [
+        file.path
+        for file, own in zip(files, values, strict=True)
+        if any(map(is_ours, own)) and not _by_launch(file.path)
+    ]
+
+
+def _by_launch(path: Path) -> bool:
+    """Return whether launch wrote a file, of parameters that are values in a launch file."""
+    return path.parent == Path(tempfile.gettempdir()) and path.name.startswith(_OF_LAUNCH)
 
 
 def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
