@@ -143,6 +143,23 @@ def test_second_publisher_in_the_graph_is_a_warning_for_it_may_be_a_killed_one()
     assert diagnostics.values_of(found)["publishers"] == "2"
 
 
+def test_silence_does_not_hide_that_there_are_several_publishers():
+    found = status(radar(1.0), 110.0, heard=TWO)
+    assert found.level == STALE
+    assert found.message.startswith("silent for 10.0 s; 2 publishers listed on /north/plots, must")
+
+
+def test_what_came_during_a_pause_is_neither_lost_nor_an_interval():
+    health = radar(1.0)
+    health.pause()
+    assert status(health, 200.0).message == "nothing received yet"
+    health.arrived(200.0, 70, 0.0)
+    health.rhythm.beat(200.0)
+    assert (health.gaps, health.rhythm.interval_s) == (0, 1.0)
+    health.arrived(201.0, 73, 0.0)
+    assert health.gaps == 2
+
+
 def test_publishers_that_send_in_turns_are_an_error_whatever_the_graph_says():
     health = radar(1.0)
     for k in range(4):

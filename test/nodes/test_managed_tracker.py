@@ -18,6 +18,7 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -195,7 +196,7 @@ def test_missed_deadline_is_counted(processes, peer):
     assert int(diagnostics.values_of(line(group, "radar_1"))["deadlines_missed"]) > 0
 
 
-def test_gaps_in_the_publishers_numbers_are_counted(processes, peer):
+def test_messages_while_the_tracker_was_inactive_are_not_lost(processes, peer):
     start(processes, qos=())
     group = connected(peer)
     group.track(0)
@@ -205,7 +206,27 @@ def test_gaps_in_the_publishers_numbers_are_counted(processes, peer):
     peer.meet(times=10)
     assert change(peer, Transition.TRANSITION_ACTIVATE)
     group.track(5)
-    assert diagnostics.values_of(line(group, "radar_1"))["gaps"] == "4"
+    values = diagnostics.values_of(line(group, "radar_1"))
+    assert (values["received"], values["gaps"]) == ("2", "0")
+
+
+def test_wrong_topic_is_told_with_those_that_there_are(processes, peer):
+    tracker = start(processes, "-p", "radar_2.topic:=/plots")
+    group = Radars(peer)
+    other = peer.publisher(String, "/plots")
+    assert wait_for_level(group, "radar_2", DiagnosticStatus.ERROR)
+    assert line(group, "radar_2").message == (
+        "/plots is published as std_msgs/msg/String, must be sensor_msgs/msg/PointCloud2"
+    )
+    peer.node.destroy_publisher(other)
+    assert wait_for_level(group, "radar_2", DiagnosticStatus.STALE)
+    told = (
+        "nothing received yet; nobody publishes on /plots; sensor_msgs/msg/PointCloud2 is on "
+        "/radar_2/detections"
+    )
+    # Its own outputs are of that type too, and the first radar has its topic.
+    assert line(group, "radar_2").message == told
+    assert peer.spin_until(lambda: told in tracker.log.read_text())
 
 
 def test_diagnostics_show_a_radars_topic_after_remapping(processes, peer):

@@ -112,10 +112,13 @@ class Publishers:
         One identifier per publisher.
     incompatible : tuple of str
         One reason per publisher whose QoS prevents receiving from it.
+    hint : str
+        What there is instead of publishers of the type, in words; empty if there are some.
     """
 
     identities: frozenset[Hashable]
     incompatible: tuple[str, ...] = ()
+    hint: str = ""
 
 
 @dataclass
@@ -173,6 +176,12 @@ class InputHealth:
                 self.losses.add(now_s, lost, share > WORKING_SHARE)
         self._heard_s, self._worked_s = now_s, worked_s
 
+    def pause(self) -> None:
+        """Let the next message begin a new series: what came meanwhile was not to be received."""
+        self._numbering.pause()
+        self.rhythm.pause()
+        self._heard_s = None
+
     @property
     def gaps(self) -> int:
         """Number of lost messages, as far as messages are numbered."""
@@ -222,15 +231,23 @@ class InputHealth:
             return DiagnosticStatus.ERROR, f"incompatible QoS on {self.topic}: " + "; ".join(
                 publishers.incompatible
             )
-        if self._heard_s is None:
-            return DiagnosticStatus.STALE, "nothing received yet"
-        if silent:
-            return DiagnosticStatus.STALE, f"silent for {now_s - self._heard_s:.1f} s"
+        if publishers.identities and publishers.hint:
+            return DiagnosticStatus.ERROR, publishers.hint
+        several = ""
         if len(publishers.identities) > 1:
-            return DiagnosticStatus.WARN, (
+            several = (
                 f"{len(publishers.identities)} publishers listed on {self.topic}, must be one; "
                 "a killed one disappears by itself"
             )
+        if silent:
+            quiet = "nothing received yet"
+            if self._heard_s is not None:
+                quiet = f"silent for {now_s - self._heard_s:.1f} s"
+            return DiagnosticStatus.STALE, "; ".join(
+                filter(None, (quiet, several, publishers.hint))
+            )
+        if several:
+            return DiagnosticStatus.WARN, several
         if self._doubt_s is not None and now_s - self._doubt_s < WARNING_MEMORY_S:
             return DiagnosticStatus.WARN, self._doubt
         lost = self.losses.recent(now_s)

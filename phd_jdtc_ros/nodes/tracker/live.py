@@ -121,7 +121,8 @@ class LiveTracker:
         self._outputs.destroy()
 
     def start(self) -> None:
-        """Process the radars' messages from now on."""
+        """Process the radars' messages from now on; those before are not counted in any way."""
+        self._inputs.pause()
         self._active = True
 
     def stop(self) -> int:

@@ -26,6 +26,7 @@ from phd_jdtc_ros.exit_status import USAGE, faults_of
 
 from ..common import arguments, parameters, runtime, transitions
 from ..common.parameter_files import ParameterFile
+from ..common.status_log import StatusLog
 from . import endpoints, manager_bond, settings
 from .live import LiveTracker
 from .manager_bond import ManagerBond
@@ -61,6 +62,7 @@ class Tracker(LifecycleNode):
         self._fault: Exception | None = None
         self._summary = "never configured"
         self._shown: tuple[Any, float] = (None, 0.0)
+        self._log = StatusLog(self.get_logger())
         self._health = self.create_publisher(
             DiagnosticArray, "/diagnostics", endpoints.output_qos()
         )
@@ -126,6 +128,7 @@ class Tracker(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Track from now on."""
         done = super().on_activate(state)
+        self._log.forget()
         self._live.start()
         self.get_logger().info(self._what_is_tracked())
         # One that starts by itself has no manager that would wait for a bond.
@@ -277,8 +280,11 @@ class Tracker(LifecycleNode):
         self._shown = state, now
         if self._live is not None:
             self._live.improve()
+        statuses = self._statuses()
+        if self._phase == "active":
+            self._log.take(statuses)
         stamp_ns = self.get_clock().now().nanoseconds
-        self._health.publish(diagnostics.array(stamp_ns, self._statuses()))
+        self._health.publish(diagnostics.array(stamp_ns, statuses))
 
     def _statuses(self) -> list[DiagnosticStatus]:
         if self._phase == "active":
