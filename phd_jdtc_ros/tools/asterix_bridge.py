@@ -37,8 +37,7 @@ def main(argv: Sequence[str]) -> int:
         path = Path(arguments.source)
         if path.is_file() and path.suffix != ".mcap":
             return _to_bag(path, arguments, settings.resolve(given))
-        _to_asterix(resources.bag(arguments.source), arguments, given)
-        return OK
+        return _to_asterix(resources.bag(arguments.source), arguments, given)
 
     return command.guarded(NAME, work)
 
@@ -54,7 +53,7 @@ def _to_bag(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) 
     return CORRUPT if faults else OK
 
 
-def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, object]) -> None:
+def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, object]) -> int:
     bag = BagReader(path)
     recorded = bag_parameters.read(path) or {}
     config = tracker_params.config(recorded)
@@ -76,6 +75,13 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
         f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
         f"{done.clouds} clouds; dropped: {dropped or 'none'}"
     )
+    if done.used >= asterix_in.LEAST_USED:
+        return OK
+    print(
+        f"{NAME}: {path}: {done.used:.0%} of its clouds could be used; dropped: {dropped}",
+        file=sys.stderr,
+    )
+    return CORRUPT
 
 
 def _parser() -> ArgumentParser:

@@ -43,8 +43,11 @@ class Written:
     what : str
         Of the records, in the plural.
     records, blocks, clouds : int
+        Written, and the clouds that they are of.
     dropped : Counter
         Clouds that were left out, by reason, and ``range``: plots farther away than CAT048 can say.
+    offered : int
+        Clouds, those left out too.
     """
 
     what: str
@@ -52,6 +55,12 @@ class Written:
     blocks: int = 0
     clouds: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
+    offered: int = 0
+
+    @property
+    def used(self) -> float:
+        """Share of the bag's clouds that were used; 1 of none."""
+        return self.clouds / self.offered if self.offered else 1.0
 
 
 def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
@@ -109,6 +118,7 @@ def write_tracks(
                 due_ns += period_ns
                 if due_ns - output.stamp_ns > last_ns:
                     due_ns = -(-entry.stamp_ns // period_ns) * period_ns
+            done.offered += 1
             try:
                 output.take(interfaces.decode(entry.data, names.CLOUD))
             except RejectedMessageError as error:
@@ -177,16 +187,17 @@ class _Radar:
     def blocks(self, bag: BagReader, done: Written) -> Iterator[tuple[int, bytes]]:
         """Yield time and bytes of data blocks, in the order in which the radar would send them."""
         for entry in bag.messages([self._input.topic]):
+            done.offered += 1
             try:
                 report = reader_of(self._input).from_cdr(entry.data, self._input)
             except RejectedMessageError as error:
                 done.dropped[error.reason] += 1
                 continue
-            done.clouds += 1
             pieces = self._turns.split(report.stamp_ns, report.detections, report.sector)
             if isinstance(pieces, Rejection):
                 done.dropped[pieces.value] += 1
                 continue
+            done.clouds += 1
             for stamp_ns, piece in pieces:
                 plots = self._plots(stamp_ns, piece)
                 near = [entry for entry in plots if entry[1].distance <= plots_out.FARTHEST]

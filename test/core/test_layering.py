@@ -111,15 +111,16 @@ PARTS = {
     "exit_status": ("bags", "core"),
     "yaml_files": ("core",),
     "resources": ("bags", "core"),
-    "report": ("bags", "core", "earth", "msg_adapters"),
-    "study": ("core", "report"),
+    "output_files": ("core",),
+    "report": ("bags", "core", "earth", "msg_adapters", "output_files"),
+    "study": ("core", "output_files", "report"),
     "nodes": (
-        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "report"),
-        *("resources", "yaml_files"),
+        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "output_files"),
+        *("report", "resources", "yaml_files"),
     ),
     "tools": (
-        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "nodes", "report"),
-        *("resources", "study", "yaml_files"),
+        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "nodes"),
+        *("output_files", "report", "resources", "study", "yaml_files"),
     ),
 }
 
