@@ -40,7 +40,7 @@ plane that targets are tracked in.
 
 `biases` are what a radar's measurements are off by: they are removed before all of this.
 `registration` finds them from targets that several radars see, and `tuning` finds the other
-numbers of a configuration, both in recordings.
+numbers of a configuration, both in recordings. `innovations` tells live that the noise is wrong.
 
 `engine` is the interface of all engines, and `engines` creates one by its name. `configuration`
 turns parameters into models and settings. `region` is the part of an area that a tracker is for,

@@ -27,6 +27,7 @@ from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.innovations import InnovationMonitor
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
 from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.scans import Rejection
@@ -75,6 +76,7 @@ class OfflineTracker:
         self._overdue = 0
         self._without_amplitude: set[int] = set()
         self._doubts: list[Counter[str]] = [Counter() for _ in config.inputs]
+        self._innovations = InnovationMonitor(config.model)
 
     def add(self, entry: BagMessage) -> None:
         """Process one recorded message of a radar, or a pose of what carries one."""
@@ -142,6 +144,10 @@ class OfflineTracker:
                 yield doubts.no_amplitude(radar)
             for doubt in doubts.of(radar, self._doubts[index]):
                 yield f"{radar.topic}: {doubt}"
+        for radar, fit in zip(self._config.inputs, self._innovations.fits(), strict=True):
+            wrong = doubts.of_noise(fit)
+            if wrong is not None:
+                yield f"{radar.topic}: {wrong}"
         if self._overdue and not self._targets_seen:
             yield doubts.nothing_reported(self._overdue)
 
@@ -149,10 +155,12 @@ class OfflineTracker:
         for event in events:
             if isinstance(event, RunEnded):
                 self._write_estimates(SMOOTHED, event.smoothed)
+                self._innovations.forget_tracks()
                 continue
             self.scans += 1
             self._last_ns = event.scan.stamp_ns
             self._targets_seen |= event.step.targets > 0
+            self._innovations.stepped(event.scan, event.step.filtered)
             self._overdue = event.overdue or self._overdue
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)

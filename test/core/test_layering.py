@@ -58,6 +58,7 @@ ROOMS = {
     "joint_picture": (
         *("gathering", "handover", "joint_numbers", "region", "track_series", "types"),
     ),
+    "innovations": ("arrays", "models", "types"),
     "handover": ("arrays", "region", "renumbering", "reporting", "types"),
     "watch": ("arrays", "engine", "sectors", "types"),
     "association": (*BASE, *KERNELS),

@@ -4,12 +4,14 @@
 import re
 from collections import Counter
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics
 from phd_jdtc_ros.core.configuration.parameters import TOP
 from phd_jdtc_ros.core.engines import ENGINES
+from phd_jdtc_ros.core.innovations import Fit
 from phd_jdtc_ros.nodes.tracker.health import (
     LEASE_S,
     WARNING_MEMORY_S,
@@ -134,6 +136,20 @@ def test_doubts_are_counted_and_a_warning_for_a_while():
     values = diagnostics.values_of(found)
     assert (values["azimuths_beyond_a_turn"], values["time_missing"]) == ("7", "1")
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
+
+
+def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
+    health = radar(60.0)
+    health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), larger=True)
+    found = status(health)
+    assert found.level == WARN
+    assert found.message.startswith("innovations are 30 times larger than the noise says (ranges")
+    values = diagnostics.values_of(found)
+    assert (values["range_innovation"], values["azimuth_innovation"]) == ("40.0", "1.5")
+    health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), smaller=True)
+    assert status(health).message.startswith("innovations are 5 times smaller than")
+    health.fit = health.fit._replace(smaller=False)
+    assert status(health).level == OK
 
 
 def test_second_publisher_in_the_graph_is_a_warning_for_it_may_be_a_killed_one():

@@ -229,6 +229,23 @@ def test_wrong_topic_is_told_with_those_that_there_are(processes, peer):
     assert peer.spin_until(lambda: told in tracker.log.read_text())
 
 
+def test_noise_that_is_set_much_too_large_is_told(processes, peer):
+    wide = {"range_std": 3000.0, "azimuth_std_deg": 10.0}
+    start(processes, *options(**{f"radar_{k}.{n}": v for k in (1, 2) for n, v in wide.items()}))
+    group = connected(peer)
+
+    def told():
+        statuses = [s for message in group.health for s in message.status]
+        return any(" times smaller than the noise says" in s.message for s in statuses)
+
+    for index in range(len(SCANS)):
+        group.track(index)
+        # Reports once a second, of a radar that is not silent meanwhile.
+        if index > 30 and peer.spin_until(told, 0.2):
+            break
+    assert told()
+
+
 def test_diagnostics_show_a_radars_topic_after_remapping(processes, peer):
     start(processes, "-r", f"{DETECTIONS}:=/drivers/north/plots")
     group = Radars(peer)

@@ -17,6 +17,7 @@ from types import MappingProxyType
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics, doubts, names
+from phd_jdtc_ros.core.innovations import Fit
 
 from ..common.sequence_numbers import SequenceNumbers
 
@@ -136,6 +137,8 @@ class InputHealth:
     Attributes
     ----------
     losses : Losses
+    fit : Fit or None
+        How the radar's innovations compare with its noise, if that is known.
     """
 
     name: str
@@ -147,6 +150,7 @@ class InputHealth:
     doubts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     losses: Losses = field(default_factory=Losses)
+    fit: Fit | None = None
     _heard_s: float | None = None
     _worked_s: float = 0.0
     _numbering: SequenceNumbers = field(default_factory=SequenceNumbers)
@@ -262,6 +266,9 @@ class InputHealth:
             )
         if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
             return DiagnosticStatus.WARN, "input was dropped or missed its deadline"
+        wrong = None if self.fit is None else doubts.of_noise(self.fit)
+        if wrong is not None:
+            return DiagnosticStatus.WARN, wrong
         return DiagnosticStatus.OK, "receiving"
 
     def _shared(self, now_s: float, silent: bool) -> bool:
@@ -301,6 +308,9 @@ class InputHealth:
             **{f"dropped_{reason}": count for reason, count in sorted(self.dropped.items())},
         }
         values |= dict(sorted(self.doubts.items()))
+        if self.fit is not None and self.fit.seen:
+            ranges, azimuths = map(float, self.fit.axes)
+            values |= {"range_innovation": ranges, "azimuth_innovation": azimuths}
         return diagnostics.status(
             names.health(self.name, node), values, level, text, names.hardware(self.name, node)
         )
