@@ -13,7 +13,13 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from live_radars import FAST, RELIABLE, SCANS, Radars
 from nav_msgs.msg import Odometry, Path
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+)
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -469,14 +475,39 @@ def test_single_parameters_are_set_and_refused_one_by_one(processes, peer):
     ]
 
 
-def test_parameters_are_described_ranged_and_read_only_where_they_are_structure(processes, peer):
+def test_own_parameters_given_again_are_no_change(processes, peer):
+    """As by ``ros2 param load`` of what ``ros2 param dump`` has written."""
+    tracker = start(processes)
+    assert peer.spin_until(lambda: state(peer) == "active")
+    names = peer.call(ListParameters, "/tracker/list_parameters").result.names
+    values = peer.call(
+        GetParameters, "/tracker/get_parameters", GetParameters.Request(names=names)
+    ).values
+    own = [ParameterMessage(name=n, value=v) for n, v in zip(names, values, strict=True)]
+    threshold = next(p for p in own if p.name == "confirm_probability")
+    threshold.value.double_value = 0.875
+    request = SetParameters.Request(parameters=own)
+    results = peer.call(SetParameters, "/tracker/set_parameters", request).results
+    refused = [p.name for p, result in zip(own, results, strict=True) if not result.successful]
+    # What rclpy declares for itself is read-only.
+    assert all(name.startswith(("qos_overrides.", "start_type")) for name in refused), refused
+    assert len(own) > 50
+    assert peer.spin_until(lambda: "changed: " in tracker.log.read_text())
+    (line,) = [row for row in tracker.log.read_text().splitlines() if "changed: " in row]
+    assert line.endswith("changed: confirm_probability 0.875")
+
+
+def test_parameters_are_described_ranged_and_say_when_structure_may_change(processes, peer):
     start(processes)
     assert peer.spin_until(lambda: state(peer) == "active")
     asked = ["confirm_probability", "lag", "publish_path"]
     request = DescribeParameters.Request(names=asked)
     reply = peer.call(DescribeParameters, "/tracker/describe_parameters", request)
     threshold, lag, path = reply.descriptors
-    assert [d.read_only for d in reply.descriptors] == [False, True, True]
+    assert not any(d.read_only for d in reply.descriptors)
+    when = "; changes while the node is not configured"
+    told = [d.additional_constraints.endswith(when) for d in reply.descriptors]
+    assert told == [False, True, True]
     assert (threshold.floating_point_range[0].to_value, lag.integer_range[0].to_value) == (1.0, 100)
     assert path.description == "Publish ~/tracks/path, one message per track."
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -91,10 +92,15 @@ def declare(
     values: Mapping[str, Any],
     mutable: frozenset[str] = frozenset(),
 ) -> None:
-    """Declare checked values with descriptions and ranges, read-only unless in `mutable`."""
+    """Declare checked values with descriptions and ranges, read-only unless in `mutable`.
+
+    Of these the node itself refuses some while it runs; their descriptions say it.
+    """
     for name, parameter in table.items():
         descriptor = _descriptor(parameter, values[name])
         descriptor.read_only = name not in mutable
+        if not (parameter.mutable or descriptor.read_only):
+            descriptor.additional_constraints += "; changes while the node is not configured"
         node.declare_parameter(name, values[name], descriptor, ignore_override=True)
 
 
@@ -121,13 +127,15 @@ def redeclare(
     declare(node, new, values, frozenset(new))
 
 
-def set_read_only(node: Node, names: Iterable[str], read_only: bool) -> None:
-    """Set whether parameters may change.
-
-    rclpy lets nobody replace the descriptor of a read-only parameter, but gives out its own one.
-    """
-    for name in names:
-        node.describe_parameter(name).read_only = read_only
+def same(given: Any, value: Any) -> bool:
+    """Return whether a value from a message is what a parameter has; whole numbers may be real."""
+    if isinstance(value, list):
+        # An empty list has no type, and arrives as None.
+        found = [] if given is None else given
+        if not isinstance(found, (list, tuple, array)):
+            return False
+        return len(found) == len(value) and all(map(same, found, value))
+    return isinstance(given, bool) == isinstance(value, bool) and bool(given == value)
 
 
 def with_members(

@@ -39,6 +39,9 @@ DEFAULT_PROFILE = "defaults"
 WATCH_PERIOD_S = 0.1
 
 
+_DONE = SetParametersResult(successful=True)
+
+
 class Tracker(LifecycleNode):
     """The tracker as a lifecycle node.
 
@@ -117,7 +120,6 @@ class Tracker(LifecycleNode):
             self._fault = error
             self.get_logger().error("not configured: " + "\n".join(faults_of(error)))
             return TransitionCallbackReturn.FAILURE
-        parameters.set_read_only(self, self._structure(), True)
         model = self._settings.config.model
         if not model.births and not model.detection_births.enabled:
             self.get_logger().warning(
@@ -187,11 +189,6 @@ class Tracker(LifecycleNode):
             self._summary = self._live.summary()
             self._live.destroy()
             self._live = None
-            parameters.set_read_only(self, self._structure(), False)
-
-    def _structure(self) -> frozenset[str]:
-        """Return the parameters that may change only while the tracker is not configured."""
-        return frozenset(self._settings.table) - self._settings.mutable
 
     def set_parameters_atomically(
         self, parameter_list: list[rclpy.Parameter]
@@ -204,9 +201,15 @@ class Tracker(LifecycleNode):
         """
         table = self._values
         others = [p for p in parameter_list if p.name not in table and self.has_parameter(p.name)]
-        changes = {p.name: p.value for p in parameter_list if p not in others}
+        given = {p.name: p.value for p in parameter_list if p not in others}
+        # What a file repeats, as of the node's own dump, is no change. 2 and 2.0 are one number.
+        changes = {
+            name: value
+            for name, value in given.items()
+            if name not in table or not parameters.same(value, table[name])
+        }
         if not changes:
-            return super().set_parameters_atomically(parameter_list)
+            return super().set_parameters_atomically(others) if others else _DONE
         if self._live is None:
             return self._edit(others, changes)
         try:
