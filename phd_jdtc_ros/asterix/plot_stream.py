@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from .assembly import LEARNED, Assembler
 from .blocks import BlockReader
+from .call_signs import CallSigns
 from .clocks import StreamClock
 from .messages import DAY, NONE, Message, Plot
 from .slices import SectorReport, TurnFinder, Unknown
@@ -158,6 +159,8 @@ class PlotStream:
         What was left out of all radars' messages, by reason; that of `blocks`, and
         ``unknown_radar`` and ``too_many_radars``.
     radars : dict of number to RadarState
+    call_signs : CallSigns
+        Of all plots.
     """
 
     def __init__(
@@ -175,6 +178,7 @@ class PlotStream:
         self._others = others or RadarSettings("")
         self._named = bool(radars)
         self.datagrams = 0
+        self.call_signs = CallSigns()
 
     def feed(
         self, data: bytes, received_ns: int | None = None, source: str | None = None
@@ -250,6 +254,7 @@ class PlotStream:
         if isinstance(message, Plot):
             state.plots += 1
             state.seen.add(message)
+            self.call_signs.take(message.address, message.call_sign)
             return state.assembler.add_plot(message, time_ns)
         state.services += 1
         state.site = state.site or message.site

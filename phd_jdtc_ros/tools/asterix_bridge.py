@@ -68,8 +68,8 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
             print("where the radar stands is not known: tracks have no latitudes and longitudes")
         bridge = settings.resolve({**origin, **given})
         topic = names.estimates(arguments.estimates)
-        alone = len(config.inputs) == 1
-        done = asterix_out.write_tracks(bag, arguments.out, bridge, topic, alone)
+        radars = [radar.topic for radar in config.inputs]
+        done = asterix_out.write_tracks(bag, arguments.out, bridge, topic, radars)
     dropped = ", ".join(f"{reason} {count}" for reason, count in sorted((+done.dropped).items()))
     print(
         f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "

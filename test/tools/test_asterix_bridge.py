@@ -294,6 +294,31 @@ targets:
     return out
 
 
+def test_call_signs_of_plots_are_those_of_the_tracks(tmp_path):
+    """Of an aircraft with an address; they reach tracks by it, through the tracker's bag."""
+    seen = {"i070": (0, 0, 0, 0, 0o1234), "i220": 0x484C3A, "i240": "KLM1023 "}
+    blocks = []
+    for turn in range(12):
+        for k in range(8):
+            name = seen if not k else {}
+            azimuth, far = 10.0 + 0.3 * turn + 45.0 * k, 30.0 + 0.2 * turn
+            time_s = 1000.0 + 4.0 * (turn + azimuth / 360.0)
+            blocks.append(made.plots(made.plot(azimuth, time_s, far, **name)))
+    recording, bag, tracked, out = (tmp_path / name for name in ("r.ast", "b", "t", "o.ast"))
+    recording.write_bytes(b"".join(blocks))
+    assert run("asterix_bridge", [str(recording), "--out", str(bag)]) == 0
+    assert run("track_bag", [str(bag), "--out", str(tracked)]) == 0
+    assert run("asterix_bridge", [str(tracked), "--out", str(out)]) == 0
+    tracks = [record for record in decoded(out.read_bytes()) if record["category"] == 62]
+    named = [record for record in tracks if "I245" in record]
+    assert len({value(record, "I040", "TrkN") for record in tracks}) >= 8
+    assert len({value(record, "I040", "TrkN") for record in named}) == 1
+    for record in named:
+        assert record["I245"]["TId"]["val"].strip() == "KLM1023"
+        assert record["I380"]["ID"]["ACID"]["val"].strip() == "KLM1023"
+        assert int(record["I380"]["ADR"]["ADR"]["val"], 16) == 0x484C3A
+
+
 # Position and velocity of two aircraft at 1000 s.
 TRUE = {1: (-10e3, 10e3, 200.0, 50.0), 2: (20e3, -5e3, 0.0, 200.0)}
 

@@ -208,7 +208,7 @@ class AsterixBridge(LifecycleNode):
         self._clouds += 1
         alone = len(self._stream.radars) == 1
         if self._output is None:
-            self._output = settings.output_of(self._bridge, alone)
+            self._output = settings.output_of(self._bridge, alone, self._stream.call_signs)
         # Radars that are not named are known once they are heard.
         self._output.source = replace(self._output.source, monosensor=alone)
         try:
