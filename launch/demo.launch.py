@@ -7,7 +7,6 @@ Replay the shipped bag through the tracker and score it.
 ros2 launch phd_jdtc_ros demo.launch.py [bag:=NAME_OR_PATH] [rate:=0.0] [out:=DIR] [rviz:=true] ...
 """
 
-from functools import partial
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
@@ -25,10 +24,11 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from launch import Event, EventHandler, LaunchDescription
+from launch import LaunchDescription
 from msg_adapters import names
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.tools import launching
+from phd_jdtc_ros.tools import launch_failure, launching
+from phd_jdtc_ros.tools.launch_failure import Failure
 
 PACKAGE = "phd_jdtc_ros"
 # The arguments of the tracker's launch file, with the demo's defaults.
@@ -48,18 +48,6 @@ TRACKER_ARGUMENTS = {
 FINISH_S = 10.0
 # Log text of each of the replay's subscribers once it is ready.
 READY = {"tracker": "tracking ", "evaluator": "connected to"}
-
-
-class Failure(Event):
-    """A node has failed: the launch shuts down with status 1, which it has for an exception alone.
-
-    As an event, so that others learn of the node's end before.
-    """
-
-    name = "phd_jdtc_ros.Failure"
-
-    def __init__(self, reason):
-        self.reason = reason
 
 
 def generate_launch_description():
@@ -90,7 +78,7 @@ def generate_launch_description():
 def _nodes(context, share):
     given = {name: LaunchConfiguration(name).perform(context) for name in TRACKER_ARGUMENTS}
     out, bag, rate = (LaunchConfiguration(name).perform(context) for name in ("out", "bag", "rate"))
-    flags = launching.booleans({name: given[name] for name in ("use_sim_time", "respawn")})
+    flags = launching.booleans({"use_sim_time": given["use_sim_time"]})
     namespace = launching.full_namespace(
         context.launch_configurations.get("ros_namespace"), given["namespace"]
     )
@@ -152,14 +140,11 @@ def _nodes(context, share):
     )
     # The evaluator ends by itself once it has seen everything.
     finished = OnProcessExit(target_action=evaluator, on_exit=_end_with)
-    ended = OnProcessExit(on_exit=partial(_end_after, flags["respawn"]))
-    failed = EventHandler(
-        matcher=lambda event: isinstance(event, Failure),
-        entities=[OpaqueFunction(function=lambda now: launching.fail(now.locals.event.reason))],
-    )
-    handlers = [RegisterEventHandler(h) for h in (finished, ended, failed, _once_heard(replay))]
-    # The tracker's launch file sets the environment for all nodes that follow it.
-    return [*handlers, tracker, evaluator]
+    ended = OnProcessExit(target_action=replay, on_exit=_end_after)
+    handlers = [RegisterEventHandler(h) for h in (finished, ended, _once_heard(replay))]
+    # The tracker's launch file sets the environment for all nodes that follow it, and ends the
+    # launch if the tracker fails.
+    return [launch_failure.watched(), *handlers, tracker, evaluator]
 
 
 def _once_heard(replay):
@@ -187,16 +172,9 @@ def _end_with(event, context):
     return [EmitEvent(event=Shutdown())]
 
 
-def _end_after(respawn, event, context):
-    """Shut down soon after the replay ends, and as a failure at once if it or the tracker failed.
-
-    With `respawn`, a failed tracker is started again instead, if that can be of use.
-    """
-    name = event.process_name.rsplit("-", 1)[0]
-    if name == "sensor_replay" and not event.returncode:
-        end = EmitEvent(event=Shutdown(reason="the bag has been played"))
-        return [TimerAction(period=FINISH_S, actions=[end])]
-    again = name == "tracker" and respawn and launching.respawns(event.returncode)
-    if not event.returncode or again or name not in ("tracker", "sensor_replay"):
-        return []
-    return [EmitEvent(event=Failure(f"{name} failed"))]
+def _end_after(event, context):
+    """Shut down soon after the replay ends, and as a failure at once if it failed."""
+    if event.returncode:
+        return [EmitEvent(event=Failure("sensor_replay failed"))]
+    end = EmitEvent(event=Shutdown(reason="the bag has been played"))
+    return [TimerAction(period=FINISH_S, actions=[end])]

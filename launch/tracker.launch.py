@@ -7,6 +7,8 @@ Start the tracker for your own radars and, if wanted, RViz.
 ros2 launch phd_jdtc_ros tracker.launch.py params_file:=PATH [namespace:=NAME] [rviz:=true] ...
 """
 
+import itertools
+
 from ament_index_python.packages import get_package_share_directory
 from launch.actions import (
     DeclareLaunchArgument,
@@ -17,13 +19,11 @@ from launch.actions import (
     SetEnvironmentVariable,
 )
 from launch.event_handlers import OnProcessExit
-from launch.events import matches_action
-from launch.events.process import ShutdownProcess
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 from launch import LaunchDescription
-from phd_jdtc_ros.tools import launching
+from phd_jdtc_ros.tools import launch_failure, launching
 
 PACKAGE = "phd_jdtc_ros"
 RESPAWN_DELAY_S = 2.0
@@ -90,7 +90,7 @@ def _start(context, share):
     launching.load(given["params_file"], tracker)
     profile = f"{share}/config/dds/localhost_only.xml"
     actions = _isolation(context, profile) if flags["localhost_only"] else []
-    actions += _tracker(given, flags, namespace, retries)
+    actions += _tracker(given, flags, namespace, retries if flags["respawn"] else 0)
     if flags["rviz"]:
         actions.append(_rviz(tracker, flags["use_sim_time"], f"{share}/rviz/demo.rviz"))
     return actions
@@ -104,7 +104,7 @@ def _isolation(context, profile):
 
 
 def _tracker(given, flags, namespace, retries):
-    """Return the tracker, and what keeps it from being started again without use."""
+    """Return the tracker, and what ends the launch once it has failed for good."""
     own = {SWITCHES[name]: flags[name] for name in SWITCHES if name in flags}
     own["use_sim_time"] = flags["use_sim_time"]
     reliable = {
@@ -127,13 +127,17 @@ def _tracker(given, flags, namespace, retries):
         respawn_delay=RESPAWN_DELAY_S,
         respawn_max_retries=retries,
     )
-    # Before the delay is over: launch itself does not look at the exit status.
-    give_up = EmitEvent(event=ShutdownProcess(process_matcher=matches_action(node)))
-    ended = OnProcessExit(
-        target_action=node,
-        on_exit=lambda event, _: None if launching.respawns(event.returncode) else [give_up],
-    )
-    return [*([RegisterEventHandler(ended)] if flags["respawn"] else []), node]
+    ends = itertools.count(1)
+
+    def end(event, context):
+        """End the launch with the tracker; at its shutdown every status is right."""
+        final = launching.is_final(event.returncode, next(ends), retries)
+        if context.is_shutdown or not final:
+            return None
+        return [EmitEvent(event=launch_failure.Failure(f"{given['node_name']} failed"))]
+
+    ended = OnProcessExit(target_action=node, on_exit=end)
+    return [launch_failure.watched(), RegisterEventHandler(ended), node]
 
 
 def _rviz(tracker, simulated, view):

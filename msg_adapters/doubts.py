@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 
 from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.innovations import Fit
 
 
 def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:
@@ -39,6 +40,22 @@ def nothing_reported(scans: int) -> str:
         f"no target in {scans} scans with detections; if there are any, check "
         "detection_probability (the SNR bands without it) and sectors, detection_births.rates or "
         "births, clutter_rate, the noise, and whether the stamps go with interval_s"
+    )
+
+
+def of_noise(fit: Fit) -> str | None:
+    """Return the warning of a radar whose noise is not as its detections show; None if it is."""
+    if fit.larger:
+        factor, wrong = math.sqrt(fit.alone), "larger"
+    elif fit.smaller:
+        factor, wrong = 1.0 / math.sqrt(fit.expected), "smaller"
+    else:
+        return None
+    ranges, azimuths = fit.axes
+    return (
+        f"innovations are {factor:.2g} times {wrong} than the noise says (ranges {ranges:.2g} and "
+        f"azimuths {azimuths:.2g} of its deviations); check {fit.radar}.range_std and "
+        "azimuth_std_deg, or the fields of deviations; tune finds them in a recording"
     )
 
 

@@ -126,6 +126,10 @@ def from_msg(cloud: PointCloud2) -> Estimates:
         raise RejectedMessageError(
             "schema", f"state is {track_state.max()}, must be at most {COASTING}"
         )
+    if (columns["class_id"] >= len(classes)).any():
+        raise RejectedMessageError(
+            "schema", f"class_id is {columns['class_id'].max()}, must be below {len(classes)}"
+        )
     state = np.zeros((size, len(PLANAR)))
     for name, index in _STATE:
         state[:, index] = columns[name]

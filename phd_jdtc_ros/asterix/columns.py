@@ -43,8 +43,9 @@ def columns(
         ``azimuth`` (rad counter-clockwise from the x axis), ``elevation`` (0), ``amplitude`` (NaN
         if unknown), ``time`` (s relative to the stamp), ``height`` (m, NaN if unknown), ``code``
         and ``address`` (`UNKNOWN`
-        if unknown), ``kind`` (the TYP of I048/020) and, if it is known, ``sector``, counted
-        counter-clockwise from the x axis as azimuths are.
+        if unknown), ``kind`` (the TYP of I048/020), where one is known ``call_sign_high`` and
+        ``call_sign_low``, 24 bits each (`UNKNOWN` if unknown), and, if it is known, ``sector``,
+        counted counter-clockwise from the x axis as azimuths are.
     """
     plots = report.plots
     fields = dict(zip(Plot._fields, zip(*plots, strict=True), strict=True)) if plots else {}
@@ -72,6 +73,11 @@ def columns(
         "address": _identity(column("address")),
         "kind": column("kind").astype(np.uint8),
     }
+    signs = np.array(fields.get("call_sign", ()), dtype=np.int64)
+    if (signs != NONE).any():
+        found["call_sign_high"] = np.where(signs == NONE, UNKNOWN, signs >> 24).astype(np.uint32)
+        low = np.where(signs == NONE, UNKNOWN, signs & 0xFFFFFF)
+        found["call_sign_low"] = low.astype(np.uint32)
     if report.sector is not None:
         own = (sectors // 4 - 1 - report.sector) % sectors
         found["sector"] = np.full(len(plots), own, dtype=np.uint32)

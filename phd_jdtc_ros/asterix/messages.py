@@ -54,6 +54,8 @@ class Plot(NamedTuple):
         Such as `PRIMARY`; 0 if unknown.
     primary_dbm, secondary_dbm : float
         Amplitudes of the echo and of the replies, dBm; NaN if unknown.
+    call_sign : int
+        Its 48 bits (I048/240); `NONE` if unknown.
     """
 
     radar: int
@@ -67,6 +69,7 @@ class Plot(NamedTuple):
     kind: int
     primary_dbm: float
     secondary_dbm: float
+    call_sign: int = NONE
 
 
 class ServiceMessage(NamedTuple):

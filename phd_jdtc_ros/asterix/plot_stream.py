@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from .assembly import LEARNED, Assembler
 from .blocks import BlockReader
+from .call_signs import CallSigns
 from .clocks import StreamClock, possible
 from .messages import DAY, NONE, Message, Plot
 from .slices import SectorReport, TurnFinder, Unknown
@@ -162,6 +163,8 @@ class PlotStream:
         ``unknown_radar`` and ``too_many_radars``, and ``receipt_time`` for datagrams with a time of
         receipt that no stamp can say, which is then unknown.
     radars : dict of number to RadarState
+    call_signs : CallSigns
+        Of all plots.
     """
 
     def __init__(
@@ -179,6 +182,7 @@ class PlotStream:
         self._others = others or RadarSettings("")
         self._named = bool(radars)
         self.datagrams = 0
+        self.call_signs = CallSigns()
 
     def feed(
         self, data: bytes, received_ns: int | None = None, source: str | None = None
@@ -269,6 +273,7 @@ class PlotStream:
         if isinstance(message, Plot):
             state.plots += 1
             state.seen.add(message)
+            self.call_signs.take(message.address, message.call_sign)
             if believed:
                 return state.assembler.add_plot(message, time_ns)
             state.assembler.keep_plot(message, time_ns)

@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Callable
 from functools import cache
 
+from . import call_signs
 from .messages import (
     AZIMUTH_UNIT,
     COMBINED,
@@ -118,11 +119,11 @@ class Cat048(RecordReader):
 
     def __init__(self) -> None:
         super().__init__(48)
-        names = ("010", "140", "020", "040", "042", "070", "090", "110", "130", "220")
+        names = ("010", "140", "020", "040", "042", "070", "090", "110", "130", "220", "240")
         self._items = tuple(self._place[name] for name in names)
 
     def _message(self, data: bytes, begins: list[int], counts: Counter[str]) -> Plot | None:
-        at010, at140, at020, at040, at042, at070, at090, at110, at130, at220 = [
+        at010, at140, at020, at040, at042, at070, at090, at110, at130, at220, at240 = [
             begins[place] for place in self._items
         ]
         kind, fault = _descriptor_048(data, at020)
@@ -153,6 +154,7 @@ class Cat048(RecordReader):
             kind,
             primary,
             secondary,
+            call_signs.read(data, at240),
         )
 
 

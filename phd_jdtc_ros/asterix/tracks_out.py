@@ -65,7 +65,7 @@ class TrackReport:
         Latitude and longitude, degrees.
     height, climb : float
         m and m/s; NaN if unknown.
-    code, address : int
+    code, address, call_sign : int
         `NONE` if unknown.
     course : int
         `STRAIGHT`, `RIGHT`, `LEFT` or `UNKNOWN`.
@@ -108,6 +108,7 @@ class TrackReport:
     covariance: float = 0.0
     height_std: float = math.nan
     climb_std: float = math.nan
+    call_sign: int = NONE
 
 
 def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
@@ -133,13 +134,24 @@ def track_record(track: TrackReport, time_ns: int, source: Source) -> bytes:
         items["105"] = b"".join(signed(value, GEODETIC_UNIT, 4) for value in track.geodetic)
     if track.code != NONE:
         items["060"] = track.code.to_bytes(2, "big")
+    if track.call_sign != NONE:
+        # Of the aircraft itself, as its transponder says it.
+        items["245"] = b"\x00" + track.call_sign.to_bytes(6, "big")
     if track.address != NONE:
-        items["380"] = b"\x80" + track.address.to_bytes(3, "big")
+        items["380"] = _aircraft(track)
     if math.isfinite(track.height):
         items |= _heights(track.height, source)
     if math.isfinite(track.climb):
         items["220"] = signed(track.climb, CLIMB_UNIT, 2)
     return record(62, items)
+
+
+def _aircraft(track: TrackReport) -> bytes:
+    """Return I062/380: the address and the call sign."""
+    address = track.address.to_bytes(3, "big")
+    if track.call_sign == NONE:
+        return b"\x80" + address
+    return b"\xc0" + address + track.call_sign.to_bytes(6, "big")
 
 
 def _status(track: TrackReport, source: Source) -> bytes:

@@ -41,7 +41,8 @@ plane that targets are tracked in.
 `biases` are what a radar's measurements are off by: they are removed before all of this.
 `registration` finds them from targets that several radars see, and `tuning` finds the other
 numbers of a configuration, both in recordings. `plot_turns` counts an antenna's turns for their
-mean, for `tuning` and for the bridge that reads ASTERIX.
+mean, for `tuning` and for the bridge that reads ASTERIX. `innovations` tells live that the noise is
+wrong.
 
 `engine` is the interface of all engines, and `engines` creates one by its name. `configuration`
 turns parameters into models and settings. `region` is the part of an area that a tracker is for,

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The tracks of a run as GeoJSON and as CSV, by latitude and longitude."""
+"""The tracks of a run as CSV, and as GeoJSON where it is known where on the earth they are."""
 
 from __future__ import annotations
 
@@ -19,9 +19,11 @@ from phd_jdtc_ros.core.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
 HEADER = (
-    *("time", "number", "latitude", "longitude", "height", "speed", "course", "class", "state"),
-    *("code", "address", "flight_level"),
+    *("time", "number", "x", "y", "vx", "vy", "latitude", "longitude", "height", "speed", "course"),
+    *("class", "state", "code", "address", "flight_level"),
 )
+# Decimal places of the numbers, from `x` to `course`.
+DIGITS = (2, 2, 2, 2, geo_json.DEGREE_DIGITS, geo_json.DEGREE_DIGITS, 1, 2, 2)
 
 
 class Fix(NamedTuple):
@@ -31,8 +33,10 @@ class Fix(NamedTuple):
     ----------
     stamp_ns : int
     number : int
+    x, y, vx, vy : float
+        In the world frame, metres and metres per second.
     latitude, longitude : float
-        Degrees.
+        Degrees; NaN where it is not known where the world frame is.
     height, speed, course : float
         Metres, metres per second and degrees from true north; NaN where unknown.
     class_name, state : str
@@ -44,6 +48,10 @@ class Fix(NamedTuple):
 
     stamp_ns: int
     number: int
+    x: float
+    y: float
+    vx: float
+    vy: float
     latitude: float
     longitude: float
     height: float
@@ -56,19 +64,22 @@ class Fix(NamedTuple):
     flight_level: str
 
 
-def fixes(run: Sequence[Estimates], plane: Plane, class_names: Sequence[str]) -> Iterator[Fix]:
+def fixes(
+    run: Sequence[Estimates], plane: Plane | None, class_names: Sequence[str]
+) -> Iterator[Fix]:
     """Yield every labelled estimate of a run, in the order of time and then of number.
 
     Parameters
     ----------
     run : sequence of Estimates
         Ordered by stamp.
-    plane : Plane
+    plane : Plane or None
+        Where the world frame is on the earth, if that is known.
     class_names : sequence of str
         By class id.
     """
     for found in run:
-        places = geodetic.of(found, plane)
+        places = _nowhere(found) if plane is None else geodetic.of(found, plane)
         for row in np.argsort(found.track_id, kind="stable").tolist():
             number = int(found.track_id[row])
             if not number:
@@ -78,6 +89,8 @@ def fixes(run: Sequence[Estimates], plane: Plane, class_names: Sequence[str]) ->
             yield Fix(
                 found.stamp_ns,
                 number,
+                *map(float, found.position[row]),
+                *map(float, found.velocity[row]),
                 *(float(column[row]) for column in places[:5]),
                 class_name=class_names[int(found.class_id[row])],
                 state=geo_json.STATES[int(found.track_state[row])],
@@ -85,6 +98,15 @@ def fixes(run: Sequence[Estimates], plane: Plane, class_names: Sequence[str]) ->
                 address=identity.get("address", ""),
                 flight_level=str(level.get("flight_level", "")),
             )
+
+
+def _nowhere(found: Estimates) -> geodetic.Places:
+    """Return places of which only heights and speeds are known: no axis need be to the north."""
+    unknown = np.full(len(found), np.nan)
+    speed = np.hypot(*found.velocity.T)
+    return geodetic.Places(
+        unknown, unknown, geodetic.heights(found), speed, unknown, convergence=unknown
+    )
 
 
 def to_csv(rows: Sequence[Fix]) -> str:
@@ -100,10 +122,8 @@ def to_csv(rows: Sequence[Fix]) -> str:
             [
                 _seconds(row.stamp_ns),
                 row.number,
-                f"{row.latitude:.{geo_json.DEGREE_DIGITS}f}",
-                f"{row.longitude:.{geo_json.DEGREE_DIGITS}f}",
-                *(_number(value, digits) for value, digits in _measures(row)),
-                *row[7:],
+                *(_number(value, digits) for value, digits in zip(row[2:11], DIGITS, strict=True)),
+                *row[11:],
             ]
         )
     return out.getvalue()
@@ -125,7 +145,10 @@ def to_geojson(rows: Sequence[Fix]) -> str:
 
 
 def _feature(rows: Sequence[Fix]) -> dict[str, Any]:
-    latitude, longitude, height = (np.array([row[k] for row in rows]) for k in (2, 3, 4))
+    latitude, longitude, height = (
+        np.array([getattr(row, name) for row in rows])
+        for name in ("latitude", "longitude", "height")
+    )
     # RFC 7946 has no position without a height among others with one.
     if np.isnan(height).any():
         height = np.full(len(rows), np.nan)
@@ -150,10 +173,6 @@ def _feature(rows: Sequence[Fix]) -> dict[str, Any]:
 def _usual(values: Any) -> str:
     """Return the most frequent value, the first one of equals."""
     return str(Counter(values).most_common(1)[0][0])
-
-
-def _measures(row: Fix) -> tuple[tuple[float, int], ...]:
-    return (row.height, 1), (row.speed, 2), (row.course, 2)
 
 
 def _number(value: float, digits: int) -> str:

@@ -37,8 +37,7 @@ def main(argv: Sequence[str]) -> int:
         path = Path(arguments.source)
         if path.is_file() and path.suffix != ".mcap":
             return _to_bag(path, arguments, settings.resolve(given))
-        _to_asterix(resources.bag(arguments.source), arguments, given)
-        return OK
+        return _to_asterix(resources.bag(arguments.source), arguments, given)
 
     return command.guarded(NAME, work)
 
@@ -54,7 +53,7 @@ def _to_bag(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) 
     return CORRUPT if faults else OK
 
 
-def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, object]) -> None:
+def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, object]) -> int:
     bag = BagReader(path)
     recorded = bag_parameters.read(path) or {}
     config = tracker_params.config(recorded)
@@ -69,13 +68,20 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
             print("where the radar stands is not known: tracks have no latitudes and longitudes")
         bridge = settings.resolve({**origin, **given})
         topic = names.estimates(arguments.estimates)
-        alone = len(config.inputs) == 1
-        done = asterix_out.write_tracks(bag, arguments.out, bridge, topic, alone)
+        radars = [radar.topic for radar in config.inputs]
+        done = asterix_out.write_tracks(bag, arguments.out, bridge, topic, radars)
     dropped = ", ".join(f"{reason} {count}" for reason, count in sorted((+done.dropped).items()))
     print(
         f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
         f"{done.clouds} clouds; dropped: {dropped or 'none'}"
     )
+    if done.used >= asterix_in.LEAST_USED:
+        return OK
+    print(
+        f"{NAME}: {path}: {done.used:.0%} of its clouds could be used; dropped: {dropped}",
+        file=sys.stderr,
+    )
+    return CORRUPT
 
 
 def _parser() -> ArgumentParser:

@@ -145,12 +145,14 @@ def convert(
     Raises
     ------
     BagError
-        If the file is no recording of ASTERIX, or the bag cannot be written.
+        If the file is empty or no recording of ASTERIX, or the bag cannot be written.
     """
     clock = StreamClock(midnight_ns or 0, bridge.values["max_clock_offset_s"])
     done = Converted(bridge.stream(clock))
     try:
         with framing.opened(path) as data:
+            if not len(data):
+                raise BagError(f"{path}: is empty, nothing was recorded", corrupt=True)
             framing.kind_of(data)
             with BagWriter(out) as bag:
                 known: set[str] = set()

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from msg_adapters import interfaces, names
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.asterix import plots_out
+from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -27,7 +29,7 @@ from phd_jdtc_ros.core.scans import Rejection
 from phd_jdtc_ros.core.sited_plots import supposed_height
 from phd_jdtc_ros.core.turns import Turns
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
-from phd_jdtc_ros.nodes.asterix import settings
+from phd_jdtc_ros.nodes.asterix import clouds, settings
 from phd_jdtc_ros.nodes.asterix.settings import Bridge
 
 # SAC of radars that have no name in the bridge's parameters; their SIC is their place, from 1.
@@ -43,8 +45,11 @@ class Written:
     what : str
         Of the records, in the plural.
     records, blocks, clouds : int
+        Written, and the clouds that they are of.
     dropped : Counter
         Clouds that were left out, by reason, and ``range``: plots farther away than CAT048 can say.
+    offered : int
+        Clouds, those left out too.
     """
 
     what: str
@@ -52,6 +57,12 @@ class Written:
     blocks: int = 0
     clouds: int = 0
     dropped: Counter[str] = field(default_factory=Counter)
+    offered: int = 0
+
+    @property
+    def used(self) -> float:
+        """Share of the bag's clouds that were used; 1 of none."""
+        return self.clouds / self.offered if self.offered else 1.0
 
 
 def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
@@ -75,11 +86,21 @@ def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
 
 
 def write_tracks(
-    bag: BagReader, out: Path, bridge: Bridge, topic: str, monosensor: bool
+    bag: BagReader, out: Path, bridge: Bridge, topic: str, radars: Sequence[str]
 ) -> Written:
     """Write the estimates of a bag as CAT062 and CAT065, each period those of its end.
 
     In a gap, which may be long, outputs go on until all tracks have ended.
+
+    Parameters
+    ----------
+    bag : BagReader
+    out : Path
+    bridge : Bridge
+    topic : str
+        Of the estimates.
+    radars : sequence of str
+        Topics of all radars; the clouds that are in the bag may have call signs.
 
     Raises
     ------
@@ -87,7 +108,9 @@ def write_tracks(
         If the bag has no estimates on the topic.
     """
     bag.require({topic: names.CLOUD})
-    output = settings.output_of(bridge, monosensor)
+    call_signs = CallSigns()
+    output = settings.output_of(bridge, len(radars) == 1, call_signs)
+    heard = [radar for radar in radars if bag.types.get(radar) == names.CLOUD]
     period_ns = round(bridge.values["output_period_s"] * 1e9)
     last_ns = round(bridge.values["max_prediction_s"] * 1e9) + period_ns
     done = Written("tracks")
@@ -99,7 +122,12 @@ def write_tracks(
             done.blocks += len(found)
             stream.writelines(found)
 
-        for entry in bag.messages([topic]):
+        for entry in bag.messages([topic, *heard]):
+            if entry.topic != topic:
+                # One that cannot be read has none; that it is damaged is for its reader to say.
+                with contextlib.suppress(RejectedMessageError):
+                    clouds.learn_call_signs(interfaces.decode(entry.data, names.CLOUD), call_signs)
+                continue
             if due_ns is not None and entry.stamp_ns < output.stamp_ns:  # of a new run
                 put(due_ns)
                 due_ns = None
@@ -109,6 +137,7 @@ def write_tracks(
                 due_ns += period_ns
                 if due_ns - output.stamp_ns > last_ns:
                     due_ns = -(-entry.stamp_ns // period_ns) * period_ns
+            done.offered += 1
             try:
                 output.take(interfaces.decode(entry.data, names.CLOUD))
             except RejectedMessageError as error:
@@ -177,16 +206,17 @@ class _Radar:
     def blocks(self, bag: BagReader, done: Written) -> Iterator[tuple[int, bytes]]:
         """Yield time and bytes of data blocks, in the order in which the radar would send them."""
         for entry in bag.messages([self._input.topic]):
+            done.offered += 1
             try:
                 report = reader_of(self._input).from_cdr(entry.data, self._input)
             except RejectedMessageError as error:
                 done.dropped[error.reason] += 1
                 continue
-            done.clouds += 1
             pieces = self._turns.split(report.stamp_ns, report.detections, report.sector)
             if isinstance(pieces, Rejection):
                 done.dropped[pieces.value] += 1
                 continue
+            done.clouds += 1
             for stamp_ns, piece in pieces:
                 plots = self._plots(stamp_ns, piece)
                 near = [entry for entry in plots if entry[1].distance <= plots_out.FARTHEST]

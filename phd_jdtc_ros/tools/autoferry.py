@@ -18,7 +18,7 @@ from rich.table import Table
 
 from msg_adapters import interfaces, names, platform_poses, truth
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import resources
+from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
@@ -153,7 +153,7 @@ def _figures(recordings: Sequence[Recording], out: Path) -> None:
     document = {"scores": [score.as_json() for score in scores], "goals": judged}
     out.mkdir(parents=True, exist_ok=True)
     path = out / "autoferry.json"
-    path.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n")
+    output_files.write(path, json.dumps(document, indent=2, allow_nan=False) + "\n")
     console = Console()
     console.print(table(scores))
     for goal in judged:

@@ -23,7 +23,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from msg_adapters import names
-from phd_jdtc_ros import resources
+from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration import scene
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
@@ -137,7 +137,7 @@ def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
     with tempfile.TemporaryDirectory() as directory:
         compared = comparison.scores(bag, other, Path(directory) / "bag")
     text = json.dumps({**summary, "compared": compared}, indent=2, allow_nan=False)
-    path.write_text(text + "\n")
+    output_files.write(path, text + "\n")
 
 
 def _replace(out: Path, new: Path) -> None:

@@ -24,7 +24,7 @@ from rich.table import Table
 
 from msg_adapters import estimates, ground_ranges, interfaces, names
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import resources, yaml_files
+from phd_jdtc_ros import output_files, resources, yaml_files
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -283,7 +283,7 @@ def _study(chosen: Sequence[str], arguments: Any, place: Path, console: Console)
     text = json.dumps(
         {"seed": arguments.seed, "hours": values, "goals": goals}, indent=2, allow_nan=False
     )
-    path.write_text(text + "\n", encoding="utf-8")
+    output_files.write(path, text + "\n")
     registration.merge(arguments.out / registration.SUMMARY, goals)
     console.print(f"results: {path}", soft_wrap=True, markup=False, highlight=False)
     return OK if all(each.scores for ways in found.values() for each in ways.values()) else FAILED

@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.exit_status import USAGE
+from phd_jdtc_ros.exit_status import OK, USAGE
 from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.nodes.replay import replay_parameters
 
@@ -149,16 +148,16 @@ def demo(bag: str, params_file: str, tracker: str, out: Path) -> Demo:
     return Demo(found, str(path), config)
 
 
-def fail(reason: str) -> NoReturn:
-    """Let a launch end with a status other than 0, which launch does for an exception alone.
+def is_final(status: int, ends: int, retries: int) -> bool:
+    """Return whether a node that has failed is not to be started again.
 
-    Raises
-    ------
-    RuntimeError
+    Parameters
+    ----------
+    status : int
+        Its exit status.
+    ends : int
+        How often it has ended by now.
+    retries : int
+        How often it may be started again.
     """
-    raise RuntimeError(reason)
-
-
-def respawns(status: int) -> bool:
-    """Return whether a node that ended with that exit status may run if it is started again."""
-    return status != USAGE
+    return status == USAGE or (status != OK and ends > retries)

@@ -13,7 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from phd_jdtc_ros import resources, yaml_files
+from phd_jdtc_ros import output_files, resources, yaml_files
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
@@ -109,7 +109,7 @@ def main(argv: Sequence[str]) -> int:
         summary = {**found, "seed": arguments.seed, "goals": madap.goals_of(ours)}
         arguments.out.mkdir(parents=True, exist_ok=True)
         path = arguments.out / "madap.json"
-        path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
+        output_files.write(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
         console = Console()
         console.print(table(found["figures"]))
         console.print(f"CPU per update of all tracks: {found['cpu_per_update_ms']:.0f} ms")

@@ -19,7 +19,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from phd_jdtc_ros import resources, yaml_files
+from phd_jdtc_ros import output_files, resources, yaml_files
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
@@ -121,8 +121,8 @@ def write_results(
     out.mkdir(parents=True, exist_ok=True)
     monte_carlo.write_csv(out / "results.csv", plan.tasks, store)
     text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
-    monte_carlo.write_atomically(out / "summary.json", text.encode())
-    monte_carlo.write_atomically(out / "table.md", figures.markdown(summary).encode())
+    output_files.write(out / "summary.json", text)
+    output_files.write(out / "table.md", figures.markdown(summary))
     figures.write_all(results, out / "figures")
     for table in figures.tables(summary):
         console.print(table)

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.configuration.parameters import schema
 from phd_jdtc_ros.core.configuration.schema import flatten
 from phd_jdtc_ros.nodes.common import bag_parameters
@@ -64,4 +65,4 @@ def _block(
 
 def write(path: Path, head: str, values: Mapping[str, Any], comments: Mapping[str, str]) -> None:
     """Write a parameter file; see `lines`."""
-    path.write_text("\n".join(lines(head, values, comments)) + "\n", encoding="utf-8")
+    output_files.write(path, "\n".join(lines(head, values, comments)) + "\n")

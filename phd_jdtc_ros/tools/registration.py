@@ -14,7 +14,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from phd_jdtc_ros import resources, yaml_files
+from phd_jdtc_ros import output_files, resources, yaml_files
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.registration.errors import RegistrationError
@@ -106,7 +106,7 @@ def merge(path: Path, goals: Sequence[Mapping[str, Any]]) -> None:
     names = {goal["name"] for goal in goals}
     kept = [goal for goal in summary.get("goals", []) if goal["name"] not in names]
     summary["goals"] = [*kept, *goals]
-    path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    output_files.write(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
 
 
 def main(argv: Sequence[str]) -> int:
@@ -141,7 +141,7 @@ def main(argv: Sequence[str]) -> int:
             for row in found["errors"]
         ]
         text = json.dumps({**found, "errors": known}, indent=2, allow_nan=False)
-        path.write_text(text + "\n", encoding="utf-8")
+        output_files.write(path, text + "\n")
         merge(arguments.out / SUMMARY, found["goals"])
         for table in tables(found):
             console.print(table)

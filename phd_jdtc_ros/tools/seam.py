@@ -14,7 +14,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from phd_jdtc_ros import resources, yaml_files
+from phd_jdtc_ros import output_files, resources, yaml_files
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.study import seam
@@ -73,7 +73,7 @@ def main(argv: Sequence[str]) -> int:
         arguments.out.mkdir(parents=True, exist_ok=True)
         path = arguments.out / "seam.json"
         summary = {"seeds": list(seeds), "scores": scores, "cpu_s": spent_s}
-        path.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
+        output_files.write(path, json.dumps(summary, indent=2, allow_nan=False) + "\n")
         console = Console()
         console.print(table(scores))
         spent = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in spent_s.items())

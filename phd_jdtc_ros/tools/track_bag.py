@@ -21,12 +21,13 @@ from rich.progress import track
 from msg_adapters import clutter_maps, doubts, estimates, interfaces, names, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import resources
+from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.core.innovations import InnovationMonitor
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
 from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.scans import Rejection
@@ -39,7 +40,7 @@ from phd_jdtc_ros.report.table import score_tables
 from . import asterix_parameters, command
 from .used_detections import UsedDetections
 
-# What writes tracks by latitude and longitude, by the option that asks for it.
+# What writes tracks, by the option that asks for it.
 WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
 
 
@@ -75,6 +76,7 @@ class OfflineTracker:
         self._overdue = 0
         self._without_amplitude: set[int] = set()
         self._doubts: list[Counter[str]] = [Counter() for _ in config.inputs]
+        self._innovations = InnovationMonitor(config.model)
 
     def add(self, entry: BagMessage) -> None:
         """Process one recorded message of a radar, or a pose of what carries one."""
@@ -144,6 +146,10 @@ class OfflineTracker:
                 yield doubts.turn_found(radar, turn_s)
             for doubt in doubts.of(radar, self._doubts[index]):
                 yield f"{radar.topic}: {doubt}"
+        for radar, fit in zip(self._config.inputs, self._innovations.fits(), strict=True):
+            wrong = doubts.of_noise(fit)
+            if wrong is not None:
+                yield f"{radar.topic}: {wrong}"
         if self._overdue and not self._targets_seen:
             yield doubts.nothing_reported(self._overdue)
 
@@ -151,10 +157,12 @@ class OfflineTracker:
         for event in events:
             if isinstance(event, RunEnded):
                 self._write_estimates(SMOOTHED, event.smoothed)
+                self._innovations.forget_tracks()
                 continue
             self.scans += 1
             self._last_ns = event.scan.stamp_ns
             self._targets_seen |= event.step.targets > 0
+            self._innovations.stepped(event.scan, event.step.filtered)
             self._overdue = event.overdue or self._overdue
             self._write_estimates(FILTERED, event.step.filtered)
             self._write_estimates(SMOOTHED, event.step.smoothed)
@@ -222,7 +230,7 @@ def main(argv: Sequence[str]) -> int:
         "--csv",
         type=Path,
         metavar="FILE",
-        help="smoothed tracks as rows by latitude and longitude; with world_origin",
+        help="smoothed tracks as rows: x and y, and with world_origin latitude and longitude",
     )
     command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
@@ -233,11 +241,11 @@ def main(argv: Sequence[str]) -> int:
         config = command.tracker_config(arguments, source)
         status = OK
         files = {name: getattr(arguments, name) for name in WRITERS if getattr(arguments, name)}
-        if files and config.plane is None:
-            listed = " and ".join(f"--{name}" for name in files)
-            raise ConfigError([f"{listed}: given without world_origin, where is the map's zero?"])
+        if "geojson" in files and config.plane is None:
+            raise ConfigError(["--geojson: given without world_origin, where is the map's zero?"])
         if arguments.out.exists():
             raise BagError(f"{arguments.out}: already exists, a bag is not overwritten")
+        output_files.require_new({f"--{n}": path for n, path in files.items()}, arguments.out)
         try:
             tracker = track_bag(BagReader(source), config, arguments.out)
             drops = ", ".join(f"{reason} {n}" for reason, n in sorted(tracker.dropped.items()))
@@ -253,8 +261,8 @@ def main(argv: Sequence[str]) -> int:
                 raise
             status = fail("track_bag", error)
         run = load.record(arguments.out, config)
-        if config.plane is not None and files:
-            if asterix_parameters.guessed(config.values["world_origin"]):
+        if files:
+            if config.plane and asterix_parameters.guessed(config.values["world_origin"]):
                 print(
                     "track_bag: latitudes and longitudes are not true: where the radar stands was "
                     "guessed; set its geodetic, and world_origin",
@@ -262,7 +270,7 @@ def main(argv: Sequence[str]) -> int:
                 )
             rows = list(track_files.fixes(run.smoothed, config.plane, run.sets.class_names))
             for name, path in files.items():
-                path.write_text(WRITERS[name](rows), encoding="utf-8")
+                output_files.write(path, WRITERS[name](rows))
         if run.class_fault:
             print(f"track_bag: {run.class_fault}", file=sys.stderr)
         if run.truth:

@@ -22,6 +22,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.configuration.parameters import schema
 from phd_jdtc_ros.core.tuning import proposal, unspecified
 from phd_jdtc_ros.core.tuning.findings import Findings
 from phd_jdtc_ros.core.tuning.proposal import Row
@@ -174,11 +175,13 @@ def _proposed(
         table = f"{radar}.detection_probability_over_range"
         if values.get(f"{radar}.detection_probability") and values.get(table):
             values[table] = []
-        # Antennas turn clockwise; azimuths that rise meanwhile count clockwise too.
+        # Antennas turn clockwise; azimuths that rise meanwhile count clockwise too. It is written
+        # where it is the default as well: what is wrong mirrors the world.
         convention = f"{radar}.azimuth_convention"
         when = found[radar].timing
-        if not specified and convention not in values and when.rotation_s and not when.clockwise:
-            values[convention] = "compass_cw"
+        if not specified and convention not in values:
+            compass = when.rotation_s and not when.clockwise
+            values[convention] = "compass_cw" if compass else schema(values)[convention].default
     return values
 
 

@@ -59,6 +59,7 @@ ROOMS = {
     "joint_picture": (
         *("gathering", "handover", "joint_numbers", "region", "track_series", "types"),
     ),
+    "innovations": ("arrays", "models", "types"),
     "handover": ("arrays", "region", "renumbering", "reporting", "types"),
     "watch": ("arrays", "engine", "sectors", "types"),
     "association": (*BASE, *KERNELS),
@@ -112,15 +113,16 @@ PARTS = {
     "exit_status": ("bags", "core"),
     "yaml_files": ("core",),
     "resources": ("bags", "core"),
-    "report": ("bags", "core", "earth", "msg_adapters"),
-    "study": ("core", "report"),
+    "output_files": ("core",),
+    "report": ("bags", "core", "earth", "msg_adapters", "output_files"),
+    "study": ("core", "output_files", "report"),
     "nodes": (
-        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "report"),
-        *("resources", "yaml_files"),
+        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "output_files"),
+        *("report", "resources", "yaml_files"),
     ),
     "tools": (
-        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "nodes", "report"),
-        *("resources", "study", "yaml_files"),
+        *("asterix", "bags", "core", "earth", "exit_status", "msg_adapters", "nodes"),
+        *("output_files", "report", "resources", "study", "yaml_files"),
     ),
     "api": ("core", "earth", "msg_adapters", "resources", "tools", "yaml_files"),
 }

@@ -220,8 +220,26 @@ def test_log_level_and_enclave_reach_the_tracker(said):
     assert "--enclave /s1" in words
 
 
-@pytest.mark.parametrize(("status", "starts"), [(2, 1), (1, 2)])
-def test_respawn_is_bounded_and_not_after_status_2(said, status, starts):
-    found = said(["phd_jdtc_ros"], respawn="True", respawn_max_retries="1", ends_with=status)
+@pytest.mark.parametrize(
+    ("ends_with", "respawn", "starts"),
+    [(2, "True", 1), (1, "True", 2), (1, "false", 1)],
+)
+def test_a_tracker_that_is_finally_dead_ends_the_launch_with_status_1(
+    said, ends_with, respawn, starts
+):
+    """Respawn is bounded, and of no use after status 2."""
+    found = said(
+        ["phd_jdtc_ros"],
+        status=1,
+        respawn=respawn,
+        respawn_max_retries="1",
+        ends_with=ends_with,
+    )
 
     assert len(found["tracker"]) == starts
+
+
+def test_a_tracker_that_ends_well_ends_the_launch_with_status_0(said):
+    found = said(["phd_jdtc_ros"], status=0, respawn="true", respawn_max_retries="1")
+
+    assert len(found["tracker"]) == 2

@@ -203,6 +203,15 @@ def test_from_msg_rejects_a_state_that_there_is_not():
         adapter.from_msg(message)
 
 
+def test_from_msg_rejects_a_class_that_has_no_probability():
+    given = estimates(classes=3)
+    there = adapter.to_msg(replace(given, class_id=np.array([0, 1, 2])), "map")
+    assert_array_equal(adapter.from_msg(there).class_id, [0, 1, 2])
+    message = adapter.to_msg(replace(given, class_id=np.array([0, 10**6, 2])), "map")
+    with pytest.raises(RejectedMessageError, match="class_id is 1000000, must be below 3"):
+        adapter.from_msg(message)
+
+
 def test_from_msg_rejects_a_cloud_without_class_probabilities():
     message = adapter.to_msg(estimates(), "map")
     message.fields = [field for field in message.fields if not field.name.startswith("p_")]

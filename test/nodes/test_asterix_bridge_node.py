@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from sensor_msgs.msg import PointCloud2
+from std_srvs.srv import Trigger
 
 from msg_adapters import detections, diagnostics, estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
@@ -22,7 +23,7 @@ from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.build import resolve
 from phd_jdtc_ros.core.configuration.schema import flatten
-from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.core.types import SOURCES, Estimates
 
 pytestmark = pytest.mark.live
 
@@ -199,6 +200,67 @@ def test_clouds_of_a_radar_without_crossings_are_those_of_the_file(unicast, tmp_
         stamps = [(c.header.stamp.sec, c.header.stamp.nanosec) for c in (live, offline)]
         assert stamps[0] == stamps[1]
         assert bytes(live.data) == bytes(offline.data)
+
+
+def contents(message):
+    """Return what a cloud says, and nothing of how it was sent."""
+    stamp, fields = message.header.stamp, message.fields
+    layout = [(field.name, field.offset, field.datatype, field.count) for field in fields]
+    return stamp.sec, stamp.nanosec, message.header.frame_id, layout, bytes(message.data)
+
+
+def test_estimates_of_plots_by_udp_are_those_of_the_recording(unicast, peer, tmp_path):
+    """The same bytes as of ``asterix_bridge`` and ``track_bag``, with what the bridge found out."""
+    rng = np.random.default_rng(5)
+    blocks = []
+    for turn in range(20):
+        azimuth = 3.0 + 0.4 * turn + 60.0 * np.arange(6) + rng.normal(0.0, 0.05, 6)
+        far = 20.0 + 0.2 * turn + rng.normal(0.0, 0.02, 6)
+        seen = [*zip(azimuth, far, strict=True)]
+        own = made.turns(1, start_s=1000.0 + 4.0 * turn, seen=seen)
+        blocks += [block for block in own if block[0] == 48]
+    recording, bag, tracked = (tmp_path / name for name in ("recording.ast", "bag", "tracked"))
+    recording.write_bytes(b"".join(blocks))
+    assert run("asterix_bridge", [str(recording), "--out", str(bag)]) == 0
+    assert run("track_bag", [str(bag), "--out", str(tracked)]) == 0
+
+    topics = [names.estimates(source) for source in SOURCES]
+    live = {topic: peer.collect(PointCloud2, topic, 1000) for topic in topics}
+    bridge = unicast.start("-p", "replayed:=true")
+    # The recording is sent faster than a busy machine may track it.
+    own = f"qos_overrides.{TOPIC}.subscription"
+    qos = ("-p", f"{own}.reliability:=reliable", "-p", f"{own}.depth:=1000")
+    parameters = ("--params-file", bag / "parameters.yaml")
+    unicast.processes.start("tracker", "--ros-args", *parameters, *qos)
+    assert peer.spin_until(lambda: peer.node.count_publishers(topics[-1]))
+    peer.meet()
+    assert peer.spin_until(lambda: "radar_1_2: 2 subscribers" in bridge.log.read_text())
+    radar, clouds = unicast.radar(), BagReader(bag).counts[TOPIC]
+
+    def taken():
+        """Return how many clouds the tracker has taken."""
+        found = [status for array in unicast.health for status in array.status]
+        found = [status for status in found if status.name == "/tracker: radar_1_2"]
+        return int(diagnostics.values_of(found[-1]).get("received", 0)) if found else 0
+
+    for number, block in enumerate(blocks, start=1):
+        radar.send(block)
+        peer.pace(0.005)
+        if number % 20 == 0:
+            # The bridge keeps fifty clouds for a tracker that a busy machine makes wait.
+            assert peer.spin_until(lambda: taken() >= len(unicast.clouds) > 0)
+    # The last ones come when nothing else does.
+    assert peer.spin_until(lambda: taken() == len(unicast.clouds) == clouds)
+    assert peer.call(Trigger, "/tracker/flush").success
+
+    offline = {topic: [] for topic in topics}
+    for entry in BagReader(tracked).messages(topics):
+        offline[entry.topic].append(contents(interfaces.decode(entry.data, names.CLOUD)))
+    for topic in topics:
+        expected = offline[topic]
+        assert sum(len(cloud[-1]) > 0 for cloud in expected) > 10
+        assert peer.spin_until(lambda t=topic, e=expected: len(live[t]) >= len(e))
+        assert [contents(message) for message in live[topic]] == expected
 
 
 def flying(turns, start_s):

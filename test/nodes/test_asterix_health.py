@@ -3,15 +3,64 @@
 
 """The health of the ASTERIX bridge."""
 
+import math
+from collections import Counter
+
+import asterix_records as made
+import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.nodes.asterix import health
+from phd_jdtc_ros.nodes.asterix.health import SILENT_S
 from phd_jdtc_ros.nodes.common.seen import Seen
 
+ADDRESS = "127.0.0.1:8600"
 
-def input_status(stream, seen):
-    return health.of_input("/bridge", stream, 0, True, seen)
+
+def input_status(stream, seen, active_s=1.0, inputs=(ADDRESS,)):
+    return health.of_input("/bridge", stream, 0, inputs, active_s, seen)
+
+
+@pytest.mark.parametrize(
+    ("active_s", "inputs", "level"),
+    [
+        (SILENT_S - 1.0, (ADDRESS,), DiagnosticStatus.OK),
+        (SILENT_S + 1.0, (ADDRESS,), DiagnosticStatus.WARN),
+        (SILENT_S + 1.0, (), DiagnosticStatus.OK),
+        (math.nan, (ADDRESS,), DiagnosticStatus.STALE),
+    ],
+)
+def test_input_without_any_datagram_is_a_warning_that_names_the_address(active_s, inputs, level):
+    found = input_status(PlotStream({}), Seen(), active_s, inputs)
+    assert found.level == level
+    if level == DiagnosticStatus.WARN:
+        assert found.message.startswith(f"no datagram for 16 s on {ADDRESS}; are these")
+
+
+@pytest.mark.parametrize(
+    ("active_s", "level"),
+    [
+        (1.0, DiagnosticStatus.OK),
+        (20.0, DiagnosticStatus.WARN),
+        (math.nan, DiagnosticStatus.STALE),
+    ],
+)
+def test_output_without_any_estimates_is_a_warning(active_s, level):
+    found = health.of_output(
+        "/bridge", ADDRESS, Counter(), {}, 0, "nobody publishes", active_s, Seen()
+    )
+    assert found.level == level
+    if level == DiagnosticStatus.WARN:
+        assert found.message == "no estimates for 20 s; nobody publishes"
+
+
+def test_a_radar_is_not_silent_while_the_bridge_is_not_active():
+    stream = PlotStream({})
+    list(stream.feed(made.north(1000.0)))
+    ((number, state),) = stream.radars.items()
+    found = health.of_radar("radar", number, state, stream.clock, math.nan, Seen())
+    assert (found.level, found.message) == (DiagnosticStatus.STALE, "not active")
 
 
 def test_malformed_input_is_said_while_it_comes():

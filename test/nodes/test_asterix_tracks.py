@@ -9,6 +9,7 @@ from asterix_reference import decoded, value
 
 from msg_adapters import point_cloud
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import NONE
 from phd_jdtc_ros.asterix.tracks_out import Source
 from phd_jdtc_ros.earth import SystemPlane
@@ -40,7 +41,7 @@ def cloud(rows, stamp_ns=T0, heights=False, ages=False, wide=()):
 
 
 def output(plane=None, max_prediction_s=10.0):
-    return TrackOutput(Source(1, 2), plane, max_prediction_s)
+    return TrackOutput(Source(1, 2), plane, max_prediction_s, CallSigns())
 
 
 def test_tracks_are_predicted_to_the_time_of_output():

@@ -4,12 +4,14 @@
 import re
 from collections import Counter
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics
 from phd_jdtc_ros.core.configuration.parameters import TOP
 from phd_jdtc_ros.core.engines import ENGINES
+from phd_jdtc_ros.core.innovations import Fit
 from phd_jdtc_ros.nodes.tracker.health import (
     LEASE_S,
     WARNING_MEMORY_S,
@@ -136,11 +138,42 @@ def test_doubts_are_counted_and_a_warning_for_a_while():
     assert status(health, 100.0 + 1.1 * WARNING_MEMORY_S).level == OK
 
 
+def test_noise_that_detections_contradict_is_a_warning_as_long_as_they_do():
+    health = radar(60.0)
+    health.fit = Fit("north", 99, 1.5, 900.0, np.array([40.0, 1.5]), larger=True)
+    found = status(health)
+    assert found.level == WARN
+    assert found.message.startswith("innovations are 30 times larger than the noise says (ranges")
+    values = diagnostics.values_of(found)
+    assert (values["range_innovation"], values["azimuth_innovation"]) == ("40.0", "1.5")
+    health.fit = Fit("north", 99, 0.04, 0.09, np.array([0.3, 0.3]), smaller=True)
+    assert status(health).message.startswith("innovations are 5 times smaller than")
+    health.fit = health.fit._replace(smaller=False)
+    assert status(health).level == OK
+
+
 def test_second_publisher_in_the_graph_is_a_warning_for_it_may_be_a_killed_one():
     found = status(radar(1.0), heard=TWO)
     assert found.level == WARN
     assert found.message.startswith("2 publishers listed on /north/plots, must be one")
     assert diagnostics.values_of(found)["publishers"] == "2"
+
+
+def test_silence_does_not_hide_that_there_are_several_publishers():
+    found = status(radar(1.0), 110.0, heard=TWO)
+    assert found.level == STALE
+    assert found.message.startswith("silent for 10.0 s; 2 publishers listed on /north/plots, must")
+
+
+def test_what_came_during_a_pause_is_neither_lost_nor_an_interval():
+    health = radar(1.0)
+    health.pause()
+    assert status(health, 200.0).message == "nothing received yet"
+    health.arrived(200.0, 70, 0.0)
+    health.rhythm.beat(200.0)
+    assert (health.gaps, health.rhythm.interval_s) == (0, 1.0)
+    health.arrived(201.0, 73, 0.0)
+    assert health.gaps == 2
 
 
 def test_publishers_that_send_in_turns_are_an_error_whatever_the_graph_says():

@@ -13,11 +13,18 @@ from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from live_radars import FAST, RELIABLE, SCANS, Radars
 from nav_msgs.msg import Odometry, Path
-from rcl_interfaces.srv import DescribeParameters, SetParameters
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+)
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -195,7 +202,7 @@ def test_missed_deadline_is_counted(processes, peer):
     assert int(diagnostics.values_of(line(group, "radar_1"))["deadlines_missed"]) > 0
 
 
-def test_gaps_in_the_publishers_numbers_are_counted(processes, peer):
+def test_messages_while_the_tracker_was_inactive_are_not_lost(processes, peer):
     start(processes, qos=())
     group = connected(peer)
     group.track(0)
@@ -205,7 +212,44 @@ def test_gaps_in_the_publishers_numbers_are_counted(processes, peer):
     peer.meet(times=10)
     assert change(peer, Transition.TRANSITION_ACTIVATE)
     group.track(5)
-    assert diagnostics.values_of(line(group, "radar_1"))["gaps"] == "4"
+    values = diagnostics.values_of(line(group, "radar_1"))
+    assert (values["received"], values["gaps"]) == ("2", "0")
+
+
+def test_wrong_topic_is_told_with_those_that_there_are(processes, peer):
+    tracker = start(processes, "-p", "radar_2.topic:=/plots")
+    group = Radars(peer)
+    other = peer.publisher(String, "/plots")
+    assert wait_for_level(group, "radar_2", DiagnosticStatus.ERROR)
+    assert line(group, "radar_2").message == (
+        "/plots is published as std_msgs/msg/String, must be sensor_msgs/msg/PointCloud2"
+    )
+    peer.node.destroy_publisher(other)
+    assert wait_for_level(group, "radar_2", DiagnosticStatus.STALE)
+    told = (
+        "nothing received yet; nobody publishes on /plots; sensor_msgs/msg/PointCloud2 is on "
+        "/radar_2/detections"
+    )
+    # Its own outputs are of that type too, and the first radar has its topic.
+    assert line(group, "radar_2").message == told
+    assert peer.spin_until(lambda: told in tracker.log.read_text())
+
+
+def test_noise_that_is_set_much_too_large_is_told(processes, peer):
+    wide = {"range_std": 3000.0, "azimuth_std_deg": 10.0}
+    start(processes, *options(**{f"radar_{k}.{n}": v for k in (1, 2) for n, v in wide.items()}))
+    group = connected(peer)
+
+    def told():
+        statuses = [s for message in group.health for s in message.status]
+        return any(" times smaller than the noise says" in s.message for s in statuses)
+
+    for index in range(len(SCANS)):
+        group.track(index)
+        # Reports once a second, of a radar that is not silent meanwhile.
+        if index > 30 and peer.spin_until(told, 0.2):
+            break
+    assert told()
 
 
 def test_diagnostics_show_a_radars_topic_after_remapping(processes, peer):
@@ -431,14 +475,39 @@ def test_single_parameters_are_set_and_refused_one_by_one(processes, peer):
     ]
 
 
-def test_parameters_are_described_ranged_and_read_only_where_they_are_structure(processes, peer):
+def test_own_parameters_given_again_are_no_change(processes, peer):
+    """As by ``ros2 param load`` of what ``ros2 param dump`` has written."""
+    tracker = start(processes)
+    assert peer.spin_until(lambda: state(peer) == "active")
+    names = peer.call(ListParameters, "/tracker/list_parameters").result.names
+    values = peer.call(
+        GetParameters, "/tracker/get_parameters", GetParameters.Request(names=names)
+    ).values
+    own = [ParameterMessage(name=n, value=v) for n, v in zip(names, values, strict=True)]
+    threshold = next(p for p in own if p.name == "confirm_probability")
+    threshold.value.double_value = 0.875
+    request = SetParameters.Request(parameters=own)
+    results = peer.call(SetParameters, "/tracker/set_parameters", request).results
+    refused = [p.name for p, result in zip(own, results, strict=True) if not result.successful]
+    # What rclpy declares for itself is read-only.
+    assert all(name.startswith(("qos_overrides.", "start_type")) for name in refused), refused
+    assert len(own) > 50
+    assert peer.spin_until(lambda: "changed: " in tracker.log.read_text())
+    (line,) = [row for row in tracker.log.read_text().splitlines() if "changed: " in row]
+    assert line.endswith("changed: confirm_probability 0.875")
+
+
+def test_parameters_are_described_ranged_and_say_when_structure_may_change(processes, peer):
     start(processes)
     assert peer.spin_until(lambda: state(peer) == "active")
     asked = ["confirm_probability", "lag", "publish_path"]
     request = DescribeParameters.Request(names=asked)
     reply = peer.call(DescribeParameters, "/tracker/describe_parameters", request)
     threshold, lag, path = reply.descriptors
-    assert [d.read_only for d in reply.descriptors] == [False, True, True]
+    assert not any(d.read_only for d in reply.descriptors)
+    when = "; changes while the node is not configured"
+    told = [d.additional_constraints.endswith(when) for d in reply.descriptors]
+    assert told == [False, True, True]
     assert (threshold.floating_point_range[0].to_value, lag.integer_range[0].to_value) == (1.0, 100)
     assert path.description == "Publish ~/tracks/path, one message per track."
 

@@ -3,6 +3,8 @@
 
 """Faults of the ROS arguments and of parameter files: one line each, and exit status 2."""
 
+import tempfile
+
 import pytest
 from live_radars import FAST
 
@@ -163,3 +165,15 @@ def test_tracker_without_a_file_says_that_it_goes_by_the_defaults(processes, pee
         + (" except lag" if given else "")
         + ": no parameter file is given"
     )
+
+
+def test_tracker_by_the_defaults_does_not_take_a_file_of_launch_for_the_users(processes, peer):
+    """launch writes a temporary file of what a launch file sets by itself."""
+    with tempfile.NamedTemporaryFile("w", prefix="launch_params_") as file:
+        file.write("/tracker: {ros__parameters: {publish_frames: true, use_sim_time: false}}")
+        file.flush()
+        tracker = processes.start("tracker", "--ros-args", "--params-file", file.name)
+
+        assert peer.spin_until(lambda: "tracking " in tracker.log.read_text(), 20.0)
+    text = tracker.log.read_text()
+    assert "by the defaults (profile defaults) except publish_frames: no parameter file" in text

@@ -62,6 +62,10 @@ def test_csv_has_a_row_for_each_fix():
     assert found[0] == {
         "time": "10.000000001",
         "number": "3",
+        "x": "0.00",
+        "y": "0.00",
+        "vx": "100.00",
+        "vy": "0.00",
         "latitude": "52.3000000",
         "longitude": "4.8000000",
         "height": "",

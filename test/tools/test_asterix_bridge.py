@@ -212,6 +212,13 @@ def test_trailers_of_datagrams_are_said_and_no_faults(bridge):
     assert "left out: none" in said.out
 
 
+def test_empty_recording_fails(bridge):
+    status, out, said = bridge(b"")
+    assert status == 3
+    assert "recording.ast: is empty, nothing was recorded" in said.err
+    assert not out.exists()
+
+
 def test_what_is_no_recording_is_refused(bridge):
     status, out, said = bridge(b"not a recording")
     assert status == 2
@@ -230,7 +237,7 @@ def test_what_is_no_recording_is_refused(bridge):
 )
 def test_wrong_arguments_are_named(bridge, capsys, arguments, expected):
     try:
-        status, _, said = bridge(b"", *arguments)
+        status, _, said = bridge(b"x", *arguments)
         err = said.err
     except SystemExit as end:
         status, err = end.code, capsys.readouterr().err
@@ -285,6 +292,31 @@ targets:
     out = scenario.parent / "bag"
     assert run("simulate", ["--scenario", str(scenario), "--out", str(out)]) == 0
     return out
+
+
+def test_call_signs_of_plots_are_those_of_the_tracks(tmp_path):
+    """Of an aircraft with an address; they reach tracks by it, through the tracker's bag."""
+    seen = {"i070": (0, 0, 0, 0, 0o1234), "i220": 0x484C3A, "i240": "KLM1023 "}
+    blocks = []
+    for turn in range(12):
+        for k in range(8):
+            name = seen if not k else {}
+            azimuth, far = 10.0 + 0.3 * turn + 45.0 * k, 30.0 + 0.2 * turn
+            time_s = 1000.0 + 4.0 * (turn + azimuth / 360.0)
+            blocks.append(made.plots(made.plot(azimuth, time_s, far, **name)))
+    recording, bag, tracked, out = (tmp_path / name for name in ("r.ast", "b", "t", "o.ast"))
+    recording.write_bytes(b"".join(blocks))
+    assert run("asterix_bridge", [str(recording), "--out", str(bag)]) == 0
+    assert run("track_bag", [str(bag), "--out", str(tracked)]) == 0
+    assert run("asterix_bridge", [str(tracked), "--out", str(out)]) == 0
+    tracks = [record for record in decoded(out.read_bytes()) if record["category"] == 62]
+    named = [record for record in tracks if "I245" in record]
+    assert len({value(record, "I040", "TrkN") for record in tracks}) >= 8
+    assert len({value(record, "I040", "TrkN") for record in named}) == 1
+    for record in named:
+        assert record["I245"]["TId"]["val"].strip() == "KLM1023"
+        assert record["I380"]["ID"]["ACID"]["val"].strip() == "KLM1023"
+        assert int(record["I380"]["ADR"]["ADR"]["val"], 16) == 0x484C3A
 
 
 # Position and velocity of two aircraft at 1000 s.
@@ -462,3 +494,16 @@ def test_outputs_do_not_go_on_through_a_gap_of_the_estimates(with_estimates, tmp
 def test_bag_without_estimates_is_refused(by_sector, tmp_path, capsys):
     assert run("asterix_bridge", [str(by_sector), "--out", str(tmp_path / "tracks.ast")]) == 2
     assert "/tracker/filtered/estimates is missing" in capsys.readouterr().err
+
+
+def test_bag_of_which_less_than_half_becomes_asterix_fails(tmp_path, capsys):
+    """Estimates that are no such clouds, as of another program on the topic."""
+    bag, out = tmp_path / "bag", tmp_path / "tracks.ast"
+    topic = names.estimates("filtered")
+    with BagWriter(bag) as written:
+        written.add_topic(Topic(topic, names.CLOUD))
+        for k in range(3):
+            cloud = detections.to_msg(Detections(np.ones((1, 2)), np.ones(1)), 10**9 * k, "map")
+            written.write(topic, interfaces.encode(cloud), 10**9 * k)
+    assert run("asterix_bridge", [str(bag), "--out", str(out)]) == 3
+    assert "0% of its clouds could be used; dropped: schema 3" in capsys.readouterr().err

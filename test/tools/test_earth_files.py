@@ -15,11 +15,14 @@ from msg_adapters import interfaces, names, truth
 from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.tools import simulate, track_bag
+from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.report import load
+from phd_jdtc_ros.tools import simulate, track_bag, tracker_params
 
 ROOT = Path(__file__).parents[2]
 SCENARIO = ROOT / "config" / "scenarios" / "two_approach_radars.yaml"
 SCANS = 61
+FLAT = str(ROOT / "bags" / "one_radar")
 
 
 @pytest.fixture(scope="module")
@@ -74,12 +77,51 @@ def test_geojson_has_the_tracks_of_the_csv_file(tracked):
         assert track["properties"]["times"] == pytest.approx(times)
 
 
-def test_files_by_latitude_and_longitude_need_an_origin(tmp_path, capsys):
-    bag = str(ROOT / "bags" / "one_radar")
-    out = ["--out", str(tmp_path / "out"), "--csv", str(tmp_path / "t.csv")]
-    assert track_bag.main([bag, *out]) == 2
-    assert "--csv: given without world_origin" in capsys.readouterr().err
+def test_geojson_needs_an_origin(tmp_path, capsys):
+    out = ["--out", str(tmp_path / "out"), "--geojson", str(tmp_path / "t.json")]
+    assert track_bag.main([FLAT, *out]) == 2
+    assert "--geojson: given without world_origin" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_csv_without_an_origin_has_x_and_y(tmp_path):
+    out = tmp_path / "out"
+    # It may be in the directory that the bag makes.
+    assert track_bag.main([FLAT, "--out", str(out), "--csv", str(out / "t.csv")]) == 0
+    with (out / "t.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    run = load.record(out, tracker_params.config(bag_parameters.read(out))).smoothed
+    assert len(rows) == sum(np.count_nonzero(found.track_id) for found in run) > 50
+    found = next(found for found in run if len(found))
+    first = found.track_id.argmin()
+    assert [float(rows[0][name]) for name in ("x", "y", "vx", "vy")] == pytest.approx(
+        [*found.position[first], *found.velocity[first]], abs=0.006
+    )
+    assert {(row["latitude"], row["longitude"], row["course"]) for row in rows} == {("", "", "")}
+
+
+WRONG_FILES = {
+    "one path": (["--csv", "t", "--geojson", "x/../t"], "--csv: t given, is that of --geojson too"),
+    "no folder": (["--csv", "nowhere/t.csv"], "nowhere is no directory"),
+    "existing": (["--csv", "there"], "there already exists, a file is not overwritten"),
+    "the bag": (["--csv", "out"], "out given, is that of --out too"),
+    "folder": (["--csv", "x"], "x given, must be a file, is a directory"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG_FILES)
+def test_files_that_cannot_be_written_are_refused_before_tracking(
+    tmp_path, monkeypatch, capsys, case
+):
+    monkeypatch.chdir(tmp_path)
+    Path("there").write_text("kept")
+    Path("x").mkdir()
+    arguments, expected = WRONG_FILES[case]
+    origin = ["-p", "world_origin:=[52.0, 5.0, 0.0]"]
+    assert track_bag.main([FLAT, "--out", "out", *arguments, *origin]) == 2
+    assert expected in capsys.readouterr().err
+    assert not Path("out").exists()
+    assert Path("there").read_text() == "kept"
 
 
 def test_a_radar_on_the_earth_that_does_not_turn_is_not_simulated(tmp_path, capsys):

@@ -68,10 +68,18 @@ def test_load_takes_the_file_for_the_tracker_alone(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("status", "again"), [(OK, True), (FAILED, True), (USAGE, False), (CORRUPT, True), (-9, True)]
+    ("status", "ends", "final"),
+    [
+        (OK, 9, False),
+        (FAILED, 2, False),
+        (FAILED, 3, True),
+        (CORRUPT, 1, False),
+        (-9, 3, True),
+        (USAGE, 1, True),
+    ],
 )
-def test_tracker_is_not_started_again_after_a_fault_of_its_arguments(status, again):
-    assert launching.respawns(status) is again
+def test_tracker_is_given_up_after_all_retries_or_a_fault_of_its_arguments(status, ends, final):
+    assert launching.is_final(status, ends, retries=2) is final
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "launch").glob("*.py")), ids=lambda path: path.stem)
@@ -108,8 +116,3 @@ def test_demo_of_a_bag_without_parameters_has_the_defaults(tmp_path):
 
     assert (found.bag, found.params_file) == (tmp_path, "")
     assert found.config.values == resolve({}).values
-
-
-def test_failure_is_an_exception_because_launch_ends_with_0_otherwise():
-    with pytest.raises(RuntimeError, match="tracker failed"):
-        launching.fail("tracker failed")

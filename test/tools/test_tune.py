@@ -55,7 +55,11 @@ def test_tune_proposes_what_was_simulated_in_a_file_that_the_tracker_takes(tmp_p
 def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     out = tmp_path / "proposed.yaml"
     assert tune(unknown, "--out", out) == 0
-    assert "no recording tells" in out.read_text()
+    text = out.read_text()
+    assert "no recording tells" in text
+    # The default too, or a mirrored world would not show where it is from.
+    (convention,) = [line for line in text.splitlines() if "azimuth_convention:" in line]
+    assert convention.split(maxsplit=2)[1:] == ["enu_ccw", "# check it; compass_cw if north is 0"]
     config = tracker_params.config(params_file.load(out))
     (radar,), (layout,) = config.model.radars, config.inputs
     assert (layout.topic, layout.frame) == ("/radar_1/detections", "radar_1")

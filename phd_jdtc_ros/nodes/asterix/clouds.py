@@ -8,7 +8,8 @@ from __future__ import annotations
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import point_cloud
-from phd_jdtc_ros.asterix.columns import columns
+from phd_jdtc_ros.asterix.call_signs import CallSigns
+from phd_jdtc_ros.asterix.columns import UNKNOWN, columns
 from phd_jdtc_ros.asterix.slices import SectorReport
 
 from .settings import Amplitudes
@@ -17,8 +18,19 @@ from .settings import Amplitudes
 def cloud(report: SectorReport, radar: str, sectors: int, amplitudes: Amplitudes) -> PointCloud2:
     """Return the cloud of a sector or a slice, in the frame that has the radar's name.
 
-    Fields are those of `columns`; all are FLOAT32, but for ``code address sector``, UINT32, and
-    ``kind``, UINT8.
+    Fields are those of `columns`; all are FLOAT32, but for ``code address call_sign_high
+    call_sign_low sector``, UINT32, and ``kind``, UINT8.
     """
     found = columns(report, sectors, amplitudes.noise_dbm, amplitudes.choice)
     return point_cloud.encode(report.stamp_ns, radar, found)
+
+
+def learn_call_signs(cloud: PointCloud2, call_signs: CallSigns) -> None:
+    """Take the call signs of such a cloud; of another one there are none."""
+    wanted = ("address", "call_sign_high", "call_sign_low")
+    if not {*wanted} <= {*point_cloud.field_names(cloud)}:
+        return
+    found = point_cloud.decode(cloud, dict.fromkeys(wanted, point_cloud.UNSIGNED))
+    for address, high, low in zip(*(found[name].tolist() for name in wanted), strict=True):
+        if UNKNOWN not in (address, high, low):
+            call_signs.take(address, (high & 0xFFFFFF) << 24 | low & 0xFFFFFF)

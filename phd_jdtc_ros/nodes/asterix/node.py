@@ -10,6 +10,7 @@ late plots is published once nothing has come for a while, or at the end.
 
 from __future__ import annotations
 
+import math
 import socket
 import time
 from collections import Counter
@@ -33,7 +34,7 @@ from phd_jdtc_ros.asterix.udp import Receiver
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import faults_of
 
-from ..common import arguments, overridable, parameters, runtime, transitions
+from ..common import arguments, offers, overridable, parameters, runtime, transitions
 from ..common.health_reports import HealthReports
 from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
@@ -72,6 +73,8 @@ class AsterixBridge(LifecycleNode):
         self._output: TrackOutput | None = None
         self._taken_s = 0.0
         self._heard_s: float | None = None
+        self._active_since_s = math.nan
+        self._clouds = 0
         self._outputs: dict[str, Any] = {}
         self._subscribers: dict[str, int] = {}
         self._dropped: Counter[str] = Counter()
@@ -136,6 +139,7 @@ class AsterixBridge(LifecycleNode):
             self.get_logger().error("not activated: " + "\n".join(faults_of(self._fault)))
             return TransitionCallbackReturn.FAILURE
         done = super().on_activate(state)
+        self._active_since_s = time.monotonic()
         inputs = ", ".join(self._values["inputs"]) or "nothing"
         output = self._values["output"]
         self.get_logger().info(f"receiving {inputs}" + (f", sending to {output}" if output else ""))
@@ -162,6 +166,7 @@ class AsterixBridge(LifecycleNode):
             self._receiver = Receiver(inputs, interface, self._arrived.trigger)
 
     def _stop(self) -> None:
+        self._active_since_s = math.nan
         if self._receiver is not None:
             self._receiver.close()
             self._dropped["lost"] += self._receiver.lost + self._receiver.waiting
@@ -216,9 +221,10 @@ class AsterixBridge(LifecycleNode):
     def _on_estimates(self, cloud: PointCloud2) -> None:
         if self._sender is None:
             return
+        self._clouds += 1
         alone = len(self._stream.radars) == 1
         if self._output is None:
-            self._output = settings.output_of(self._bridge, alone)
+            self._output = settings.output_of(self._bridge, alone, self._stream.call_signs)
         # Radars that are not named are known once they are heard.
         self._output.source = replace(self._output.source, monosensor=alone)
         try:
@@ -262,19 +268,32 @@ class AsterixBridge(LifecycleNode):
                 self.get_logger().info(f"{name}: {count} subscribers")
                 self._subscribers[name] = count
 
+    def _offers(self) -> str:
+        """Return where estimates may be, if nobody publishes them where they are expected."""
+        if not self._values["output"]:
+            return ""
+        topic = self.resolve_topic_name(self._values["estimates_topic"])
+        return offers.hint(self, topic, PointCloud2)
+
     def _statuses(self) -> list[DiagnosticStatus]:
         self._log_subscribers()
         node = self.get_fully_qualified_name()
         lost = self._receiver.lost if self._receiver is not None else 0
-        active = self._receiver is not None or self._sender is not None
+        active_s = time.monotonic() - self._active_since_s
         found = [
-            health.of_input(node, self._stream, lost + self._dropped["lost"], active, self._seen),
-            health.of_output(node, self._values["output"], self._sent, self._dropped, self._seen),
+            health.of_input(
+                *(node, self._stream, lost + self._dropped["lost"], self._values["inputs"]),
+                *(active_s, self._seen),
+            ),
+            health.of_output(
+                *(node, self._values["output"], self._sent, self._dropped),
+                *(self._clouds, self._offers(), active_s, self._seen),
+            ),
         ]
         clock = self._stream.clock
         for number, state in self._stream.radars.items():
             name = names.health(state.settings.name, node)
-            found.append(health.of_radar(name, number, state, clock, self._seen))
+            found.append(health.of_radar(name, number, state, clock, active_s, self._seen))
         return found
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from msg_adapters import names
 from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.asterix.assembly import LEARNED
+from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
@@ -204,8 +205,8 @@ class Bridge:
         return PlotStream(self.radars, self.others, clock, PlotTurns)
 
 
-def output_of(bridge: Bridge, monosensor: bool) -> TrackOutput:
-    """Return what makes ASTERIX of estimates."""
+def output_of(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackOutput:
+    """Return what makes ASTERIX of estimates; `call_signs` may grow with the radars' plots."""
     get = bridge.values
     origin = get["world_origin"]
     source = Source(
@@ -216,7 +217,7 @@ def output_of(bridge: Bridge, monosensor: bool) -> TrackOutput:
         get["output_heights"] == "geometric",
     )
     plane = SystemPlane(origin) if origin else None
-    return TrackOutput(source, plane, get["max_prediction_s"])
+    return TrackOutput(source, plane, get["max_prediction_s"], call_signs)
 
 
 def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> Bridge:

@@ -17,6 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from msg_adapters import identities, point_cloud, stamps
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix import tracks_out
+from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
 from phd_jdtc_ros.core.site import Plane
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED
@@ -66,10 +67,19 @@ class TrackOutput:
         zero.
     max_prediction_s : float
         Estimates that are older are not predicted any more, and their tracks end.
+    call_signs : CallSigns
+        Those of the tracks' addresses.
     """
 
-    def __init__(self, source: Source, plane: Plane | None, max_prediction_s: float) -> None:
+    def __init__(
+        self,
+        source: Source,
+        plane: Plane | None,
+        max_prediction_s: float,
+        call_signs: CallSigns,
+    ) -> None:
         self.source = source
+        self._call_signs = call_signs
         self._plane = plane
         # Estimates have heights above the map's zero, which need not be that of flight levels.
         self._datum = 0.0 if plane is None else plane.origin[2]
@@ -164,6 +174,7 @@ class TrackOutput:
                 covariance=float(get["cov_02"][row]),
                 height_std=float(std["cov_zz"][row]),
                 climb_std=float(std["cov_vzvz"][row]),
+                call_sign=self._call_signs.of(int(columns["address"][row])),
             )
         return found
 

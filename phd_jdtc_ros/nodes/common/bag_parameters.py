@@ -14,7 +14,7 @@ from typing import Any
 
 import yaml
 
-from phd_jdtc_ros import yaml_files
+from phd_jdtc_ros import output_files, yaml_files
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.core.configuration.parameters import GROUPS, schema
 from phd_jdtc_ros.core.configuration.schema import ConfigError
@@ -112,7 +112,7 @@ def write(path: Path, values: Mapping[str, Any], section: str = ANY_TRACKER) -> 
     document = {section: {"ros__parameters": kept}}
     text = yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None, width=100)
     try:
-        path.write_text(_HEAD + text)
+        output_files.write(path, _HEAD + text)
     except OSError as error:
         raise BagError(f"{path}: cannot be written: {error.strerror}") from error
 

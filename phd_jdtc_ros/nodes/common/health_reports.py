@@ -51,7 +51,7 @@ class HealthReports:
     def _publish(self) -> None:
         statuses = self._statuses()
         for status in statuses:
-            if status.level == DiagnosticStatus.WARN:
+            if status.level in (DiagnosticStatus.WARN, DiagnosticStatus.ERROR):
                 self._warnings.warn(status.name, f"{status.name}: {status.message}")
         stamp_ns = self._node.get_clock().now().nanoseconds
         self._output.publish(diagnostics.array(stamp_ns, statuses))

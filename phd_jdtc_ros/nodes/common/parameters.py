@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import sys
+import tempfile
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +23,8 @@ from .parameter_files import ParameterFile
 
 # Parameters that rclpy declares for itself.
 _OWN = ("use_sim_time", "start_type_description_service")
+# What the names of launch's temporary files of parameters begin with.
+_OF_LAUNCH = "launch_params_"
 
 
 def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
@@ -55,9 +59,18 @@ def is_ours(name: str) -> bool:
 
 
 def sources(node: Node, files: Sequence[ParameterFile]) -> list[Path]:
-    """Return the files that set parameters of the node, other than those of every node."""
+    """Return the users' files that set parameters of the node, other than those of every node."""
     values = _values_in(files, node)
-    return [file.path for file, own in zip(files, values, strict=True) if any(map(is_ours, own))]
+    return [
+        file.path
+        for file, own in zip(files, values, strict=True)
+        if any(map(is_ours, own)) and not _by_launch(file.path)
+    ]
+
+
+def _by_launch(path: Path) -> bool:
+    """Return whether launch wrote a file, of parameters that are values in a launch file."""
+    return path.parent == Path(tempfile.gettempdir()) and path.name.startswith(_OF_LAUNCH)
 
 
 def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
@@ -79,10 +92,15 @@ def declare(
     values: Mapping[str, Any],
     mutable: frozenset[str] = frozenset(),
 ) -> None:
-    """Declare checked values with descriptions and ranges, read-only unless in `mutable`."""
+    """Declare checked values with descriptions and ranges, read-only unless in `mutable`.
+
+    Of these the node itself refuses some while it runs; their descriptions say it.
+    """
     for name, parameter in table.items():
         descriptor = _descriptor(parameter, values[name])
         descriptor.read_only = name not in mutable
+        if not (parameter.mutable or descriptor.read_only):
+            descriptor.additional_constraints += "; changes while the node is not configured"
         node.declare_parameter(name, values[name], descriptor, ignore_override=True)
 
 
@@ -109,13 +127,15 @@ def redeclare(
     declare(node, new, values, frozenset(new))
 
 
-def set_read_only(node: Node, names: Iterable[str], read_only: bool) -> None:
-    """Set whether parameters may change.
-
-    rclpy lets nobody replace the descriptor of a read-only parameter, but gives out its own one.
-    """
-    for name in names:
-        node.describe_parameter(name).read_only = read_only
+def same(given: Any, value: Any) -> bool:
+    """Return whether a value from a message is what a parameter has; whole numbers may be real."""
+    if isinstance(value, list):
+        # An empty list has no type, and arrives as None.
+        found = [] if given is None else given
+        if not isinstance(found, (list, tuple, array)):
+            return False
+        return len(found) == len(value) and all(map(same, found, value))
+    return isinstance(given, bool) == isinstance(value, bool) and bool(given == value)
 
 
 def with_members(

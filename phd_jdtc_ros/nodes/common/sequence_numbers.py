@@ -86,6 +86,12 @@ class SequenceNumbers:
         self._sequences.append(begun)
         return begun
 
+    def pause(self) -> None:
+        """Let the next message begin a new series: what is missing before it is not lost."""
+        self._latest = None
+        self._decreases.clear()
+        self._sequences.clear()
+
     @property
     def several(self) -> bool:
         """Whether the latest messages come from several live publishers."""

@@ -36,6 +36,7 @@ from msg_adapters import (
     truth,
 )
 from msg_adapters.errors import RejectedMessageError, quoted
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.configuration.parameters import MOST_CLASSES
 from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
@@ -226,7 +227,7 @@ class Evaluator(Node):
             self.get_logger().error(f"no report: {path} stays that of an earlier run")
             return
         try:
-            path.write_text(json.dumps(summary, indent=2) + "\n")
+            output_files.write(path, json.dumps(summary, indent=2) + "\n")
         except OSError as error:  # the disk may have become full since the start
             self.get_logger().error(f"no report: {path}: {error.strerror}")
             self.exit_status = FAILED

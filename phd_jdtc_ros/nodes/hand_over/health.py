@@ -80,7 +80,14 @@ class Heard:
 
 
 def of_tracker(
-    name: str, node: str, heard: Heard, behind_s: float, silent: bool, now_s: float, seen: Seen
+    name: str,
+    node: str,
+    heard: Heard,
+    behind_s: float,
+    silent: bool,
+    now_s: float,
+    seen: Seen,
+    hint: str = "",
 ) -> DiagnosticStatus:
     """Return the status of a tracker's estimates.
 
@@ -96,6 +103,8 @@ def of_tracker(
     now_s : float
         By the steady clock, seconds.
     seen : Seen
+    hint : str
+        What there is instead of its estimates, in words; empty if they are published.
     """
     quiet_s = heard.quiet_s(now_s)
     values = {
@@ -108,7 +117,7 @@ def of_tracker(
     level, text = DiagnosticStatus.WARN, ""
     refused = seen.rose(f"{name} refused", sum(heard.refused.values()))
     if heard.last_s is None:
-        text = "never heard"
+        text = "; ".join(filter(None, ("never heard", hint)))
     elif heard.is_quiet(now_s):
         text = f"silent for {quiet_s:.1f} s{without}"
     elif refused or (silent and heard.left_out):

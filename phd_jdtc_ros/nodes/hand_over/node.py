@@ -23,7 +23,7 @@ from phd_jdtc_ros.core.gathering import Refused
 from phd_jdtc_ros.core.joint_picture import Joint, JointPicture
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 
-from ..common import arguments, overridable, parameters, runtime
+from ..common import arguments, offers, overridable, parameters, runtime
 from ..common.health_reports import HealthReports
 from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
@@ -186,6 +186,11 @@ class HandOver(Node):
         response.success, response.message = True, f"{len(done)} stamps published"
         return response
 
+    def _offers(self, tracker: int) -> str:
+        """Return where estimates are, if nobody publishes a tracker's where they are expected."""
+        topic = self.resolve_topic_name(self._settings.topic(tracker, FILTERED))
+        return "" if self._heard[tracker].clouds else offers.hint(self, topic, PointCloud2)
+
     def _statuses(self) -> list[DiagnosticStatus]:
         node, now_s = self.get_fully_qualified_name(), time.monotonic()
         picture, trackers = self._picture, self._settings.names
@@ -198,6 +203,7 @@ class HandOver(Node):
                 tracker in picture.silent,
                 now_s,
                 self._seen,
+                self._offers(tracker),
             )
             for tracker, name in enumerate(trackers)
         ]

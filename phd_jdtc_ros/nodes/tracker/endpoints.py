@@ -24,7 +24,7 @@ from rclpy.qos import (
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from ..common import overridable
+from ..common import offers, overridable
 from .health import InputHealth, OutputHealth, Publishers
 
 # Messages of an input that wait while a scan is stepped, at least.
@@ -174,6 +174,7 @@ class Listener:
                 for fits, reason in verdicts
                 if fits == QoSCompatibility.ERROR
             ),
+            offers.hint(self._node, listener.topic_name, self._asked[0]),
         )
 
     def improve(self) -> None:

@@ -17,6 +17,7 @@ from types import MappingProxyType
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics, doubts, names
+from phd_jdtc_ros.core.innovations import Fit
 
 from ..common.sequence_numbers import SequenceNumbers
 
@@ -112,10 +113,13 @@ class Publishers:
         One identifier per publisher.
     incompatible : tuple of str
         One reason per publisher whose QoS prevents receiving from it.
+    hint : str
+        What there is instead of publishers of the type, in words; empty if there are some.
     """
 
     identities: frozenset[Hashable]
     incompatible: tuple[str, ...] = ()
+    hint: str = ""
 
 
 @dataclass
@@ -135,6 +139,8 @@ class InputHealth:
     turn_found_s : float
         Time of a turn that is not set and was found out, seconds; or 0.
     losses : Losses
+    fit : Fit or None
+        How the radar's innovations compare with its noise, if that is known.
     """
 
     name: str
@@ -147,6 +153,7 @@ class InputHealth:
     doubts: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     losses: Losses = field(default_factory=Losses)
+    fit: Fit | None = None
     _heard_s: float | None = None
     _worked_s: float = 0.0
     _numbering: SequenceNumbers = field(default_factory=SequenceNumbers)
@@ -175,6 +182,12 @@ class InputHealth:
                 share = (worked_s - self._worked_s) / max(now_s - self._heard_s, 1e-9)
                 self.losses.add(now_s, lost, share > WORKING_SHARE)
         self._heard_s, self._worked_s = now_s, worked_s
+
+    def pause(self) -> None:
+        """Let the next message begin a new series: what came meanwhile was not to be received."""
+        self._numbering.pause()
+        self.rhythm.pause()
+        self._heard_s = None
 
     @property
     def gaps(self) -> int:
@@ -225,15 +238,23 @@ class InputHealth:
             return DiagnosticStatus.ERROR, f"incompatible QoS on {self.topic}: " + "; ".join(
                 publishers.incompatible
             )
-        if self._heard_s is None:
-            return DiagnosticStatus.STALE, "nothing received yet"
-        if silent:
-            return DiagnosticStatus.STALE, f"silent for {now_s - self._heard_s:.1f} s"
+        if publishers.identities and publishers.hint:
+            return DiagnosticStatus.ERROR, publishers.hint
+        several = ""
         if len(publishers.identities) > 1:
-            return DiagnosticStatus.WARN, (
+            several = (
                 f"{len(publishers.identities)} publishers listed on {self.topic}, must be one; "
                 "a killed one disappears by itself"
             )
+        if silent:
+            quiet = "nothing received yet"
+            if self._heard_s is not None:
+                quiet = f"silent for {now_s - self._heard_s:.1f} s"
+            return DiagnosticStatus.STALE, "; ".join(
+                filter(None, (quiet, several, publishers.hint))
+            )
+        if several:
+            return DiagnosticStatus.WARN, several
         if self._doubt_s is not None and now_s - self._doubt_s < WARNING_MEMORY_S:
             return DiagnosticStatus.WARN, self._doubt
         lost = self.losses.recent(now_s)
@@ -248,6 +269,9 @@ class InputHealth:
             )
         if self._trouble_s is not None and now_s - self._trouble_s < WARNING_MEMORY_S:
             return DiagnosticStatus.WARN, "input was dropped or missed its deadline"
+        wrong = None if self.fit is None else doubts.of_noise(self.fit)
+        if wrong is not None:
+            return DiagnosticStatus.WARN, wrong
         return DiagnosticStatus.OK, "receiving"
 
     def _shared(self, now_s: float, silent: bool) -> bool:
@@ -289,6 +313,9 @@ class InputHealth:
         values |= dict(sorted(self.doubts.items()))
         if self.turn_found_s:
             values["turn_found_ms"] = round(1e3 * self.turn_found_s)
+        if self.fit is not None and self.fit.seen:
+            ranges, azimuths = map(float, self.fit.axes)
+            values |= {"range_innovation": ranges, "azimuth_innovation": azimuths}
         return diagnostics.status(
             names.health(self.name, node), values, level, text, names.hardware(self.name, node)
         )

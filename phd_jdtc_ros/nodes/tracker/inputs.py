@@ -148,6 +148,11 @@ class Inputs:
         """Use changed settings of the same inputs."""
         self._settings = settings
 
+    def pause(self) -> None:
+        """Let every input begin a new series with its next message."""
+        for health in self._all():
+            health.pause()
+
     def drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
         """Count what is not used of an input, and warn of it."""
         health.drop(reason, count, time.monotonic())

@@ -24,6 +24,7 @@ from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engine import Engine
+from phd_jdtc_ros.core.innovations import InnovationMonitor
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, new_pipeline
 from phd_jdtc_ros.core.poses import PoseFault
 from phd_jdtc_ros.core.registration.monitor import Drift, RegistrationMonitor
@@ -63,6 +64,7 @@ class LiveTracker:
         self._pace = StepHealth(Rhythm(nominal_s), Rhythm(nominal_s), config.engine)
         self._load = Load(WARNING_MEMORY_S)
         self._served = OutputHealth()
+        self._innovations = InnovationMonitor(config.model)
         self._monitor: RegistrationMonitor | None = None
         if settings.node["registration_monitor"] and len(config.inputs) > 1:
             self._monitor = RegistrationMonitor(config.model.radars, nominal_s)
@@ -121,7 +123,8 @@ class LiveTracker:
         self._outputs.destroy()
 
     def start(self) -> None:
-        """Process the radars' messages from now on."""
+        """Process the radars' messages from now on; those before are not counted in any way."""
+        self._inputs.pause()
         self._active = True
 
     def stop(self) -> int:
@@ -141,6 +144,7 @@ class LiveTracker:
         self._settings = settings
         self._inputs.retune(settings)
         self._pipeline.retune(settings.config.model, settings.config.rule)
+        self._innovations.retune(settings.config.model)
         if self._monitor is not None:
             self._monitor.retune(settings.config.model.radars)
         self._outputs.show_markers(settings.node["publish_markers"])
@@ -178,6 +182,7 @@ class LiveTracker:
             self._checkpoints.resume(engine, stamp_ns)
 
     def _forget_run(self) -> None:
+        self._innovations.forget_tracks()
         if self._monitor is not None:
             self._monitor.forget_tracks()
         if self._checkpoints is not None:
@@ -304,6 +309,7 @@ class LiveTracker:
         for smoothed in step.smoothed:
             self._outputs.publish_estimates(SMOOTHED, smoothed)
         self._outputs.publish_detections(event.scan)
+        self._innovations.stepped(event.scan, step.filtered)
         if self._monitor is not None:
             self._monitor.stepped(event.scan, step.filtered)
         now = time.thread_time()
@@ -342,6 +348,8 @@ class LiveTracker:
         """Return a status for each input, step time, outputs and, if watched, registration."""
         now, name = time.monotonic(), self._node.get_fully_qualified_name()
         limit = self._settings.node["step_time_limit"]
+        for health, fit in zip(self._inputs.radars, self._innovations.fits(), strict=True):
+            health.fit = fit
         return [
             *self._inputs.statuses(now),
             self._pace.status(name, limit, self._inputs.lost(now), self._load.share(now)),

@@ -26,6 +26,7 @@ from phd_jdtc_ros.exit_status import USAGE, faults_of
 
 from ..common import arguments, parameters, runtime, transitions
 from ..common.parameter_files import ParameterFile
+from ..common.status_log import StatusLog
 from . import endpoints, manager_bond, settings
 from .live import LiveTracker
 from .manager_bond import ManagerBond
@@ -36,6 +37,9 @@ HEALTH_PERIOD_S = 1.0
 DEFAULT_PROFILE = "defaults"
 # How often radars are checked for silence.
 WATCH_PERIOD_S = 0.1
+
+
+_DONE = SetParametersResult(successful=True)
 
 
 class Tracker(LifecycleNode):
@@ -61,6 +65,7 @@ class Tracker(LifecycleNode):
         self._fault: Exception | None = None
         self._summary = "never configured"
         self._shown: tuple[Any, float] = (None, 0.0)
+        self._log = StatusLog(self.get_logger())
         self._health = self.create_publisher(
             DiagnosticArray, "/diagnostics", endpoints.output_qos()
         )
@@ -115,7 +120,6 @@ class Tracker(LifecycleNode):
             self._fault = error
             self.get_logger().error("not configured: " + "\n".join(faults_of(error)))
             return TransitionCallbackReturn.FAILURE
-        parameters.set_read_only(self, self._structure(), True)
         model = self._settings.config.model
         if not model.births and not model.detection_births.enabled:
             self.get_logger().warning(
@@ -126,6 +130,7 @@ class Tracker(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Track from now on."""
         done = super().on_activate(state)
+        self._log.forget()
         self._live.start()
         self.get_logger().info(self._what_is_tracked())
         # One that starts by itself has no manager that would wait for a bond.
@@ -184,11 +189,6 @@ class Tracker(LifecycleNode):
             self._summary = self._live.summary()
             self._live.destroy()
             self._live = None
-            parameters.set_read_only(self, self._structure(), False)
-
-    def _structure(self) -> frozenset[str]:
-        """Return the parameters that may change only while the tracker is not configured."""
-        return frozenset(self._settings.table) - self._settings.mutable
 
     def set_parameters_atomically(
         self, parameter_list: list[rclpy.Parameter]
@@ -201,9 +201,15 @@ class Tracker(LifecycleNode):
         """
         table = self._values
         others = [p for p in parameter_list if p.name not in table and self.has_parameter(p.name)]
-        changes = {p.name: p.value for p in parameter_list if p not in others}
+        given = {p.name: p.value for p in parameter_list if p not in others}
+        # What a file repeats, as of the node's own dump, is no change. 2 and 2.0 are one number.
+        changes = {
+            name: value
+            for name, value in given.items()
+            if name not in table or not parameters.same(value, table[name])
+        }
         if not changes:
-            return super().set_parameters_atomically(parameter_list)
+            return super().set_parameters_atomically(others) if others else _DONE
         if self._live is None:
             return self._edit(others, changes)
         try:
@@ -277,8 +283,11 @@ class Tracker(LifecycleNode):
         self._shown = state, now
         if self._live is not None:
             self._live.improve()
+        statuses = self._statuses()
+        if self._phase == "active":
+            self._log.take(statuses)
         stamp_ns = self.get_clock().now().nanoseconds
-        self._health.publish(diagnostics.array(stamp_ns, self._statuses()))
+        self._health.publish(diagnostics.array(stamp_ns, statuses))
 
     def _statuses(self) -> list[DiagnosticStatus]:
         if self._phase == "active":

@@ -19,6 +19,8 @@ from typing import Any
 
 from plotly.offline import get_plotlyjs
 
+from phd_jdtc_ros import output_files
+
 from ..clock import Clock
 from ..record import Record
 from . import score_words
@@ -87,7 +89,7 @@ def write_report(
         script=_part("page.js"),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8")
+    output_files.write(path, page)
     return path
 
 

@@ -10,6 +10,7 @@ global state is not used, so figures can be drawn from any thread.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from typing import NamedTuple
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from phd_jdtc_ros import output_files
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.types import SOURCES
 
@@ -45,7 +47,9 @@ def write_all(record: Record, evaluation: Evaluation, directory: Path) -> list[P
     for picture in PICTURES:
         if picture.has_data(record, evaluation):
             path = directory / f"{picture.name}.png"
-            FigureCanvasAgg(picture.draw(record, evaluation)).print_png(path)
+            image = io.BytesIO()
+            FigureCanvasAgg(picture.draw(record, evaluation)).print_png(image)
+            output_files.write(path, image.getvalue())
             paths.append(path)
     return paths
 

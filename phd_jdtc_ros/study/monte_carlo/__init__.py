@@ -33,7 +33,7 @@ from .document import Scene, resolve
 from .execution import Report, run_on_dask, run_on_processes
 from .kinds import KNOWN_ASSOCIATION, REFERENCE, TRACKERS
 from .results import Mean, Result, collect, summarise, write_csv
-from .store import Store, remaining, slug, write_atomically
+from .store import Store, remaining, slug
 from .tasks import Outcome, Plan, Task, plan
 
 __all__ = [
@@ -58,6 +58,5 @@ __all__ = [
     "run_on_processes",
     "slug",
     "summarise",
-    "write_atomically",
     "write_csv",
 ]

@@ -9,15 +9,15 @@ import csv
 import gzip
 import io
 import math
-import os
 import re
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from phd_jdtc_ros import output_files
 
 from .definition import Variant
 from .scores import VALUES, Scores
@@ -53,7 +53,7 @@ class Store:
         writer.writerows(_rows(task, variant, scores))
         self.directory.mkdir(parents=True, exist_ok=True)
         # Without a time stamp, so that equal scores give equal bytes.
-        write_atomically(
+        output_files.write(
             self.path(task, variant), gzip.compress(text.getvalue().encode(), 6, mtime=0)
         )
 
@@ -114,17 +114,3 @@ def remaining(tasks: Iterable[Task], store: Store) -> list[Task]:
 def slug(name: str) -> str:
     """Return a name that is valid on all file systems."""
     return re.sub(r"[^\w]+", "_", name)
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file through a temporary one, so that it is never incomplete."""
-    descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=".tmp")
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-        # mkstemp restricts access to the user; results shall be readable by others too.
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise

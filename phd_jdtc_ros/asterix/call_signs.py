@@ -1,0 +1,44 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Call signs of aircraft, which come with their addresses and are no more than their names."""
+
+from __future__ import annotations
+
+from .messages import NONE
+
+# Eight characters of six bits: letters from 1, a space, and digits.
+CHARACTERS, BITS = 8, 6
+_VALID = frozenset((*range(1, 27), 32, *range(48, 58)))
+_SPACE = 32
+# At most so many are kept: those that were heard last.
+MOST = 10_000
+
+
+def read(data: bytes, at: int) -> int:
+    """Return a call sign as its 48 bits, `NONE` if it is not there, blank or garbled."""
+    if at < 0:
+        return NONE
+    found = int.from_bytes(data[at : at + CHARACTERS * BITS // 8], "big")
+    parts = {found >> BITS * place & 63 for place in range(CHARACTERS)}
+    return found if parts <= _VALID and parts != {_SPACE} else NONE
+
+
+class CallSigns:
+    """The call sign that each address came with last."""
+
+    def __init__(self) -> None:
+        self._by_address: dict[int, int] = {}
+
+    def take(self, address: int, call_sign: int) -> None:
+        """Take what came together; either may be `NONE`."""
+        if address == NONE or call_sign == NONE:
+            return
+        self._by_address.pop(address, None)
+        self._by_address[address] = call_sign
+        if len(self._by_address) > MOST:
+            del self._by_address[next(iter(self._by_address))]
+
+    def of(self, address: int) -> int:
+        """Return the call sign of an address, `NONE` if there is none."""
+        return self._by_address.get(address, NONE)

@@ -1,0 +1,78 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Files of results: checked before the work that they are for, and written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from phd_jdtc_ros.core.configuration.schema import ConfigError
+
+# Readable by others, where a temporary file is its owner's alone.
+MODE = 0o644
+
+
+def write(path: Path, data: str | bytes) -> None:
+    """Write a file through a temporary one beside it, so that it is never incomplete.
+
+    A symbolic link is replaced, and what it points to stays as it is. What is no regular file, such
+    as ``/dev/stdout``, is written to directly.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written, with the path as its ``filename``; nothing is left then.
+    """
+    content = data.encode() if isinstance(data, str) else data
+    if path.exists() and not path.is_file():
+        path.write_bytes(content)
+        return
+    temporary = None
+    try:
+        descriptor, temporary = tempfile.mkstemp(".tmp", f".{path.name}.", path.parent)
+        with open(descriptor, "wb") as file:
+            file.write(content)
+        os.chmod(temporary, MODE)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from error
+    finally:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+
+
+def require_new(paths: Mapping[str, Path], made: Path | None = None) -> None:
+    """Check that files can be written once there is something to write.
+
+    Parameters
+    ----------
+    paths : mapping of option to Path
+        The files, and what asks for each.
+    made : Path or None
+        A directory that will have been made by then.
+
+    Raises
+    ------
+    ConfigError
+        With every file whose path another one has, that exists, or whose directory does not.
+    """
+    faults = []
+    options: dict[Path, str] = {} if made is None else {made.resolve(): "--out"}
+    for option, path in paths.items():
+        whole = path.resolve()
+        if whole in options:
+            faults.append(f"{option}: {path} given, is that of {options[whole]} too")
+        elif path.is_file() or (path.is_symlink() and not path.exists()):
+            faults.append(f"{option}: {path} already exists, a file is not overwritten")
+        elif path.is_dir():
+            faults.append(f"{option}: {path} given, must be a file, is a directory")
+        elif whole.parent != (made and made.resolve()) and not os.access(whole.parent, os.W_OK):
+            lacks = "cannot be written to" if whole.parent.is_dir() else "is no directory"
+            faults.append(f"{option}: {path} given, but {whole.parent} {lacks}")
+        options.setdefault(whole, option)
+    if faults:
+        raise ConfigError(faults)

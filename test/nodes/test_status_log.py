@@ -1,0 +1,52 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from msg_adapters import diagnostics
+from phd_jdtc_ros.nodes.common.status_log import LASTING_S, StatusLog
+
+OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+ERROR, STALE = DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+
+
+class Logger:
+    def __init__(self):
+        self.said = []
+
+    def info(self, text):
+        self.said.append(("info", text))
+
+    def warning(self, text):
+        self.said.append(("warning", text))
+
+    def error(self, text):
+        self.said.append(("error", text))
+
+
+def said(*looks):
+    """Return what is logged of looks: seconds, level and message of the status `north`."""
+    logger, now = Logger(), [0.0]
+    log = StatusLog(logger, lambda: now[0])
+    for now[0], level, text in looks:
+        log.take([diagnostics.status("north", {}, level, text)])
+    return logger.said
+
+
+def test_a_cause_is_logged_once_when_it_has_lasted_and_so_is_its_end():
+    silent = [(t, STALE, f"silent for {t:.1f} s") for t in range(20)]
+    well = [(t, OK, "receiving") for t in range(20, 40)]
+    assert said((-9, OK, "receiving"), *silent, *well) == [
+        ("warning", f"north: silent for {LASTING_S:.1f} s"),
+        ("info", "north: receiving again"),
+    ]
+
+
+def test_another_cause_is_logged_too():
+    quiet = [(t, STALE, "silent") for t in range(9)]
+    shared = [(t, ERROR, "several publishers") for t in range(9, 20)]
+    assert [level for level, _ in said(*quiet, *shared)] == ["warning", "error"]
+
+
+def test_what_goes_by_is_not_logged():
+    assert not said(*((t, (OK, WARN)[t % 2], "xy"[t % 2]) for t in range(50)))
