@@ -188,7 +188,7 @@ def tiles(summary: Mapping[str, Any]) -> str:
         ("OSPA reduction", percent(summary.get("reduction"))),
         ("smoothed OSPA", _text(OSPA[0], _score(summary, SMOOTHED, "all", "ospa"))),
         ("class accuracy", "" if one_class else percent(summary.get("class_accuracy"), 1)),
-        ("identity switches", _text(IDENTITY_SWITCHES, summary.get("identity_switches"))),
+        _switches(summary),
         ("step, median", number(step_ms.get("median"), 1, " ms")),
         ("step, 99 %", number(step_ms.get("p99"), 1, " ms")),
         ("scans scored", number(summary.get("scans") or None)),
@@ -197,6 +197,17 @@ def tiles(summary: Mapping[str, Any]) -> str:
         f"<div><dt>{name}</dt><dd>{value}</dd></div>"
         for name, value in numbers
         if value not in ("", NO_VALUE)
+    )
+
+
+def _switches(summary: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the name and the numbers of identity switches, of each source that is scored."""
+    key, sources = IDENTITY_SWITCHES.key, _scored(summary)
+    counts = [_text(IDENTITY_SWITCHES, _score(summary, source, "all", key)) for source in sources]
+    known = any(count != NO_VALUE for count in counts)
+    return (
+        f"{IDENTITY_SWITCHES.heading}, {' / '.join(sources)}",
+        " / ".join(counts) if known else "",
     )
 
 
