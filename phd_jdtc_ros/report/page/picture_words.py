@@ -23,8 +23,8 @@ DETECTIONS = {"none": "none", "0": "this scan", "10": "10 s", "30": "30 s", "120
 SYMBOLS = ("\u25cf", "\u25b2", "\u25a0", "\u25c6")
 KEYS = (
     "Drag to move, scroll or pinch to zoom, double-click to see all again; with the keyboard, "
-    "arrows, +, - and 0 while the picture has the focus. Click on a symbol or on a track in the list "
-    "to select it, and again, or press Escape, to let it go."
+    "arrows, +, - and 0 while the picture has the focus. Click on a symbol or on a track in the "
+    "list to select it, and again, or press Escape, to let it go."
 )
 
 
