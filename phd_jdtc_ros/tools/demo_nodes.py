@@ -135,6 +135,7 @@ def reporting(bag: Path, config: TrackerConfig, out: Path, cutoff: float) -> dic
         "world_frame": config.world_frame,
         "exit_after_scans": scans,
         "cutoff": cutoff,
+        "least_speed": config.least_speed,
         "class_names": f"[{', '.join(kind.name for kind in classes)}]",
     }
     if config.carried:

@@ -9,7 +9,7 @@ from phd_jdtc_ros.core.configuration import scene
 from phd_jdtc_ros.exit_status import FAILED
 from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.resources import bag
-from phd_jdtc_ros.tools import demo, tracker_params
+from phd_jdtc_ros.tools import demo, demo_nodes, tracker_params
 
 
 @pytest.fixture
@@ -99,3 +99,21 @@ def test_demo_writes_into_a_folder_of_its_profile_bag_and_engine(
 
     assert demo.main(words) == FAILED
     assert [path.as_posix() for path in seen] == [f"out/{folder}"]
+
+
+@pytest.mark.parametrize(
+    ("words", "least_speed"),
+    [
+        (("--profile", "marine"), 2.5),
+        (("--profile", "marine", "-p", "mast.clutter_map:=false"), 0.0),
+        (("--profile", "marine", "-p", "mast.clutter_map_speed:=0.0"), 0.0),
+        (("--profile", "automotive"), 0.0),
+    ],
+)
+def test_targets_that_a_profile_takes_for_clutter_are_not_scored(
+    given, tmp_path, words, least_speed
+):
+    config, cutoff = given(*words)
+
+    scored = demo_nodes.reporting(bag("coastal"), config, tmp_path, cutoff)["least_speed"]
+    assert scored == config.least_speed == least_speed

@@ -25,7 +25,7 @@ from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
 from ..lengths import metres_text
 from ..sets import Sets
-from ..table import engine_rows
+from ..table import engine_rows, unscored
 
 NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
@@ -46,7 +46,7 @@ def tables(summary: Mapping[str, Any]) -> str:
     return "\n".join(
         (
             "<h2>Scores</h2>",
-            _table(summary, DISTANCES, "Means over all scans."),
+            _table(summary, DISTANCES, f"Means over all scans. {unscored(summary)}".rstrip()),
             f"<details>\n<summary>{_folded(sets)}</summary>",
             _table(summary, OTHERS, over),
             _consistency(summary),
@@ -171,7 +171,11 @@ def lead(summary: Mapping[str, Any]) -> str:
         return ""
     reduction = summary.get("reduction")
     change = "" if reduction is None else f", {_change(reduction)}"
-    return f'<p class="lead">Mean OSPA distance of all targets: {", ".join(means)}{change}.</p>'
+    return (
+        f'<p class="lead">Mean OSPA distance of all targets: {", ".join(means)}{change}. '
+        f"{unscored(summary)}".rstrip()
+        + "</p>"
+    )
 
 
 def _change(reduction: float) -> str:
