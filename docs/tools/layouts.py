@@ -19,6 +19,7 @@ from msg_adapters.palette import COLOURS
 
 FOLDER = Path(__file__).resolve().parents[2] / "foxglove"
 INK, GREY = "#1c2126", "#858585"
+SHORT = 10e3
 SCORES, FIGURES = names.OSPA, names.cardinality()
 STATUS = '.status[:]{{name=="{}"}}.values[:]{{key=="{}"}}.value'
 
@@ -88,7 +89,8 @@ def scene(view: View) -> dict[str, Any]:
             "maxValue": 30,
             "pointSize": 4,
         }
-        topics[f"{names.TRACKER}/markers"] = {"visible": True}
+        # Markers are sized for maps of 30 km, and would cover one of some hundred metres.
+        topics[f"{names.TRACKER}/markers"] = {"visible": view.extent > SHORT}
     divisions = 2 * round(view.extent / view.cell)
     return {
         **_title("Map"),
