@@ -28,6 +28,8 @@ from .packing import packed
 from .picture import Picture, picture_of
 from .time_axes import times
 
+# In the order in which they build on each other; the first line makes all strict.
+SCRIPTS = ("drawing.js", "picture.js", "page.js")
 # The page may not load anything, even if a library tries to.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -78,7 +80,7 @@ def write_report(
         terms=score_words.definitions(summary),
         run=_run_json(record, charts, picture),
         packed=_packed(charts, picture),
-        script=_part("picture.js") + _part("page.js").removeprefix('"use strict";\n'),
+        script="".join(map(_part, SCRIPTS)),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(page, encoding="utf-8")

@@ -1,4 +1,3 @@
-"use strict";
 // The report's script. The page holds a JSON document: the charts as Plotly figures, the times of the
 // frames, and the head of the picture; beside it, compressed, are the picture's columns and Plotly.
 
