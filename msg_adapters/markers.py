@@ -27,6 +27,8 @@ ELLIPSE_SIGMA = 3.0
 VELOCITY_SECONDS = 30.0
 LABEL_HEIGHT = 400.0
 LINE_WIDTH = 40.0
+# Dark: viewers put a light box behind dark letters, and a black one behind those of light classes.
+LABEL_COLOUR = (0.11, 0.13, 0.15)
 ELLIPSE_POINTS = 33
 
 
@@ -126,7 +128,7 @@ def _record(start: int, frame: str, class_id: int, name: str, label_size: int) -
         kind: _put(
             *(writer, 0, frame, f"{name}/{kind}", shape),
             scale=scale,
-            colour=colour,
+            colour=LABEL_COLOUR if kind == "label" else colour,
             points=points,
             text=text,
         )

@@ -66,6 +66,11 @@ def clutter_map(tracker: str = TRACKER) -> str:
     return f"{tracker}/clutter_map"
 
 
+def fixes(tracker: str = TRACKER) -> str:
+    """Return the topic of the tracks by latitude and longitude."""
+    return f"{tracker}/navsat"
+
+
 def plot(quantity: str, node: str = TRACKER) -> str:
     """Return the topic of a number that a node publishes for plots; `quantities` has them."""
     return f"{node}/plot/{quantity}"
@@ -125,7 +130,7 @@ def optional(tracker: str = TRACKER) -> dict[str, str]:
         clutter_map(tracker): GRID,
         f"{tracker}/tracks/path": PATH,
         f"{tracker}/odometry": ODOMETRY,
-        f"{tracker}/navsat": FIX,
+        fixes(tracker): FIX,
         f"{tracker}/tracks/geojson": GEOJSON,
         f"{tracker}/radar_tracks": RADAR_TRACKS,
         f"{tracker}/detections_3d": DETECTIONS_3D,

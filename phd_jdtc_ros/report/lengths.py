@@ -39,9 +39,12 @@ class MapScale:
     def of(record: Record) -> MapScale:
         """Return the scale that suits the places of a record."""
         places = places_of(record)
-        if len(places) and np.ptp(places, axis=0).max() < SHORT_M:
-            return MapScale("m", 1.0, 2)
-        return MapScale("km", 1e3, 4)
+        return MapScale.of_extent(float(np.ptp(places, axis=0).max()) if len(places) else SHORT_M)
+
+    @staticmethod
+    def of_extent(extent: float) -> MapScale:
+        """Return the scale that suits an extent, metres."""
+        return MapScale("m", 1.0, 2) if extent < SHORT_M else MapScale("km", 1e3, 4)
 
     def of_metres(self, metres: FloatArray) -> FloatArray:
         """Return lengths or places in the unit."""

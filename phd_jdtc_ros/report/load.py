@@ -103,6 +103,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         clutter=next(iter(parts["clutter"]), None),
         class_names=tuple(kind.name for kind in config.model.modes.classes),
         plane=config.plane,
+        least_speed=config.least_speed,
     )
 
 

@@ -79,6 +79,8 @@ class Record:
         Where clutter came from, as learned in the end; None if that was not recorded.
     plane : Plane or None
         The map of the earth that the world frame is; None if it is a plane anywhere.
+    least_speed : float
+        Of the targets that the tracker was to report, metres per second.
     """
 
     truth: tuple[Truth, ...]
@@ -92,6 +94,7 @@ class Record:
     class_names: tuple[str, ...] = ()
     clutter: ClutterRaster | None = None
     plane: Plane | None = None
+    least_speed: float = 0.0
 
     @cached_property
     def sets(self) -> Sets:
@@ -116,7 +119,9 @@ class Record:
     def evaluate(self, cutoff: float, order: float) -> Evaluation:
         """Return the scores of the run; `cutoff` in metres."""
         names = self.sets.class_names
-        evaluation = Evaluation(self.classes, cutoff, order, class_names=names)
+        evaluation = Evaluation(
+            self.classes, cutoff, order, class_names=names, least_speed=self.least_speed
+        )
         for truth in self.truth:
             evaluation.add_truth(truth.stamp_ns, PointSet.of(truth))
         for source in SOURCES:

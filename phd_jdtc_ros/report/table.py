@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,17 @@ def metrics(
     return summary
 
 
+def unscored(summary: Mapping[str, Any]) -> str:
+    """Return a sentence about the targets that are not scored; empty if all are."""
+    number, speed = summary.get("slow_targets"), summary.get("least_speed")
+    if not number:
+        return ""
+    return (
+        f"Targets slower than {speed:g} m/s are not scored, {number:.1f} on average: this tracker "
+        "takes them for clutter, see clutter_map_speed."
+    )
+
+
 def score_tables(summary: dict[str, Any]) -> Group:
     """Return the figures of filter and smoother, for all targets and for each class, as tables.
 
@@ -93,7 +104,8 @@ def score_tables(summary: dict[str, Any]) -> Group:
         tables.append(_confusion(matrix, sets))
     if compared := summary.get("compared"):
         tables.append(_engines(summary, compared))
-    return Group(*[part for table in tables for part in ("", table)][1:])
+    words = filter(None, [unscored(summary)])
+    return Group(*[part for table in tables for part in ("", table)][1:], *words)
 
 
 def _engines(summary: dict[str, Any], compared: dict[str, Any]) -> Table:

@@ -95,14 +95,18 @@ def shipped_bag() -> Path:
     return resources.bag(resources.DEFAULT_BAG)
 
 
-def _default_out(given: str, engine: str | None) -> Path:
-    """Return where the demo of a bag and an engine goes.
+def _default_out(profile: str | None, shown: str, bag: Path, engine: str | None) -> Path:
+    """Return where a demo goes: by its profile, its bag and its engine, as far as they are given.
 
-    That of a shipped bag other than the default by its name, and that of an engine by its.
+    Parameters
+    ----------
+    profile, engine : str or None
+    shown : str
+        Name of the bag that the profile is shown with, or the default one.
+    bag : Path
     """
-    named = Path(given).name == given != resources.DEFAULT_BAG and not Path(given).exists()
-    parts = ["demo", *([given] if named else []), *([engine] if engine else [])]
-    return Path("out", "_".join(parts))
+    parts = ["demo", profile, None if bag.resolve() == resources.bag(shown).resolve() else bag.stem]
+    return Path("out", "_".join(part for part in (*parts, engine) if part))
 
 
 def _cutoff(given: str, shown: str) -> float:
@@ -172,8 +176,7 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--out",
         type=Path,
-        help="directory; out/demo, or out/demo_NAME for an engine, a profile or a bag given by its "
-        "name",
+        help="directory; out/demo, with the names of what is given: out/demo_PROFILE_BAG_ENGINE",
     )
     command.add_cutoff_argument(parser)
     command.add_parameter_arguments(parser)
@@ -197,7 +200,9 @@ def main(argv: Sequence[str]) -> int:
             arguments.params_file.insert(0, path)
         if arguments.engine:
             arguments.assignments.append(f"engine:={arguments.engine}")
-        out: Path = arguments.out or _default_out(arguments.profile or given, arguments.engine)
+        out: Path = arguments.out or _default_out(
+            arguments.profile, shown, bag.resolve(), arguments.engine
+        )
         config = command.tracker_config(arguments, bag)
         _check_recording(out)
         with _unfinished(out) as new:

@@ -135,6 +135,7 @@ def reporting(bag: Path, config: TrackerConfig, out: Path, cutoff: float) -> dic
         "world_frame": config.world_frame,
         "exit_after_scans": scans,
         "cutoff": cutoff,
+        "least_speed": config.least_speed,
         "class_names": f"[{', '.join(kind.name for kind in classes)}]",
     }
     if config.carried:
@@ -149,12 +150,15 @@ def start_tracking(
     """Start the evaluator and the tracker; return whether they have found each other."""
     parameters = logs / PARAMETERS
     bag_parameters.write(parameters, config.values)
-    reliable = {
+    told: dict[str, object] = {
         f"qos_overrides.{topic}.subscription.reliability": "reliable"
         for topic in [*(radar.topic for radar in config.inputs), *config.carried]
     }
+    # For viewers with a map of the earth.
+    if config.plane is not None:
+        told["publish_navsat"] = True
     nodes.start("evaluator", [], evaluator)
-    nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], reliable)
+    nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], told)
     return nodes.wait_for("tracker", "tracking") and nodes.wait_for("evaluator", "connected")
 
 

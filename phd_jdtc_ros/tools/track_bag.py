@@ -18,7 +18,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import track
 
-from msg_adapters import clutter_maps, doubts, estimates, interfaces, names, platform_poses
+from msg_adapters import clutter_maps, doubts, estimates, interfaces, names, navsat, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import output_files, resources
@@ -177,6 +177,9 @@ class OfflineTracker:
         for values in by_stamp:
             message = estimates.to_msg(values, self._config.world_frame)
             self._bag.write(names.estimates(source), interfaces.encode(message), values.stamp_ns)
+            if source == FILTERED and self._config.plane is not None:
+                for fix in navsat.to_msgs(values, self._config.plane):
+                    self._bag.write(names.fixes(), interfaces.encode(fix), values.stamp_ns)
 
 
 def track_bag(
@@ -202,6 +205,8 @@ def track_bag(
             bag.add_topic(source.topic(topic, depth=50))
         for kind in (FILTERED, SMOOTHED):
             bag.add_topic(Topic(names.estimates(kind), names.CLOUD))
+        if config.plane is not None:
+            bag.add_topic(Topic(names.fixes(), names.FIX))
         if any(radar.clutter_map is not None for radar in config.model.radars):
             bag.add_topic(Topic(names.clutter_map(), names.GRID, depth=1, transient_local=True))
         tracker = OfflineTracker(config, bag)

@@ -15,6 +15,7 @@ from msg_adapters.estimates import heading
 from msg_adapters.markers import (
     ELLIPSE_POINTS,
     ELLIPSE_SIGMA,
+    LABEL_COLOUR,
     LABEL_HEIGHT,
     LINE_WIDTH,
     VELOCITY_SECONDS,
@@ -70,7 +71,8 @@ def marker_array(estimates, frame, class_names):
             _point(state[X], state[Y], height),
             _point(ahead[X], ahead[Y], height + VELOCITY_SECONDS * climb),
         ]
-        label = _marker(*base, f"{name}/label", Marker.TEXT_VIEW_FACING)
+        dark = ColorRGBA(**dict(zip("rgb", LABEL_COLOUR, strict=True)), a=1.0)
+        label = _marker(*base[:3], dark, f"{name}/label", Marker.TEXT_VIEW_FACING)
         label.scale = Vector3(x=0.0, y=0.0, z=LABEL_HEIGHT)
         label.pose.position = _point(state[X], state[Y] + 2.0 * LABEL_HEIGHT, height)
         label.text = label_text(

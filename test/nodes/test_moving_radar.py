@@ -12,6 +12,7 @@ from geometry_msgs.msg import PoseStamped
 from moving_messages import CLOUDS, sent
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import PointCloud2
+from unfolded import rows_of
 
 from msg_adapters import diagnostics, estimates, interfaces, names, platform_poses
 from phd_jdtc_ros.bags.reader import BagReader
@@ -19,7 +20,7 @@ from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.configuration.schema import flatten
 from phd_jdtc_ros.core.types import Pose
 from phd_jdtc_ros.report import load
-from phd_jdtc_ros.report.page import scan_map
+from phd_jdtc_ros.report.page.picture import picture_of
 from phd_jdtc_ros.tools import track_bag
 
 KINDS = {"odometry": Odometry, "pose_stamped": PoseStamped}
@@ -143,8 +144,9 @@ def test_the_report_shows_detections_and_the_radar_where_they_were(tmp_path):
         assert plot.sensor == pytest.approx(tuple(place), abs=1.0)
         away = moving.boats(index * moving.INTERVAL_S) - plot.position[: len(moving.BOATS)]
         assert np.hypot(*away.T).max() < 40.0
-    names_shown = [trace.name for trace in scan_map.scan_map(record).figure.data]
-    assert names_shown.count("mast, moving") == 2
+    picture = picture_of(record)
+    assert picture.header["radars"] == ["mast"]
+    assert len(rows_of(picture, "carriers")["place"]) == moving.SCANS
 
 
 def test_poses_that_are_not_recorded_are_warned_of(processes, peer, tracker, tmp_path):

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from headless import BROWSER, FLAGS, NAMES
-from records import SCANS, record_of, stamp_ns, truth_of
+from records import SCANS, estimates_of, record_of, stamp_ns, truth_of
 
+from phd_jdtc_ros.core.types import UNKNOWN, Attributes
 from phd_jdtc_ros.report.page import charts
 from phd_jdtc_ros.report.page.html import write_report
 from phd_jdtc_ros.report.record import Plot
@@ -69,7 +70,7 @@ def test_page_draws_every_chart_and_complains_of_nothing(opened):
 
     assert console == []
     assert 'data-drawn="yes"' in dom
-    for name in ("map", "ospa", "numbers", "classes"):
+    for name in ("ospa", "numbers", "classes"):
         assert '<svg class="main-svg"' in part(dom, name)
         assert 'class="trace scatter' in part(dom, name)
 
@@ -101,8 +102,101 @@ def test_page_of_a_radar_with_a_hostile_name_draws_its_charts(opened, name):
 
     assert console == []
     assert 'data-drawn="yes"' in dom
-    for chart in ("map", "ospa", "numbers", "classes"):
+    for chart in ("ospa", "numbers", "classes"):
         assert '<svg class="main-svg"' in part(dom, chart)
+
+
+def air_picture():
+    """Return a record of two aircraft with labels: a low one that climbs, and a high one."""
+    attributes = Attributes(
+        np.array([[1524.0, 5.0], [9144.0, 0.0]]),
+        np.tile(np.eye(2), (2, 1, 1)),
+        np.array([0o4217, UNKNOWN]),
+        np.array([UNKNOWN, 0x3C6555]),
+    )
+    sets = tuple(
+        replace(estimates_of(k, 2, 0), track_id=np.array([7, 9]), attributes=attributes)
+        for k in range(SCANS)
+    )
+    # The second target is not there for a while.
+    truth = tuple(truth_of(k, 1 if 3 <= k < 9 else 2) for k in range(SCANS))
+    return record_of(2, filtered=sets, smoothed=(), truth=truth)
+
+
+def said_by(opened, script):
+    """Return what a script says of the drawn page of `air_picture`, as the page's title."""
+    then = f"setTimeout(() => {{ document.title = (() => {{ {script} }})(); }}, 4000);"
+    dom, console = opened(air_picture(), at=f"#scan={SCANS}", then=then)
+    assert console == []
+    return re.search("<title>(.*?)</title>", dom)[1]
+
+
+def test_list_tells_who_how_high_and_how_fast_the_tracks_are(opened):
+    rows = (
+        'return [...document.querySelectorAll("#tracks tr")].map((row) => '
+        '[...row.cells].map((cell) => cell.textContent).join(" ")).join(", ");'
+    )
+    assert said_by(opened, rows) == (
+        "4217 (7) FL050\N{UPWARDS ARROW} 110 kt 045°, 3C6555 (9) FL300 110 kt 045°"
+    )
+
+
+def test_track_of_the_list_is_selected_on_the_picture(opened):
+    click = (
+        'document.querySelectorAll("#tracks button")[1].click(); picture.draw();'
+        'const pressed = document.querySelector("[aria-pressed=true]").textContent;'
+        'return [picture.selected, pressed, document.getElementById("details").textContent].join();'
+    )
+    assert said_by(opened, click).startswith(
+        "9,3C6555 (9),Track 9, address 3C6555, class 1 (100 %)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("choose", "left"),
+    [
+        ('document.getElementById("low").value = "100"', "9"),
+        ('document.getElementById("high").value = "100"', "7"),
+        ('document.getElementById("class1").checked = false', "7"),
+    ],
+)
+def test_tracks_are_filtered_by_level_and_class(opened, choose, left):
+    script = (
+        f"{choose}; picture.draw();"
+        'return [...document.querySelectorAll("#tracks tr")].map((row) => '
+        "row.cells[0].textContent.match(/\\((\\d+)\\)/)[1]).join();"
+    )
+    assert said_by(opened, script) == left
+
+
+def test_lines_have_gaps_where_a_target_was_not_there(opened):
+    script = (
+        "const { truth } = picture.groups; let begun = 0;"
+        "picture.brush.moveTo = () => { begun += 1; };"
+        "picture.trace(truth, truth.start[0], truth.start[1] - 1, -1, 1); const whole = begun;"
+        "picture.trace(truth, truth.start[1], truth.frame.length - 1, -1, 1);"
+        "return [whole, begun - whole].join();"
+    )
+    assert said_by(opened, script) == "1,2"
+
+
+def test_trails_are_of_the_time_that_is_chosen(opened):
+    script = (
+        'return ["0", "30", "all"].map((seconds) => picture.frame - picture.since(seconds)).join();'
+    )
+    # Of scans 6 s apart, with the one that is shown.
+    assert said_by(opened, script) == f"1,6,{SCANS}"
+
+
+def test_picture_is_moved_and_zoomed_by_keys(opened):
+    script = (
+        "const { scale, centre } = picture; const press = (key) => "
+        'picture.canvas.dispatchEvent(new KeyboardEvent("keydown", { key }));'
+        'press("+"); press("ArrowRight");'
+        "const moved = [picture.scale > scale, picture.centre[0] > centre[0]];"
+        'press("0"); return [...moved, picture.scale === scale].join();'
+    )
+    assert said_by(opened, script) == "true,true,true"
 
 
 def test_play_goes_on_from_the_scan_asked_for_to_the_last_one(opened):

@@ -10,7 +10,7 @@ from rich.console import Console
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.metric_table import OF_ALL, OF_SETS
 from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.report.table import metrics, score_tables
+from phd_jdtc_ros.report.table import metrics, score_tables, unscored
 
 
 def points(rows, classes):
@@ -67,7 +67,7 @@ def test_metrics_hold_what_the_file_promises(evaluation):
     assert set(found) == {
         "filtered", "smoothed", "reduction", "class_accuracy", "p", "c", "scans", "step_ms",
         "truth_scans", "long_gap_s", "ospa2_window", "identity_switches", "class_names",
-        "consistency", "false_per_scan",
+        "consistency", "false_per_scan", "least_speed", "slow_targets",
     }  # fmt: skip
     promised = {
         "ospa", "localization", "cardinality", "cardinality_abs_error",
@@ -92,6 +92,13 @@ def test_metrics_hold_what_the_file_promises(evaluation):
         1000.0,
         2,
     )
+
+
+def test_targets_that_are_not_scored_are_told():
+    told = unscored({"least_speed": 2.5, "slow_targets": 3.0})
+
+    assert told.startswith("Targets slower than 2.5 m/s are not scored, 3.0 on average")
+    assert unscored({"least_speed": 2.5, "slow_targets": 0.0}) == ""
 
 
 def test_metrics_say_the_engine_if_it_is_known(evaluation):

@@ -151,12 +151,12 @@ def test_filtered_class_probabilities_stand_behind_smoothed_ones_or_for_themselv
 @pytest.mark.parametrize(
     ("parts", "expected"),
     [
-        ({}, ["map", "ospa", "numbers", "classes"]),
-        ({"truth": ()}, ["map", "numbers", "classes"]),
-        ({"smoothed": ()}, ["map", "ospa", "numbers", "classes"]),
-        ({"filtered": (), "smoothed": ()}, ["map", "numbers"]),
-        ({"filtered": (), "smoothed": (), "truth": ()}, ["map"]),
-        ({"plots": ()}, ["map", "ospa", "numbers", "classes"]),
+        ({}, ["ospa", "numbers", "classes"]),
+        ({"truth": ()}, ["numbers", "classes"]),
+        ({"smoothed": ()}, ["ospa", "numbers", "classes"]),
+        ({"filtered": (), "smoothed": ()}, ["numbers"]),
+        ({"filtered": (), "smoothed": (), "truth": ()}, []),
+        ({"plots": ()}, ["ospa", "numbers", "classes"]),
         ({"filtered": (), "smoothed": (), "truth": (), "plots": ()}, []),
     ],
 )
@@ -193,7 +193,6 @@ def test_of_record_draws_scans_without_any_estimate():
     record = record_of(filtered=nothing, smoothed=nothing)
 
     assert [c.name for c in charts.of_record(record, record.evaluate(1000.0, 2.0))] == [
-        "map",
         "ospa",
         "numbers",
     ]

@@ -9,7 +9,7 @@ from phd_jdtc_ros.core.configuration import scene
 from phd_jdtc_ros.exit_status import FAILED
 from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.resources import bag
-from phd_jdtc_ros.tools import demo, tracker_params
+from phd_jdtc_ros.tools import demo, demo_nodes, tracker_params
 
 
 @pytest.fixture
@@ -62,3 +62,58 @@ def test_assignments_override_where_the_bag_has_a_radar(given):
 )
 def test_cutoff_is_that_of_the_bag_unless_it_is_given(given, words, cutoff):
     assert given(*words)[1] == cutoff
+
+
+@pytest.mark.parametrize(
+    ("words", "folder"),
+    [
+        ((), "demo"),
+        (("--bag", str(bag("paper_scenario").resolve())), "demo"),
+        (("--engine", "gaussian"), "demo_gaussian"),
+        (("--bag", "three_classes"), "demo_three_classes"),
+        (("--bag", str(bag("three_classes").resolve())), "demo_three_classes"),
+        (("--profile", "air_traffic"), "demo_air_traffic"),
+        (("--profile", "air_traffic", "--bag", "two_approach_radars"), "demo_air_traffic"),
+        (
+            ("--profile", "air_traffic", "--bag", "terminal_radar"),
+            "demo_air_traffic_terminal_radar",
+        ),
+        (
+            ("--profile", "phd", "--bag", "one_radar", "--engine", "particles"),
+            "demo_phd_one_radar_particles",
+        ),
+    ],
+)
+def test_demo_writes_into_a_folder_of_its_profile_bag_and_engine(
+    monkeypatch, tmp_path, words, folder
+):
+    seen = []
+
+    def run_nodes(bag, config, out, logs, cutoff):
+        seen.append(logs.parent)
+        return False
+
+    for module in (demo, demo.asterix_demo):
+        monkeypatch.setattr(module, "run_nodes", run_nodes)
+    monkeypatch.chdir(tmp_path)
+
+    assert demo.main(words) == FAILED
+    assert [path.as_posix() for path in seen] == [f"out/{folder}"]
+
+
+@pytest.mark.parametrize(
+    ("words", "least_speed"),
+    [
+        (("--profile", "marine"), 2.5),
+        (("--profile", "marine", "-p", "mast.clutter_map:=false"), 0.0),
+        (("--profile", "marine", "-p", "mast.clutter_map_speed:=0.0"), 0.0),
+        (("--profile", "automotive"), 0.0),
+    ],
+)
+def test_targets_that_a_profile_takes_for_clutter_are_not_scored(
+    given, tmp_path, words, least_speed
+):
+    config, cutoff = given(*words)
+
+    scored = demo_nodes.reporting(bag("coastal"), config, tmp_path, cutoff)["least_speed"]
+    assert scored == config.least_speed == least_speed

@@ -133,7 +133,7 @@ def test_installed_demo_runs_from_an_empty_directory(installed, tmp_path, short_
         PHD_JDTC_KERNELS="numpy",
     )
     assert status == 0, err
-    out = tmp_path / "out" / "demo"
+    out = tmp_path / "out" / "demo_short"
     assert json.loads((out / "metrics.json").read_text())["scans"] == 8
     assert (out / "report.html").is_file()
 

@@ -106,6 +106,15 @@ class TrackerConfig:
         return RESET_THRESHOLD_SCANS * _slowest_s(self.values)
 
     @property
+    def least_speed(self) -> float:
+        """Speed of the slowest targets that are reported, m/s.
+
+        Those that are slower are in the clutter maps of all radars.
+        """
+        radars = self.model.radars
+        return min(0.0 if r.clutter_map is None else r.clutter_map_speed for r in radars)
+
+    @property
     def answer_delay_s(self) -> float:
         """How much older than a report the last scan may be that is stepped because of it, s.
 

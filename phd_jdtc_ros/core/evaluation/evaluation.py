@@ -16,6 +16,7 @@ from .limits import LONG_GAP_S, OSPA2_WINDOW
 from .metric_table import CLASS_ACCURACY, FALSE_PER_SCAN, IDENTITY_SWITCHES, reduction
 from .run_scores import RunScores
 from .scan_scores import ALL, PairedScan, PointSet, ScanScore, class_set
+from .slow_targets import without_slow
 from .true_tracks import TrueTracks
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
@@ -47,6 +48,8 @@ class Evaluation:
         of any length; None keeps all. The summary is always of the whole run.
     class_names : tuple of str
         For readers of the summary; ``class_0`` and so on if empty.
+    least_speed : float
+        Slower targets are not scored, nor the estimates of them, metres per second.
 
     Attributes
     ----------
@@ -67,6 +70,7 @@ class Evaluation:
     order: float
     keep: int | None = None
     class_names: tuple[str, ...] = ()
+    least_speed: float = 0.0
     scores: dict[str, dict[int, ScanScore]] = field(init=False)
     truth_scans: int = field(init=False, default=0)
     repeated: int = field(init=False, default=0)
@@ -82,6 +86,8 @@ class Evaluation:
     _done: dict[tuple[str, int], None] = field(init=False, default_factory=dict)
     _owed: set[tuple[str, int]] = field(init=False, default_factory=set)
     _scans: int = field(init=False, default=0)
+    # Targets that were too slow, of so many scores.
+    _slow: int = field(init=False, default=0)
 
     def __post_init__(self) -> None:
         self.scores = {source: {} for source in SOURCES}
@@ -154,7 +160,9 @@ class Evaluation:
     def _score(
         self, source: str, stamp_ns: int, targets: PointSet, estimate: PointSet
     ) -> ScanScore:
-        scan = PairedScan.of(stamp_ns, targets, estimate, self.cutoff)
+        judged, found = without_slow(targets, estimate, self.least_speed, self.cutoff)
+        self._slow += len(targets) - len(judged)
+        scan = PairedScan.of(stamp_ns, judged, found, self.cutoff)
         score = ScanScore(source, stamp_ns, self._runs[source].add(scan))
         self._put(self.scores[source], stamp_ns, score)
         self._put(self._done, (source, stamp_ns), None, len(SOURCES))
@@ -178,7 +186,8 @@ class Evaluation:
             ``consistency``, the result of `RunScores.consistency` per source; ``p``, ``c``;
             ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of stamps with
             scores of both sources, of ``truth_scans`` stamps of the truth, None where estimates
-            have stamps of their own; ``class_names``. A figure without data is None.
+            have stamps of their own; ``class_names``; ``least_speed``, and ``slow_targets``, the
+            mean number in a score of targets that were slower. A figure without data is None.
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
@@ -190,6 +199,8 @@ class Evaluation:
         result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
         result["scans"] = self._scans
         result["truth_scans"] = None if self.own_stamps else self.truth_scans
+        result["least_speed"] = self.least_speed
+        result["slow_targets"] = self._slow / max(sum(self.scored.values()), 1)
         result["class_names"] = list(self.class_names or map(class_set, range(self.classes)))
         return result
 

@@ -88,9 +88,11 @@ def between(first: PointSet, second: PointSet, part: float, interval_s: float) -
     begin, end = first.only(row[order]), second.only(column[order])
     rest = 1.0 - part
     position = rest * begin.position + part * end.position
+    velocity = None
     if begin.velocity is not None and end.velocity is not None:
         # By how much the velocity at each end differs from that of the straight line.
         mean = (end.position - begin.position) / interval_s
         bends = rest * (begin.velocity - mean) - part * (end.velocity - mean)
         position = position + interval_s * part * rest * bends
-    return PointSet(position, begin.class_id, begin.track_id)
+        velocity = rest * begin.velocity + part * end.velocity
+    return PointSet(position, begin.class_id, begin.track_id, velocity)

@@ -77,6 +77,14 @@ TABLE = (
         element=str,
     ),
     Parameter("cutoff", 1000.0, "OSPA's c, m.", SMALL),
+    Parameter(
+        "least_speed",
+        0.0,
+        "Slower targets are not scored, nor the estimates of them, m/s: those that the tracker "
+        "takes for clutter, see clutter_map_speed.",
+        0.0,
+        1e3,
+    ),
     Parameter("order", 2.0, "OSPA's p.", 1.0, 100.0),
     Parameter(
         "publish_plots", True, "Publish ~/plot/..., one number per topic for plotting tools."
@@ -127,6 +135,7 @@ class Evaluator(Node):
             self._values["order"],
             KEPT_SCANS,
             _class_names(self._values),
+            self._values["least_speed"],
         )
         tracker = self._values["tracker"]
         self._coverage = Coverage(

@@ -5,34 +5,24 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 from matplotlib.colors import to_hex
 
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 from ..style import purples
 
 BoolArray = npt.NDArray[np.bool_]
+STEPS = 8
 
 
-def _shades(weak: float, strong: float) -> list[list[Any]]:
-    return [[k / 7.0, to_hex(shade)] for k, shade in enumerate(purples(weak, strong, 8))]
+def _shades(weak: float, strong: float) -> list[str]:
+    return [to_hex(shade) for shade in purples(weak, strong, STEPS)]
 
 
 # By page: high amplitudes have the most contrast, and low ones remain visible.
 AMPLITUDE_SCALES = {"light": _shades(0.45, 1.0), "dark": _shades(0.75, 0.0)}
-
-
-def log_amplitude(amplitude: FloatArray) -> list[float | None]:
-    """Return the decimal logarithm; None, which is drawn without colour, if there is none."""
-    known = is_known(amplitude)
-    return [
-        round(float(np.log10(value)), 3) if good else None
-        for value, good in zip(amplitude, known, strict=True)
-    ]
 
 
 def is_known(amplitude: FloatArray) -> BoolArray:
@@ -41,29 +31,12 @@ def is_known(amplitude: FloatArray) -> BoolArray:
     return known
 
 
-def colour_axis(amplitude: FloatArray) -> dict[str, Any]:
-    """Return plotly's colour axis for amplitudes, on a logarithmic scale with round ticks.
-
-    Parameters
-    ----------
-    amplitude : array of shape (M,)
-        Known ones only, at least one.
-    """
-    low, high = amplitude.min(), amplitude.max()
-    high = max(high, 1.1 * low)
-    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    steps = [m * 10.0**d for d in decades for m in (1.0, 2.0, 5.0)]
-    ticks = [step for step in steps if low <= step <= high]
-    return {
-        "cmin": float(np.log10(low)),
-        "cmax": float(np.log10(high)),
-        "colorscale": AMPLITUDE_SCALES["light"],
-        "colorbar": {
-            "title": {"text": "amplitude (noise std)", "side": "right"},
-            "tickvals": [float(np.log10(tick)) for tick in ticks],
-            "ticktext": [f"{tick:g}" for tick in ticks],
-            "thickness": 12,
-            "len": 0.6,
-            "outlinewidth": 0,
-        },
-    }
+def shades_of(amplitude: FloatArray) -> IntArray:
+    """Return the step of each amplitude on the scale from least to greatest; -1 for none."""
+    shades = np.full(len(amplitude), -1, dtype=np.int64)
+    known = is_known(amplitude)
+    if known.any():
+        level = np.log10(amplitude[known])
+        span = max(float(np.ptp(level)), 0.04)
+        shades[known] = np.minimum((level - level.min()) / span * STEPS, STEPS - 1).astype(int)
+    return shades

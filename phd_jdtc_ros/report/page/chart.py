@@ -9,7 +9,6 @@ may be light or dark. Only classes and amplitudes have fixed colours.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from plotly.graph_objects import Figure
@@ -39,16 +38,12 @@ class Chart(NamedTuple):
     title, caption : str
         The caption says what the chart shows and what to look for.
     figure : plotly.graph_objects.Figure
-    moving : sequence of mapping
-        Traces that change with the scan: ``trace`` is the trace's index; every other key is one of
-        its properties, with one value per scan.
     """
 
     name: str
     title: str
     caption: str
     figure: Figure
-    moving: Sequence[Mapping[str, Any]] = ()
 
 
 def class_symbol(class_id: int, filled: bool = True) -> str:

@@ -9,16 +9,14 @@ from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.types import SOURCES
 
 from ..record import Record
-from . import class_chart, scan_map, time_charts
+from . import class_chart, time_charts
 from .chart import Chart
 
 
 def of_record(record: Record, evaluation: Evaluation) -> list[Chart]:
-    """Return every chart that the run has data for, the map first."""
+    """Return every chart over time that the run has data for."""
     charts = []
     estimated = any(len(run) for source in SOURCES for run in record.of_source(source))
-    if estimated or record.truth or record.plots:
-        charts.append(scan_map.scan_map(record))
     if any(evaluation.scores[source] for source in SOURCES):
         charts.append(time_charts.ospa(record, evaluation))
     if record.filtered or record.smoothed or record.truth:

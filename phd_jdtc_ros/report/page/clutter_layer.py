@@ -1,52 +1,35 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What was learned of where clutter comes from, beneath the interactive map."""
+"""What was learned of where clutter comes from, beneath the page's picture."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from plotly.graph_objects import Heatmap
 
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 
-from ..lengths import MapScale
 from ..style import CLUTTER
+from .packing import Columns
 
 # Of false detections per turn and km^2, decimal logarithms: what has no colour, and what has all.
 FAINTEST, STRONGEST = 0.0, 3.0
-# A colour that is seen on light and on dark pages, by its opacity.
-SHADES = [
-    [0.0, f"rgba({CLUTTER},0.0)"],
-    [0.3, f"rgba({CLUTTER},0.3)"],
-    [1.0, f"rgba({CLUTTER},0.9)"],
-]
+# Steps of the opacity.
+STEPS = 100
 
 
-def clutter_layer(shown: ClutterRaster, scale: MapScale) -> Heatmap:
-    """Return the picture as a trace, on a logarithmic scale."""
+def clutter_levels(shown: ClutterRaster, columns: Columns) -> dict[str, Any]:
+    """Add the squares' opacity as a column, rows by y; return where they are, in metres."""
+    level = np.log10(np.maximum(shown.density, 10.0**FAINTEST))
+    columns.add("clutter", np.rint(np.minimum(level / STRONGEST, 1.0) * STEPS).ravel())
     low_x, _, low_y, _ = shown.extent
-    half = 0.5 * shown.cell
-    level = np.log10(np.maximum(shown.density, 10.0**FAINTEST / 10.0))
-    cells = [
-        [round(value, 2) if value >= FAINTEST else None for value in row] for row in level.tolist()
-    ]
-    digits = scale.decimals - 1
-    return Heatmap(
-        z=cells,
-        x0=float(scale.of_metres(np.array(low_x + half))),
-        dx=float(scale.of_metres(np.array(shown.cell))),
-        y0=float(scale.of_metres(np.array(low_y + half))),
-        dy=float(scale.of_metres(np.array(shown.cell))),
-        zmin=FAINTEST,
-        zmax=STRONGEST,
-        colorscale=SHADES,
-        showscale=False,
-        showlegend=True,
-        name="learned clutter",
-        hoverongaps=False,
-        hovertemplate=(
-            f"learned clutter<br>%{{x:.{digits}f}}, %{{y:.{digits}f}} {scale.unit}<br>"
-            "10<sup>%{z:.1f}</sup> false detections per turn and km²<extra></extra>"
-        ),
-    )
+    rows, across = shown.density.shape
+    return {
+        "corner": [float(low_x), float(low_y)],
+        "cell": float(shown.cell),
+        "shape": [rows, across],
+        "colour": CLUTTER,
+        "steps": STEPS,
+    }

@@ -23,21 +23,15 @@ from phd_jdtc_ros import output_files
 
 from ..clock import Clock
 from ..record import Record
-from . import score_words
+from . import picture_words, score_words
 from .amplitude_scale import AMPLITUDE_SCALES
 from .chart import Chart
-from .scan_list import first_shown, scans_of
+from .packing import packed
+from .picture import Picture, picture_of
 from .time_axes import times
 
-CONTROLS = """<div class="controls">
-<button id="back" aria-label="one scan back">&lsaquo;</button>
-<button id="play">Play</button>
-<button id="forth" aria-label="one scan on">&rsaquo;</button>
-<input id="scan" type="range" min="0" value="0" aria-label="scan">
-<output id="shown" for="scan"></output>
-</div>
-"""
-
+# In the order in which they build on each other; the first line makes all strict.
+SCRIPTS = ("drawing.js", "picture.js", "page.js")
 # The page may not load anything, even if a library tries to.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -63,7 +57,7 @@ def write_report(
         As `Evaluation.summary` returns it, with an optional ``step_ms`` of ``median`` and
         ``p99``. A value that is missing or None is shown as a dash.
     record : Record
-        Its stamps are the positions of the slider.
+        What the picture shows.
     charts : sequence of Chart
         In order.
     notes : sequence of str
@@ -74,6 +68,7 @@ def write_report(
     pathlib.Path
         `path`.
     """
+    picture = picture_of(record)
     page = Template(_part("page.html")).substitute(
         policy=POLICY,
         title=escape(title),
@@ -82,11 +77,12 @@ def write_report(
         notes="\n".join(f'<p class="note">{escape(note)}</p>' for note in notes),
         tiles=score_words.tiles(summary),
         tables=score_words.tables(summary),
+        picture="" if picture is None else picture_words.section(picture.header),
         charts="\n".join(_chart(chart) for chart in charts),
         terms=score_words.definitions(summary),
-        run=_run_json(record, charts),
-        plotly=get_plotlyjs(),
-        script=_part("page.js"),
+        run=_run_json(record, charts, picture),
+        packed=_packed(charts, picture),
+        script="".join(map(_part, SCRIPTS)),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     output_files.write(path, page)
@@ -97,30 +93,36 @@ def _part(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-def _run_json(record: Record, charts: Sequence[Chart]) -> str:
+def _run_json(record: Record, charts: Sequence[Chart], picture: Picture | None) -> str:
     """Return the script's data, without ``<``.
 
     A name with ``</script>`` would end the element, and one with ``<!--<script>`` would make it
     swallow the rest of the page.
     """
     clock = Clock.of(record)
-    scans = scans_of(record)
     document = {
-        "times": times(clock, [scan.stamp_ns for scan in scans]),
+        "times": [] if picture is None else times(clock, picture.frames.stamp_ns.tolist()),
         "unit": clock.unit,
-        "first": first_shown(scans),
         "amplitude_scales": AMPLITUDE_SCALES,
-        "charts": [
-            {"name": c.name, "figure": c.figure.to_plotly_json(), "moving": list(c.moving)}
-            for c in charts
-        ],
+        "picture": None if picture is None else picture.header,
+        "charts": [{"name": c.name, "figure": c.figure.to_plotly_json()} for c in charts],
     }
     return json.dumps(document, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
+def _packed(charts: Sequence[Chart], picture: Picture | None) -> str:
+    """Return the compressed parts of the page as elements: columns, and what draws the charts."""
+    parts = {} if picture is None else {"columns": picture.columns.text()}
+    if charts:
+        parts["plotly"] = packed(get_plotlyjs().encode("utf-8"))
+    return "\n".join(
+        f'<script type="application/octet-stream" id="{name}">{text}</script>'
+        for name, text in parts.items()
+    )
+
+
 def _chart(chart: Chart) -> str:
-    controls = CONTROLS if chart.name == "map" else ""
     return (
         f"<figure>\n<figcaption><h2>{escape(chart.title)}</h2>\n<p>{escape(chart.caption)}</p>"
-        f'</figcaption>\n{controls}<div id="{chart.name}"></div>\n</figure>'
+        f'</figcaption>\n<div id="{chart.name}"></div>\n</figure>'
     )

@@ -1,28 +1,37 @@
-"use strict";
-// The report's script. The page holds one JSON document: the charts as Plotly figures, the times
-// of the scans, and the properties of the map's traces that change from scan to scan.
+// The report's script. The page holds a JSON document: the charts as Plotly figures, the times of the
+// frames, and the head of the picture; beside it, compressed, are the picture's columns and Plotly.
 
 const run = JSON.parse(document.getElementById("run").textContent);
 // The buttons are listed, because plotly's default may include one that uploads the chart.
 const CONFIG = { displaylogo: false, responsive: true, plotlyServerURL: "",
   modeBarButtons: [["zoom2d", "pan2d"], ["zoomIn2d", "zoomOut2d", "resetScale2d"], ["toImage"]] };
 const STEP_MS = 125;
+// The charts' line of the time shown follows the slider at most so often.
+const CURSOR_MS = 200;
 // Pages narrower than this, in pixels, are those of phones: nothing may stand beside a chart.
 const narrow = innerWidth < 600;
 
 const charts = run.charts.map((chart) => ({ ...chart, element: document.getElementById(chart.name) }));
-const overTime = charts.filter((chart) => chart.name !== "map");
-const map = charts.find((chart) => chart.name === "map");
 const slider = document.getElementById("scan");
 const shown = document.getElementById("shown");
 const play = document.getElementById("play");
+let picture = null;
 let timer = null;
+let cursorTimer = null;
 
 function colour(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 }
 
-// Applies the page's colours; on dark pages high amplitudes are light.
+// Returns what is compressed in an element of the page.
+async function inflate(id) {
+  const text = document.getElementById(id).textContent;
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).arrayBuffer();
+}
+
+// Applies the page's colours.
 function paint(figure) {
   const { data, layout } = figure;
   layout.font.color = colour("--ink");
@@ -35,26 +44,18 @@ function paint(figure) {
     font: { ...layout.hoverlabel.font, color: colour("--ink") } };
   layout.modebar = { bgcolor: "rgba(0,0,0,0)", color: colour("--soft"),
     activecolor: colour("--ink") };
-  if (layout.coloraxis) {
-    layout.coloraxis.colorscale = run.amplitude_scales[colour("--scheme")];
-  }
   for (const trace of data.filter((trace) => trace.meta === "ink")) {
     if (trace.line) trace.line.color = colour("--ink");
     if (trace.marker) trace.marker.color = colour("--ink");
   }
 }
 
-// Puts the colour scale below the map, and makes titles and margins smaller.
+// Makes titles and margins smaller.
 function squeeze({ layout }) {
   layout.margin = { ...layout.margin, l: 44, r: 8 };
   // A finger that scrolls the page must not select a part of a chart.
   if (layout.dragmode === "zoom") layout.dragmode = false;
   for (const note of layout.annotations || []) note.font.size = 11;
-  if (!layout.coloraxis) return;
-  layout.height = 620;
-  const { colorbar } = layout.coloraxis;
-  layout.coloraxis.colorbar = { ...colorbar, orientation: "h", len: 1, y: -0.2, yanchor: "top",
-    title: { ...colorbar.title, side: "top" } };
 }
 
 // The shown scan's time, as a line through all rows of a chart.
@@ -68,26 +69,17 @@ function position(scan) {
   return `${run.times[scan].toFixed(1)} ${run.unit}, scan ${scan + 1} of ${run.times.length}`;
 }
 
-function set(trace, key, value) {
-  const [outer, inner] = key.split(".");
-  if (inner) trace[outer][inner] = value;
-  else trace[outer] = value;
-}
-
 function show(scan) {
-  for (const layer of map.moving) {
-    const trace = map.element.data[layer.trace];
-    for (const [key, values] of Object.entries(layer)) {
-      if (key === "upto") {
-        trace.x = layer.all.x.slice(0, values[scan]);
-        trace.y = layer.all.y.slice(0, values[scan]);
-      } else if (key !== "trace" && key !== "all") set(trace, key, values[scan]);
-    }
-  }
-  Plotly.redraw(map.element);
-  for (const chart of overTime) Plotly.relayout(chart.element, { shapes: cursor(scan) });
   slider.value = scan;
   shown.textContent = position(scan);
+  picture.frame = scan;
+  picture.ask();
+  cursorTimer ??= setTimeout(moveCursors, CURSOR_MS);
+}
+
+function moveCursors() {
+  cursorTimer = null;
+  for (const chart of charts) Plotly.relayout(chart.element, { shapes: cursor(slider.value) });
 }
 
 function nearest(time) {
@@ -118,41 +110,49 @@ function go(scan) {
   show(Math.min(Math.max(scan, 0), run.times.length - 1));
 }
 
+// Has the controls of the time show the picture.
+async function begin() {
+  picture = new Picture(run.picture, unfold(await inflate("columns"), run.picture.columns),
+    run.times, run.unit === "min" ? 60 : 1);
+  slider.max = run.times.length - 1;
+  // Room for the longest text, so that the slider keeps its length.
+  shown.style.minWidth = `${position(run.times.length - 1).length}ch`;
+  slider.addEventListener("input", () => go(Number(slider.value)));
+  play.addEventListener("click", () => (timer === null ? start() : stop()));
+  document.getElementById("back").addEventListener("click", () => go(Number(slider.value) - 1));
+  document.getElementById("forth").addEventListener("click", () => go(Number(slider.value) + 1));
+  const asked = /^#scan=(\d+)$/.exec(location.hash);
+  go(asked ? Number(asked[1]) - 1 : run.picture.first);
+}
+
 async function draw() {
-  for (const { name, element, figure } of charts) {
+  if (run.charts.length) {
+    const library = document.createElement("script");
+    library.textContent = new TextDecoder().decode(await inflate("plotly"));
+    document.head.append(library);
+  }
+  if (run.picture) await begin();
+  for (const { element, figure } of charts) {
     paint(figure);
     if (narrow) squeeze(figure);
-    // Over the other charts the wheel scrolls the page.
-    const config = { ...CONFIG, scrollZoom: name === "map", displayModeBar: !narrow && "hover" };
-    await Plotly.newPlot(element, figure.data, figure.layout, config);
+    await Plotly.newPlot(element, figure.data, figure.layout,
+      { ...CONFIG, displayModeBar: !narrow && "hover" });
     await new Promise((next) => setTimeout(next)); // lets the browser show the chart
+    element.on("plotly_click", (event) => picture && go(nearest(event.points[0].x)));
   }
-  for (const layer of map ? map.moving : []) {
-    const { x, y } = map.element.data[layer.trace];
-    if (layer.upto) layer.all = { x, y };
-  }
-  for (const { element } of overTime) {
-    element.on("plotly_click", (event) => map && go(nearest(event.points[0].x)));
-  }
-  if (map) {
-    slider.max = run.times.length - 1;
-    // Room for the longest text, so that the slider keeps its length.
-    shown.style.minWidth = `${position(run.times.length - 1).length}ch`;
-    slider.addEventListener("input", () => go(Number(slider.value)));
-    play.addEventListener("click", () => (timer === null ? start() : stop()));
-    document.getElementById("back").addEventListener("click", () => go(Number(slider.value) - 1));
-    document.getElementById("forth").addEventListener("click", () => go(Number(slider.value) + 1));
-    const asked = /^#scan=(\d+)$/.exec(location.hash);
-    go(asked ? Number(asked[1]) - 1 : run.first);
-  }
+  if (picture) moveCursors();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
     for (const { element } of charts) {
       paint(element);
       Plotly.redraw(element);
     }
-    if (map) show(Number(slider.value));
+    if (picture) show(Number(slider.value));
   });
   document.documentElement.dataset.drawn = "yes";
 }
 
-draw();
+draw().catch((fault) => {
+  // A browser that is older than 2023 does not know DecompressionStream.
+  document.getElementById("fault").hidden = false;
+  throw fault;
+});

@@ -25,7 +25,7 @@ from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
 from ..lengths import metres_text
 from ..sets import Sets
-from ..table import engine_rows
+from ..table import engine_rows, unscored
 
 NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
@@ -46,7 +46,7 @@ def tables(summary: Mapping[str, Any]) -> str:
     return "\n".join(
         (
             "<h2>Scores</h2>",
-            _table(summary, DISTANCES, "Means over all scans."),
+            _table(summary, DISTANCES, f"Means over all scans. {unscored(summary)}".rstrip()),
             f"<details>\n<summary>{_folded(sets)}</summary>",
             _table(summary, OTHERS, over),
             _consistency(summary),
@@ -171,7 +171,11 @@ def lead(summary: Mapping[str, Any]) -> str:
         return ""
     reduction = summary.get("reduction")
     change = "" if reduction is None else f", {_change(reduction)}"
-    return f'<p class="lead">Mean OSPA distance of all targets: {", ".join(means)}{change}.</p>'
+    return (
+        f'<p class="lead">Mean OSPA distance of all targets: {", ".join(means)}{change}. '
+        f"{unscored(summary)}".rstrip()
+        + "</p>"
+    )
 
 
 def _change(reduction: float) -> str:
@@ -188,7 +192,7 @@ def tiles(summary: Mapping[str, Any]) -> str:
         ("OSPA reduction", percent(summary.get("reduction"))),
         ("smoothed OSPA", _text(OSPA[0], _score(summary, SMOOTHED, "all", "ospa"))),
         ("class accuracy", "" if one_class else percent(summary.get("class_accuracy"), 1)),
-        ("identity switches", _text(IDENTITY_SWITCHES, summary.get("identity_switches"))),
+        _switches(summary),
         ("step, median", number(step_ms.get("median"), 1, " ms")),
         ("step, 99 %", number(step_ms.get("p99"), 1, " ms")),
         ("scans scored", number(summary.get("scans") or None)),
@@ -197,6 +201,17 @@ def tiles(summary: Mapping[str, Any]) -> str:
         f"<div><dt>{name}</dt><dd>{value}</dd></div>"
         for name, value in numbers
         if value not in ("", NO_VALUE)
+    )
+
+
+def _switches(summary: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the name and the numbers of identity switches, of each source that is scored."""
+    key, sources = IDENTITY_SWITCHES.key, _scored(summary)
+    counts = [_text(IDENTITY_SWITCHES, _score(summary, source, "all", key)) for source in sources]
+    known = any(count != NO_VALUE for count in counts)
+    return (
+        f"{IDENTITY_SWITCHES.heading}, {' / '.join(sources)}",
+        " / ".join(counts) if known else "",
     )
 
 

@@ -15,7 +15,8 @@ from plotly.graph_objects import Figure, Scatter
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.evaluation.scan_scores import ALL
-from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
+from phd_jdtc_ros.core.evaluation.surveillance import BoolArray
+from phd_jdtc_ros.core.types import SMOOTHED, SOURCES, Truth
 
 from ..clock import Clock
 from ..lengths import metres_text
@@ -66,7 +67,10 @@ def numbers(record: Record) -> Chart:
             figure.add_trace(
                 Scatter(
                     x=times(clock, [truth.stamp_ns for truth in record.truth]),
-                    y=[_count(truth.class_id, key) for truth in record.truth],
+                    y=[
+                        _count(truth.class_id[_reported(record, truth)], key)
+                        for truth in record.truth
+                    ],
                     name="truth",
                     legendgroup="truth",
                     showlegend=row == 1,
@@ -112,6 +116,12 @@ def _round_step(least: float) -> int:
     """Return the smallest of 1, 2, 5, 10, 20, 50 ... that is at least `least`."""
     steps = (digit * 10**power for power in count() for digit in (1, 2, 5))
     return next(step for step in steps if step >= least)
+
+
+def _reported(record: Record, truth: Truth) -> BoolArray:
+    """Return which targets are fast enough to be tracked."""
+    fast: BoolArray = np.hypot(*truth.velocity.T) >= record.least_speed
+    return fast
 
 
 def _count(class_id: Any, key: str) -> int:

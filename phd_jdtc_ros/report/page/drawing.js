@@ -1,0 +1,280 @@
+"use strict";
+// Draws the picture of the traffic, whose rows and view its subclass Picture has.
+
+const NEW_LABEL = [[1, -1], [1, 1], [-1, 1], [-1, -1]]; // where labels are tried, in this order
+
+class Drawing {
+  draw() {
+    const { brush } = this;
+    brush.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+    brush.clearRect(0, 0, this.width, this.height);
+    brush.font = "12px system-ui, 'Segoe UI', 'Liberation Sans', sans-serif";
+    brush.lineJoin = "round";
+    this.ink = colour("--ink");
+    this.soft = colour("--soft");
+    this.rule = colour("--rule");
+    if (this.clutter && this.option("clutter")) this.drawClutter();
+    if (this.option("lines")) this.drawLines();
+    const trails = this.since(this.option("trails"));
+    if (this.option("truth")) this.drawTruth(trails);
+    this.drawDetections(this.since(this.option("detections")));
+    this.drawRadars();
+    const shown = this.head.sources.filter((name) => this.option(name));
+    const trailed = shown[shown.length - 1];
+    if (trailed) this.drawTrails(trailed, trails);
+    for (const name of shown) this.drawSource(name);
+    if (this.main) this.list();
+  }
+
+  drawClutter() {
+    const { corner, cell, shape } = this.head.clutter;
+    this.brush.imageSmoothingEnabled = false;
+    this.brush.drawImage(this.clutter, this.px(corner[0]), this.py(corner[1] + shape[0] * cell),
+      shape[1] * cell * this.scale, shape[0] * cell * this.scale);
+  }
+
+  clutterImage() {
+    const { clutter } = this.head;
+    if (!clutter) return null;
+    const [rows, across] = clutter.shape;
+    const image = document.createElement("canvas");
+    [image.width, image.height] = [across, rows];
+    const brush = image.getContext("2d");
+    const pixels = brush.createImageData(across, rows);
+    const shade = clutter.colour.split(",").map(Number);
+    this.columns.clutter.forEach((level, k) => {
+      const at = 4 * ((rows - 1 - Math.floor(k / across)) * across + (k % across));
+      pixels.data.set([...shade, (255 * 0.9 * level) / clutter.steps], at);
+    });
+    brush.putImageData(pixels, 0, 0);
+    return image;
+  }
+
+  // Lines of latitude and longitude or a grid, and rings of range.
+  drawLines() {
+    const { brush, head } = this;
+    brush.lineWidth = 1;
+    brush.strokeStyle = this.rule;
+    brush.fillStyle = this.soft;
+    if (head.graticule) {
+      const { points, labels } = head.graticule;
+      const [xs, ys] = [this.columns["graticule.x"], this.columns["graticule.y"]];
+      brush.beginPath();
+      xs.forEach((x, k) => (k % points ? brush.lineTo(this.px(x), this.py(ys[k]))
+        : brush.moveTo(this.px(x), this.py(ys[k]))));
+      brush.stroke();
+      for (const [x, y, text] of labels) brush.fillText(text, this.px(x) + 3, this.py(y) - 3);
+    } else this.drawGrid();
+    brush.setLineDash([2, 4]);
+    brush.strokeStyle = this.soft;
+    for (const [x, y, radius, text] of head.rings) {
+      brush.beginPath();
+      brush.arc(this.px(x), this.py(y), radius * this.scale, 0, 2 * Math.PI);
+      brush.globalAlpha = 0.5;
+      brush.stroke();
+      brush.globalAlpha = 1;
+      brush.fillText(text, this.px(x) + 3, this.py(y + radius) - 3);
+    }
+    brush.setLineDash([]);
+  }
+
+  drawGrid() {
+    const { brush } = this;
+    const least = 90 / this.scale; // metres from line to line
+    const power = 10 ** Math.floor(Math.log10(least));
+    const step = [1, 2, 5, 10].map((m) => m * power).find((m) => m >= least);
+    const [[left, top], [right, bottom]] = [this.at(0, 0), this.at(this.width, this.height)];
+    const text = (value) => (this.km ? `${+(value / 1000).toPrecision(6)} km` : `${+value.toPrecision(6)} m`);
+    brush.beginPath();
+    for (let x = Math.ceil(left / step) * step; x < right; x += step) {
+      brush.moveTo(this.px(x), 0);
+      brush.lineTo(this.px(x), this.height);
+      brush.fillText(text(x), this.px(x) + 3, this.height - 4);
+    }
+    for (let y = Math.ceil(bottom / step) * step; y < top; y += step) {
+      brush.moveTo(0, this.py(y));
+      brush.lineTo(this.width, this.py(y));
+      if (this.py(y) < this.height - 30) brush.fillText(text(y), 3, this.py(y) - 4);
+    }
+    brush.stroke();
+  }
+
+  // Traces a track's rows from a frame on up to one, with a gap where it was not there.
+  trace(rows, first, last, since, hold) {
+    const { brush } = this;
+    let before = -1;
+    brush.beginPath();
+    for (let row = last; row >= first && rows.frame[row] > since; row--) {
+      const [px, py] = [this.px(rows.x[row]), this.py(rows.y[row])];
+      if (before >= 0 && before - rows.frame[row] <= 2 * hold) brush.lineTo(px, py);
+      else brush.moveTo(px, py);
+      before = rows.frame[row];
+    }
+    brush.stroke();
+  }
+
+  drawTruth(since) {
+    const { brush } = this;
+    const truth = this.groups.truth;
+    brush.lineWidth = 1;
+    for (const { number, row, first } of this.newest("truth")) {
+      if (!this.passes("truth", row)) continue;
+      const [px, py] = [this.px(truth.x[row]), this.py(truth.y[row])];
+      brush.strokeStyle = this.classColour(truth.class[row]);
+      brush.globalAlpha = 0.55;
+      if (number) this.trace(truth, first, row, since, 1);
+      brush.globalAlpha = 1;
+      brush.beginPath();
+      brush.moveTo(px - 6, py);
+      brush.lineTo(px + 6, py);
+      brush.moveTo(px, py - 6);
+      brush.lineTo(px, py + 6);
+      brush.stroke();
+    }
+  }
+
+  drawTrails(name, since) {
+    const { brush } = this;
+    const rows = this.groups[name];
+    for (const { number, row, first } of this.newest(name)) {
+      if (!this.passes(name, row)) continue;
+      brush.strokeStyle = brush.fillStyle = this.classColour(rows.class[row]);
+      const chosen = number !== 0 && number === this.selected;
+      brush.lineWidth = chosen ? 2.5 : 1;
+      brush.globalAlpha = chosen ? 0.9 : 0.5;
+      if (number) this.trace(rows, first, row, since, this.head.hold[name]);
+      for (let k = row - 1; k >= first && rows.frame[k] > since; k--) {
+        brush.fillStyle = this.classColour(rows.class[k]);
+        brush.fillRect(this.px(rows.x[k]) - 1, this.py(rows.y[k]) - 1, 2, 2);
+      }
+    }
+    brush.globalAlpha = 1;
+  }
+
+  drawDetections(since) {
+    const { brush } = this;
+    const { frame, x, y, shade, radar } = this.groups.plots;
+    if (this.option("detections") === "none") return;
+    const scale = run.amplitude_scales[colour("--scheme")];
+    const begin = above(frame, Math.min(since, this.frame - 1), 0, frame.length);
+    const end = above(frame, this.frame, begin, frame.length);
+    for (let k = begin; k < end; k++) {
+      const [px, py] = [this.px(x[k]), this.py(y[k])];
+      brush.fillStyle = brush.strokeStyle = shade[k] < 0 ? scale[3] : scale[shade[k]];
+      if (radar[k] % 2) { // a cross for every other radar
+        brush.lineWidth = 1;
+        brush.beginPath();
+        brush.moveTo(px - 3, py - 3);
+        brush.lineTo(px + 3, py + 3);
+        brush.moveTo(px - 3, py + 3);
+        brush.lineTo(px + 3, py - 3);
+        brush.stroke();
+      } else brush.fillRect(px - 2, py - 2, 4, 4);
+    }
+  }
+
+  drawRadars() {
+    const carriers = this.groups.carriers;
+    const moving = [...this.newest("carriers")].map(({ number, row }) =>
+      [this.head.radars[number], carriers.x[row], carriers.y[row]]);
+    this.brush.fillStyle = this.ink;
+    for (const [name, x, y] of [...this.head.sites, ...moving]) {
+      this.outline(1, this.px(x), this.py(y), 6);
+      this.brush.fill();
+      this.brush.fillText(name, this.px(x) + 9, this.py(y) + 14);
+    }
+  }
+
+  classColour(kind) {
+    return this.head.classes[kind].colour;
+  }
+
+  // The outline of a class's symbol: circle, triangle, square or diamond.
+  outline(kind, px, py, size) {
+    const { brush } = this;
+    brush.beginPath();
+    if (kind % 4 === 0) brush.arc(px, py, size, 0, 2 * Math.PI);
+    else {
+      const [corners, turn] = [[], [3, Math.PI / 2], [4, Math.PI / 4], [4, 0]][kind % 4];
+      for (let k = 0; k < corners; k++) {
+        const angle = turn + (2 * Math.PI * k) / corners;
+        brush.lineTo(px + 1.2 * size * Math.cos(angle), py - 1.2 * size * Math.sin(angle));
+      }
+      brush.closePath();
+    }
+  }
+
+  drawSource(name) {
+    const { brush, head } = this;
+    const rows = this.groups[name];
+    const filled = name === "smoothed";
+    const labelled = [];
+    for (const { number, row } of this.newest(name)) {
+      if (!this.passes(name, row)) continue;
+      const [px, py] = [this.px(rows.x[row]), this.py(rows.y[row])];
+      const chosen = number !== 0 && number === this.selected;
+      brush.strokeStyle = brush.fillStyle = this.classColour(rows.class[row]);
+      brush.lineWidth = chosen ? 3 : 1.5;
+      // A track without a detection in its last scan is paler.
+      brush.globalAlpha = rows.state[row] === 2 ? 0.5 : 1;
+      if (this.option("ellipses")) {
+        const axis = (value) => head.axis[1] * 2 ** (value / head.axis[0]) * this.scale;
+        brush.setLineDash(filled ? [] : [3, 3]);
+        brush.beginPath();
+        brush.ellipse(px, py, axis(rows.major[row]), axis(rows.minor[row]),
+          (-rows.angle[row] * Math.PI) / 180, 0, 2 * Math.PI);
+        brush.stroke();
+        brush.setLineDash([]);
+      }
+      this.outline(rows.class[row], px, py, filled ? 3 : 5.5);
+      if (filled) brush.fill();
+      else brush.stroke();
+      if (name === this.main) {
+        const ahead = 0.1 * this.ahead * this.scale;
+        brush.strokeStyle = this.ink;
+        brush.lineWidth = 1;
+        brush.beginPath();
+        brush.moveTo(px, py);
+        brush.lineTo(px + rows.vx[row] * ahead, py - rows.vy[row] * ahead);
+        brush.stroke();
+        if (number) labelled.push([number, row, px, py]);
+      }
+      brush.globalAlpha = 1;
+    }
+    if (name === this.main && this.option("labels")) this.drawLabels(name, labelled);
+  }
+
+  // Labels beside their tracks, where no other label is; the chosen track's comes first.
+  drawLabels(name, labelled) {
+    const { brush } = this;
+    const taken = labelled.map(([, , px, py]) => [px - 5, py - 5, px + 5, py + 5]);
+    const free = (box, own) => taken.every((other, k) => k === own || box[0] > other[2]
+      || box[2] < other[0] || box[1] > other[3] || box[3] < other[1]);
+    const order = labelled.map((_, k) => k)
+      .sort((a, b) => (labelled[b][0] === this.selected) - (labelled[a][0] === this.selected));
+    for (const k of order) {
+      const [number, row, px, py] = labelled[k];
+      if (px < 0 || py < 0 || px > this.width || py > this.height) continue;
+      const { who, level, speed } = this.words(name, number, row);
+      const lines = [who, [level, speed].filter(Boolean).join(" ")];
+      const width = Math.max(...lines.map((line) => brush.measureText(line).width));
+      const boxes = NEW_LABEL.flatMap(([right, down]) => [12, 30].map((apart) => {
+        const x = px + right * apart - (right < 0 ? width : 0);
+        const y = py + down * apart - 14;
+        return [x, y, x + width, y + 28];
+      }));
+      const box = boxes.find((one) => free(one, k)) || (number === this.selected && boxes[0]);
+      if (!box) continue;
+      taken.push(box);
+      brush.strokeStyle = this.soft;
+      brush.lineWidth = 1;
+      brush.beginPath();
+      brush.moveTo(px, py);
+      brush.lineTo(box[0] > px ? box[0] - 2 : box[2] + 2, (box[1] + box[3]) / 2);
+      brush.stroke();
+      brush.fillStyle = this.ink;
+      lines.forEach((line, n) => brush.fillText(line, box[0], box[1] + 11 + 14 * n));
+      if (number === this.selected) brush.strokeRect(box[0] - 3, box[1] - 2, width + 6, 32);
+    }
+  }
+}

@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The estimates of a source as columns of whole numbers, one track after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from msg_adapters import geodetic, vertical
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.types import SOURCES, UNKNOWN, Estimates
+
+from ..record import Record
+from .frames import Frames
+from .packing import Columns
+
+NO_LEVEL = -9999
+# Ellipses' semi-axes are stored as logarithms: so many steps to a factor of 2, from 1 cm on.
+AXIS_STEPS, LEAST_AXIS = 16, 0.01
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The whole numbers that places are stored as.
+
+    Parameters
+    ----------
+    corner : array of shape (2,)
+        Metres.
+    quantum : float
+        Metres.
+    columns : Columns
+    """
+
+    corner: FloatArray
+    quantum: float
+    columns: Columns
+
+    def add(self, name: str, places: FloatArray) -> None:
+        """Add the columns of places of shape (N, 2), metres."""
+        whole = np.rint((places - self.corner) / self.quantum)
+        for axis, values in zip("xy", whole.T, strict=True):
+            self.columns.add(f"{name}.{axis}", values)
+
+    def begin(self, name: str, number: IntArray, frame: IntArray) -> IntArray:
+        """Add who and when of rows; return the rows' order, one target after the other."""
+        order: IntArray = np.lexsort((frame, number))
+        numbers, starts = np.unique(number[order], return_index=True)
+        self.columns.add(f"{name}.number", numbers)
+        self.columns.add(f"{name}.start", starts)
+        self.columns.add(f"{name}.frame", frame[order])
+        return order
+
+
+class EstimateRows:
+    """The estimates of a source that the page shows, as columns."""
+
+    def __init__(self, record: Record, frames: Frames, source: str) -> None:
+        found = record.of_source(source)
+        at = frames.at([entry.stamp_ns for entry in found])
+        shown = [
+            (frame, entry)
+            for frame, entry in zip(at.tolist(), found, strict=True)
+            if frames.stamp_ns[frame] == entry.stamp_ns
+        ]
+        self._sets = [entry for _, entry in shown]
+        self._frame = np.repeat([frame for frame, _ in shown], [len(e) for e in self._sets])
+        self._plane = record.plane
+        apart = np.diff([frame for frame, _ in shown])
+        # For so many frames a set of estimates is the newest.
+        self.hold = int(np.median(apart)) if len(apart) else 1
+
+    def add(self, grid: Grid, source: str, known: list[list[str]], flying: bool) -> None:
+        """Add the columns; identities that are not `known` yet are added to these."""
+        order = grid.begin(source, self._of("track_id").astype(np.int64), self._frame)
+        datum = self._plane.origin[2] if self._plane is not None else 0.0
+        unit = vertical.FLIGHT_LEVEL if flying else 1.0
+        upward = np.concatenate([np.zeros((0, 2)), *map(_upward, self._sets)])[order]
+        velocity, share = self._of("velocity", 2)[order], _shares(self._sets)[order]
+        grid.add(source, self._of("position", 2)[order])
+        variance, axes = np.linalg.eigh(self._of("position_covariance", 2, 2)[order])
+        semi = np.sqrt(np.maximum(variance, LEAST_AXIS**2))
+        known_level = np.isfinite(upward[:, 0])
+        columns = {
+            "vx": 10.0 * velocity[:, 0],
+            "vy": 10.0 * velocity[:, 1],
+            "course": np.concatenate([np.zeros(0), *map(self._course, self._sets)])[order],
+            "level": np.where(known_level, (upward[:, 0] + datum) / unit, NO_LEVEL),
+            "climb": 10.0 * np.nan_to_num(upward[:, 1]),
+            "class": self._of("class_id")[order],
+            "share": 100.0 * share,
+            "weight": 100.0 * self._of("weight")[order],
+            "state": self._of("track_state")[order],
+            "identity": self._identity(known)[order],
+            "minor": AXIS_STEPS * np.log2(semi[:, 0] / LEAST_AXIS),
+            "major": AXIS_STEPS * np.log2(semi[:, 1] / LEAST_AXIS),
+            "angle": np.degrees(np.arctan2(axes[:, 1, 1], axes[:, 0, 1])) % 180.0,
+        }
+        for name, values in columns.items():
+            grid.columns.add(f"{source}.{name}", np.rint(values))
+
+    def _of(self, name: str, *shape: int) -> FloatArray:
+        return np.concatenate([np.zeros((0, *shape)), *(getattr(e, name) for e in self._sets)])
+
+    def _course(self, entry: Estimates) -> FloatArray:
+        """Return degrees clockwise from y, or on the earth from true north; 0 at rest."""
+        if self._plane is not None:
+            return np.nan_to_num(geodetic.of(entry, self._plane).course)
+        course: FloatArray = np.degrees(np.arctan2(*entry.velocity.T)) % 360.0
+        return course
+
+    def _identity(self, known: list[list[str]]) -> IntArray:
+        """Return the place of each estimate's code and address among those that are known."""
+        places = {tuple(entry): k for k, entry in enumerate(known)}
+        found = [places.setdefault(pair, len(places)) for e in self._sets for pair in _names(e)]
+        known[:] = map(list, places)
+        return np.array(found, dtype=np.int64)
+
+
+def _names(entry: Estimates) -> Iterator[tuple[str, str]]:
+    """Yield the octal code and the hexadecimal address of each estimate; empty if unknown."""
+    if entry.attributes is None:
+        yield from [("", "")] * len(entry)
+        return
+    known = entry.attributes
+    for code, address in zip(known.code.tolist(), known.address.tolist(), strict=True):
+        yield (
+            "" if code == UNKNOWN else f"{code:04o}",
+            "" if address == UNKNOWN else f"{address:06X}",
+        )
+
+
+def _upward(entry: Estimates) -> FloatArray:
+    """Return heights and climb rates, shape (T, 2), NaN where they are not known."""
+    none = np.full((len(entry), 2), np.nan)
+    return none if entry.attributes is None else entry.attributes.height
+
+
+def _shares(sets: Sequence[Estimates]) -> FloatArray:
+    """Return the probability of each estimate's class."""
+    shares = [e.class_probability[np.arange(len(e)), e.class_id] for e in sets]
+    return np.concatenate([np.zeros(0), *shares])
+
+
+def known_heights(record: Record) -> FloatArray:
+    """Return all known heights of estimates, metres above the world's zero."""
+    every = [_upward(e)[:, 0] for source in SOURCES for e in record.of_source(source)]
+    found = np.concatenate([np.zeros(0), *every])
+    return found[np.isfinite(found)]

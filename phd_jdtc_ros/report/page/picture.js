@@ -1,0 +1,326 @@
+// The picture of the traffic on a canvas. What it draws are columns of whole numbers, see picture.py:
+// estimates and truth one track after the other, detections in order of their frames. A frame is a
+// position of the slider. Places are in the map's metres.
+
+const KNOT = 0.514444; // m/s
+const AHEAD_S = [0.5, 1, 2, 5, 10, 30, 60, 120, 300, 600];
+
+// Returns the columns of the page by name: bytes of one weight after the other, of differences.
+function unfold(buffer, index) {
+  const bytes = new Uint8Array(buffer);
+  const columns = {};
+  let offset = 0;
+  for (const [name, count] of index) {
+    const values = new Int32Array(count);
+    let last = 0;
+    for (let k = 0; k < count; k++) {
+      const at = offset + k;
+      const folded = bytes[at] | (bytes[at + count] << 8) | (bytes[at + 2 * count] << 16)
+        | (bytes[at + 3 * count] << 24);
+      last += (folded >>> 1) ^ -(folded & 1);
+      values[k] = last;
+    }
+    columns[name] = values;
+    offset += 4 * count;
+  }
+  return columns;
+}
+
+// Returns the columns whose names begin with a group's, and x and y in metres.
+function group(head, columns, name) {
+  const found = {};
+  for (const [key, values] of Object.entries(columns)) {
+    if (key.startsWith(name + ".")) found[key.slice(name.length + 1)] = values;
+  }
+  found.x = Float64Array.from(found.x, (value) => head.corner[0] + value * head.quantum);
+  found.y = Float64Array.from(found.y, (value) => head.corner[1] + value * head.quantum);
+  return found;
+}
+
+// Returns the first of the entries from `low` to before `high` that is above a value.
+function above(values, value, low, high) {
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (values[middle] > value) high = middle;
+    else low = middle + 1;
+  }
+  return low;
+}
+
+class Picture extends Drawing {
+  constructor(head, columns, times, unit_s) {
+    super();
+    Object.assign(this, { head, columns, times, unit_s });
+    this.canvas = document.getElementById("map");
+    this.brush = this.canvas.getContext("2d");
+    this.groups = Object.fromEntries(
+      [...head.sources, "truth", "plots", "carriers"].map((name) => [name, group(head, columns, name)]));
+    this.main = head.sources[0];
+    this.frame = head.first;
+    this.selected = 0;
+    this.rows = new Map(); // of the list, by track
+    this.km = Math.max(...head.extent) >= 2000;
+    this.ahead = this.secondsAhead();
+    this.clutter = this.clutterImage();
+    this.fit();
+    this.listen();
+  }
+
+  // --- what is shown ------------------------------------------------------------------------------
+
+  option(name) {
+    const input = document.getElementById(name);
+    return input !== null && (input.type === "checkbox" ? input.checked : input.value);
+  }
+
+  // The frame some seconds, as a text, before the shown one; the first for "all".
+  since(seconds) {
+    if (seconds === "all") return -1;
+    const begin = this.times[this.frame] - Number(seconds) / this.unit_s;
+    return above(this.times, begin - 1e-9, 0, this.frame + 1) - 1;
+  }
+
+  // Yields the newest row of each track of a source, and its track's first and last row.
+  *newest(name) {
+    const { number, start, frame } = this.groups[name];
+    const hold = this.head.hold[name] || 1;
+    for (let k = 0; k < number.length; k++) {
+      const end = k + 1 < number.length ? start[k + 1] : frame.length;
+      const last = above(frame, this.frame, start[k], end) - 1;
+      if (last < start[k] || this.frame - frame[last] >= hold) continue;
+      yield { number: number[k], row: last, first: start[k] };
+      // Estimates without a number are all of the number 0.
+      for (let row = last - 1; !number[k] && row >= start[k] && frame[row] === frame[last]; row--) {
+        yield { number: 0, row, first: start[k] };
+      }
+    }
+  }
+
+  // Whether a row is of an aircraft on the ground: slow, and low if its level is known.
+  grounded(name, row) {
+    const { ground, no_level } = this.head;
+    const { level } = this.groups[name];
+    const low = !level || level[row] === no_level || !this.head.levels || level[row] <= ground?.level;
+    return ground !== null && low && this.speed(name, row) < ground.speed;
+  }
+
+  // Whether a row of a source has one of the levels and classes that are asked for.
+  passes(name, row) {
+    const { class: kind, level } = this.groups[name];
+    if (!this.option("ground") && this.grounded(name, row)) return false;
+    const box = document.getElementById(`class${kind[row]}`);
+    if (box !== null && !box.checked) return false;
+    if (!level || !this.head.levels) return true;
+    const [low, high] = [this.option("low"), this.option("high")];
+    if (level[row] === this.head.no_level) return low === "" && high === "";
+    return (low === "" || level[row] >= Number(low)) && (high === "" || level[row] <= Number(high));
+  }
+
+  speed(name, row) {
+    const { vx, vy, speed } = this.groups[name];
+    return 0.1 * (speed ? speed[row] : Math.hypot(vx[row], vy[row]));
+  }
+
+  secondsAhead() {
+    const speeds = [];
+    for (let row = 0; this.main && row < this.groups[this.main].x.length; row += 7) {
+      speeds.push(this.speed(this.main, row));
+    }
+    const fast = speeds.sort((a, b) => a - b)[Math.floor(0.95 * speeds.length)] || 1;
+    return AHEAD_S.filter((s) => s * fast < this.head.extent[0] / 12).pop() || AHEAD_S[0];
+  }
+
+  // The texts of a row: who it is, level with an arrow if it climbs or sinks, and speed.
+  words(name, number, row) {
+    const { level, climb, identity, course } = this.groups[name];
+    const [code, address] = this.head.identities[identity[row]];
+    const height = level[row];
+    const rate = climb[row] > 15 ? "\u2191" : climb[row] < -15 ? "\u2193" : "";
+    const metres = this.speed(name, row);
+    return {
+      who: code || address || String(number),
+      code, address,
+      level: this.grounded(name, row) ? "ground" : !this.head.levels || height === this.head.no_level ? ""
+        : (this.head.levels === "FL" ? `FL${String(height).padStart(3, "0")}` : `${height} m`) + rate,
+      speed: this.head.ground ? `${Math.round(metres / KNOT)} kt` : `${metres.toFixed(1)} m/s`,
+      course: `${String(course[row]).padStart(3, "0")}\u00b0`,
+    };
+  }
+
+  // Latitude and longitude, or x and y, of a place.
+  place(x, y) {
+    const { earth } = this.head;
+    const [scale, digits, unit] = this.km ? [1000, 2, "km"] : [1, 1, "m"];
+    const plain = `${(x / scale).toFixed(digits)}, ${(y / scale).toFixed(digits)} ${unit}`;
+    if (!earth) return plain;
+    const [u, v] = [(x - earth.corner[0]) / earth.cell[0], (y - earth.corner[1]) / earth.cell[1]];
+    const [i, j] = [Math.floor(u), Math.floor(v)];
+    if (i < 0 || j < 0 || i + 1 >= earth.nodes || j + 1 >= earth.nodes) return plain;
+    const read = (name) => {
+      const at = (a, b) => this.columns[`earth.${name}`][b * earth.nodes + a] * earth.degree;
+      const [p, q] = [u - i, v - j];
+      return (1 - q) * ((1 - p) * at(i, j) + p * at(i + 1, j))
+        + q * ((1 - p) * at(i, j + 1) + p * at(i + 1, j + 1));
+    };
+    const [north, east] = [read("latitude"), ((read("longitude") + 540) % 360) - 180];
+    return `${Math.abs(north).toFixed(4)}\u00b0 ${north < 0 ? "S" : "N"}, `
+      + `${Math.abs(east).toFixed(4)}\u00b0 ${east < 0 ? "W" : "E"}`;
+  }
+
+  // --- the view -----------------------------------------------------------------------------------
+
+  fit() {
+    const { corner, extent } = this.head;
+    this.centre = [corner[0] + extent[0] / 2, corner[1] + extent[1] / 2];
+    this.size();
+    this.scale = Math.min(this.width, this.height) / Math.max(...extent);
+  }
+
+  size() {
+    this.width = this.canvas.clientWidth;
+    this.height = this.canvas.clientHeight;
+    this.canvas.width = Math.round(this.width * devicePixelRatio);
+    this.canvas.height = Math.round(this.height * devicePixelRatio);
+  }
+
+  px(x) { return this.width / 2 + (x - this.centre[0]) * this.scale; }
+  py(y) { return this.height / 2 - (y - this.centre[1]) * this.scale; }
+  at(px, py) {
+    return [this.centre[0] + (px - this.width / 2) / this.scale,
+      this.centre[1] - (py - this.height / 2) / this.scale];
+  }
+
+  zoom(factor, px = this.width / 2, py = this.height / 2) {
+    const [x, y] = this.at(px, py);
+    this.scale *= factor;
+    this.centre = [x - (px - this.width / 2) / this.scale, y + (py - this.height / 2) / this.scale];
+    this.ask();
+  }
+
+  pan(right, up) {
+    this.centre = [this.centre[0] + right / this.scale, this.centre[1] + up / this.scale];
+    this.ask();
+  }
+
+  listen() {
+    const { canvas } = this;
+    const held = new Map(); // pointers that are down
+    let moved = 0;
+    const here = (event) => {
+      const box = canvas.getBoundingClientRect();
+      return [event.clientX - box.left, event.clientY - box.top];
+    };
+    const spread = () => {
+      const [[ax, ay], [bx, by]] = [...held.values()];
+      return Math.hypot(ax - bx, ay - by);
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      held.set(event.pointerId, here(event));
+      moved = 0;
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const [px, py] = here(event);
+      document.getElementById("pointer").textContent = this.place(...this.at(px, py));
+      const before = held.get(event.pointerId);
+      if (!before) return;
+      const apart = held.size === 2 ? spread() : 0;
+      held.set(event.pointerId, [px, py]);
+      moved += Math.hypot(px - before[0], py - before[1]);
+      if (apart > 0) this.zoom(spread() / apart, px, py);
+      else this.pan(before[0] - px, py - before[1]);
+    });
+    canvas.addEventListener("pointerup", (event) => {
+      if (moved < 4) this.pick(...here(event));
+      held.delete(event.pointerId);
+    });
+    canvas.addEventListener("pointercancel", (event) => held.delete(event.pointerId));
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.zoom(Math.exp(-event.deltaY / 500), ...here(event));
+    }, { passive: false });
+    canvas.addEventListener("dblclick", () => { this.fit(); this.ask(); });
+    canvas.addEventListener("keydown", (event) => {
+      const step = 60;
+      const keys = {
+        ArrowLeft: () => this.pan(-step, 0), ArrowRight: () => this.pan(step, 0),
+        ArrowUp: () => this.pan(0, step), ArrowDown: () => this.pan(0, -step),
+        "+": () => this.zoom(1.25), "-": () => this.zoom(0.8), 0: () => { this.fit(); this.ask(); },
+        Escape: () => this.select(0),
+      };
+      if (!keys[event.key]) return;
+      event.preventDefault();
+      keys[event.key]();
+    });
+    document.getElementById("options").addEventListener("input", () => this.ask());
+    addEventListener("resize", () => { this.size(); this.ask(); });
+  }
+
+  pick(px, py) {
+    let [nearest, best] = [0, 18];
+    for (const { number, row } of this.main ? this.newest(this.main) : []) {
+      const { x, y } = this.groups[this.main];
+      const apart = Math.hypot(this.px(x[row]) - px, this.py(y[row]) - py);
+      if (number && this.passes(this.main, row) && apart < best) [nearest, best] = [number, apart];
+    }
+    this.select(nearest);
+  }
+
+  select(number) {
+    this.selected = this.selected === number ? 0 : number;
+    this.ask();
+    const row = this.rows.get(this.selected);
+    if (row) row.scrollIntoView({ block: "nearest" });
+  }
+
+  // Draws before the browser shows the next picture, once however often it is asked.
+  ask() {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame(() => { this.asked = false; this.draw(); });
+  }
+
+  // --- the list of tracks -------------------------------------------------------------------------
+
+  list() {
+    const body = document.getElementById("tracks");
+    const seen = new Set();
+    let before = null;
+    document.getElementById("details").textContent = this.selected
+      ? `Track ${this.selected} is not there now.` : "No track is selected.";
+    for (const { number, row } of this.newest(this.main)) {
+      if (!number || !this.passes(this.main, row)) continue;
+      seen.add(number);
+      const words = this.words(this.main, number, row);
+      if (!this.rows.has(number)) this.rows.set(number, this.newRow(number));
+      const line = this.rows.get(number);
+      const [who, level, speed, course] = line.cells;
+      who.firstChild.textContent = words.who === String(number) ? number : `${words.who} (${number})`;
+      who.firstChild.setAttribute("aria-pressed", number === this.selected);
+      [level.textContent, speed.textContent, course.textContent] = [words.level, words.speed, words.course];
+      if ((before ? before.nextSibling : body.firstChild) !== line) body.insertBefore(line, before ? before.nextSibling : body.firstChild);
+      before = line;
+      if (number === this.selected) this.tell(number, row, words);
+    }
+    for (const [number, line] of this.rows) if (!seen.has(number)) line.remove();
+    document.getElementById("count").textContent = `${seen.size} tracks`;
+  }
+
+  newRow(number) {
+    const line = document.createElement("tr");
+    line.innerHTML = "<td><button type=button></button></td><td></td><td></td><td></td>";
+    line.addEventListener("click", () => this.select(number));
+    return line;
+  }
+
+  tell(number, row, words) {
+    const { x, y, class: kind, share, weight, state } = this.groups[this.main];
+    document.getElementById("details").textContent = [
+      `Track ${number}`,
+      words.code && `code ${words.code}`, words.address && `address ${words.address}`,
+      `${this.head.classes[kind[row]].title} (${share[row]} %)`,
+      words.level, words.speed, `course ${words.course}`, this.place(x[row], y[row]),
+      `exists with ${weight[row]} %`, state[row] === 2 && "coasting",
+    ].filter(Boolean).join(", ");
+  }
+}

@@ -1,0 +1,204 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The page's picture of the traffic: tracks with labels, trails, detections and truth by time.
+
+The page's script draws it. What changes with time are columns of whole numbers, tracks one after
+the other; see `Columns`. Places are multiples of a quantum, relative to a corner of the picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from msg_adapters.ellipse import RADIUS_95
+from msg_adapters.palette import class_colour
+from msg_adapters.vertical import FLIGHT_LEVEL
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.core.evaluation.true_tracks import TrueTracks
+from phd_jdtc_ros.core.types import SOURCES
+
+from ..lengths import places_of
+from ..record import Plot, Record
+from .amplitude_scale import is_known, shades_of
+from .clutter_layer import clutter_levels
+from .earth_layer import earth_grid, graticule, rings
+from .estimate_rows import AXIS_STEPS, LEAST_AXIS, NO_LEVEL, EstimateRows, Grid, known_heights
+from .frames import Frames
+from .packing import Columns
+
+# Places have about so many steps across the picture, and the picture at least this extent, metres.
+STEPS, LEAST_EXTENT = 1e5, 100.0
+# Heights are flight levels, and speeds in knots, where anything is above the first, metres, or most
+# of the fastest tracks are faster than the second, metres per second.
+FLYING, FLIGHT = 300.0, 80.0
+# Aircraft that are slower, metres per second, and no higher above the lowest, metres, are on the
+# ground.
+TAXI, APRON = 25.0, 300.0
+
+
+@dataclass(frozen=True)
+class Picture:
+    """What the page's script draws.
+
+    Parameters
+    ----------
+    header : dict
+        What does not change with time, as JSON.
+    columns : Columns
+    frames : Frames
+    """
+
+    header: dict[str, Any]
+    columns: Columns
+    frames: Frames
+
+
+def picture_of(record: Record) -> Picture | None:
+    """Return the picture of a record; None if there is nothing in it."""
+    frames = Frames.of(record)
+    if not len(frames):
+        return None
+    columns = Columns()
+    corner, far = _view(record)
+    quantum = 10.0 ** np.floor(np.log10(max((far - corner).max(), LEAST_EXTENT) / STEPS))
+    grid = Grid(corner, float(quantum), columns)
+    height = known_heights(record)
+    aircraft = _aircraft(record, height)
+    header: dict[str, Any] = {
+        "first": frames.first_shown(record),
+        "corner": corner.tolist(),
+        "extent": (far - corner).tolist(),
+        "quantum": float(quantum),
+        "levels": ("FL" if aircraft else "m") if len(height) else "",
+        "ground": _ground(record, height) if aircraft else None,
+        "no_level": NO_LEVEL,
+        "axis": [AXIS_STEPS, LEAST_AXIS * RADIUS_95],
+        "classes": _classes(record, aircraft),
+        "sources": [source for source in SOURCES if record.of_source(source)],
+        "hold": {},
+        "radars": _radars(record),
+        "sites": [[site.name, *site.position] for site in record.radars],
+        "known": {"truth": bool(record.truth), "plots": bool(record.plots)},
+        "rings": rings(record.radars, corner, far),
+        "identities": [],
+    }
+    for source in header["sources"]:
+        rows = EstimateRows(record, frames, source)
+        header["hold"][source] = rows.hold
+        rows.add(grid, source, header["identities"], aircraft)
+    _add_truth(record, frames, grid)
+    header["amplitudes"] = _add_plots(record, frames, grid)
+    _add_carriers(record, frames, grid)
+    if record.clutter is not None:
+        header["clutter"] = clutter_levels(record.clutter, columns)
+    if record.plane is not None:
+        header["earth"] = earth_grid(record.plane, corner, far, columns)
+        header["graticule"] = graticule(record.plane, corner, far, columns)
+    return Picture({**header, "columns": columns.index}, columns, frames)
+
+
+def _radars(record: Record) -> list[str]:
+    return sorted({plot.radar for plot in record.plots})
+
+
+def _aircraft(record: Record, height: FloatArray) -> bool:
+    """Return whether aircraft are tracked, by the heights and the speeds of all estimates."""
+    speeds = _joined(
+        np.hypot(*entry.velocity.T)
+        for part in ((record.truth,) if not record.filtered else (record.filtered,))
+        for entry in part
+    )
+    fast = len(speeds) > 0 and float(np.percentile(speeds, 95.0)) > FLIGHT
+    return fast or bool((height > FLYING).any())
+
+
+def _ground(record: Record, height: FloatArray) -> dict[str, float]:
+    """Return up to which speed, m/s, and which level aircraft are on the ground."""
+    datum = 0.0 if record.plane is None else record.plane.origin[2]
+    top = float(np.percentile(height, 1.0)) + datum + APRON if len(height) else 0.0
+    return {"speed": TAXI, "level": round(top / FLIGHT_LEVEL)}
+
+
+def _classes(record: Record, aircraft: bool) -> list[dict[str, Any]]:
+    """Return title and colour of each class, those of the tracker first, then others of the truth.
+
+    Of these nothing is known but their numbers; what they are is told by how fast they are.
+    """
+    fastest: dict[int, float] = {}
+    for entry in record.truth:
+        for kind, speed in zip(
+            entry.class_id.tolist(), np.hypot(*entry.velocity.T).tolist(), strict=True
+        ):
+            fastest[kind] = max(speed, fastest.get(kind, 0.0))
+    titles = [record.sets.class_title(kind) for kind in range(record.classes)]
+    for kind in range(record.classes, max(fastest, default=-1) + 1):
+        grounded = aircraft and fastest.get(kind, 0.0) < TAXI
+        titles.append(
+            "ground traffic" if grounded else f"{record.sets.class_title(kind)}, untracked"
+        )
+    return [{"title": title, "colour": class_colour(k)} for k, title in enumerate(titles)]
+
+
+def _view(record: Record) -> tuple[FloatArray, FloatArray]:
+    """Return the corners of a square with the targets, or if there are none the detections."""
+    places = places_of(record)
+    if not len(places):
+        places = np.zeros((1, 2))
+    low, high = places.min(axis=0), places.max(axis=0)
+    half = 0.53 * max(float(np.max(high - low)), LEAST_EXTENT)
+    middle = 0.5 * (low + high)
+    return middle - half, middle + half
+
+
+def _add_truth(record: Record, frames: Frames, grid: Grid) -> None:
+    """Add the true targets at the frames, interpolated where the truth has other stamps."""
+    tracks = TrueTracks()
+    for entry in record.truth:
+        tracks.add(entry.stamp_ns, PointSet.of(entry))
+    known = [(k, tracks.at(stamp)) for k, stamp in enumerate(frames.stamp_ns.tolist())]
+    found = [(k, points) for k, points in known if points is not None]
+    frame = np.repeat([k for k, _ in found], [len(points) for _, points in found])
+    number = [p.track_id if p.track_id is not None else np.zeros(len(p)) for _, p in found]
+    order = grid.begin("truth", _joined(number).astype(np.int64), frame)
+    grid.add("truth", _joined([p.position for _, p in found], 2)[order])
+    speed = [
+        np.hypot(*p.velocity.T) if p.velocity is not None else [np.nan] * len(p) for _, p in found
+    ]
+    grid.columns.add("truth.speed", np.rint(10.0 * np.nan_to_num(_joined(speed), nan=1e3))[order])
+    grid.columns.add("truth.class", _joined([p.class_id for _, p in found])[order])
+
+
+def _add_plots(record: Record, frames: Frames, grid: Grid) -> list[float]:
+    """Add the detections in order of their frames; return the range of their amplitudes."""
+    at = frames.at([plot.stamp_ns for plot in record.plots])
+    counts = [len(plot.position) for plot in record.plots]
+    frame = np.repeat(at, counts).astype(np.int64)
+    order = np.argsort(frame, kind="stable")
+    amplitude = _joined([plot.amplitude for plot in record.plots])[order]
+    radars = {name: k for k, name in enumerate(_radars(record))}
+    radar = np.repeat([radars[plot.radar] for plot in record.plots], counts)
+    grid.columns.add("plots.frame", frame[order])
+    grid.add("plots", _joined([plot.position for plot in record.plots], 2)[order])
+    grid.columns.add("plots.radar", radar[order])
+    grid.columns.add("plots.shade", shades_of(amplitude))
+    known = amplitude[is_known(amplitude)]
+    return [float(f"{end:.3g}") for end in (known.min(), known.max())] if len(known) else []
+
+
+def _add_carriers(record: Record, frames: Frames, grid: Grid) -> None:
+    """Add where radars that move were, by the radar's place in the list of radars."""
+    names = _radars(record)
+    carried: list[Plot] = [plot for plot in record.plots if plot.sensor is not None]
+    number = np.array([names.index(plot.radar) for plot in carried], dtype=np.int64)
+    order = grid.begin("carriers", number, frames.at([plot.stamp_ns for plot in carried]))
+    grid.add("carriers", _joined([np.array([p.sensor]) for p in carried], 2)[order])
+
+
+def _joined(parts: Iterable[Any], *shape: int) -> FloatArray:
+    return np.concatenate([np.zeros((0, *shape)), *parts])
