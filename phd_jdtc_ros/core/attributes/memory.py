@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
-from ..models.radar import RadarModel
+from ..sited_plots import HeightReading
 from ..types import UNKNOWN, Attributes, Detections, Estimates
 from . import height, identity, readings, uniqueness, updates
 from .height import BoolArray, HeightModel, Heights
@@ -459,7 +459,8 @@ class AttributesAt(NamedTuple):
         origin: IntArray,
         target: IntArray,
         detections: Detections,
-        radar: RadarModel,
+        std: FloatArray,
+        reading: HeightReading | None,
     ) -> Paired:
         """Return the pairs in gates, plots of unknown height read as of each target.
 
@@ -471,12 +472,15 @@ class AttributesAt(NamedTuple):
         target : int array of shape (N,)
             Of the engine's rows.
         detections : Detections
-        radar : RadarModel
+        std : array of shape (M, 2)
+            Their deviations.
+        reading : HeightReading or None
+            How their ranges depend on heights; None where they do not.
         """
-        if radar.height_reading is None or detections.height is None:
+        if reading is None or detections.height is None:
             return readings.plain(gate, detections)
         heights = self.memory.heights(origin, self.stamp_ns)
-        return readings.paired(gate, target, heights, detections, radar)
+        return readings.paired(gate, target, heights, detections, std, reading)
 
     def lost(
         self, origin: IntArray, target: IntArray, column: IntArray, detections: Detections

@@ -17,7 +17,6 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, distinct_cells
-from ..models.radar import RadarModel
 from ..sited_plots import HeightReading
 from ..types import Detections
 from .height import Heights
@@ -61,7 +60,12 @@ def plain(gate: Gate, detections: Detections) -> Paired:
 
 
 def paired(
-    gate: Gate, target: IntArray, heights: Heights, detections: Detections, radar: RadarModel
+    gate: Gate,
+    target: IntArray,
+    heights: Heights,
+    detections: Detections,
+    std: FloatArray,
+    reading: HeightReading,
 ) -> Paired:
     """Return the pairs of detections, those of unknown height read at the heights of the targets.
 
@@ -73,16 +77,15 @@ def paired(
     heights : Heights
         Of all targets, at the scan's stamp.
     detections : Detections
-    radar : RadarModel
-        With a `height_reading`.
+    std : array of shape (M, 2)
+        Deviations of the detections.
+    reading : HeightReading
+        How their ranges depend on heights.
     """
     known, missing = np.flatnonzero(heights.known > KNOWN), _without_height(detections)
-    reading, size = radar.height_reading, len(detections)
-    if reading is None or not len(known) or not len(missing):
+    if not len(known) or not len(missing):
         return plain(gate, detections)
-    own = radar.detection_noise(detections)
-    std = np.tile(radar.noise_std, (size, 1)) if own is None else own
-    unread, wide = detections.take(missing), std[missing]
+    size, unread, wide = len(detections), detections.take(missing), std[missing]
     for bound in (heights.mean[known, 0].min(), heights.mean[known, 0].max()):
         moved = reading.at(unread.measurement, np.full(len(missing), bound)) - unread.measurement
         wide[:, 0] = np.maximum(wide[:, 0], std[missing, 0] + np.abs(moved[:, 0]) / WIDENING)

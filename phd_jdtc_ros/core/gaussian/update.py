@@ -163,7 +163,10 @@ def _pairs(
 
     if attributes is None:
         return plain(gate, detections)
-    return attributes.paired(gate, mixture.label, mixture.target, detections, radar)
+    return attributes.paired(
+        *(gate, mixture.label, mixture.target, detections),
+        *(radar.deviations(detections), radar.height_reading),
+    )
 
 
 def _others(

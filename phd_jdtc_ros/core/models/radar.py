@@ -201,6 +201,11 @@ class RadarModel:
         usual = np.stack([grown, np.full(len(detections), self.azimuth_std)], axis=1)
         return usual if own is None else np.where(np.isfinite(own), own, usual)
 
+    def deviations(self, detections: Detections) -> FloatArray:
+        """Return the deviations of each detection, shape (M, 2), also where all have the same."""
+        own = self.detection_noise(detections)
+        return np.tile(self.noise_std, (len(detections), 1)) if own is None else own
+
     def rates_of(self, detections: Detections) -> Rates | None:
         """Return the range rates of detections; None if there are none to be used."""
         model, rate = self.range_rate, detections.range_rate

@@ -157,7 +157,10 @@ def _paired(
 
     if attributes is None:
         return plain(gate, detections)
-    return attributes.paired(gate, *factorize(particles.origin), detections, radar)
+    return attributes.paired(
+        *(gate, *factorize(particles.origin), detections),
+        *(radar.deviations(detections), radar.height_reading),
+    )
 
 
 def update_scan(
