@@ -3,7 +3,7 @@
 
 """The plots of a radar with a site: from slant ranges to places in the plane, whatever is known.
 
-And back, to read a plot of unknown height once more at the height of a target.
+And back, to read a plot of a missing or false height once more at the height of a target.
 """
 
 from __future__ import annotations
@@ -153,21 +153,24 @@ class HeightReading:
     site: Site | None = None
     assumed: float = np.nan
 
-    def at(self, measurement: FloatArray, height: FloatArray) -> FloatArray:
-        """Return plots that were read without heights as they are read with them, (M, 2).
+    def at(self, measurement: FloatArray, before: FloatArray, height: FloatArray) -> FloatArray:
+        """Return plots that were read at their heights as they are read at others, (M, 2).
 
         Parameters
         ----------
         measurement : array of shape (M, 2)
             Ranges over ground, metres, and azimuths, radians.
+        before : array of shape (M,)
+            Their heights above the world's zero, metres; NaN where unknown.
         height : array of shape (M,)
-            Above the world's zero, metres. What is higher than its slant range is read as if above
+            The others. What is higher than its slant range is read as if above
             the radar.
         """
         distance, azimuth = measurement.T
         if self.site is None:
-            above = height - self.antenna
-            return np.stack([np.sqrt(np.maximum(distance**2 - above**2, 0.0)), azimuth], axis=1)
-        slant = slant_of(self.site, self.assumed, distance, azimuth, np.full(len(height), np.nan))
+            square = distance**2 + np.nan_to_num(before - self.antenna) ** 2
+            square = square - (height - self.antenna) ** 2
+            return np.stack([np.sqrt(np.maximum(square, 0.0)), azimuth], axis=1)
+        slant = slant_of(self.site, self.assumed, distance, azimuth, before + self.datum)
         ground = over_ground(self.site, self.assumed, *slant, height + self.datum)
         return np.stack([ground.distance, wrap_angle(ground.azimuth)], axis=1)

@@ -154,9 +154,19 @@ def test_a_plot_without_a_height_is_read_again_as_with_it(layout, height):
     assert np.abs(known - unknown)[:, 0].max() > 10.0
     own = sited(**layout)
     again = HeightReading(own.height, own.datum, own.site, own.assumed_height).at(
-        unknown, np.full(4, height - own.datum)
+        *(unknown, np.full(4, NAN), np.full(4, height - own.datum))
     )
     assert_allclose(again, known, rtol=0.0, atol=1e-3)
+
+
+def test_a_plot_with_a_false_height_is_read_again_as_with_the_true_one():
+    points = [(slant, 40.0, 9000.0) for slant in (15e3, 60e3, 200e3, 400e3)]
+    true = read(points).detections
+    false = read([(*point[:2], 2000.0) for point in points]).detections
+    own = sited()
+    reading = HeightReading(own.height, own.datum, own.site, own.assumed_height)
+    again = reading.at(false.measurement, false.height, true.height)
+    assert_allclose(again, true.measurement, rtol=0.0, atol=1e-3)
 
 
 def test_an_assumed_height_is_below_30_degrees_near_the_radar():

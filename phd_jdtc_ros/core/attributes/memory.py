@@ -462,7 +462,7 @@ class AttributesAt(NamedTuple):
         std: FloatArray,
         reading: HeightReading | None,
     ) -> Paired:
-        """Return the pairs in gates, plots of unknown height read as of each target.
+        """Return the pairs in gates, plots of false heights read as of each target.
 
         Parameters
         ----------
@@ -480,7 +480,8 @@ class AttributesAt(NamedTuple):
         if reading is None or detections.height is None:
             return readings.plain(gate, detections)
         heights = self.memory.heights(origin, self.stamp_ns)
-        return readings.paired(gate, target, heights, detections, std, reading)
+        model = self.memory.model.height
+        return readings.paired(gate, target, heights, detections, std, reading, model)
 
     def lost(
         self, origin: IntArray, target: IntArray, column: IntArray, detections: Detections

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots of unknown height, read at the height of each target that they may be of.
+"""Plots whose heights are missing or false, read at the height of each target that they may be of.
 
 Ranges over ground follow from slant ranges by heights. A plot without one is read at a supposed
-height, hundreds of metres from an aircraft whose transponder has failed to answer once. It is the
-target's detection all the same, if the target's height puts it where the target is.
+height, and one with a garbled height at that: hundreds of metres from the aircraft. It is the
+target's detection all the same, if the target's own height puts it where the target is.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..arrays import FloatArray, IntArray, distinct_cells
+from ..arrays import FloatArray, IntArray
 from ..sited_plots import HeightReading
 from ..types import Detections
-from .height import Heights
+from .height import BoolArray, HeightModel, Heights, compared
 
 # A target's height is known with at least this probability.
 KNOWN = 0.5
@@ -66,8 +66,9 @@ def paired(
     detections: Detections,
     std: FloatArray,
     reading: HeightReading,
+    model: HeightModel,
 ) -> Paired:
-    """Return the pairs of detections, those of unknown height read at the heights of the targets.
+    """Return the pairs of detections, some of them read at the heights of the targets.
 
     Parameters
     ----------
@@ -78,42 +79,78 @@ def paired(
         Of all targets, at the scan's stamp.
     detections : Detections
     std : array of shape (M, 2)
-        Deviations of the detections.
+        Their deviations.
     reading : HeightReading
         How their ranges depend on heights.
+    model : HeightModel
     """
-    known, missing = np.flatnonzero(heights.known > KNOWN), _without_height(detections)
-    if not len(known) or not len(missing):
-        return plain(gate, detections)
-    size, unread, wide = len(detections), detections.take(missing), std[missing]
-    for bound in (heights.mean[known, 0].min(), heights.mean[known, 0].max()):
-        moved = reading.at(unread.measurement, np.full(len(missing), bound)) - unread.measurement
-        wide[:, 0] = np.maximum(wide[:, 0], std[missing, 0] + np.abs(moved[:, 0]) / WIDENING)
-    row, column, _ = gate(replace(unread, noise_std=wide))
-    inside = np.isin(target[row], known)
-    edge, _ = distinct_cells(
-        target[row[inside]] * size + missing[column[inside]], len(heights.known) * size
-    )
+    first, size = plain(gate, detections), len(detections)
+    known = heights.known > KNOWN
+    edge = np.unique(target[first.row] * size + first.column)
+    right = known[edge // size] & ~_false(heights, edge // size, edge % size, detections, model)
+    # What has the height of a target that it is near to needs no other reading.
+    doubtful = np.setdiff1d(np.arange(size), edge[right] % size)
+    if not known.any() or not len(doubtful):
+        return first
+    lowest, highest = heights.mean[known, 0].min(), heights.mean[known, 0].max()
+    edge = _near(gate, target, detections, std, reading, doubtful, (lowest, highest))
+    owner, column = edge // size, edge % size
+    wrong = known[owner] & _false(heights, owner, column, detections, model)
+    owner, column, edge = owner[wrong], column[wrong], edge[wrong]
     if not len(edge):
-        return plain(gate, detections)
-    readings = _read(edge // size, edge % size, heights, detections, std, reading)
-    row, place, log_likelihood = gate(readings)
-    # Each target's own reading replaces the one without a height.
-    of = np.concatenate([np.arange(size), edge % size])
-    column, again = of[place], place >= size
-    wanted = target[row] * size + column
-    kept = np.where(
-        again, np.append(np.full(size, -1), edge)[place] == wanted, ~np.isin(wanted, edge)
+        return first
+    again = _read(owner, column, heights, detections, std, reading)
+    row, which, log_likelihood = gate(again)
+    own = np.flatnonzero(target[row] == owner[which])
+    # Each target's own reading replaces the one by the plot's height.
+    kept = np.flatnonzero(~np.isin(target[first.row] * size + first.column, edge))
+    rows = np.concatenate([first.row[kept], row[own]])
+    order = np.argsort(rows, kind="stable")
+    every = detections.take(np.concatenate([np.arange(size), column]))
+    return Paired(
+        rows[order],
+        np.concatenate([first.column[kept], column[which[own]]])[order],
+        np.concatenate([first.log_likelihood[kept], log_likelihood[own]])[order],
+        np.concatenate([first.column[kept], size + which[own]])[order],
+        replace(
+            every,
+            measurement=np.concatenate([detections.measurement, again.measurement]),
+            noise_std=np.concatenate([std, again.noise_std]),
+        ),
     )
-    rows = np.flatnonzero(kept)
-    return Paired(row[rows], column[rows], log_likelihood[rows], place[rows], readings)
 
 
-def _without_height(detections: Detections) -> IntArray:
-    """Return the rows of those of unknown height; none if a radar reports no heights."""
-    if detections.height is None:
-        return np.zeros(0, dtype=np.int64)
-    return np.flatnonzero(np.isnan(detections.height))
+def _false(
+    heights: Heights,
+    target: IntArray,
+    column: IntArray,
+    detections: Detections,
+    model: HeightModel,
+) -> BoolArray:
+    """Return whether detections more probably tell nothing of the height of targets, (E,)."""
+    since = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
+    part = compared(heights, target, _heights(detections)[column], since[column], model).part
+    false: BoolArray = part[:, 1] > part[:, 0]
+    return false
+
+
+def _near(
+    gate: Gate,
+    target: IntArray,
+    detections: Detections,
+    std: FloatArray,
+    reading: HeightReading,
+    columns: IntArray,
+    between: tuple[float, float],
+) -> IntArray:
+    """Return the cells, target times M plus detection, of those near at a height between two."""
+    doubtful, wide = detections.take(columns), std[columns]
+    for height in between:
+        moved = _at(reading, doubtful, np.full(len(columns), height)) - doubtful.measurement
+        wide[:, 0] = np.maximum(wide[:, 0], std[columns, 0] + np.abs(moved[:, 0]) / WIDENING)
+    row, column, _ = gate(replace(doubtful, noise_std=wide))
+    size = len(detections)
+    return np.unique(target[row] * size + columns[column])
 
 
 def _read(
@@ -124,16 +161,22 @@ def _read(
     std: FloatArray,
     reading: HeightReading,
 ) -> Detections:
-    """Return the detections, and then those of some columns read at the heights of targets."""
-    again = detections.measurement[column]
+    """Return the detections of some columns, read at the heights of targets."""
+    again = detections.take(column)
     height, deviation = heights.mean[target, 0], np.sqrt(heights.covariance[target, 0, 0])
-    place = reading.at(again, height)
+    place = _at(reading, again, height)
     # What the height may be off by, the range is too.
-    spread = reading.at(again, height + deviation)[:, 0] - place[:, 0]
+    spread = _at(reading, again, height + deviation)[:, 0] - place[:, 0]
     noise = np.stack([np.hypot(std[column, 0], spread), std[column, 1]], axis=1)
-    every = detections.take(np.concatenate([np.arange(len(detections)), column]))
-    return replace(
-        every,
-        measurement=np.concatenate([detections.measurement, place]),
-        noise_std=np.concatenate([std, noise]),
-    )
+    return replace(again, measurement=place, noise_std=noise)
+
+
+def _at(reading: HeightReading, detections: Detections, height: FloatArray) -> FloatArray:
+    """Return detections as they are read at other heights, (M, 2)."""
+    return reading.at(detections.measurement, _heights(detections), height)
+
+
+def _heights(detections: Detections) -> FloatArray:
+    """Return the heights of detections, NaN where there is none, (M,)."""
+    given = detections.height
+    return np.full(len(detections), np.nan) if given is None else given

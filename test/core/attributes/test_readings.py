@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Plots of unknown height: pairs by each target's, and tracks that they leave alone."""
+"""Plots of missing and false heights: pairs by each target's, and tracks that they leave alone."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from hard_turns import GIVEN, PERIOD_S, measured
 from lone import lone, scan_at
 
 from phd_jdtc_ros.core.attributes import readings
-from phd_jdtc_ros.core.attributes.height import Heights
+from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.models.radar import GATE_SIGMA
 from phd_jdtc_ros.core.types import Detections
@@ -24,15 +24,28 @@ HEIGHTS = Heights(
 )
 
 
+# What plots tell: nothing, their targets' heights, and garbled ones.
+MISSING, TRUE, GARBLED = range(0, 10), range(10, 16), range(16, 20)
+
+
 def crowd(rng):
     """Return rows near each other as the radar would measure them, their targets, and plots."""
     target = np.arange(TARGETS).repeat(ROWS)
     expected = np.stack([15e3 + rng.normal(0.0, 400.0, 20), rng.normal(0.0, 0.03, 20)], axis=1)
-    # Half of the plots are read at the antenna's height, of targets that are higher.
-    seen = np.concatenate([expected[::2], expected[1::2]])
-    seen[:10, 0] = np.hypot(seen[:10, 0], HEIGHTS.mean[target[::2], 0])
-    height = np.concatenate([np.full(10, np.nan), HEIGHTS.mean[target[1::2], 0]])
+    of = np.concatenate([np.arange(0, 20, 2), np.arange(1, 20, 2)])
+    seen, height = expected[of], HEIGHTS.mean[target[of], 0]
+    height[MISSING], height[GARBLED] = np.nan, 6900.0
+    slant = np.hypot(seen[:, 0], HEIGHTS.mean[target[of], 0])
+    seen[:, 0] = np.sqrt(slant**2 - np.nan_to_num(height) ** 2)
     return expected, target, Detections(seen, None, height=height)
+
+
+def explained(expected, target, detections, column):
+    """Return whether a plot has the known height of a target that it is near to."""
+    error = (detections.measurement[column] - expected) / RADAR.noise_std
+    near = (error**2).sum(axis=1) <= GATE_SIGMA**2
+    same = np.abs(detections.height[column] - HEIGHTS.mean[target, 0]) < 1000.0
+    return (near & same & (HEIGHTS.known[target] > 0.5)).any()
 
 
 def by_hand(expected, target, detections):
@@ -40,12 +53,13 @@ def by_hand(expected, target, detections):
     found = np.full((len(expected), len(detections)), -np.inf)
     for row, column in np.ndindex(found.shape):
         distance, azimuth = detections.measurement[column]
-        std = RADAR.noise_std.copy()
-        own = target[row]
-        if np.isnan(detections.height[column]) and HEIGHTS.known[own] > 0.5:
-            height, off = HEIGHTS.mean[own, 0], np.sqrt(HEIGHTS.covariance[own, 0, 0])
-            ground = np.sqrt(max(distance**2 - height**2, 0.0))
-            std[0] = np.hypot(std[0], ground - np.sqrt(max(distance**2 - (height + off) ** 2, 0.0)))
+        std, own, told = RADAR.noise_std.copy(), target[row], detections.height[column]
+        height, off = HEIGHTS.mean[own, 0], np.sqrt(HEIGHTS.covariance[own, 0, 0])
+        false = not (abs(told - height) < 1000.0 or explained(expected, target, detections, column))
+        if HEIGHTS.known[own] > 0.5 and false:
+            square = distance**2 + np.nan_to_num(told) ** 2
+            ground, lower = (np.sqrt(square - above**2) for above in (height, height + off))
+            std[0] = np.hypot(std[0], ground - lower)
             distance = ground
         error = (np.array([distance, azimuth]) - expected[row]) / std
         if (error**2).sum() <= GATE_SIGMA**2:
@@ -53,32 +67,31 @@ def by_hand(expected, target, detections):
     return found
 
 
-def test_a_plot_without_a_height_is_read_at_the_height_of_each_target():
+def test_a_plot_of_a_false_height_is_read_at_the_height_of_each_target():
     expected, target, detections = crowd(np.random.default_rng(1))
     pairs = readings.paired(
         lambda seen: RADAR.gated_pairs(expected, seen),
         *(target, HEIGHTS, detections, RADAR.deviations(detections), RADAR.height_reading),
+        HeightModel(),
     )
     found = np.full((len(expected), len(detections)), -np.inf)
     found[pairs.row, pairs.column] = pairs.log_likelihood
     wanted = by_hand(expected, target, detections)
-    assert np.isfinite(wanted[:, :10]).sum() > 10
-    assert np.isfinite(wanted[:, 10:]).sum() > 10
+    assert all(np.isfinite(wanted[:, of]).sum() >= 6 for of in (MISSING, TRUE, GARBLED))
     assert len(pairs.row) == np.isfinite(wanted).sum()
     np.testing.assert_allclose(found, wanted, rtol=1e-9)
 
 
 @pytest.mark.parametrize("engine", ["gaussian", "particles"])
-def test_a_track_stays_where_its_target_is_when_that_does_not_answer_once(engine):
-    # At 30 km and a height of 9 km the plot without it is 1381 m farther away.
+def test_a_track_stays_where_its_target_is_without_its_height_and_with_a_false_one(engine):
+    # At 30 km and a height of 9 km the plots without it, and with 2 km, are 1.3 km farther away.
     one = new_engine(lone({**GIVEN, "engine": engine, "radar.fields.height": "height"}))
     rng, numbers = np.random.default_rng(2), set()
     noise = np.array([5.0, np.radians(0.01)])
     for index in range(24):
         position = np.array([[3e4 - 100.0 * index, 150.0 * PERIOD_S * index - 6e3]])
-        plot, height = measured(position, noise, rng), 9e3
-        if index in (12, 18):
-            plot[:, 0], height = np.hypot(plot[:, 0], height), np.nan
+        plot, height = measured(position, noise, rng), {12: np.nan, 18: 2e3}.get(index, 9e3)
+        plot[:, 0] = np.sqrt(plot[:, 0] ** 2 + 9e3**2 - np.nan_to_num(height) ** 2)
         step = one.step(scan_at((index + 1) * PERIOD_S, plot, height=np.array([height])))
         for found in step.filtered:
             numbers.update(found.track_id.tolist())
