@@ -163,13 +163,13 @@ class HeightReading:
         before : array of shape (M,)
             Their heights above the world's zero, metres; NaN where unknown.
         height : array of shape (M,)
-            The others. What is higher than its slant range is read as if above
-            the radar.
+            The others; NaN for none. What is higher than its slant range is read as if above the
+            radar.
         """
         distance, azimuth = measurement.T
         if self.site is None:
             square = distance**2 + np.nan_to_num(before - self.antenna) ** 2
-            square = square - (height - self.antenna) ** 2
+            square = square - np.nan_to_num(height - self.antenna) ** 2
             return np.stack([np.sqrt(np.maximum(square, 0.0)), azimuth], axis=1)
         slant = slant_of(self.site, self.assumed, distance, azimuth, before + self.datum)
         ground = over_ground(self.site, self.assumed, *slant, height + self.datum)
