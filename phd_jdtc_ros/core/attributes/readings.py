@@ -19,10 +19,12 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..sited_plots import HeightReading
 from ..types import Detections
-from .height import BoolArray, HeightModel, Heights, compared
+from .height import HeightModel, Heights, compared
 
 # A target's height is known with at least this probability.
 KNOWN = 0.5
+# Columns of `height.Measured.part`.
+RIGHT, FALSE = 0, 1
 # Gates are widened by a deviation of this part of the way to the place at a target's height, which
 # is then well inside.
 WIDENING = 3.0
@@ -87,7 +89,8 @@ def paired(
     first, size = plain(gate, detections), len(detections)
     known = heights.known > KNOWN
     edge = np.unique(target[first.row] * size + first.column)
-    right = known[edge // size] & ~_false(heights, edge // size, edge % size, detections, model)
+    said = _said(heights, edge // size, edge % size, detections, model)
+    right = known[edge // size] & (said == RIGHT)
     # What has the height of a target that it is near to needs no other reading.
     doubtful = np.setdiff1d(np.arange(size), edge[right] % size)
     if not known.any() or not len(doubtful):
@@ -95,7 +98,7 @@ def paired(
     lowest, highest = heights.mean[known, 0].min(), heights.mean[known, 0].max()
     edge = _near(gate, target, detections, std, reading, doubtful, (lowest, highest))
     owner, column = edge // size, edge % size
-    wrong = known[owner] & _false(heights, owner, column, detections, model)
+    wrong = known[owner] & (_said(heights, owner, column, detections, model) == FALSE)
     owner, column, edge = owner[wrong], column[wrong], edge[wrong]
     if not len(edge):
         return first
@@ -120,18 +123,21 @@ def paired(
     )
 
 
-def _false(
+def _said(
     heights: Heights,
     target: IntArray,
     column: IntArray,
     detections: Detections,
     model: HeightModel,
-) -> BoolArray:
-    """Return whether detections more probably tell nothing of the height of targets, (E,)."""
+) -> IntArray:
+    """Return what detections most probably say of the heights of targets, (E,).
+
+    It is the target's height, nothing, or that the one that was known was wrong.
+    """
     since = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
     part = compared(heights, target, _heights(detections)[column], since[column], model).part
-    false: BoolArray = part[:, 1] > part[:, 0]
-    return false
+    most: IntArray = part.argmax(axis=1)
+    return most
 
 
 def _near(

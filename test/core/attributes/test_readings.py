@@ -15,10 +15,10 @@ from phd_jdtc_ros.core.models.radar import GATE_SIGMA
 from phd_jdtc_ros.core.types import Detections
 
 RADAR = lone({"radar.fields.height": "height", "radar.range_std": 40.0}).model.radars[0]
-# Four targets of five rows each; the height of the last one is not known.
+# Four targets of five rows each; the height of the last one is not known, the second's not well.
 TARGETS, ROWS = 4, 5
 HEIGHTS = Heights(
-    np.array([0.99, 0.9, 0.6, 0.4]),
+    np.array([0.999, 0.9, 0.995, 0.4]),
     np.array([[9e3, 0.0], [3e3, 0.0], [5e3, 0.0], [4e3, 0.0]]),
     np.array([100.0, 400.0, 2500.0, 100.0])[:, None, None] * np.eye(2),
 )
@@ -56,7 +56,8 @@ def by_hand(expected, target, detections):
         std, own, told = RADAR.noise_std.copy(), target[row], detections.height[column]
         height, off = HEIGHTS.mean[own, 0], np.sqrt(HEIGHTS.covariance[own, 0, 0])
         false = not (abs(told - height) < 1000.0 or explained(expected, target, detections, column))
-        if HEIGHTS.known[own] > 0.5 and false:
+        # Of a height that is not well known another one says that it was wrong.
+        if HEIGHTS.known[own] > (0.5 if np.isnan(told) else 0.99) and false:
             square = distance**2 + np.nan_to_num(told) ** 2
             ground, lower = (np.sqrt(square - above**2) for above in (height, height + off))
             std[0] = np.hypot(std[0], ground - lower)
