@@ -17,12 +17,9 @@ from phd_jdtc_ros.core.sited_plots import (
     MAX_HEIGHT,
     Ground,
     over_ground,
-    supposed_height,
+    slant_of,
 )
 from phd_jdtc_ros.core.types import Detections
-
-# Each leaves less than a third of the error that a supposed height makes of the slant range.
-SETTLING = 25
 
 
 def read(
@@ -108,15 +105,7 @@ def sent(detections: Detections, radar: RadarInput) -> Slant:
             return Slant(distance, azimuth)
         return Slant(np.hypot(distance, np.nan_to_num(height - radar.height)), azimuth)
     known = sent_height(detections, radar) if radar.height_field else np.full(len(distance), np.nan)
-    slant = distance
-    for _ in range(SETTLING):
-        # What is supposed depends on the slant range itself.
-        supposed = supposed_height(site, radar.assumed_height, slant)
-        given = np.where(np.isfinite(known), known, supposed)
-        slant, measured = site.to_slant(distance, azimuth, given)
-        if np.isnan(radar.assumed_height):
-            break
-    return Slant(slant, measured)
+    return Slant(*slant_of(site, radar.assumed_height, distance, azimuth, known))
 
 
 def sent_height(detections: Detections, radar: RadarInput) -> FloatArray:

@@ -55,7 +55,7 @@ truth, and `evaluation` compares estimates with it.
 Packages import in one direction only::
 
     pipeline -> engines -> configuration -> smc, gaussian -> association, models, pair_search
-    models, forward -> attributes
+    models, forward -> attributes -> sited_plots -> site
     smc, gaussian -> fixed_lag -> forward -> touch, window_snapshot -> window
     fixed_lag -> confirmation, track_numbers -> known_aircraft -> models
     confirmation, configuration -> reporting_rule -> models

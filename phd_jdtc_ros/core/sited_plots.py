@@ -1,16 +1,20 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The plots of a radar with a site: from slant ranges to places in the plane, whatever is known."""
+"""The plots of a radar with a site: from slant ranges to places in the plane, whatever is known.
+
+And back, to read a plot of a missing or false height once more at the height of a target.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from .arrays import FloatArray
+from .arrays import FloatArray, wrap_angle
 from .site import FARTHEST, Site
 
 # Metres; nothing that a radar of this kind tracks flies higher.
@@ -19,6 +23,8 @@ MAX_HEIGHT = 30e3
 LEAST = 1e-3
 # What is assumed of a height makes the elevation at most as large as this sine, 30 degrees.
 MOST_ASSUMED = 0.5
+# Each leaves less than a third of the error that a supposed height makes of the slant range.
+SETTLING = 25
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -99,3 +105,72 @@ def supposed_height(site: Site, assumed: float, distance: FloatArray) -> FloatAr
     most = MOST_ASSUMED * distance
     supposed: FloatArray = own + np.clip(assumed - own, -most, most)
     return supposed
+
+
+def slant_of(
+    site: Site, assumed: float, distance: FloatArray, azimuth: FloatArray, height: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the slant ranges and azimuths that `over_ground` reads as places in the plane.
+
+    Parameters
+    ----------
+    site : Site
+    assumed : float
+        See `supposed_height`.
+    distance, azimuth : arrays of shape (M,)
+        About the site's place in the plane, metres and radians.
+    height : array of shape (M,)
+        Metres, as those of the site; NaN where it was unknown.
+    """
+    known, slant = np.isfinite(height), distance
+    for _ in range(SETTLING):
+        # What is supposed depends on the slant range itself.
+        given = np.where(known, height, supposed_height(site, assumed, slant))
+        slant, measured = site.to_slant(distance, azimuth, given)
+        if np.isnan(assumed) or known.all():
+            break
+    return slant, measured
+
+
+@dataclass(frozen=True)
+class HeightReading:
+    """How the ranges of a radar whose plots have heights depend on these.
+
+    Parameters
+    ----------
+    antenna : float
+        Height of the antenna above the world's zero, metres.
+    datum : float
+        Height of the world's zero, as the site counts heights, metres.
+    site : Site or None
+        None for a plane: without a height the slant range is the range over ground.
+    assumed : float
+        See `supposed_height`.
+    """
+
+    antenna: float
+    datum: float = 0.0
+    site: Site | None = None
+    assumed: float = np.nan
+
+    def at(self, measurement: FloatArray, before: FloatArray, height: FloatArray) -> FloatArray:
+        """Return plots that were read at their heights as they are read at others, (M, 2).
+
+        Parameters
+        ----------
+        measurement : array of shape (M, 2)
+            Ranges over ground, metres, and azimuths, radians.
+        before : array of shape (M,)
+            Their heights above the world's zero, metres; NaN where unknown.
+        height : array of shape (M,)
+            The others; NaN for none. What is higher than its slant range is read as if above the
+            radar.
+        """
+        distance, azimuth = measurement.T
+        if self.site is None:
+            square = distance**2 + np.nan_to_num(before - self.antenna) ** 2
+            square = square - np.nan_to_num(height - self.antenna) ** 2
+            return np.stack([np.sqrt(np.maximum(square, 0.0)), azimuth], axis=1)
+        slant = slant_of(self.site, self.assumed, distance, azimuth, before + self.datum)
+        ground = over_ground(self.site, self.assumed, *slant, height + self.datum)
+        return np.stack([ground.distance, wrap_angle(ground.azimuth)], axis=1)

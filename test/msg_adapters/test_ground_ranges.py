@@ -17,6 +17,7 @@ from sensor_msgs.msg import PointField
 from msg_adapters import detections as adapter
 from msg_adapters import doubts, radar_scan
 from phd_jdtc_ros.core.site import Site
+from phd_jdtc_ros.core.sited_plots import HeightReading
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.earth import SystemPlane
 
@@ -141,6 +142,31 @@ def test_a_height_that_is_not_known_is_the_assumed_one():
     expected = np.stack(PLANE.to_plane(latitude, longitude), axis=1)
     assert_allclose(in_plane(report.detections), expected, rtol=0.0, atol=0.01)
     assert report.detections.height is None
+
+
+@pytest.mark.parametrize("layout", [{}, {"assumed_height": 6000.0}, {"site": None, "height": 30.0}])
+@pytest.mark.parametrize("height", [1200.0, 11000.0])
+def test_a_plot_without_a_height_is_read_again_as_with_it(layout, height):
+    distance = np.array([15e3, 60e3, 200e3, 400e3])
+    points = [(slant, 70.0 * i, height) for i, slant in enumerate(distance)]
+    known = read(points, **layout).detections.measurement
+    unknown = read([(*point[:2], NAN) for point in points], **layout).detections.measurement
+    assert np.abs(known - unknown)[:, 0].max() > 10.0
+    own = sited(**layout)
+    again = HeightReading(own.height, own.datum, own.site, own.assumed_height).at(
+        *(unknown, np.full(4, NAN), np.full(4, height - own.datum))
+    )
+    assert_allclose(again, known, rtol=0.0, atol=1e-3)
+
+
+def test_a_plot_with_a_false_height_is_read_again_as_with_the_true_one():
+    points = [(slant, 40.0, 9000.0) for slant in (15e3, 60e3, 200e3, 400e3)]
+    true = read(points).detections
+    false = read([(*point[:2], 2000.0) for point in points]).detections
+    own = sited()
+    reading = HeightReading(own.height, own.datum, own.site, own.assumed_height)
+    again = reading.at(false.measurement, false.height, true.height)
+    assert_allclose(again, true.measurement, rtol=0.0, atol=1e-3)
 
 
 def test_an_assumed_height_is_below_30_degrees_near_the_radar():

@@ -5,6 +5,8 @@
 
 ::
 
+    origins, gates
+      |  detections of false heights, read at those of the origins   readings
     origins, their pairs with detections
       |  what an identity, a height is worth as evidence       identity, height
       |  unique ones: taken by other targets, or lost          uniqueness
@@ -14,6 +16,6 @@
       |  beliefs of each origin
     code, address, z, vz of estimates: memory.AttributeMemory.told
 
-Both engines use `memory.AttributeMemory` and nothing else here. Beliefs are of an origin, whatever
-represents its state.
+Both engines use `memory.AttributeMemory` and `readings.Paired` and nothing else here. Beliefs are
+of an origin, whatever represents its state.
 """

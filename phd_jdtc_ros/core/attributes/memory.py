@@ -12,11 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
+from ..sited_plots import HeightReading
 from ..types import UNKNOWN, Attributes, Detections, Estimates
-from . import height, identity, uniqueness, updates
+from . import height, identity, readings, uniqueness, updates
 from .height import BoolArray, HeightModel, Heights
 from .history import History
 from .identity import Belief, IdentityModel
+from .readings import Gate, Paired
 from .uniqueness import Lost
 
 # Below this share of its target, a pair tells nothing.
@@ -340,6 +342,10 @@ class AttributeMemory:
         seen_ns[row] = records.seen_ns[place].max(axis=1)
         return address, seen_ns
 
+    def heights(self, origin: IntArray, stamp_ns: int) -> Heights:
+        """Return what is known of the heights of origins at a stamp."""
+        return self._at(origin, stamp_ns).known.heights
+
     def copy(self) -> AttributeMemory:
         """Return another memory of the same; what it learns, this one does not."""
         other = AttributeMemory(self.model)
@@ -446,6 +452,36 @@ class AttributesAt(NamedTuple):
     ) -> Evidence | None:
         """Return what detections are worth as evidence; see `AttributeMemory.evidence`."""
         return self.memory.evidence(origin, target, column, detections, undetected, self.stamp_ns)
+
+    def paired(
+        self,
+        gate: Gate,
+        origin: IntArray,
+        target: IntArray,
+        detections: Detections,
+        std: FloatArray,
+        reading: HeightReading | None,
+    ) -> Paired:
+        """Return the pairs in gates, plots of false heights read as of each target.
+
+        Parameters
+        ----------
+        gate : Gate
+        origin : int array of shape (T,)
+            Of the engine's targets.
+        target : int array of shape (N,)
+            Of the engine's rows.
+        detections : Detections
+        std : array of shape (M, 2)
+            Their deviations.
+        reading : HeightReading or None
+            How their ranges depend on heights; None where they do not.
+        """
+        if reading is None or detections.height is None:
+            return readings.plain(gate, detections)
+        heights = self.memory.heights(origin, self.stamp_ns)
+        model = self.memory.model.height
+        return readings.paired(gate, target, heights, detections, std, reading, model)
 
     def lost(
         self, origin: IntArray, target: IntArray, column: IntArray, detections: Detections

@@ -22,6 +22,7 @@ from ..models.range_rate import RangeRateModel
 from ..models.visibility import TURN_TOLERANCE, Visibility
 from ..poses import Mount, Platform, PoseTrack
 from ..site import Plane, Site
+from ..sited_plots import HeightReading
 from ..types import FULL_TURN, Coverage
 from ..watch import FAR, SLOW_TURN, ReportWatch
 from .checks import FIXED, name_or
@@ -63,7 +64,15 @@ def radar_model(values: Mapping[str, Any], name: str, site: Site | None) -> Rada
         clutter_map_speed=get["clutter_map_speed"],
         range_rate=_range_rate(get),
         cluster_distance=get["cluster_distance"],
+        height_reading=_height_reading(radar_input(values, name, site)),
     )
+
+
+def _height_reading(layout: RadarInput) -> HeightReading | None:
+    """Return how ranges depend on heights; None where elevations tell, or nothing."""
+    if not layout.height_field or layout.elevation_field:
+        return None
+    return HeightReading(layout.height, layout.datum, layout.site, layout.assumed_height)
 
 
 def _range_rate(get: Mapping[str, Any]) -> RangeRateModel | None:

@@ -13,6 +13,7 @@ from .. import origins
 from ..arrays import FloatArray, IntArray, sum_by
 from ..association.bernoulli import Claims, bernoulli, undetected
 from ..attributes.memory import AttributeMemory, AttributesAt, Evidence
+from ..attributes.readings import Paired, plain
 from ..models.clutter_memory import ClutterMemory
 from ..models.detection_birth import Newborn
 from ..models.other_sources import OtherSources, other_sources
@@ -86,19 +87,19 @@ def update(
     flat = expected.measured.reshape(-1, 2)
     detections, radar, share = thinned(flat, float(mixture.mass.sum()), detections, radar)
     amplitudes = log_amplitude(detections, radar, dynamics).T
-    pairs = gated(mixture, expected, detections, radar)
+    pairs = _pairs(mixture, expected, detections, radar, attributes)
     if attributes is not None:
-        lost = attributes.lost(mixture.label, mixture.target[pairs[0]], pairs[1], detections)
+        lost = attributes.lost(mixture.label, mixture.target[pairs.row], pairs.column, detections)
         if lost is not None:
             predicted = with_strays(predicted, lost, model)
             mixture, expected = predicted.mixture, Expected.of(predicted.mixture, radar)
-            pairs = gated(mixture, expected, detections, radar)
-    row, column, rough = pairs
+            pairs = _pairs(mixture, expected, detections, radar, attributes)
+    row, column, rough, reading, readings = pairs
     detectable = share * detection_probability(expected, detections, radar, dynamics)
     missed = mixture.weight * (1.0 - detectable)
-    rates = radar.rates_of(detections)
+    rates = radar.rates_of(readings)
     if rates is not None:
-        rough = rough + rough_rates(mixture, row, column, rates, radar)
+        rough = rough + rough_rates(mixture, row, reading, rates, radar)
     evidence = None
     if attributes is not None:
         alive = sum_by(mixture.target, summed(missed), len(mixture.label))
@@ -112,10 +113,10 @@ def update(
     others = _others(log_mass, column, detections, radar, model, dt, earlier, evidence)
     weight = weighed(mixture, row, column, log_mass, others)
     counted = likely(mixture, row, column, weight, missed, others)
-    row, column = row[counted], column[counted]
+    row, column, reading = row[counted], column[counted], reading[counted]
     evidence = None if evidence is None else evidence.take(counted)
 
-    found = located(mixture, row, column, detections, radar, rates)
+    found = located(mixture, row, reading, readings, radar, rates)
     log_mass = found.log_likelihood.reshape(-1, mixture.mean.shape[1], 1)
     log_mass = log_mass + amplitudes[column][:, None, :]
     if evidence is not None:
@@ -146,6 +147,26 @@ def update(
     branched = _branched(predicted, source, weight, found, bounds)
     newborn = others.newborn(shares.claimed, radar, detections, model, share)
     return branched, newborn, shares.approximate
+
+
+def _pairs(
+    mixture: Mixture,
+    expected: Expected,
+    detections: Detections,
+    radar: RadarModel,
+    attributes: AttributesAt | None,
+) -> Paired:
+    """Return the pairs of hypotheses and detections in their gates."""
+
+    def gate(seen: Detections) -> tuple[IntArray, IntArray, FloatArray]:
+        return gated(mixture, expected, seen, radar)
+
+    if attributes is None:
+        return plain(gate, detections)
+    return attributes.paired(
+        *(gate, mixture.label, mixture.target, detections),
+        *(radar.deviations(detections), radar.height_reading),
+    )
 
 
 def _others(

@@ -18,6 +18,7 @@ from ..arrays import FloatArray, IntArray
 from ..arrays import wrap_angle as wrap_angle
 from ..pair_search import kernels
 from ..pair_search.gating import CellLists, cell_lists
+from ..sited_plots import HeightReading
 from ..state_space import PLANAR, StateSpace
 from ..types import FULL_TURN, Coverage, Detections, Pose
 from . import amplitude_density
@@ -98,6 +99,8 @@ class RadarModel:
         In the world frame, metres per second; range rates are relative to it.
     cluster_distance : float
         Within which detections are merged, metres; 0 for none. See `merging`.
+    height_reading : HeightReading or None
+        How ranges depend on heights that detections may have; None where they do not.
 
     Notes
     -----
@@ -124,6 +127,7 @@ class RadarModel:
     velocity: tuple[float, float] = (0.0, 0.0)
     cluster_distance: float = 0.0
     clutter_count: ClutterCount | None = None
+    height_reading: HeightReading | None = None
 
     @property
     def max_range(self) -> float:
@@ -196,6 +200,11 @@ class RadarModel:
         grown = np.hypot(self.range_std, self.range_growth * detections.measurement[:, 0])
         usual = np.stack([grown, np.full(len(detections), self.azimuth_std)], axis=1)
         return usual if own is None else np.where(np.isfinite(own), own, usual)
+
+    def deviations(self, detections: Detections) -> FloatArray:
+        """Return the deviations of each detection, shape (M, 2), also where all have the same."""
+        own = self.detection_noise(detections)
+        return np.tile(self.noise_std, (len(detections), 1)) if own is None else own
 
     def rates_of(self, detections: Detections) -> Rates | None:
         """Return the range rates of detections; None if there are none to be used."""

@@ -28,7 +28,7 @@ from ..arrays import FloatArray, IntArray
 from ..configuration.radar_input import RadarInput
 from ..configuration.schema import ConfigError
 from ..models.radar import wrap_angle
-from ..sited_plots import over_ground
+from ..sited_plots import HeightReading, over_ground
 from ..types import FULL_TURN, UNKNOWN, Coverage, Detections
 from .antenna import Antenna
 from .flight import Flight, Leg
@@ -300,6 +300,7 @@ def reports_of(
         if scenario.transponders is not None:
             own = answers.take(np.arange(len(plots.turns))[rows])
             detections = _with_answers(detections, own, layout)
+            detections = _read(detections, _heights(scenario, index, plots, rows), layout)
         elif layout.height_field and layout.site is not None:
             detections = replace(detections, height=_heights(scenario, index, plots, rows))
         detections = placed(detections, layout)
@@ -327,13 +328,33 @@ def _reported(
 
 def _heights(scenario: Scenario, index: int, plots: Plots, rows: slice) -> FloatArray:
     """Return the heights of the targets of some plots, metres; NaN for clutter."""
-    time_s = plot_times(scenario, index, plots)[rows]
-    source = plots.source[rows]
+    return _heights_at(scenario, plots.source[rows], plot_times(scenario, index, plots)[rows])
+
+
+def _heights_at(scenario: Scenario, source: IntArray, time_s: FloatArray) -> FloatArray:
+    """Return the heights of targets at times, metres; NaN for clutter."""
     height = np.full(len(source), np.nan)
     for number in np.unique(source[source > 0]).tolist():
         own = source == number
         height[own] = scenario.height(number, time_s[own])
     return height
+
+
+def _read(found: Detections, true: FloatArray, layout: RadarInput) -> Detections:
+    """Return detections over a plane with the ranges that a reader makes of the heights they tell.
+
+    Parameters
+    ----------
+    found : Detections
+        With the ranges over ground of their true heights.
+    true : array of shape (M,)
+        Metres; NaN for clutter.
+    layout : RadarInput
+    """
+    if layout.site is not None or found.height is None:
+        return found
+    reading = HeightReading(layout.height)
+    return replace(found, measurement=reading.at(found.measurement, true, found.height))
 
 
 def placed(found: Detections, layout: RadarInput) -> Detections:
@@ -406,6 +427,8 @@ def _still_reports(
             found = replace(found, amplitude=None)
         time_s = np.full(len(source), scan * scenario.interval_s)
         answers = scenario.answered(found, source, time_s, (seed, scan, index))
-        found = _with_answers(found, answers, layout)
+        found = _read(
+            _with_answers(found, answers, layout), _heights_at(scenario, source, time_s), layout
+        )
         reports.append(Report(index, truth.stamp_ns, found, source))
     return reports

@@ -18,6 +18,7 @@ from .. import origins
 from ..arrays import FloatArray, IntArray, factorize, sum_by
 from ..association.bernoulli import Claims, undetected
 from ..attributes.memory import AttributeMemory, AttributesAt
+from ..attributes.readings import Paired, plain
 from ..models import detection_birth
 from ..models.clutter_memory import ClutterMemory
 from ..models.detection_birth import Newborn
@@ -80,15 +81,16 @@ def update(
     measured, predicted = _expected(particles, radar)
     targets = float(particles.weight.sum())
     detections, radar, share = thinned(predicted, targets, detections, radar)
-    row, column, log_likelihood = _gated(particles, predicted, detections, radar)
+    pairs = _paired(particles, predicted, detections, radar, attributes)
     if attributes is not None:
         origin, target = factorize(particles.origin)
-        lost = attributes.lost(origin, target[row], column, detections)
+        lost = attributes.lost(origin, target[pairs.row], pairs.column, detections)
         if lost is not None:
             particles = with_strays(particles, lost, detections, radar, model, rng)
             measured, predicted = _expected(particles, radar)
             target = factorize(particles.origin)[1]
-            row, column, log_likelihood = _gated(particles, predicted, detections, radar)
+            pairs = _paired(particles, predicted, detections, radar, attributes)
+    row, column, log_likelihood = pairs[:3]
     detectable = radar.missable(measured, detections.coverage) * share
     detectable *= model.amplitudes.detection_probability(
         particles.mode, particles.log_snr, predicted[:, 0], radar, model.modes
@@ -140,12 +142,25 @@ def _expected(particles: ParticleSet, radar: RadarModel) -> tuple[FloatArray, Fl
     return measured, predicted
 
 
-def _gated(
-    particles: ParticleSet, predicted: FloatArray, detections: Detections, radar: RadarModel
-) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return the pairs of particles and detections, and their log likelihoods."""
-    rate = None if detections.time_s is None else radar.measurement_rate(particles.state)
-    return radar.gated_pairs(predicted, detections, rate)
+def _paired(
+    particles: ParticleSet,
+    predicted: FloatArray,
+    detections: Detections,
+    radar: RadarModel,
+    attributes: AttributesAt | None,
+) -> Paired:
+    """Return the pairs of particles and detections, with their log likelihoods."""
+
+    def gate(seen: Detections) -> tuple[IntArray, IntArray, FloatArray]:
+        rate = None if seen.time_s is None else radar.measurement_rate(particles.state)
+        return radar.gated_pairs(predicted, seen, rate)
+
+    if attributes is None:
+        return plain(gate, detections)
+    return attributes.paired(
+        *(gate, *factorize(particles.origin), detections),
+        *(radar.deviations(detections), radar.height_reading),
+    )
 
 
 def update_scan(

@@ -13,6 +13,7 @@ from matchings import posterior
 
 from phd_jdtc_ros.core import origins
 from phd_jdtc_ros.core.association import batches
+from phd_jdtc_ros.core.attributes.readings import plain
 from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.gaussian import kalman, range_rate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
@@ -57,6 +58,9 @@ class Register:
     def at(self, stamp_ns):
         self.stamps.append(stamp_ns)
         return self
+
+    def paired(self, gate, origin, target, detections, std, reading):
+        return plain(gate, detections)
 
     def lost(self, origin, target, column, detections):
         return None

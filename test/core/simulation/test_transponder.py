@@ -20,25 +20,25 @@ ROOT = Path(__file__).parents[3]
 NAMES = ("code", "address", "height")
 
 
-def terminal(given, seconds=61):
+def terminal(given, seconds=61, names=NAMES):
     """Return a run of the terminal radar with transponders, and its configuration."""
     document = dict(yaml_files.load(ROOT / "config" / "scenarios" / "terminal_radar.yaml"))
     parameters = dict(flatten(document["parameters"]))
     if given is not None:
         document["transponders"] = given
-        parameters |= {f"approach.fields.{name}": name for name in NAMES}
+        parameters |= {f"approach.fields.{name}": name for name in names}
     config = resolve(parameters)
     return scenario_file.resolve({**document, "scans": seconds}, config.model.radars), config
 
 
-def plots(given, seed=1):
-    run, config = terminal(given)
+def plots(given, seed=1, names=NAMES):
+    run, config = terminal(given, names=names)
     return run, simulate_reports(run, config.inputs, seed)
 
 
 def test_plots_of_a_seed_are_the_same_without_transponders():
     _, plain = plots(None)
-    _, answered = plots({})
+    _, answered = plots({}, names=("code", "address"))
     assert len(plain) == len(answered)
     for one, other in zip(plain, answered, strict=True):
         assert one.stamp_ns == other.stamp_ns
@@ -46,6 +46,25 @@ def test_plots_of_a_seed_are_the_same_without_transponders():
         np.testing.assert_array_equal(one.detections.time_s, other.detections.time_s)
         assert one.detections.code is None
         assert other.detections.code is not None
+
+
+def test_ranges_over_ground_are_those_of_the_heights_that_plots_tell():
+    replies = {"reply_probability": 0.5, "height_garbled": 0.1}
+    run, over_ground = plots(replies, names=("code", "address"))
+    _, told = plots(replies)
+    away = []
+    for exact, report in zip(over_ground, told, strict=True):
+        rows = np.flatnonzero(report.source)
+        source, time_s = report.source[rows], report.detections.time_s[rows]
+        then = report.stamp_ns * 1e-9 - 1000.0 + time_s
+        true = [run.height(int(n), np.array([t]))[0] for n, t in zip(source, then, strict=True)]
+        said = report.detections.height[rows]
+        distance = report.detections.measurement[rows, 0]
+        wanted = exact.detections.measurement[rows, 0] ** 2 + np.square(true)
+        wanted = np.sqrt(np.maximum(wanted - np.nan_to_num(said) ** 2, 0.0))
+        np.testing.assert_allclose(distance, wanted, rtol=1e-9, atol=1e-3)
+        away += [np.abs(distance - exact.detections.measurement[rows, 0])[np.isnan(said)].max()]
+    assert max(away) > 100.0
 
 
 def test_answers_are_those_of_the_targets_cards():
