@@ -213,7 +213,15 @@ class HandOver(Node):
             if tracker not in picture.silent and not self._heard[tracker].is_quiet(now_s)
         ]
         found.append(
-            health.of_picture(node, self._published, self._tracks, picture, alive, self._seen)
+            health.of_picture(
+                node,
+                self._published,
+                self._tracks,
+                picture.handed_over,
+                picture.parted,
+                alive,
+                picture.overflow,
+            )
         )
         return found
 
