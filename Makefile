@@ -137,6 +137,7 @@ check: $(VENV)/.ready-test
 	$(RUN) -m ruff check
 	$(RUN) -m ruff format --check
 	$(RUN) -m mypy
+	$(VENV)/bin/lint-imports --no-logo
 
 format: $(VENV)/.ready-test
 	$(RUN) -m ruff check --fix

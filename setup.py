@@ -77,7 +77,7 @@ setup(
         "study": ["dask", "distributed"],
         "peers": ["stonesoup>=1.9,<2"],
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5", "latex2mathml>=3.77"],
-        "dev": ["ruff", "mypy", "types-PyYAML", "pre-commit"],
+        "dev": ["ruff", "mypy", "types-PyYAML", "import-linter", "pre-commit"],
         "mutants": ["mutmut>=3.8,<4"],
     },
     zip_safe=True,

@@ -27,9 +27,9 @@ import yaml
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix import plots_out, udp
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, Plot
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
-from phd_jdtc_ros.nodes.common import parameter_files
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.parameter_files import sections
+from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 from . import live, messages, traffic
 from .timing import percentiles
@@ -77,7 +77,7 @@ def measure(quick: bool) -> dict[str, Any]:
 
 def _tracker(directory: Path) -> list[str]:
     """Return the arguments of a tracker of the bridge's clouds, received reliably."""
-    values = parameter_files.read(resources.find(traffic.PROFILE)).values(traffic.TRACKER)
+    values = sections.read(resources.find(traffic.PROFILE)).values(traffic.TRACKER)
     qos = {f"qos_overrides./{RADAR}/detections.subscription.reliability": "reliable"}
     file = directory / "tracker.yaml"
     document = {traffic.TRACKER: {"ros__parameters": {**values, **CHANGES, **qos}}}

@@ -19,7 +19,7 @@ copy in a row of its own (`copies`).
 Where origins are targets (the default corrector), all but the form by origin find the same pairs
 and then drop those of different origins; births and spawned targets do not enter mu.
 
-None of them shares code with `phd_jdtc_ros.core.smc.backward_kernel`.
+None of them shares code with `phd_jdtc_ros.core.smc.kernel.backward_kernel`.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from scipy.spatial import cKDTree
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
-from phd_jdtc_ros.core.smc.backward_kernel import GATE_SIGMA, Transition
 from phd_jdtc_ros.core.smc.correction import Corrector, scale_rows
+from phd_jdtc_ros.core.smc.kernel.backward_kernel import GATE_SIGMA, Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_step
 

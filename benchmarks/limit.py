@@ -8,9 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.models.motion import whitener
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
+from phd_jdtc_ros.core.targets.motion import whitener
 
 
 def whiten_sort_gather(

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.engine import Step
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Detections, Estimates

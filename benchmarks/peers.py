@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import peers
 from phd_jdtc_ros.study.runs import SimulatedRun, simulated_run
 

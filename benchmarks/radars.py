@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import detections, diagnostics, names, stamps
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Scan
 
 # That one side has discovered the other does not mean that the other has too.

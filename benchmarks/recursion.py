@@ -13,20 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.engines import ENGINES, particle_filter
 from phd_jdtc_ros.core.engine import Step
-from phd_jdtc_ros.core.engines import ENGINES, particle_filter
-from phd_jdtc_ros.core.fixed_lag import FixedLagEngine
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
-from phd_jdtc_ros.core.simulation.scenario import Scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.smc import backward_kernel
-from phd_jdtc_ros.core.smc.backward_kernel import ParticleEntry, Transition
 from phd_jdtc_ros.core.smc.correction import Corrector
+from phd_jdtc_ros.core.smc.kernel import backward_kernel
+from phd_jdtc_ros.core.smc.kernel.backward_kernel import ParticleEntry, Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.types import Scan
-from phd_jdtc_ros.core.window import Entry, Source
+from phd_jdtc_ros.core.window.entries import Entry, Source
+from phd_jdtc_ros.core.window.fixed_lag import FixedLagEngine
+from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.simulation.simulate import simulate
 
 from . import scenes
 

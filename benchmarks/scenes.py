@@ -10,19 +10,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.models.amplitude_density import snr_from_db
-from phd_jdtc_ros.core.simulation.scenario import (
-    Scenario,
-    TargetScript,
-    Truth,
-    paper_scenario,
-    truth_at,
-)
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
+from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
+from phd_jdtc_ros.simulation.scenario import Scenario, TargetScript, Truth, paper_scenario, truth_at
 
 # Targets are within this distance of (0, 0), metres; both radars cover all of it.
 FIELD_RADIUS = 13e3

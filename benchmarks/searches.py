@@ -16,7 +16,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.pair_search import grid, kernels, sweep
 from phd_jdtc_ros.core.pair_search.candidates import Candidates, Pairs, near_chunks
-from phd_jdtc_ros.core.smc import backward_kernel, transition_density
+from phd_jdtc_ros.core.smc.kernel import backward_kernel, transition_density
 
 from . import backends, recursion
 from .backends import NUMBA, NUMPY

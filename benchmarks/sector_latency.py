@@ -21,10 +21,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from phd_jdtc_ros import resources
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
 from phd_jdtc_ros.core.types import Scan
+from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 from . import live, messages, traffic
 from .timing import percentiles

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.smc import backward_kernel
-from phd_jdtc_ros.core.smc.backward_kernel import Transition
+from phd_jdtc_ros.core.smc.kernel import backward_kernel
+from phd_jdtc_ros.core.smc.kernel.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.smoother import DeathTerm, backward_pass, bernoulli_death_term
 

@@ -12,10 +12,10 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.simulation.scenario import Scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.types import Scan
+from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.simulation.simulate import simulate
 
 from . import backends, scenes
 from .backends import NUMPY

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Scan
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
 
 from . import backends, scenes
 from .recursion import GAUSSIAN, PARTICLES, PARTS, SETTLING, TimedEngine, tracking

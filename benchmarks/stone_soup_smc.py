@@ -31,9 +31,9 @@ from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.multihypothesis import MultipleHypothesis
 from stonesoup.updater.particle import SMCPHDUpdater
 
+from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
 from phd_jdtc_ros.core.types import Scan
 

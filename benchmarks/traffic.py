@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.models.amplitude_density import snr_from_db
-from phd_jdtc_ros.core.simulation.flight import Flight, Leg
-from phd_jdtc_ros.core.simulation.scenario import Scenario
-from phd_jdtc_ros.nodes.common import parameter_files
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
+from phd_jdtc_ros.parameter_files import sections
+from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 
 from .scenes import GOLDEN_ANGLE
 
@@ -42,7 +42,7 @@ SNR_DB = 30.0
 
 def configuration(changes: Mapping[str, Any]) -> TrackerConfig:
     """Return the configuration of the profile with some parameters changed."""
-    values = parameter_files.read(resources.find(PROFILE)).values(TRACKER)
+    values = sections.read(resources.find(PROFILE)).values(TRACKER)
     return resolve({**values, **changes})
 
 

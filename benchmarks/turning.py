@@ -10,10 +10,11 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.pipeline import Pipeline, RunEnded, new_pipeline
-from phd_jdtc_ros.core.scans import Rejection
-from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import Pipeline, RunEnded
+from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 from . import backends, sector_latency, traffic
 from .recursion import GAUSSIAN, PARTICLES

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Detections
 
 from . import point_cloud, sent_columns, stamps

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import Scan
 
 from . import point_cloud

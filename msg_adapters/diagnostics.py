@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from phd_jdtc_ros.core.evaluation.metric_table import PUBLISHED
+from phd_jdtc_ros.evaluation.metric_table import PUBLISHED
 
 from . import stamps
 
 if TYPE_CHECKING:
     # The module imports scipy's optimiser, which a tracker does not need.
-    from phd_jdtc_ros.core.evaluation.scan_scores import ScanScore
+    from phd_jdtc_ros.evaluation.scan_scores import ScanScore
 
 
 def status(

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.innovations import Fit
+from phd_jdtc_ros.calibration.innovations import Fit
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 
 
 def of(radar: RadarInput, counts: Mapping[str, int]) -> Iterator[str]:

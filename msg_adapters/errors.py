@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import reprlib
 
-from phd_jdtc_ros.core.quoting import short
+from phd_jdtc_ros.quoting import short
 
 # Log lines are made of what is quoted, and anybody on the network can send a megabyte of text.
 _QUOTED = reprlib.Repr()

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.site import Plane
+from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
 # Metres per second; slower targets have no course.

@@ -11,7 +11,7 @@ import numpy as np
 from sensor_msgs.msg import NavSatFix, NavSatStatus
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.site import Plane
+from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
 from . import geodetic, stamps

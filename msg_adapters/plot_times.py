@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 
 # That of `stamps` would bring ROS with it.
 NS_PER_S = 1_000_000_000

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 from std_msgs.msg import Float64
 
-from phd_jdtc_ros.core.evaluation.metric_table import PLOTTED
+from phd_jdtc_ros.evaluation.metric_table import PLOTTED
 
 from . import quantities
 
 if TYPE_CHECKING:
     from phd_jdtc_ros.core.engine import Step
-    from phd_jdtc_ros.core.evaluation.scan_scores import ScanScore
+    from phd_jdtc_ros.evaluation.scan_scores import ScanScore
 
 
 def step_to_msgs(step: Step, step_ms: float) -> dict[str, Float64]:

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from phd_jdtc_ros.core.evaluation.metric_table import PLOTTED
 from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.evaluation.metric_table import PLOTTED
 
 # The figures of each engine that are plotted.
 FIGURES = {

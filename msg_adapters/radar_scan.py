@@ -17,8 +17,8 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from std_msgs.msg import Header
 
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Detections
 
 from . import cdr, ground_ranges, sent_columns, stamps

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import Detections
 
 from . import detections, interfaces, names, radar_scan

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 import numpy.typing as npt
 
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.biases import NO_BIAS
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.models.radar import wrap_angle
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS
+from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import ground_ranges, identities, plot_times

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.sectors import sector_of
+from phd_jdtc_ros.core.intake.sectors import sector_of
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import ground_ranges, identities, plot_times

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from functools import partial
 from types import ModuleType
 
-from phd_jdtc_ros.core.quoting import short
+from phd_jdtc_ros.quoting import short
 
 EXECUTABLES = {
     "sensor_replay": ("phd_jdtc_ros.nodes.replay.node", "plays a bag's detections and truth"),

@@ -10,8 +10,8 @@ import sys
 from typing import NoReturn
 
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.quoting import short
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.quoting import short
 
 # CORRUPT is also that of input of which less than half could be used.
 OK, FAILED, USAGE, CORRUPT, INTERRUPTED = 0, 1, 2, 3, 130

@@ -11,7 +11,7 @@ import sysconfig
 from pathlib import Path
 
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.core.quoting import short
+from phd_jdtc_ros.quoting import short
 
 PACKAGE = "phd_jdtc_ros"
 SHARE = Path("share", PACKAGE)

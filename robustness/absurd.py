@@ -31,13 +31,11 @@ from msg_adapters import (
 )
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.tracks_out import Source
-from phd_jdtc_ros.core import joinable
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation, PointSet
-from phd_jdtc_ros.core.joint_picture import JointPicture
-from phd_jdtc_ros.core.pipeline import Event, Pipeline, Stepped, new_pipeline
-from phd_jdtc_ros.core.poses import Mount, Platform, PoseTrack
-from phd_jdtc_ros.core.region import Region
-from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import Event, Pipeline, Stepped
+from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import (
     SENSORS,
     SOURCES,
@@ -48,8 +46,11 @@ from phd_jdtc_ros.core.types import (
     Truth,
 )
 from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.evaluation.evaluation import Evaluation, PointSet
+from phd_jdtc_ros.handover import checks
+from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.nodes.asterix.tracks import TrackOutput
-from phd_jdtc_ros.tools import params_file, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines
 from .figures import Figure, measured_or_why
@@ -184,7 +185,7 @@ def _require_finite(*arrays: Any) -> None:
 
 def _of_radars() -> Iterator[tuple[str, Callable[[], None]]]:
     """Yield clouds of a radar that says all that one may say, in one run of the tracker."""
-    values = params_file.load(PROFILE)
+    values = from_arguments.load(PROFILE)
     values |= {f"approach.fields.{what}": name for what, name in FIELDS.items()}
     values |= {"approach.range_rate_std": 2.0, "engine": engines.chosen(), "lag_s": INTERVAL_S}
     config = tracker_params.config(values)
@@ -279,7 +280,7 @@ def _truth(stamp_ns: int) -> Truth:
 def _hand_over(cloud: PointCloud2) -> None:
     """Join the estimates of two trackers, one of which sends a spoiled cloud."""
     found = estimates.from_msg(cloud)
-    if joinable.why_not(found) is not None:
+    if checks.why_not(found) is not None:
         return
     picture = JointPicture(REGIONS, 2e3, 0.0, 5.0)
     done = []

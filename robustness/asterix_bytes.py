@@ -17,7 +17,7 @@ import numpy as np
 
 from phd_jdtc_ros.asterix import framing, plots_out
 from phd_jdtc_ros.asterix.columns import columns
-from phd_jdtc_ros.asterix.framing import RecordingError
+from phd_jdtc_ros.asterix.datagram import RecordingError
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream
 

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.evaluation.metrics import ospa
-from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import Detections, Scan
-from phd_jdtc_ros.tools import params_file, tracker_params
+from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines, scans
 from .figures import Figure, in_own_process, measured_or_why
@@ -110,7 +110,7 @@ def _run(
 ) -> tuple[float, float]:
     """Return the most CPU time of a crowded scan, and the mean OSPA of the scans after them."""
     amplitude = "none" if amplitudes == "none" else "band"
-    given = params_file.load(PROFILE) if engine == engines.GAUSSIAN else BORN_ANYWHERE
+    given = from_arguments.load(PROFILE) if engine == engines.GAUSSIAN else BORN_ANYWHERE
     config = tracker_params.config(
         {
             **given,

@@ -24,9 +24,9 @@ from std_msgs.msg import Header
 from msg_adapters import detections, interfaces, names
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.scans import Rejection
-from phd_jdtc_ros.core.turns import Turns
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.intake.turns import Turns
 
 from . import bags, raw_bytes, scans
 from .figures import Figure, measured_or_why

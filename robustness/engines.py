@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
 
-from phd_jdtc_ros.core.engines import ENGINES
+from phd_jdtc_ros.configuration.engines import ENGINES
 
 from .figures import Figure
 

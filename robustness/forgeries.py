@@ -23,9 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.nodes.tracker import checkpoint

@@ -26,13 +26,15 @@ from phd_jdtc_ros.asterix import pcap_out, plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.handover import Handover
-from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
-from phd_jdtc_ros.core.region import Region
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.pipeline import Stepped
+from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import Detections, Estimates
+from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.nodes.asterix import settings
-from phd_jdtc_ros.tools import asterix_in, params_file, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.tools import asterix_in
 
 from . import engines
 from .figures import Figure, in_own_process, measured_or_why
@@ -109,7 +111,7 @@ def measure_repeated() -> Figure:
 
 
 def _measure_repeated() -> tuple[str, bool, Mapping[str, Any]]:
-    given = params_file.load(PROFILE)
+    given = from_arguments.load(PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
     engine = engines.chosen()
     config = tracker_params.config({**of_one, "radars": ["radar_1"], "engine": engine})

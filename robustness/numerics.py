@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
-from phd_jdtc_ros.tools import params_file, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
 
 from . import engines, scans
 from .figures import Figure, measured_or_why
@@ -144,7 +144,7 @@ def _measure(cases: Mapping[str, Case]) -> tuple[str, bool, Mapping[str, Any]]:
 
 def outcome(case: Case, engine: str) -> str:
     """Return what is wrong with what an engine makes of a case; empty if nothing is."""
-    values = {**params_file.load(PROFILE), **case.values, "engine": engine}
+    values = {**from_arguments.load(PROFILE), **case.values, "engine": engine}
     config = tracker_params.config(values)
     tracker, restored = new_engine(config), new_engine(config)
     try:

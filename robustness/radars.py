@@ -17,8 +17,8 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, estimates, names, stamps
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.core.evaluation.metrics import ospa
 from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.evaluation.metrics import ospa
 
 from . import scans
 

@@ -10,10 +10,10 @@ from dataclasses import replace
 from functools import cache
 
 from msg_adapters import detections, interfaces
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Scan, Truth
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
 
 SECOND_NS = 1_000_000_000
 START_NS = 1_700_000_000 * SECOND_NS

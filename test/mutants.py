@@ -80,32 +80,35 @@ PARTS = {
     ),
     "correction": Part(("smc/correction.py",), ("smc/test_correction.py",)),
     "gaussian pairs": Part(
-        ("gaussian/amplitude.py", "gaussian/pairs.py", "gaussian/stillness.py"), UPDATE
+        ("gaussian/measurement/amplitude.py", "gaussian/measurement/pairs.py"), UPDATE
     ),
     "gaussian update": Part(("gaussian/update.py",), UPDATE),
     "gaussian births": Part(
-        ("gaussian/located.py", "gaussian/newborn.py"),
+        ("gaussian/measurement/iterated_update.py", "gaussian/measurement/newborn.py"),
         (
             "gaussian/test_gaussian_update.py",
-            "gaussian/test_located.py",
-            "gaussian/test_newborn_gaussians.py",
+            "gaussian/measurement/test_iterated_update.py",
+            "gaussian/measurement/test_newborn_gaussians.py",
         ),
     ),
     "smoother": Part(
-        ("backward.py", "smc/smoother.py"),
-        ("smc/test_smoother.py", "test_backward.py"),
+        ("window/backward_pass.py", "smc/smoother.py"),
+        ("smc/test_smoother.py", "window/test_backward_pass.py"),
         ("rauch_tung_striebel",),
     ),
     "gaussian smoother": Part(
-        ("gaussian/generations.py", "gaussian/smoother.py"),
+        ("gaussian/window_graph.py", "gaussian/smoother.py"),
         (
-            "gaussian/test_generations.py",
+            "gaussian/test_window_graph.py",
             "gaussian/test_enumeration.py",
-            "gaussian/test_moments.py",
+            "gaussian/algebra/test_moments.py",
             "gaussian/test_smoothed_window.py",
         ),
     ),
-    "window": Part(("fixed_lag.py",), ("test_fixed_lag.py", "test_window_enumeration.py")),
+    "window": Part(
+        ("window/fixed_lag.py",),
+        ("window/test_fixed_lag.py", "window/test_window_enumeration.py"),
+    ),
 }
 
 

@@ -11,12 +11,11 @@ from pathlib import Path
 import pytest
 
 import phd_jdtc_ros
-from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.__main__ import EXECUTABLES
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.scenario import paper_scenario
 
 ROOT = Path(__file__).parents[1]
 
@@ -84,7 +83,7 @@ def test_every_executable_is_installed(name):
 
 
 def test_file_of_defaults_has_all_of_them():
-    written = params_file.load(ROOT / "config" / "defaults.yaml")
+    written = from_arguments.load(ROOT / "config" / "defaults.yaml")
     defaults = resolve({}).values
 
     assert written == defaults

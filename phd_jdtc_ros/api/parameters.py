@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.configuration.parameters import schema
-from phd_jdtc_ros.core.configuration.radar_parameters import RADAR
-from phd_jdtc_ros.core.configuration.schema import ConfigError, flatten
-from phd_jdtc_ros.core.tuning import proposal, unspecified
-from phd_jdtc_ros.core.tuning.findings import Findings
+from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+from phd_jdtc_ros.calibration.tuning.findings import Findings
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.parameters import schema
+from phd_jdtc_ros.configuration.radar_parameters import RADAR
+from phd_jdtc_ros.configuration.schema import ConfigError, flatten
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.parameter_files import from_arguments
 
 from .reports import POSITION, TIME
 
@@ -73,7 +73,7 @@ class Parameters:
     def of(given: Any) -> Parameters:
         """Return those that a user gives: a mapping, the path of a parameter file, or None."""
         if isinstance(given, (str, os.PathLike)):
-            return Parameters(params_file.load(Path(given)), whole=True)
+            return Parameters(from_arguments.load(Path(given)), whole=True)
         if given is None or isinstance(given, Mapping):
             return Parameters(dict(flatten(given or {})))
         raise ConfigError(

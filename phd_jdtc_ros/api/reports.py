@@ -14,10 +14,10 @@ import numpy as np
 
 from msg_adapters import selection, sent_columns
 from msg_adapters.selection import Report
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.models.radar import LEAST_RANGE
+from phd_jdtc_ros.core.sensors.polar_radar import LEAST_RANGE
 
 from .tables import Columns, numbers, required, stamps_ns
 

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import IntArray
-from phd_jdtc_ros.core.evaluation.metric_table import CLASS_ACCURACY
-from phd_jdtc_ros.core.evaluation.run_scores import RunScores
-from phd_jdtc_ros.core.evaluation.scan_scores import ALL, PairedScan, PointSet
-from phd_jdtc_ros.core.evaluation.true_tracks import TrueTracks
 from phd_jdtc_ros.core.types import COASTING
+from phd_jdtc_ros.evaluation.metric_table import CLASS_ACCURACY
+from phd_jdtc_ros.evaluation.run_scores import RunScores
+from phd_jdtc_ros.evaluation.scan_scores import ALL, PairedScan, PointSet
+from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from .tables import STATES, Columns, Table, columns_of, numbers, required, stamps_ns
 

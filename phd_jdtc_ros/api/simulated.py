@@ -13,17 +13,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msg_adapters import identities, sent_columns
-from phd_jdtc_ros import resources, yaml_files
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario, truth_at
-from phd_jdtc_ros.core.simulation.simulate import simulate as scans_of
-from phd_jdtc_ros.core.simulation.sweep import check_sites, simulate_reports
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario, truth_at
+from phd_jdtc_ros.simulation.simulate import simulate as scans_of
+from phd_jdtc_ros.simulation.turning_antenna import check_sites, simulate_reports
 
 from .reports import TIME
 from .tables import Column
@@ -73,7 +73,7 @@ def simulate(
         A ValueError, with every fault of the scenario.
     """
     document = _document(scenario)
-    config = _config(params_file.scenario_parameters(document))
+    config = _config(from_arguments.scenario_parameters(document))
     radars = config.model.radars
     run = paper_scenario(radars) if document is None else scenario_file.resolve(document, radars)
     if run.platform is not None:

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.quoting import short
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
+from phd_jdtc_ros.quoting import short
 
 Column: TypeAlias = "npt.NDArray[Any]"
 Columns: TypeAlias = "dict[str, Column]"

@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 
 from msg_adapters import doubts
 from msg_adapters.selection import Report
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
-from phd_jdtc_ros.core.scans import Rejection
-from phd_jdtc_ros.core.tuning.findings import TuningError, findings
-from phd_jdtc_ros.core.tuning.plots import bounded, plots_of
+from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
+from phd_jdtc_ros.calibration.tuning.plots import bounded, plots_of
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import Detections, Estimates
 
 from .parameters import Parameters

@@ -14,9 +14,9 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
 
 from .clocks import NS_PER_DAY
+from .datagram import Datagram, RecordingError
 
 # The header of an envelope: its length with header and footer (2 bytes), numbers of board and
 # line, the day of the recording, and the time in 10 ms since midnight (3 bytes). The footer is
@@ -27,34 +27,6 @@ RAW, FINAL, CAPTURE = "data blocks", "final", "capture"
 # Categories that recordings have; where the next block begins after damage is found by them.
 CATEGORIES = frozenset((1, 2, 8, 10, 11, 19, 20, 21, 23, 34, 48, 62, 63, 65, 247))
 BLOCK_HEADER = 3
-
-
-class Datagram(NamedTuple):
-    """What was received at once.
-
-    Parameters
-    ----------
-    data : bytes
-        Data blocks.
-    received_ns : int or None
-        Since the epoch, if the recording says it.
-    source : str or None
-        ``SENDER to RECEIVER:PORT``, or ``board NUMBER line NUMBER``, if the recording says it.
-    """
-
-    data: bytes
-    received_ns: int | None = None
-    source: str | None = None
-
-
-def port_of(datagram: Datagram) -> int | None:
-    """Return the UDP port that a datagram was sent to; None if the recording does not say it."""
-    _, colon, port = (datagram.source or "").rpartition(":")
-    return int(port) if colon else None
-
-
-class RecordingError(ValueError):
-    """A file that is no recording of ASTERIX."""
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from .framing import Datagram
+from .datagram import Datagram
 
 # The first four bytes of a pcap file: byte order, and nanoseconds per unit of the times.
 _MAGICS = {

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from .framing import Datagram
+from .datagram import Datagram
 
 LARGEST = 65_535
 # Datagrams that wait to be read: by the kernel, bytes; and by the node, bytes and datagrams. It is

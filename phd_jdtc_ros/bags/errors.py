@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from phd_jdtc_ros.core.quoting import short
+from phd_jdtc_ros.quoting import short
 
 
 class BagError(Exception):

@@ -12,8 +12,8 @@ from typing import Any, Protocol
 from .arrays import FloatArray
 from .models.clutter_raster import ClutterRaster
 from .models.tracker_model import TrackerModel
-from .reporting_rule import ReportingRule
 from .snapshot import Snapshot
+from .tracks.reporting_rule import ReportingRule
 from .types import Estimates, Scan
 
 

@@ -18,21 +18,19 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TypeAlias
 
-from .configuration.build import TrackerConfig
 from .engine import Engine, Step
-from .engines import new_engine
-from .late_reports import LATE_REPORTS, Dropped, LateReports
-from .models.radar import RadarModel
+from .intake.input_checks import ReportWatch, ResultWatch
+from .intake.out_of_sequence import Dropped, LateReports
+from .intake.posed_reports import PosedReports
+from .intake.poses import Platform, PoseFault
+from .intake.scans import Rejection, Reset, ScanGrouper
+from .intake.turn_history import Recut, TurnHistory
+from .intake.turns import Piece, Turns
 from .models.tracker_model import TrackerModel
-from .posed_reports import PosedReports
-from .poses import Platform, PoseFault
-from .region import Everywhere, Region, within
-from .reporting_rule import ReportingRule, slowest_s
-from .scans import Rejection, Reset, ScanGrouper
-from .turn_history import Recut, TurnHistory
-from .turns import Piece, Turns
+from .sensors.polar_radar import RadarModel
+from .tracks.region import Everywhere, Region, within
+from .tracks.reporting_rule import ReportingRule, slowest_s
 from .types import Detections, Estimates, Pose, Scan
-from .watch import ReportWatch, ResultWatch
 
 
 @dataclass(frozen=True)
@@ -392,26 +390,3 @@ class Pipeline:
         self._late.forget()
         self._begun = False
         return RunEnded(reset, within(self._region, (*due, *rest)))
-
-
-def new_pipeline(
-    config: TrackerConfig, begin: Callable[[Engine, int], None] = _start_cold
-) -> Pipeline:
-    """Return a pipeline with a new engine; `begin` is that of `Pipeline`."""
-    engine, turns, platforms = new_engine(config), config.turns(), config.platforms()
-    histories = {}
-    if config.late_reports == "rework" and not any(platforms):
-        histories = {index: TurnHistory(own) for index, own in enumerate(turns)}
-    return Pipeline(
-        config.grouper(),
-        engine,
-        begin,
-        turns,
-        config.watches(),
-        ResultWatch(config.model.modes.interval_s),
-        platforms,
-        LATE_REPORTS[config.late_reports](engine, len(turns)),
-        histories,
-        config.region or EVERYWHERE,
-        (config.model, config.rule),
-    )

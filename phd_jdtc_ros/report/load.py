@@ -26,9 +26,9 @@ from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.models.radar import RadarModel
-from phd_jdtc_ros.core.posed_reports import PosedReport, PosedReports
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
 from .record import Plot, RadarSite, Record

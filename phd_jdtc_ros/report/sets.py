@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from phd_jdtc_ros.core.evaluation.scan_scores import ALL, class_set
 from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.evaluation.scan_scores import ALL, class_set
 
 _GENERIC = re.compile(r"class_(\d+)")
 

@@ -14,8 +14,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.metric_table import (
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.metric_table import (
     CLASS_ACCURACY,
     FALSE_PER_SCAN,
     GOSPA,
@@ -28,7 +29,6 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     Metric,
     reduction,
 )
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
 from .sets import Sets
 

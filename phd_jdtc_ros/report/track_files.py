@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from msg_adapters import geo_json, geodetic
-from phd_jdtc_ros.core.site import Plane
+from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import Estimates
 
 HEADER = (

@@ -28,16 +28,16 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.engines import ENGINES, new_engine
-from phd_jdtc_ros.core.evaluation.identity import IdentitySwitches
-from phd_jdtc_ros.core.evaluation.metrics import gospa
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.evaluation.surveillance import LabelledPoints
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
-from phd_jdtc_ros.core.simulation.scenario import Scenario
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
+from phd_jdtc_ros.evaluation.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.metrics import gospa
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
+from phd_jdtc_ros.simulation.scenario import Scenario
 
 from .autoferry import Recording
 from .peers import gnn, jpda

@@ -33,18 +33,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.evaluation.identity import IdentitySwitches
-from phd_jdtc_ros.core.evaluation.metrics import assign
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.evaluation.surveillance import LabelledPoints
-from phd_jdtc_ros.core.models.radar import RadarModel
-from phd_jdtc_ros.core.simulation.looks import looks, slant
-from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.core.simulation.sweep import Report, answered_plots, plot_times
-from phd_jdtc_ros.core.sited_plots import Ground
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.slant_range import Ground
 from phd_jdtc_ros.core.types import Detections, Estimates, Truth
+from phd_jdtc_ros.evaluation.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
+from phd_jdtc_ros.simulation.looks import looks, slant
+from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
+from phd_jdtc_ros.simulation.turning_antenna import Report, answered_plots, plot_times
 
 from .peers.plot_kalman import follow
 from .runs import TAXIING

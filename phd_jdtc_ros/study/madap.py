@@ -16,11 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.evaluation.metrics import assign
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.models.radar import wrap_angle
-from phd_jdtc_ros.core.simulation.geodesy import METRES_PER_NM, MPS_PER_KT
+from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
 from phd_jdtc_ros.core.types import Truth
+from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.simulation.traffic.geodesy import METRES_PER_NM, MPS_PER_KT
 
 # A track further from its flight than this is not its, NM.
 CUTOFF_NM = 5.0

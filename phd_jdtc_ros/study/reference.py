@@ -20,10 +20,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.gaussian import kalman
-from phd_jdtc_ros.core.models.motion import ConstantVelocity, MotionModel
-from phd_jdtc_ros.core.models.radar import RadarModel
+from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.targets.motion import ConstantVelocity, MotionModel
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
 
 from .runs import SimulatedRun, Tracks
 

@@ -16,17 +16,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.configuration.radar_build import bias_parameters
-from phd_jdtc_ros.core.evaluation.metrics import assign
-from phd_jdtc_ros.core.registration.filtering import KINDS
-from phd_jdtc_ros.core.registration.result import Registration
-from phd_jdtc_ros.core.registration.sensors import sensor
-from phd_jdtc_ros.core.registration.solution import registered
-from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.core.simulation.sweep import simulate_reports
-from phd_jdtc_ros.core.tuning.plots import plots_of
+from phd_jdtc_ros.calibration.registration.filtering import KINDS
+from phd_jdtc_ros.calibration.registration.result import Registration
+from phd_jdtc_ros.calibration.registration.sensors import sensor
+from phd_jdtc_ros.calibration.registration.solution import registered
+from phd_jdtc_ros.calibration.tuning.plots import plots_of
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 from . import turning
 

@@ -15,17 +15,17 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.evaluation.identity import IdentitySwitches
-from phd_jdtc_ros.core.evaluation.metrics import assign, gospa, ospa
-from phd_jdtc_ros.core.evaluation.surveillance import LabelledPoints
-from phd_jdtc_ros.core.handover import Handover
-from phd_jdtc_ros.core.models.amplitude_density import snr_from_db
-from phd_jdtc_ros.core.region import Region
-from phd_jdtc_ros.core.reporting import chosen, joined
-from phd_jdtc_ros.core.simulation.flight import Flight, Leg
-from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
+from phd_jdtc_ros.core.tracks.common_stamp import chosen, joined
+from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, Estimates
+from phd_jdtc_ros.evaluation.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa
+from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
+from phd_jdtc_ros.handover.ownership import Handover
+from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
+from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
 
 from .turning import estimates_of
 

@@ -16,18 +16,18 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.confirmation import TrackStates
-from phd_jdtc_ros.core.engines import gaussian_engine, particle_filter
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.forward import ForwardFilter
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.engines import gaussian_engine, particle_filter
 from phd_jdtc_ros.core.gaussian import extraction as gaussian_extraction
 from phd_jdtc_ros.core.gaussian import smoother as gaussian_smoother
-from phd_jdtc_ros.core.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
+from phd_jdtc_ros.core.tracks.confirmation import TrackStates
+from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.types import Estimates
-from phd_jdtc_ros.core.window import Entry
+from phd_jdtc_ros.core.window.entries import Entry
+from phd_jdtc_ros.core.window.forward_filter import ForwardFilter
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
 
 from .runs import SimulatedRun, Tracks
 
@@ -109,7 +109,7 @@ def _of_gaussians(config: TrackerConfig) -> _Parts:
     return _Parts(forward, backward, extract, config.rule)
 
 
-# By the name of the engine, see `core.engines`.
+# By the name of the engine, see `configuration.engines`.
 PARTS = {"particles": _of_particles, "gaussian": _of_gaussians}
 
 

@@ -16,15 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.evaluation.metrics import assign
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
-from phd_jdtc_ros.core.poses import PoseFault
-from phd_jdtc_ros.core.scans import Rejection
-from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
+from phd_jdtc_ros.core.intake.poses import PoseFault
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import (
     COASTING,
     FILTERED,
@@ -33,6 +30,10 @@ from phd_jdtc_ros.core.types import (
     Estimates,
     Truth,
 )
+from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
+from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 from .runs import TAXIING, Ignored, SimulatedRun, Tracked
 

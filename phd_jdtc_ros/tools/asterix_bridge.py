@@ -15,13 +15,14 @@ from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.quoting import short
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.nodes.asterix import settings
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.quoting import short
 
-from . import asterix_in, asterix_out, asterix_parameters, command, params_file, tracker_params
+from ..parameter_files import from_arguments, tracker_params
+from . import asterix_in, asterix_out, asterix_parameters, command
 
 NAME = "asterix_bridge"
 
@@ -33,7 +34,7 @@ def main(argv: Sequence[str]) -> int:
     def work() -> int:
         if arguments.out.exists():
             raise BagError(f"{arguments.out}: already exists, is not overwritten")
-        given = params_file.from_arguments(arguments.params_file, arguments.assignments, NAME)
+        given = from_arguments.from_arguments(arguments.params_file, arguments.assignments, NAME)
         path = Path(arguments.source)
         if path.is_file() and path.suffix != ".mcap":
             return _to_bag(path, arguments, settings.resolve(given))

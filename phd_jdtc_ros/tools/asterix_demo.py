@@ -22,7 +22,7 @@ from msg_adapters import names
 from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.asterix.udp import Address
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.types import FILTERED
 
 from .asterix_out import bridge_parameters

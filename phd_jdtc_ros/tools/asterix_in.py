@@ -12,17 +12,17 @@ from pathlib import Path
 from typing import Any
 
 from msg_adapters import interfaces, names
-from phd_jdtc_ros.asterix import framing, records
+from phd_jdtc_ros.asterix import datagram, framing, records
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix.framing import RecordingError
+from phd_jdtc_ros.asterix.datagram import RecordingError
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.plot_turns import PlotTurns
+from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
 from phd_jdtc_ros.nodes.asterix import clouds, settings
 from phd_jdtc_ros.nodes.asterix.settings import Bridge
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 
 from . import asterix_parameters
 
@@ -178,7 +178,7 @@ def _reports(
 ) -> Iterator[tuple[RadarState, SectorReport]]:
     """Yield the reports of a recording in the order in which they are complete."""
     for received in framing.datagrams(data, midnight_ns, done.recording):
-        port = framing.port_of(received)
+        port = datagram.port_of(received)
         if ports and port is not None and port not in ports:
             done.recording["other_port"] += 1
             continue

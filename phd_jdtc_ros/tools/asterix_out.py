@@ -23,11 +23,11 @@ from phd_jdtc_ros.asterix import plots_out
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.scans import Rejection
-from phd_jdtc_ros.core.sited_plots import supposed_height
-from phd_jdtc_ros.core.turns import Turns
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.intake.turns import Turns
+from phd_jdtc_ros.core.sensors.slant_range import supposed_height
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 from phd_jdtc_ros.nodes.asterix import clouds, settings
 from phd_jdtc_ros.nodes.asterix.settings import Bridge

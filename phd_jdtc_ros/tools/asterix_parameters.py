@@ -20,13 +20,14 @@ import numpy as np
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.site import MOST_FROM_ORIGIN
-from phd_jdtc_ros.core.tuning import proposal
-from phd_jdtc_ros.core.tuning.findings import TuningError, findings
+from phd_jdtc_ros.calibration.tuning import proposal
+from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
+from phd_jdtc_ros.core.sensors.site import MOST_FROM_ORIGIN
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.asterix import settings
 
-from . import params_file, proposed_file, recorded_plots, tracker_params
+from ..parameter_files import from_arguments, proposed_file, tracker_params
+from . import recorded_plots
 
 # The profile of trackers of such radars, and the name of the radar in it.
 PROFILE, PROFILE_RADAR = "air_traffic", "approach."
@@ -89,7 +90,7 @@ def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None
     heard = sorted((s for s in states if s.reports), key=lambda s: s.plots, reverse=True)
     if not heard:
         return None
-    profile = params_file.load(resources.profile(PROFILE)[0])
+    profile = from_arguments.load(resources.profile(PROFILE)[0])
     found = Proposal({k: v for k, v in profile.items() if not k.startswith(PROFILE_RADAR)})
     own = {
         name.removeprefix(PROFILE_RADAR): value

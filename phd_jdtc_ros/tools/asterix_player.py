@@ -27,7 +27,7 @@ from std_srvs.srv import Trigger
 from msg_adapters import diagnostics, names
 from phd_jdtc_ros.asterix import records, udp
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.nodes.asterix import pace, settings
 from phd_jdtc_ros.nodes.asterix.settings import Bridge
@@ -35,7 +35,8 @@ from phd_jdtc_ros.nodes.common import arguments, runtime
 from phd_jdtc_ros.nodes.replay.lock_step import GIVE_UP_S
 from phd_jdtc_ros.nodes.replay.progress_line import ProgressLine
 
-from . import asterix_out, command, tracker_params
+from ..parameter_files import tracker_params
+from . import asterix_out, command
 
 NAME = "asterix_player"
 QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)

@@ -22,14 +22,15 @@ from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.types import Pose
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.study import autoferry, autoferry_scores
 from phd_jdtc_ros.study.autoferry import SENSORS, Look, Recording
 
-from . import command, params_file
+from ..parameter_files import from_arguments
+from . import command
 
 PROFILE = Path("config/autoferry.yaml")
 SHIPPED = resources.PROFILE_BAGS["autoferry"]
@@ -55,7 +56,7 @@ LIDAR: Mapping[str, Any] = {
 
 def parameters(lidar: bool) -> dict[str, Any]:
     """Return the profile's parameters, for the radar alone or with the lidar."""
-    given = dict(params_file.load(resources.find(PROFILE)))
+    given = dict(from_arguments.load(resources.find(PROFILE)))
     return {**given, **LIDAR} if lidar else given
 
 

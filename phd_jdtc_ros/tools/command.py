@@ -12,16 +12,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.core.configuration import scene
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError
-from phd_jdtc_ros.core.quoting import short
+from phd_jdtc_ros.configuration import scene
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError
 from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
+from phd_jdtc_ros.quoting import short
 
-from . import params_file, tracker_params
+from ..parameter_files import from_arguments, tracker_params
 
 # Default cut-off c (metres) and order p of OSPA.
 CUTOFF, ORDER = 1000.0, 2.0
@@ -120,11 +119,11 @@ def tracker_config(arguments: argparse.Namespace, bag: Path | None = None) -> Tr
     recorded = None if bag is None else bag_parameters.read(bag)
     given: dict[str, Any] = {}
     if arguments.scenario is not None:
-        given = params_file.scenario_parameters(yaml_files.load(arguments.scenario))
+        given = from_arguments.scenario_parameters(yaml_files.load(arguments.scenario))
     elif recorded is not None and not arguments.params_file:
         given = dict(recorded)
     paths: Sequence[Path] = arguments.params_file
-    given |= params_file.from_arguments(paths, arguments.assignments)
+    given |= from_arguments.from_arguments(paths, arguments.assignments)
     # The file may be a live tracker's, with the node's own parameters.
     config = tracker_params.config(given)
     if bag is not None and recorded is not None:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import TrackerConfig, resolve
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.engines import ENGINES
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.configuration.engines import ENGINES
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.table import metrics

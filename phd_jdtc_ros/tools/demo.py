@@ -25,14 +25,15 @@ from pathlib import Path
 from msg_adapters import names
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.core.configuration import scene
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.engines import ENGINES
+from phd_jdtc_ros.configuration import scene
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.report.pictures import figures
 
-from . import asterix_demo, command, comparison, params_file, report, tracker_params
+from ..parameter_files import from_arguments, tracker_params
+from . import asterix_demo, command, comparison, report
 from .demo_nodes import (
     FINISH_S,
     METRICS,
@@ -124,7 +125,7 @@ def _places(profile: Path, bag: Path) -> list[str]:
     if beside is None:
         return []
     recorded, given = (
-        tracker_params.config(values).values for values in (beside, params_file.load(profile))
+        tracker_params.config(values).values for values in (beside, from_arguments.load(profile))
     )
     places = scene.other_places(recorded, given)
     if places:

@@ -18,8 +18,8 @@ from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.parameter_files import bag_parameters
 
 START_S, STOP_S = 60.0, 10.0
 # Discovery, and the evaluator's last scores, take a second or two.

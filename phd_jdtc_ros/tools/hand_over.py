@@ -20,19 +20,20 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core import joinable
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.joint_picture import JointPicture
-from phd_jdtc_ros.core.region import Region
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.handover import checks
+from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.nodes.hand_over import settings
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.record import Record
 
-from . import command, tracker_params
+from ..parameter_files import tracker_params
+from . import command
 
 
 def joined(
@@ -99,7 +100,7 @@ def _run(path: Path, config: TrackerConfig) -> Record:
     found = load.record(path, config)
     for source, said in ((FILTERED, found.filtered), (SMOOTHED, found.smoothed)):
         for own in said:
-            reason = joinable.why_not(own)
+            reason = checks.why_not(own)
             if reason is not None:
                 where = f"{path}: {names.estimates(source)} at {own.stamp_ns * 1e-9:.3f} s"
                 raise ConfigError([f"{where}: {reason[1]}"])

@@ -24,21 +24,22 @@ from rich.table import Table
 
 from msg_adapters import estimates, ground_ranges, interfaces, names
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import output_files, resources, yaml_files
+from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.simulation import scenario_file, sending
 from phd_jdtc_ros.core.types import SOURCES, Estimates
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
+from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.study import hour_goals, hours
 from phd_jdtc_ros.study.hour_goals import AS_IS, NO_IDENTITIES, TUNED, Tracked
 from phd_jdtc_ros.study.hours import Hour, Reader, Scores
 
-from . import command, params_file, registration, simulated_asterix, tracker_params
+from ..parameter_files import from_arguments, tracker_params
+from . import command, registration, simulated_asterix
 
 # The scenarios, and what their recordings are: a capture has times of receipt.
 RECORDINGS = {"approach_hour": "recording.ast", "en_route_hour": "recording.pcap"}
@@ -68,7 +69,7 @@ def hour_of(name: str, minutes: float | None, seed: int) -> tuple[Hour, TrackerC
     Of a part of an hour the targets are those of the whole one.
     """
     document = dict(yaml_files.load(resources.find(Path(f"config/scenarios/{name}.yaml"))))
-    config = tracker_params.config(params_file.scenario_parameters(document))
+    config = tracker_params.config(from_arguments.scenario_parameters(document))
     scene = scenario_file.resolve(document, config.model.radars)
     if minutes is not None:
         scene = scene.until(60.0 * minutes)

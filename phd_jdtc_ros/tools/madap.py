@@ -13,19 +13,21 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from phd_jdtc_ros import output_files, resources, yaml_files
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.core.simulation.scenario import truth_at
-from phd_jdtc_ros.core.simulation.sweep import simulate_reports
+from phd_jdtc_ros import output_files, resources
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
+from phd_jdtc_ros.parameter_files import yaml_files
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.scenario import truth_at
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import madap, turning
 from phd_jdtc_ros.study.peers.plot_kalman import follow
 
-from . import command, params_file
+from ..parameter_files import from_arguments
+from . import command
 
 SCENARIO = Path("config/scenarios/madap.yaml")
 PEER = "plot Kalman"
@@ -102,8 +104,8 @@ def main(argv: Sequence[str]) -> int:
                 [f"--minutes: {arguments.minutes} given, must be above {SHORTEST_MIN:g}"]
             )
         document = yaml_files.load(resources.find(SCENARIO))
-        parameters = params_file.scenario_parameters(document)
-        parameters |= params_file.from_arguments(arguments.params_file, arguments.assignments)
+        parameters = from_arguments.scenario_parameters(document)
+        parameters |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
         found = run(_shortened(document, arguments.minutes), parameters, arguments.seed)
         ours = {source: found["figures"][source] for source in SOURCES}
         summary = {**found, "seed": arguments.seed, "goals": madap.goals_of(ours)}

@@ -19,14 +19,16 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from phd_jdtc_ros import output_files, resources, yaml_files
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros import output_files, resources
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.parameter_files import yaml_files
+from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.study import figures, monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Outcome, Plan, Scene, Store, Study, Task
 
-from . import beside, command, params_file
+from ..parameter_files import from_arguments
+from . import beside, command
 
 PUBLISHED = Path("config/studies/published.yaml")
 # Of the published tables; the tracker's parameters were found on other seeds.
@@ -45,7 +47,7 @@ def load_study(path: Path, assigned: Mapping[str, Any]) -> Study:
 
 def _load_scene(directory: Path, name: str) -> Scene:
     document = yaml_files.load(directory / name)
-    return params_file.scenario_parameters(document), partial(scenario_file.resolve, document)
+    return from_arguments.scenario_parameters(document), partial(scenario_file.resolve, document)
 
 
 def run(study: Study, plan: Plan, out: Path, backend: Callable[..., None]) -> int:
@@ -143,7 +145,7 @@ def _plan(arguments: argparse.Namespace) -> tuple[Study, Plan]:
     ]
     if faults:
         raise ConfigError(faults)
-    assigned = params_file.from_arguments([], arguments.assignments)
+    assigned = from_arguments.from_arguments([], arguments.assignments)
     study = load_study(arguments.study, assigned).select(arguments.case, arguments.variant)
     study = replace(study.in_full if arguments.in_full else study, cutoff=arguments.cutoff)
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.runs)

@@ -18,10 +18,10 @@ from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.posed_reports import PosedReports
-from phd_jdtc_ros.core.tuning.findings import Findings, TuningError, findings
-from phd_jdtc_ros.core.tuning.plots import MOST_PLOTS, Plots, bounded, plots_of
+from phd_jdtc_ros.calibration.tuning.findings import Findings, TuningError, findings
+from phd_jdtc_ros.calibration.tuning.plots import MOST_PLOTS, Plots, bounded, plots_of
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.intake.posed_reports import PosedReports
 from phd_jdtc_ros.core.types import Detections
 
 # Clouds that fields are recognised by.

@@ -9,10 +9,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from phd_jdtc_ros.core.configuration.parameters import BIRTH, CLASS, MOTION, TOP
-from phd_jdtc_ros.core.configuration.radar_parameters import RADAR
-from phd_jdtc_ros.core.configuration.schema import Parameter
-from phd_jdtc_ros.core.evaluation.metric_table import (
+from phd_jdtc_ros.configuration import tracker_node
+from phd_jdtc_ros.configuration.parameters import BIRTH, CLASS, MOTION, TOP
+from phd_jdtc_ros.configuration.radar_parameters import RADAR
+from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.evaluation.metric_table import (
     CLASS_ACCURACY,
     GROUPS,
     OF_ALL,
@@ -24,7 +25,6 @@ from phd_jdtc_ros.nodes.asterix import settings as bridge
 from phd_jdtc_ros.nodes.evaluator import node
 from phd_jdtc_ros.nodes.hand_over import settings as hand_over
 from phd_jdtc_ros.nodes.replay import replay_parameters
-from phd_jdtc_ros.nodes.tracker import settings
 from phd_jdtc_ros.study.monte_carlo.definition import OSPA_AFTER_5
 
 # --- parameters -----------------------------------------------------------------------------------
@@ -52,7 +52,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
     ("tracker, for every name in `classes`", "", CLASS),
     ("tracker, for every name in `motions`", "", MOTION),
     ("tracker, for every name in `births`", "", BIRTH),
-    ("tracker, as a node", "The offline executables do not have these.", settings.TABLE),
+    ("tracker, as a node", "The offline executables do not have these.", tracker_node.TABLE),
     (
         "sensor_replay",
         "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the "

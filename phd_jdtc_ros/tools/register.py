@@ -22,19 +22,19 @@ from rich.console import Console
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.biases import RadarBias
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.radar_build import bias_parameters
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.registration.errors import RegistrationError
-from phd_jdtc_ros.core.registration.result import Registration
-from phd_jdtc_ros.core.registration.sensors import sensor
-from phd_jdtc_ros.core.registration.solution import registered
+from phd_jdtc_ros.calibration.registration.result import Registration
+from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sensor
+from phd_jdtc_ros.calibration.registration.solution import registered
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.radar_build import bias_parameters
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.sensors.bias import RadarBias
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.report.pictures import registration as picture
 
-from . import command, params_file, proposed_file, recorded_plots, registered_table, tracker_params
+from ..parameter_files import from_arguments, proposed_file, tracker_params
+from . import command, recorded_plots, registered_table
 from .recorded_plots import Recorded
 from .tune import SECONDS as TUNED_SECONDS
 from .tune import seconds_of
@@ -120,7 +120,7 @@ def _work(arguments: argparse.Namespace) -> int:
     head = f"Registered from {source}\nand {where}.\nA comment says what a correction rests on."
     proposed_file.write(out, head, proposed, registered_table.comments(rows))
     # What is written is what a tracker reads.
-    tracker_params.config(params_file.load(out))
+    tracker_params.config(from_arguments.load(out))
     print(f"{out}: written; the tracker takes it as its --params-file")
     return status
 
@@ -128,7 +128,7 @@ def _work(arguments: argparse.Namespace) -> int:
 def _given(source: Path, path: Path | None) -> tuple[dict[str, Any], Path]:
     """Return the parameters that radars are read with, and the file that they are from."""
     if path is not None:
-        return params_file.load(path), path
+        return from_arguments.load(path), path
     beside = bag_parameters.read(source)
     if beside is None:
         raise BagError(

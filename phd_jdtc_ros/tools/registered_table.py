@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.registration.filtering import KINDS
-from phd_jdtc_ros.core.registration.result import Found, Registration
+from phd_jdtc_ros.calibration.registration.filtering import KINDS
+from phd_jdtc_ros.calibration.registration.result import Found, Registration
+from phd_jdtc_ros.configuration.build import TrackerConfig
 
 # Of the tables, in characters: a line for each error.
 WIDTH = 110

@@ -14,16 +14,18 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from phd_jdtc_ros import output_files, resources, yaml_files
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.registration.errors import RegistrationError
-from phd_jdtc_ros.core.simulation import scenario_file
+from phd_jdtc_ros import output_files, resources
+from phd_jdtc_ros.calibration.registration.sensors import RegistrationError
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.parameter_files import yaml_files
+from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.study import registration
 
-from . import command, params_file
+from ..parameter_files import from_arguments
+from . import command
 
 SCENARIO = Path("config/scenarios/three_biased_radars.yaml")
 # The tracker needs much more time than the registration: it runs on the first seconds only.
@@ -50,7 +52,7 @@ def run(document: Mapping[str, Any], seed: int, tracked_s: float = TRACKED_S) ->
     RegistrationError
         If the plots say nothing of the errors.
     """
-    parameters = params_file.scenario_parameters(document)
+    parameters = from_arguments.scenario_parameters(document)
     config = resolve(parameters)
     scene = scenario_file.resolve(document, config.model.radars)
     begin = time.process_time()

@@ -14,16 +14,17 @@ from rich.console import Console
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import metrics, score_tables
 
-from . import command, tracker_params
+from ..parameter_files import tracker_params
+from . import command
 
 PAGE = "report.html"
 

@@ -14,12 +14,14 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from phd_jdtc_ros import output_files, resources, yaml_files
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros import output_files, resources
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
+from phd_jdtc_ros.parameter_files import yaml_files
 from phd_jdtc_ros.study import seam
 
-from . import command, params_file
+from ..parameter_files import from_arguments
+from . import command
 
 # Its parameters: two radars that turn, and their tracker.
 SCENARIO = Path("config/scenarios/two_terminal_radars.yaml")
@@ -58,9 +60,9 @@ def main(argv: Sequence[str]) -> int:
         seeds = arguments.seed or SEEDS
         if min(seeds) < 0:
             raise ConfigError([f"--seed: {min(seeds)} given, must be at least 0"])
-        parameters = params_file.scenario_parameters(yaml_files.load(resources.find(SCENARIO)))
+        parameters = from_arguments.scenario_parameters(yaml_files.load(resources.find(SCENARIO)))
         parameters |= {"engine": "gaussian", "least_mode": 1.0}
-        parameters |= params_file.from_arguments(arguments.params_file, arguments.assignments)
+        parameters |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
         runs = [seam.run(parameters, seed) for seed in seeds]
         scores = {
             name: {

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from phd_jdtc_ros.calibration.tuning.plots import Plots
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.models.radar import RadarModel, wrap_angle
-from phd_jdtc_ros.core.tuning.plots import Plots
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
 from phd_jdtc_ros.core.types import Truth
 
 # A plot within so many deviations of a target is its.

@@ -11,17 +11,16 @@ from pathlib import Path
 
 from msg_adapters import interfaces, names, platform_poses, truth
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.simulation import scenario, scenario_file, sending
-from phd_jdtc_ros.core.simulation.scenario import Scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.simulation.sweep import check_sites, simulate_reports
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
+from phd_jdtc_ros.simulation import scenario, scenario_file, sending
+from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+from phd_jdtc_ros.simulation.turning_antenna import check_sites, simulate_reports
 
 from . import command, simulated_asterix
 

@@ -17,14 +17,14 @@ import numpy as np
 
 from phd_jdtc_ros.asterix import pcap_out, plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.simulation.scenario import Scenario
-from phd_jdtc_ros.core.simulation.sending import Sending
-from phd_jdtc_ros.core.simulation.sweep import answered_plots, plot_times
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Detections
+from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.simulation.sending import Sending
+from phd_jdtc_ros.simulation.turning_antenna import answered_plots, plot_times
 
 # SAC of the radars; their SIC is their place, from 1.
 SAC = 1

@@ -25,15 +25,16 @@ from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.innovations import InnovationMonitor
-from phd_jdtc_ros.core.pipeline import Event, RunEnded, new_pipeline
-from phd_jdtc_ros.core.poses import PoseFault
-from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.calibration.innovations import InnovationMonitor
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.intake.poses import PoseFault
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser, fail
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.report import load, track_files
 from phd_jdtc_ros.report.table import score_tables
 

@@ -21,15 +21,16 @@ from rich.table import Table
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.parameters import schema
-from phd_jdtc_ros.core.tuning import proposal, unspecified
-from phd_jdtc_ros.core.tuning.findings import Findings
-from phd_jdtc_ros.core.tuning.proposal import Row
+from phd_jdtc_ros.calibration.tuning import proposal, unspecified
+from phd_jdtc_ros.calibration.tuning.findings import Findings
+from phd_jdtc_ros.calibration.tuning.proposal import Row
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.parameters import schema
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 
-from . import command, params_file, proposed_file, recorded_plots, tracker_params, tuned_truth
+from ..parameter_files import from_arguments, proposed_file, tracker_params
+from . import command, recorded_plots, tuned_truth
 from .recorded_plots import Recorded
 
 # Seconds of a recording that are read unless told otherwise.
@@ -104,7 +105,7 @@ def _work(arguments: argparse.Namespace) -> int:
         return status
     proposed_file.write(path, _head(source, where), proposed, _comments(rows, where is None))
     # What is written is what a tracker reads.
-    tracker_params.config(params_file.load(path))
+    tracker_params.config(from_arguments.load(path))
     print(f"{path}: written; the tracker takes it as its --params-file")
     return status
 
@@ -112,7 +113,7 @@ def _work(arguments: argparse.Namespace) -> int:
 def _given(bag: BagReader, source: Path, path: Path | None) -> tuple[dict[str, Any], Path | None]:
     """Return the parameters that radars are read with, and the file that they are from."""
     if path is not None:
-        return params_file.load(path), path
+        return from_arguments.load(path), path
     beside = bag_parameters.read(source)
     if beside is not None:
         return beside, bag_parameters.path_of(source)

@@ -15,13 +15,14 @@ from msg_adapters import interfaces, names, truth
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.models.radar import RadarModel
-from phd_jdtc_ros.core.tuning import proposal
-from phd_jdtc_ros.core.tuning.findings import Findings
+from phd_jdtc_ros.calibration.tuning import proposal
+from phd_jdtc_ros.calibration.tuning.findings import Findings
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.exit_status import OK
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 
-from . import recorded_plots, seen_targets, tracker_params
+from ..parameter_files import tracker_params
+from . import recorded_plots, seen_targets
 
 # Of the table, in characters: a line for each radar.
 WIDTH = 116

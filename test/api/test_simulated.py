@@ -9,13 +9,13 @@ import pytest
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros import simulate
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.tools import params_file, tracker_params
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 
 def recorded(bag):
     """Return the stamps and clouds of a bag's radars as a table of ranges and azimuths."""
-    config = tracker_params.config(params_file.load(bag / "parameters.yaml"))
+    config = tracker_params.config(from_arguments.load(bag / "parameters.yaml"))
     radars = {radar.topic: radar for radar in config.inputs}
     rows = []
     for entry in BagReader(bag).messages(list(radars)):

@@ -11,11 +11,12 @@ import pytest
 import yaml
 
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import Tracker, evaluate, simulate, yaml_files
+from phd_jdtc_ros import Tracker, evaluate, simulate
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.pipeline import RunEnded, new_pipeline
-from phd_jdtc_ros.tools import params_file, tracker_params
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.pipeline import RunEnded
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params, yaml_files
 
 DETECTIONS, TRUTH = crossing.detections(), crossing.truth()
 
@@ -253,7 +254,7 @@ def test_turning_antenna_is_followed_by_the_plots_times(request):
 
 def test_tracker_of_a_parameter_file_gives_what_the_bags_tracker_gives(request):
     bag = request.config.rootpath / "bags" / "one_radar"
-    config = tracker_params.config(params_file.load(bag / "parameters.yaml"))
+    config = tracker_params.config(from_arguments.load(bag / "parameters.yaml"))
     (radar,) = config.inputs
     pipeline, smoothed, rows = new_pipeline(config), [], []
     for entry in BagReader(bag).messages([radar.topic]):

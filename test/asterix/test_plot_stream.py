@@ -11,7 +11,7 @@ from phd_jdtc_ros.asterix.columns import UNKNOWN, columns
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.slices import SectorReport
-from phd_jdtc_ros.core.sectors import coverage_of
+from phd_jdtc_ros.core.intake.sectors import coverage_of
 
 NS = 10**9
 SEEN = [(10.0, 20.0), (100.0, 30.0), (190.0, 40.0), (350.0, 50.0)]

@@ -24,7 +24,7 @@ from msg_adapters import detections as detections_adapter
 from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.nodes.replay import playable
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "offline_tools.md"

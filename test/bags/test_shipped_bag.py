@@ -12,8 +12,8 @@ from samples import plain
 from msg_adapters import interfaces, names, stamps, truth
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation import scenario
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.simulation import scenario
 from phd_jdtc_ros.tools import simulate
 
 SHIPPED = Path(__file__).parents[2] / "bags" / "paper_scenario"

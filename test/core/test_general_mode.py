@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scenes import plain, short_scenario, small
 
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.simulation.scenario import TargetScript
-from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.simulation.scenario import TargetScript
+from phd_jdtc_ros.simulation.simulate import simulate
 
 SEEDS = 12
 SCANS = 6

@@ -7,11 +7,12 @@ import sweep
 from antennas import TurningRadar
 from scenes import short_scenario, small
 
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.pipeline import RunEnded, Stepped, new_pipeline
-from phd_jdtc_ros.core.scans import Rejection
-from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.turns import SLICES
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.intake.turns import SLICES
+from phd_jdtc_ros.core.pipeline import RunEnded, Stepped
+from phd_jdtc_ros.simulation.simulate import simulate
 
 CONFIG = small({"lag": 2})
 SCANS = [scan for _, scan in simulate(short_scenario(8), 0)]

@@ -10,11 +10,11 @@ import pytest
 from lone import STD, lone, mixture_of, scan_at
 from scipy.stats import norm
 
-from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian import update as gaussian_update
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
-from phd_jdtc_ros.core.gaussian.newborn import newborn_mixture
 from phd_jdtc_ros.core.gaussian.reduction import Bounds, Branched
 from phd_jdtc_ros.core.smc import extraction
 from phd_jdtc_ros.core.types import Detections

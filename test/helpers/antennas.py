@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from phd_jdtc_ros.core.models.visibility import within
+from phd_jdtc_ros.core.sensors.visibility import within
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 START_NS = 1_700_000_000_000_000_000

@@ -5,13 +5,12 @@
 
 from pathlib import Path
 
-from phd_jdtc_ros import yaml_files
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.registration.sensors import sensor
-from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.core.simulation.sweep import simulate_reports
-from phd_jdtc_ros.core.tuning.plots import plots_of
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.calibration.registration.sensors import sensor
+from phd_jdtc_ros.calibration.tuning.plots import plots_of
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 ROOT = Path(__file__).parents[2]
 MINUTES, AIRCRAFT = 4, 15
@@ -27,7 +26,7 @@ def document(**changes):
 
 def scene(given, **parameters):
     """Return the configuration and the scenario of a document."""
-    config = resolve({**params_file.scenario_parameters(given), **parameters})
+    config = resolve({**from_arguments.scenario_parameters(given), **parameters})
     return config, scenario_file.resolve(given, config.model.radars)
 
 

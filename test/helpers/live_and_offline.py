@@ -7,7 +7,8 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections, estimates, names
-from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.core.pipeline import Stepped
 
 FILTERED = names.estimates("filtered")
 

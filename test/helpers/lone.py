@@ -5,8 +5,8 @@
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration import build
-from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.configuration import build
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.types import Detections, Scan
 

@@ -8,15 +8,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from sweep import configuration
 
-from phd_jdtc_ros.core import window_snapshot
-from phd_jdtc_ros.core.backward import smoothed_sets
-from phd_jdtc_ros.core.fixed_lag import FixedLagEngine
-from phd_jdtc_ros.core.forward import Filtered, ForwardFilter
-from phd_jdtc_ros.core.reporting import chosen
-from phd_jdtc_ros.core.reporting_rule import ReportingRule
-from phd_jdtc_ros.core.touch import parted
+from phd_jdtc_ros.core.tracks.common_stamp import chosen
+from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.types import Estimates
-from phd_jdtc_ros.core.window import Current, Entry, Extents
+from phd_jdtc_ros.core.window import window_snapshot
+from phd_jdtc_ros.core.window.backward_pass import smoothed_sets
+from phd_jdtc_ros.core.window.entries import Current, Entry, Extents
+from phd_jdtc_ros.core.window.fixed_lag import FixedLagEngine
+from phd_jdtc_ros.core.window.forward_filter import Filtered, ForwardFilter
+from phd_jdtc_ros.core.window.swept import parted
 
 MODEL = configuration().model
 # Four targets 50 km away: to the east, north, west and south.

@@ -13,7 +13,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from msg_adapters import stamps
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import UNKNOWN, Attributes, Detections, Estimates, Truth
 
 STAMP_NS = 1_700_000_000_123_456_789

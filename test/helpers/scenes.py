@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
-from phd_jdtc_ros.core.configuration import build
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
+from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.smc import prediction
 from phd_jdtc_ros.core.smc.particle_set import Aged, ParticleSet
-from phd_jdtc_ros.core.smc.places import Places
+from phd_jdtc_ros.core.smc.proposals.detections_in_plane import Places
 from phd_jdtc_ros.core.state_space import OMEGA
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.simulation.scenario import paper_scenario
 
 SMALL_BUDGET = {
     "particles_per_target": 200,

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from phd_jdtc_ros.core.configuration import build
+from phd_jdtc_ros.configuration import build
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 
 ROTATION_S = 4.0

@@ -8,9 +8,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.radar_build import bias_parameters
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.radar_build import bias_parameters
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import Detections
 
 STAMP_NS = 1_000_250_000_000

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from msg_adapters import detections_in_map, point_cloud, stamps
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Detections, Scan
 
 NAMES = ("x", "y", "z", "amplitude", "radar_index")

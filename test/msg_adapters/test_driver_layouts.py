@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose
 from sensor_msgs.msg import PointCloud2, PointField
 
 from msg_adapters import detections, stamps
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import from_arguments
 
 PAGE = Path(__file__).parents[2] / "docs" / "connect_your_radar.md"
 DATATYPES = {"f4": PointField.FLOAT32, "i1": PointField.INT8, "u1": 2, "u2": PointField.UINT16}
@@ -44,7 +44,7 @@ def example(tmp_path):
         for block in blocks:
             path = tmp_path / "example.yaml"
             path.write_text(block)
-            for radar in resolve(params_file.load(path)).inputs:
+            for radar in resolve(from_arguments.load(path)).inputs:
                 if radar.topic == topic:
                     return radar
         raise LookupError(topic)

@@ -16,8 +16,8 @@ from sensor_msgs.msg import PointField
 
 from msg_adapters import detections as adapter
 from msg_adapters import doubts, radar_scan
-from phd_jdtc_ros.core.site import Site
-from phd_jdtc_ros.core.sited_plots import HeightReading
+from phd_jdtc_ros.core.sensors.site import Site
+from phd_jdtc_ros.core.sensors.slant_range import HeightReading
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.earth import SystemPlane
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from msg_adapters import detections as adapter
 from msg_adapters.identities import ADDRESSES, CODES, NONE, read, sent
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
 LAYOUT = RadarInput(

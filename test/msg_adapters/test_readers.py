@@ -5,7 +5,7 @@ import pytest
 
 from msg_adapters import names
 from msg_adapters.readers import READERS
-from phd_jdtc_ros.core.configuration.radar_parameters import RADAR
+from phd_jdtc_ros.configuration.radar_parameters import RADAR
 
 
 def test_readers_are_what_radars_may_be_configured_to_send():

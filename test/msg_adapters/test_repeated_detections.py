@@ -11,8 +11,9 @@ from samples import STAMP_NS, radar
 
 from msg_adapters import doubts
 from msg_adapters.selection import Columns, select
-from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
-from phd_jdtc_ros.tools import params_file, tracker_params
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.core.pipeline import Stepped
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 NS = 10**9
 PROFILE = Path(__file__).parents[2] / "config" / "surveillance.yaml"
@@ -73,7 +74,7 @@ def test_select_keeps_the_order_of_the_others():
 
 @pytest.mark.parametrize("engine", ["gaussian", "particles"])
 def test_a_repeated_buffer_is_one_target_that_is_never_lost(engine):
-    given = params_file.load(PROFILE)
+    given = from_arguments.load(PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
     config = tracker_params.config({**of_one, "radars": ["radar_1"], "engine": engine})
     pipeline = new_pipeline(config)

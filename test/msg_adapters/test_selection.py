@@ -11,7 +11,7 @@ from sensor_msgs.msg import PointField
 
 from msg_adapters import detections as adapter
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.core.sectors import coverage_of
+from phd_jdtc_ros.core.intake.sectors import coverage_of
 from phd_jdtc_ros.core.types import Detections
 
 F4, F8, U1, I4 = (

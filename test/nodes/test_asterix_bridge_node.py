@@ -21,8 +21,8 @@ from msg_adapters import detections, diagnostics, estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import flatten
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import flatten
 from phd_jdtc_ros.core.types import SOURCES, Estimates
 
 pytestmark = pytest.mark.live

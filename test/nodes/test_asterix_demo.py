@@ -13,13 +13,13 @@ from asterix_reference import decoded, value
 
 from msg_adapters import interfaces, names
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import resources, yaml_files
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.nodes.common import bag_parameters
-from phd_jdtc_ros.tools import asterix_demo, asterix_out, demo, params_file, tracker_params
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
+from phd_jdtc_ros.tools import asterix_demo, asterix_out, demo
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "bags" / "two_approach_radars"
@@ -132,7 +132,7 @@ def test_shipped_recording_and_its_bag_come_out_the_same(tmp_path):
 
 
 def test_shipped_recording_is_tracked_with_the_values_of_its_profile():
-    given = params_file.load(ROOT / "config" / "air_traffic.yaml")
+    given = from_arguments.load(ROOT / "config" / "air_traffic.yaml")
     profile = resolve(given).values
     found = tracker_params.config(bag_parameters.read(SHIPPED)).values
     shared = [name for name in given if not name.startswith("approach.")]

@@ -17,8 +17,8 @@ from msg_adapters import estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.tools import comparison
 from phd_jdtc_ros.tools.demo import ARTEFACTS
 

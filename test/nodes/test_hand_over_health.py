@@ -7,8 +7,8 @@ from collections import Counter
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from phd_jdtc_ros.core.joint_picture import LATEST_STAMPS
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
+from phd_jdtc_ros.handover.picture import LATEST_STAMPS
 from phd_jdtc_ros.nodes.common.seen import Seen
 from phd_jdtc_ros.nodes.hand_over import health
 from phd_jdtc_ros.nodes.hand_over.settings import TABLE

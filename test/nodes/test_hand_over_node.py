@@ -16,11 +16,11 @@ from msg_adapters import diagnostics, estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections, Estimates
-from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.nodes.hand_over import settings
+from phd_jdtc_ros.parameter_files import bag_parameters
 
 NS = 10**9
 START_S, PERIOD_S, SCANS = 1_700_000_000, round(tower.PERIOD_S), 16

@@ -9,9 +9,9 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics
-from phd_jdtc_ros.core.configuration.parameters import TOP
-from phd_jdtc_ros.core.engines import ENGINES
-from phd_jdtc_ros.core.innovations import Fit
+from phd_jdtc_ros.calibration.innovations import Fit
+from phd_jdtc_ros.configuration.engines import ENGINES
+from phd_jdtc_ros.configuration.parameters import TOP
 from phd_jdtc_ros.nodes.tracker.health import (
     LEASE_S,
     WARNING_MEMORY_S,

@@ -12,7 +12,7 @@ from tower import PERIOD_S
 from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import detections, estimates
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 from phd_jdtc_ros.earth import SystemPlane
 

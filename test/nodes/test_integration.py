@@ -18,14 +18,14 @@ from rclpy.parameter import Parameter
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections, estimates, point_cloud, stamps
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import flatten
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.evaluation.metrics import ospa
-from phd_jdtc_ros.core.scans import Rejection
-from phd_jdtc_ros.core.simulation.simulate import detect
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.schema import flatten
+from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.state_space import PLANAR, VX, VY, X, Y
 from phd_jdtc_ros.core.types import Truth
+from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.simulation.simulate import detect
 
 START_NS = 1_700_000_000 * 10**9
 SCENE_S = 36.0

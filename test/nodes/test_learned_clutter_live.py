@@ -12,10 +12,10 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import clutter_maps, estimates, interfaces, names
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core import backend
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation import scenario_file
 from phd_jdtc_ros.report import load
+from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.tools import simulate, track_bag
 
 TURNS = 32

@@ -17,7 +17,7 @@ from unfolded import rows_of
 from msg_adapters import diagnostics, estimates, interfaces, names, platform_poses
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.schema import flatten
+from phd_jdtc_ros.configuration.schema import flatten
 from phd_jdtc_ros.core.types import Pose
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.page.picture import picture_of

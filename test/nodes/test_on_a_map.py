@@ -16,7 +16,7 @@ from test_managed_tracker import change
 
 from msg_adapters import detections, names, point_cloud, stamps, truth
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Truth
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

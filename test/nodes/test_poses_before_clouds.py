@@ -16,7 +16,7 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.core.configuration.schema import flatten
+from phd_jdtc_ros.configuration.schema import flatten
 from phd_jdtc_ros.nodes.common import arguments
 from phd_jdtc_ros.nodes.tracker.node import Tracker
 

@@ -11,11 +11,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from live_and_offline import assert_same, tracked_live, tracked_offline
 
 from msg_adapters import detections, diagnostics, names
-from phd_jdtc_ros import yaml_files
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.simulate import simulate
 
 pytestmark = pytest.mark.live
 CONFIG = Path(__file__).parents[2] / "config"
@@ -36,7 +35,7 @@ def clouds(config):
 
 
 def test_live_tracks_with_range_rates_are_those_of_offline_ones(processes, peer):
-    config = resolve(params_file.load(PROFILE))
+    config = resolve(from_arguments.load(PROFILE))
     sent, truth = clouds(config)
     health = peer.collect(DiagnosticArray, names.DIAGNOSTICS)
     found = tracked_live(processes, peer, config.inputs[0], sent, "--params-file", PROFILE)

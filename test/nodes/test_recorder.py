@@ -15,8 +15,8 @@ from std_msgs.msg import String
 from msg_adapters import names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.nodes.common import bag_parameters
 from phd_jdtc_ros.nodes.evaluator.recorder import Recorder
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.tools.demo import shipped_bag
 
 STRING = "std_msgs/msg/String"

@@ -19,11 +19,13 @@ from msg_adapters import (
     point_cloud,
     stamps,
 )
-from phd_jdtc_ros.core.biases import RadarBias
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
-from phd_jdtc_ros.core.registration.monitor import LEAST, Drift, RegistrationMonitor
-from phd_jdtc_ros.nodes.tracker import registration_health, settings
+from phd_jdtc_ros.calibration.registration.monitor import LEAST, Drift, RegistrationMonitor
+from phd_jdtc_ros.configuration import tracker_node
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.pipeline import Stepped
+from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.nodes.tracker import registration_health
 
 NODE = "/tracker"
 FEW = {"engine": "gaussian", "lag": 0}
@@ -66,7 +68,7 @@ def test_a_status_says_what_is_seen_and_how_sure_it_is(found, level, text):
 
 
 def test_the_monitor_is_off_by_default_and_needs_two_radars():
-    assert settings.resolve({}).node["registration_monitor"] is False
+    assert tracker_node.resolve({}).node["registration_monitor"] is False
 
 
 @pytest.mark.live

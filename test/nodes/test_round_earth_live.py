@@ -13,9 +13,9 @@ from pyproj import Geod, Transformer
 from sensor_msgs.msg import NavSatFix
 
 from msg_adapters import names, point_cloud, stamps
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.parameter_files import from_arguments
 
 pytestmark = pytest.mark.live
 PROFILE = Path(__file__).parents[2] / "config" / "air_traffic.yaml"
@@ -69,7 +69,7 @@ def clouds(radar):
 def test_live_tracks_on_the_earth_are_those_of_offline_ones_and_where_the_aircraft_is(
     processes, peer
 ):
-    config = resolve({**params_file.load(PROFILE), **GIVEN}, SystemPlane)
+    config = resolve({**from_arguments.load(PROFILE), **GIVEN}, SystemPlane)
     (radar,) = config.inputs
     sent = clouds(radar)
     fixes = peer.collect(NavSatFix, f"{names.TRACKER}/navsat")

@@ -4,12 +4,12 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.configuration.parameters import schema
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.nodes.tracker.settings import NAMES, TABLE, changed, edited, resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.parameters import schema
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.tracker_node import NAMES, TABLE, changed, edited, resolve
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
 
 USUAL = resolve({})
 SMALL = {"particles_per_target": 100, "particles_per_birth": 64, "lag": 2}

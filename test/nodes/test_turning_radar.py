@@ -12,10 +12,11 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections, diagnostics, estimates, names
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import flatten
-from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
-from phd_jdtc_ros.core.sectors import coverage_of
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import flatten
+from phd_jdtc_ros.core.intake.sectors import coverage_of
+from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 START_NS = 1_700_000_000 * 10**9

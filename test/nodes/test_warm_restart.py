@@ -10,7 +10,7 @@ import pytest
 from live_radars import FAST, RELIABLE, Radars
 from std_srvs.srv import Trigger
 
-from phd_jdtc_ros.core.engines import ENGINES
+from phd_jdtc_ros.configuration.engines import ENGINES
 
 KILLED_AFTER, SCANS = 5, 8
 

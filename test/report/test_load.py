@@ -9,9 +9,9 @@ from msg_adapters import detections, diagnostics, estimates, interfaces, names, 
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation.scenario import Scenario, TargetScript
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.report import load
+from phd_jdtc_ros.simulation.scenario import Scenario, TargetScript
 from phd_jdtc_ros.tools.simulate import write_bag
 from phd_jdtc_ros.tools.track_bag import track_bag
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.metric_table import OF_ALL, OF_SETS
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.metric_table import OF_ALL, OF_SETS
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.report.table import metrics, score_tables, unscored
 
 

@@ -13,7 +13,7 @@ import rclpy
 import stand_ins
 
 from msg_adapters import names, quantities
-from phd_jdtc_ros.nodes.tracker import settings
+from phd_jdtc_ros.configuration import tracker_node
 from robustness.rig import Rig
 from robustness.stamps_and_time import BAG
 
@@ -27,7 +27,7 @@ QUERIES = {
 }
 # Every option that takes a topic or a service is on.
 SIMULATED = ("-p", "use_sim_time:=true")
-SWITCHES = [p.name for p in settings.TABLE if p.name.startswith("publish_")]
+SWITCHES = [p.name for p in tracker_node.TABLE if p.name.startswith("publish_")]
 ARGUMENTS = {
     "tracker": (
         *("--ros-args", "-p", "radar_1.clutter_map:=true", "-p", "world_origin:=[52.0, 4.0, 0.0]"),
@@ -164,7 +164,7 @@ def test_operator_sees_every_topic_of_the_nodes():
     )
 
 
-@pytest.mark.parametrize("name", [p.name for p in settings.TABLE])
+@pytest.mark.parametrize("name", [p.name for p in tracker_node.TABLE])
 def test_page_of_the_tracker_lists_every_parameter_of_the_node(name):
     assert f"`{name}`" in PAGE.partition("## Parameters")[2]
 

@@ -37,15 +37,16 @@ from benchmarks import (
 )
 from benchmarks import report as tables
 from benchmarks.radars import Reply
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario, truth_after, truth_at
-from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
-from phd_jdtc_ros.core.smc import backward_kernel
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
+from phd_jdtc_ros.core.smc.kernel import backward_kernel
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_pass
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.simulation.scenario import paper_scenario, truth_after, truth_at
+from phd_jdtc_ros.simulation.simulate import simulate
+from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 LAG = 3
 BORN_ANYWHERE = {"detection_births.rates": [0.01, 0.01], "detection_births.particles": 64}

@@ -10,18 +10,17 @@ import pytest
 
 from msg_adapters import names, platform_poses
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.core.simulation.scenario import truth_at
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
 from phd_jdtc_ros.study.monte_carlo.scores import VALUES, score
 from phd_jdtc_ros.study.runs import Ignored
 from phd_jdtc_ros.study.turning import turning_run
-from phd_jdtc_ros.tools import params_file
 
 ROOT = Path(__file__).parents[2]
 ODOMETRY = "/own_ship/odometry"
@@ -33,13 +32,13 @@ each = pytest.mark.parametrize("name", ["coastal", "coastal_ship"])
 def resolved(name):
     """Return a scenario and the tracker's configuration in its file."""
     document = yaml_files.load(ROOT / "config" / "scenarios" / f"{name}.yaml")
-    config = resolve(params_file.scenario_parameters(document))
+    config = resolve(from_arguments.scenario_parameters(document))
     return scenario_file.resolve(document, config.model.radars), config
 
 
 @each
 def test_the_profile_has_the_parameters_of_the_scenario(name):
-    profile = params_file.load(ROOT / "config" / "marine.yaml")
+    profile = from_arguments.load(ROOT / "config" / "marine.yaml")
     _, config = resolved(name)
     given = ABOARD if name == "coastal_ship" else {}
     found = resolve({**profile, **given})

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from msg_adapters import ground_ranges
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.simulation.scenario import truth_after
-from phd_jdtc_ros.core.simulation.transponder import Transponders
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.simulation.scenario import truth_after
+from phd_jdtc_ros.simulation.transponder import Transponders
 from phd_jdtc_ros.study import hours
 from phd_jdtc_ros.study.hour_goals import AS_IS, NO_IDENTITIES, TUNED, Tracked, goals_of
 from phd_jdtc_ros.study.hours import FOUND_M, Hour, Reader, Scores

@@ -11,14 +11,13 @@ import pytest
 from msg_adapters import interfaces, names, truth
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.evaluation.identity import IdentitySwitches
-from phd_jdtc_ros.core.evaluation.surveillance import LabelledPoints
-from phd_jdtc_ros.core.pipeline import new_pipeline
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.evaluation.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.scores import VALUES
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
-from phd_jdtc_ros.tools import tracker_params
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 ROOT = Path(__file__).parents[2]

@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.core.simulation.sweep import simulate_reports
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Truth
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.parameter_files import yaml_files
+from phd_jdtc_ros.parameter_files.from_arguments import scenario_parameters
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study.madap import FIGURES, SETTLING_S, errors_of, figures_of, goals_of
-from phd_jdtc_ros.tools.params_file import scenario_parameters
 
 ROOT = Path(__file__).parents[2]
 NM, KT = 1852.0, 1852.0 / 3600.0

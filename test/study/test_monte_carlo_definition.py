@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.definition import merged
 from phd_jdtc_ros.study.monte_carlo.kinds import KINDS

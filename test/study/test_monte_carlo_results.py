@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.metric_table import OF_ALL
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.core.types import FILTERED
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.metric_table import OF_ALL
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Mean, Result
 from phd_jdtc_ros.study.monte_carlo.definition import Variant

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.evaluation.metrics import assign
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study import peers
 from phd_jdtc_ros.study.peers import soup
 from phd_jdtc_ros.study.peers.conversion import detection, measurement_model

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.evaluation.metrics import ospa
-from phd_jdtc_ros.core.gaussian import kalman
-from phd_jdtc_ros.core.models.motion import ConstantVelocity, sample
-from phd_jdtc_ros.core.models.radar import wrap_angle
-from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.targets.motion import ConstantVelocity, sample
 from phd_jdtc_ros.core.types import Detections, Scan, Truth
+from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
 from phd_jdtc_ros.study.reference import (
     Filtered,
     Gaussian,

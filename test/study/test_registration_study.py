@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.core.biases import NO_BIAS
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS
 from phd_jdtc_ros.study import registration as study
 from phd_jdtc_ros.study.registration import BIASED, CORRECTED, RUNS, UNBIASED, Row
 from phd_jdtc_ros.tools import registration

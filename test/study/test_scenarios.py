@@ -10,16 +10,16 @@ import pytest
 
 from msg_adapters import names
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.evaluation.metrics import assign
-from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.core.simulation.scenario import truth_at
-from phd_jdtc_ros.core.simulation.simulate import simulate, simulate_with_sources
-from phd_jdtc_ros.tools.params_file import scenario_parameters
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.parameter_files import yaml_files
+from phd_jdtc_ros.parameter_files.from_arguments import scenario_parameters
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.scenario import truth_at
+from phd_jdtc_ros.simulation.simulate import simulate, simulate_with_sources
 
 ROOT = Path(__file__).parents[2]
 # Of the studies alone: they simulate these, and no bag of them is shipped.

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation.scenario import truth_after
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.simulation.scenario import truth_after
 from phd_jdtc_ros.study import seam
 from phd_jdtc_ros.study.seam import CORE, JOINT, ONE, scene
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.engines import ENGINES, new_engine
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
+from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.study.runs import simulated_run
 from phd_jdtc_ros.study.tracker import PARTS, Reading, track
 

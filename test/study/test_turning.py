@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 import yaml
 
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.engines import ENGINES
-from phd_jdtc_ros.core.evaluation.metrics import ospa
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.simulation.antenna import Antenna
-from phd_jdtc_ros.core.simulation.flight import Flight, Leg
-from phd_jdtc_ros.core.simulation.scenario import Scenario, truth_after
-from phd_jdtc_ros.core.simulation.sweep import simulate_reports
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import ENGINES
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.simulation.antenna import Antenna
+from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
+from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
 from phd_jdtc_ros.study.peers.plot_kalman import Settings, follow, plot_kalman

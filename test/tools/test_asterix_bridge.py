@@ -16,8 +16,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.core.types import SOURCES, Detections, Estimates
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.nodes.common import bag_parameters
-from phd_jdtc_ros.tools import tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 
 TOPIC = "/radar_1_2/detections"
 DAY_NS = 20_779 * 86_400 * 10**9

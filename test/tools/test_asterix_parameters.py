@@ -15,8 +15,7 @@ from phd_jdtc_ros.asterix import plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, SECONDARY, Plot
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.nodes.common import bag_parameters
-from phd_jdtc_ros.tools import tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 
 NS = 10**9
 GEOD = pyproj.Geod(ellps="WGS84")

@@ -11,10 +11,10 @@ from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
-from phd_jdtc_ros.tools import params_file, track_bag
+from phd_jdtc_ros.tools import track_bag
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "bags" / "autoferry_2"
@@ -87,7 +87,7 @@ def test_the_shipped_recording_has_the_profiles_parameters():
     path, shown = resources.profile("autoferry")
     assert resources.bag(shown).resolve() == SHIPPED
     beside = resolve(bag_parameters.read(SHIPPED)).values
-    assert beside == resolve(params_file.load(path)).values
+    assert beside == resolve(from_arguments.load(path)).values
 
 
 def test_figures_of_the_shipped_recording_need_no_dataset(tmp_path, capsys):

@@ -5,11 +5,11 @@
 
 import pytest
 
-from phd_jdtc_ros.core.configuration import scene
+from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.exit_status import FAILED
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.resources import bag
-from phd_jdtc_ros.tools import demo, demo_nodes, tracker_params
+from phd_jdtc_ros.tools import demo, demo_nodes
 
 
 @pytest.fixture

@@ -19,13 +19,14 @@ from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.api.parameters import RECOGNISED
 from phd_jdtc_ros.api.tables import table_of
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.simulation import scenario_file, sending
-from phd_jdtc_ros.core.simulation.sending import Sending
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.nodes.hand_over import settings as hand_over
-from phd_jdtc_ros.tools import params_file, recorded_plots
+from phd_jdtc_ros.parameter_files import from_arguments
+from phd_jdtc_ros.simulation import scenario_file, sending
+from phd_jdtc_ros.simulation.sending import Sending
+from phd_jdtc_ros.tools import recorded_plots
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -52,7 +53,7 @@ def test_every_example_is_a_parameter_file_that_resolves(tmp_path, name, text):
     path = tmp_path / "example.yaml"
     path.write_text(text)
 
-    assert resolve(params_file.load(path), SystemPlane).inputs
+    assert resolve(from_arguments.load(path), SystemPlane).inputs
 
 
 @pytest.mark.parametrize(("name", "text"), BRIDGES, ids=[name for name, _ in BRIDGES])
@@ -60,7 +61,7 @@ def test_every_example_of_the_bridge_is_a_parameter_file_that_resolves(tmp_path,
     path = tmp_path / "example.yaml"
     path.write_text(text)
 
-    assert settings.resolve(params_file.load(path, "asterix_bridge")).radars
+    assert settings.resolve(from_arguments.load(path, "asterix_bridge")).radars
 
 
 @pytest.mark.parametrize(("name", "text"), JOINED, ids=[name for name, _ in JOINED])
@@ -68,7 +69,7 @@ def test_every_example_of_the_hand_over_is_a_parameter_file_that_resolves(tmp_pa
     path = tmp_path / "example.yaml"
     path.write_text(text)
 
-    assert hand_over.resolve(params_file.load(path, "hand_over")).regions
+    assert hand_over.resolve(from_arguments.load(path, "hand_over")).regions
 
 
 @pytest.mark.parametrize(("name", "text"), SCENES, ids=[name for name, _ in SCENES])

@@ -12,12 +12,11 @@ import pytest
 from pyproj import Geod
 
 from msg_adapters import interfaces, names, truth
-from phd_jdtc_ros import yaml_files
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params, yaml_files
 from phd_jdtc_ros.report import load
-from phd_jdtc_ros.tools import simulate, track_bag, tracker_params
+from phd_jdtc_ros.tools import simulate, track_bag
 
 ROOT = Path(__file__).parents[2]
 SCENARIO = ROOT / "config" / "scenarios" / "two_approach_radars.yaml"

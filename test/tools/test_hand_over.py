@@ -10,9 +10,9 @@ from msg_adapters import estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 
 REGIONS = {"west": [-100e3, -100e3, 0.0, 100e3], "east": [0.0, -100e3, 100e3, 100e3]}
 MARGIN, SPEED, LAG = 10e3, 250.0, 3

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import CORRUPT, FAILED, OK, USAGE
 from phd_jdtc_ros.tools import launching
 

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from msg_adapters import interfaces, names, stamps, truth
-from phd_jdtc_ros import resources, yaml_files
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.parameter_files import yaml_files
 
 ROOT = Path(__file__).parents[2]
 LAYOUTS = {path.stem: json.loads(path.read_text()) for path in (ROOT / "foxglove").glob("*.json")}

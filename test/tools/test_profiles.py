@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from phd_jdtc_ros import yaml_files
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.simulation import scenario_file
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
-from phd_jdtc_ros.tools import params_file
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
 
 CONFIG = Path(__file__).parents[2] / "config"
 
@@ -33,7 +32,7 @@ CONFIG = Path(__file__).parents[2] / "config"
     ],
 )
 def test_profile_runs_a_few_scans(profile, given):
-    config = resolve(params_file.load(CONFIG / f"{profile}.yaml") | given)
+    config = resolve(from_arguments.load(CONFIG / f"{profile}.yaml") | given)
     engine = new_engine(config)
     steps = [engine.step(s) for _, s in simulate(paper_scenario(config.model.radars), 0)[:8]]
 
@@ -45,10 +44,10 @@ def test_profile_runs_a_few_scans(profile, given):
 
 @pytest.mark.parametrize("engine", ["gaussian", "particles"])
 def test_automotive_tracks_its_bag_s_scenario(engine):
-    given = params_file.load(CONFIG / "automotive.yaml")
+    given = from_arguments.load(CONFIG / "automotive.yaml")
     document = yaml_files.load(CONFIG / "scenarios" / "automotive.yaml")
     config = resolve(given | {"engine": engine})
-    scene = resolve(params_file.scenario_parameters(document))
+    scene = resolve(from_arguments.scenario_parameters(document))
     # What the radar is, the profile and the scenario agree on.
     assert config.model.radars == scene.model.radars
     tracker = new_engine(config)
@@ -59,7 +58,7 @@ def test_automotive_tracks_its_bag_s_scenario(engine):
 
 
 def test_paper_literal_has_what_the_paper_prints():
-    values = resolve(params_file.load(CONFIG / "paper_literal.yaml")).values
+    values = resolve(from_arguments.load(CONFIG / "paper_literal.yaml")).values
 
     assert values["corrector"] == "poisson"
     assert values["death_term"] == "paper"
@@ -71,7 +70,7 @@ def test_paper_literal_has_what_the_paper_prints():
 
 def test_phd_differs_from_the_paper_s_scenario_by_its_corrector_alone():
     phd, paper = (
-        resolve(params_file.load(CONFIG / f"{name}.yaml")).values
+        resolve(from_arguments.load(CONFIG / f"{name}.yaml")).values
         for name in ("phd", "paper_scenario")
     )
 
@@ -79,7 +78,7 @@ def test_phd_differs_from_the_paper_s_scenario_by_its_corrector_alone():
 
 
 def test_paper_scenario_has_the_motion_of_the_paper():
-    values = resolve(params_file.load(CONFIG / "paper_scenario.yaml")).values
+    values = resolve(from_arguments.load(CONFIG / "paper_scenario.yaml")).values
     default = resolve({}).values
 
     changed = {name for name in values if values[name] != default[name]}
@@ -95,7 +94,7 @@ def test_paper_scenario_has_the_motion_of_the_paper():
 
 
 def test_paper_literal_says_what_the_other_engine_lacks():
-    given = params_file.load(CONFIG / "paper_literal.yaml")
+    given = from_arguments.load(CONFIG / "paper_literal.yaml")
     with pytest.raises(ConfigError) as caught:
         resolve({**given, "engine": "gaussian"})
     assert [fault.partition(":")[0] for fault in caught.value.faults] == [
@@ -106,7 +105,7 @@ def test_paper_literal_says_what_the_other_engine_lacks():
 
 
 def test_surveillance_knows_no_birth_places():
-    config = resolve(params_file.load(CONFIG / "surveillance.yaml"))
+    config = resolve(from_arguments.load(CONFIG / "surveillance.yaml"))
 
     assert config.model.births == ()
     assert config.model.detection_births.enabled

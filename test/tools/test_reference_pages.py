@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import rclpy
 
-from phd_jdtc_ros.core.evaluation.metric_table import METRICS
+from phd_jdtc_ros.evaluation.metric_table import METRICS
 from phd_jdtc_ros.nodes.asterix.node import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
 from phd_jdtc_ros.nodes.hand_over.node import HandOver

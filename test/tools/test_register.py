@@ -12,7 +12,7 @@ import yaml
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.tools import params_file, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 
 def register(*arguments):
@@ -46,7 +46,7 @@ def changed(bag, tmp_path):
     """Return a function that writes the bag's parameters with changes."""
 
     def write(**changes):
-        given = {**params_file.load(bag / "parameters.yaml"), **changes}
+        given = {**from_arguments.load(bag / "parameters.yaml"), **changes}
         left_out = {"west", "east", "south"}.difference(given["radars"])
         given = {k: v for k, v in given.items() if k.partition(".")[0] not in left_out}
         file = tmp_path / "changed.yaml"
@@ -57,8 +57,8 @@ def changed(bag, tmp_path):
 
 
 def test_register_writes_a_file_with_which_the_tracker_removes_the_errors(bag, registered):
-    before = tracker_params.config(params_file.load(bag / "parameters.yaml"))
-    after = tracker_params.config(params_file.load(registered))
+    before = tracker_params.config(from_arguments.load(bag / "parameters.yaml"))
+    after = tracker_params.config(from_arguments.load(registered))
     found = {name for name, value in after.values.items() if before.values[name] != value}
     kinds = ("range_bias", "range_gain", "azimuth_bias_deg", "time_offset_s")
     assert found <= {f"{radar}.{kind}" for radar in ("west", "east", "south") for kind in kinds}
@@ -85,7 +85,7 @@ def test_register_draws_the_residuals_beside_its_file(registered):
 def test_register_finds_nothing_more_once_its_file_is_used(bag, registered, tmp_path, capsys):
     again = tmp_path / "again.yaml"
     assert register(bag, "--params", registered, "--out", again, "--reference", "west") == 0
-    first, second = (params_file.load(path) for path in (registered, again))
+    first, second = (from_arguments.load(path) for path in (registered, again))
     assert second["east.azimuth_bias_deg"] == pytest.approx(
         first["east.azimuth_bias_deg"], abs=0.005
     )
@@ -182,6 +182,6 @@ def test_register_refuses_what_targets_on_one_line_do_not_tell(tmp_path, capsys)
     assert "all on one line" in said
     assert "a time offset, a range gain, a range bias; west is taken to be right there" in said
     # Nothing is written of them.
-    written = params_file.load(out)
+    written = from_arguments.load(out)
     assert "east.azimuth_bias_deg" in written
     assert not {"east.range_gain", "east.time_offset_s", "west.range_bias"} & written.keys()

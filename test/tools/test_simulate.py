@@ -9,7 +9,7 @@ import pytest
 from msg_adapters import detections, estimates, interfaces, names, stamps, truth
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.configuration.build import resolve
+from phd_jdtc_ros.configuration.build import resolve
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "bags" / "paper_scenario"

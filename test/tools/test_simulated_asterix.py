@@ -13,10 +13,10 @@ import pytest
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix import blocks, pcap
 from phd_jdtc_ros.asterix.messages import NONE, NORTH, SECTOR, Plot
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.simulation import sending
-from phd_jdtc_ros.core.simulation.sweep import answered_plots, plot_times
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import UNKNOWN
+from phd_jdtc_ros.simulation import sending
+from phd_jdtc_ros.simulation.turning_antenna import answered_plots, plot_times
 from phd_jdtc_ros.tools import hours, simulate, simulated_asterix
 
 MINUTES = {"approach_hour": 25.0, "en_route_hour": 4.0}

@@ -14,8 +14,8 @@ from mcap.writer import CompressionType, Writer
 from msg_adapters import detections, estimates, interfaces, names, stamps
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.nodes.common import bag_parameters
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import bag_parameters
 from phd_jdtc_ros.report import load
 
 ROOT = Path(__file__).parents[2]

@@ -13,7 +13,8 @@ from msg_adapters import interfaces, names, point_cloud, recognised
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.tools import params_file, recorded_plots, tracker_params
+from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
+from phd_jdtc_ros.tools import recorded_plots
 
 BAGS = Path(__file__).parents[2] / "bags"
 SHIPPED = BAGS / "one_radar"
@@ -39,7 +40,7 @@ def test_tune_proposes_what_was_simulated_in_a_file_that_the_tracker_takes(tmp_p
     assert f"{out}: written; the tracker takes it as its --params-file" in said.out
     assert "range_std" in said.out
     assert said.err == ""
-    config = tracker_params.config(params_file.load(out))
+    config = tracker_params.config(from_arguments.load(out))
     (radar,) = config.model.radars
     assert radar.range_std == pytest.approx(300.0, rel=0.2)
     assert config.values["radar_1.azimuth_std_deg"] == pytest.approx(1.0, rel=0.2)
@@ -60,7 +61,7 @@ def test_tune_recognises_a_radar_by_its_fields(unknown, tmp_path, capsys):
     # The default too, or a mirrored world would not show where it is from.
     (convention,) = [line for line in text.splitlines() if "azimuth_convention:" in line]
     assert convention.split(maxsplit=2)[1:] == ["enu_ccw", "# check it; compass_cw if north is 0"]
-    config = tracker_params.config(params_file.load(out))
+    config = tracker_params.config(from_arguments.load(out))
     (radar,), (layout,) = config.model.radars, config.inputs
     assert (layout.topic, layout.frame) == ("/radar_1/detections", "radar_1")
     assert (layout.range_field, layout.azimuth_field) == ("range", "azimuth")
@@ -100,7 +101,7 @@ def test_tune_uses_what_is_intact_of_a_damaged_bag_and_says_so(tmp_path, capsys)
     said = capsys.readouterr()
     assert "damaged" in said.err
     assert len(said.err.splitlines()) == 1
-    radar = tracker_params.config(params_file.load(out)).model.radars[0]
+    radar = tracker_params.config(from_arguments.load(out)).model.radars[0]
     assert radar.range_std == pytest.approx(300.0, rel=0.3)
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The loops of `exact_marginals`, compiled by numba; see `core.compiled`.
+"""The loops of `exact_marginals`, compiled by numba; see `core.numba_loops`.
 
 They add the same numbers in the same order as those of NumPy, and so return the same bits.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..compiled import compiled, read, types
+from ..numba_loops import compiled, read, types
 
 _INTS, _FLOATS = read(types.int64, 1), read(types.float64, 1)
 _WEIGHT, _STATES = types.float64[:, :, :, ::1], types.float64[:, ::1]

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
-from ..sited_plots import HeightReading
+from ..sensors.slant_range import HeightReading
 from ..types import UNKNOWN, Attributes, Detections, Estimates
 from . import height, identity, readings, uniqueness, updates
 from .height import BoolArray, HeightModel, Heights

@@ -17,7 +17,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..sited_plots import HeightReading
+from ..sensors.slant_range import HeightReading
 from ..types import Detections
 from .height import HeightModel, Heights, compared
 

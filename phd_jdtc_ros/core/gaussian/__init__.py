@@ -12,18 +12,19 @@ The path of one scan, with the module of each step::
       |    mix motion modes, keep gains        moments, kalman
       |  update, radar by radar              update
       |    gate                                gating, amplitude
-      |    iterated Kalman update              located, kalman, range_rate
+      |    iterated Kalman update              iterated_update, kalman
       |    associate                           pairs, core.association
       |    keep the probable hypotheses        reduction
       |    give birth at detections            newborn
       |  merge similar hypotheses            reduction
     stored mixture t+1                       (filter: the steps in order)
       |  link to mixture t, cached           smoother: moves and ancestry
-      |  backward over the lag window        smoother, generations
+      |  backward over the lag window        smoother, window_graph
     smoothed mixtures
       |  extract targets                     extraction
     Estimates                                engine
 
-`filter` and `engine` hold what is of Gaussians; the window and all else are of `core.forward` and
-`core.fixed_lag`. `snapshot` stores mixtures and links as arrays, and restores them.
+`filter` and `engine` hold what is of Gaussians; everything else of a fixed-lag filter is in
+`core.window`. `snapshot` stores mixtures and links as arrays, and restores them. `algebra` has the
+operations on Gaussians, `measurement` what the update does with one radar's detections.
 """

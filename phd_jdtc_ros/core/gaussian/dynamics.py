@@ -17,8 +17,8 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..models.amplitude_model import SnrCells
-from ..models.motion import MotionModel
 from ..models.tracker_model import TrackerModel
+from ..targets.motion import MotionModel
 
 
 @dataclass(frozen=True)

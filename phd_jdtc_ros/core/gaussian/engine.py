@@ -9,17 +9,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..arrays import IntArray
-from ..fixed_lag import FixedLagEngine, Part
-from ..forward import Filtered
 from ..snapshot import Snapshot
 from ..types import Estimates
+from ..window.fixed_lag import FixedLagEngine, Part
+from ..window.forward_filter import Filtered
 from . import snapshot
 from .extraction import extracted, extracted_from
 from .filter import GaussianFilter
-from .generations import Link
 from .mixture import Mixture
 from .smoother import backward_pass
 from .snapshot import GaussianEntry
+from .window_graph import Link
 
 
 @dataclass

@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..arrays import IntArray, sum_by
-from ..fixed_lag import Part
 from ..types import Estimates
-from . import kalman
+from ..window.fixed_lag import Part
+from .algebra import kalman
 from .dynamics import Dynamics
 from .mixture import Mixture
 

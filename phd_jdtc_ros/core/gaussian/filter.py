@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ..forward import Filtered, ForwardFilter
-from ..touch import parted
 from ..types import Scan
-from ..window import Entry
+from ..window.entries import Entry
+from ..window.forward_filter import Filtered, ForwardFilter
+from ..window.swept import parted
 from .dynamics import Dynamics
-from .generations import Link
 from .mixture import Mixture
 from .prediction import Aged, born, spawned, survivors
 from .reduction import Bounds, reduced
 from .update import update_scan
+from .window_graph import Link
 
 
 @dataclass

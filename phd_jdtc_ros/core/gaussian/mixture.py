@@ -12,8 +12,8 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray, factorize, read_only, sum_by
 from ..state_space import StateSpace
-from ..window import Extents
-from .moments import merged
+from ..window.entries import Extents
+from .algebra.moments import merged
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Mixture:
     Parameters
     ----------
     origin : int array of shape (H,)
-        The target of each hypothesis; see `origins`.
+        The target of each hypothesis; see `labels`.
     weight : array of shape (H, R, S)
         Every class has equally many cells, in the order of the classes.
     mean : array of shape (H, R, D)

@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import origins
 from ..arrays import FloatArray, IntArray, sum_by
+from ..tracks import labels
+from .algebra.kalman import Backward, backward, predicted_covariance
+from .algebra.moments import matched
 from .dynamics import Dynamics
-from .kalman import Backward, backward, predicted_covariance
 from .mixture import Mixture
-from .moments import matched
 
 
 class Aged(NamedTuple):
@@ -184,7 +184,7 @@ def born(births: Sequence[tuple[int, float]], dynamics: Dynamics, scan_index: in
     scan_index : int
     """
     model, supported = dynamics.model, dynamics.supported
-    first = origins.first_predicted(scan_index)
+    first = labels.first_predicted(scan_index)
     terms = [model.births[index] for index, _ in births]
     count, (modes, size) = len(terms), supported.shape
     if not terms:
@@ -218,7 +218,7 @@ def spawned(earlier: Sequence[Aged], dynamics: Dynamics, scan_index: int, least:
     The parent's hypotheses are matched by one Gaussian, which each motion mode moves.
     """
     model = dynamics.model
-    label = origins.first_predicted(scan_index) + len(model.births)
+    label = labels.first_predicted(scan_index) + len(model.births)
     parts = [Mixture.empty(len(dynamics.motions), len(dynamics.cells), len(model.modes.space))]
     for mixture, dt in earlier:
         rate = min(model.spawn.rate * dt / model.modes.interval_s, 1.0)

@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import backend
 from ..arrays import FloatArray, IntArray
-from . import kalman, moments
+from .algebra import kalman, moments
 from .mixture import Mixture
 
 # Of the most hypotheses: those of one mode each may have so many. The others are for the detections

@@ -12,11 +12,11 @@ import numpy as np
 
 from .. import backend
 from ..arrays import FloatArray, IntArray, run_starts, sum_by
-from ..window import Entry
-from . import moments
-from .generations import Link, generations, is_chain
+from ..window.entries import Entry
+from .algebra import moments
 from .mixture import Mixture
 from .prediction import Moves
+from .window_graph import Link, generations, is_chain
 
 # Log of the least fit of a pair of modes beside the best one, so that none is excluded for ever.
 LEAST_LOG_FIT = -50.0

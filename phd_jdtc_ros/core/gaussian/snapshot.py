@@ -9,14 +9,20 @@ from collections.abc import Mapping
 
 from ..arrays import FloatArray
 from ..snapshot import MOST_INDEX, Snapshot, require_covariances, require_numbers, require_whole
-from ..window import Entry
-from ..window_snapshot import MASS_SLACK, MOST_STATE, put_sources, require_rows_of, take_sources
+from ..window.entries import Entry
+from ..window.window_snapshot import (
+    MASS_SLACK,
+    MOST_STATE,
+    put_sources,
+    require_rows_of,
+    take_sources,
+)
+from .algebra.kalman import Backward
 from .dynamics import Dynamics
-from .generations import Link
-from .kalman import Backward
 from .mixture import Mixture
 from .prediction import Moves
 from .reduction import Ancestry
+from .window_graph import Link
 
 GaussianEntry = Entry[Mixture, Link]
 # Of a backward step: metres per radian per second are the largest of its units.

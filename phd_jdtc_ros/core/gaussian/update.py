@@ -9,27 +9,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .. import origins
 from ..arrays import FloatArray, IntArray, sum_by
 from ..association.bernoulli import Claims, bernoulli, undetected
 from ..attributes.memory import AttributeMemory, AttributesAt, Evidence
 from ..attributes.readings import Paired, plain
-from ..models.clutter_memory import ClutterMemory
+from ..models.clutter_learning import ClutterMemory
+from ..models.competing_sources import OtherSources, other_sources
 from ..models.detection_birth import Newborn
-from ..models.other_sources import OtherSources, other_sources
-from ..models.overload import thinned
-from ..models.radar import RadarModel
+from ..models.detection_limit import thinned
 from ..models.tracker_model import TrackerModel
+from ..sensors.polar_radar import RadarModel
+from ..tracks import labels
 from ..types import Detections, Scan
-from .amplitude import detection_probability, log_amplitude
 from .dynamics import Dynamics
-from .gating import Expected, gated
-from .located import Located, located, rough_rates
+from .measurement.amplitude import detection_probability, log_amplitude, slow
+from .measurement.gating import Expected, gated
+from .measurement.iterated_update import Located, located, rough_rates
+from .measurement.newborn import newborn_mixture
+from .measurement.pairs import likely, summed, weighed
 from .mixture import Mixture
-from .newborn import newborn_mixture
-from .pairs import likely, summed, weighed
 from .reduction import Bounds, Branched, probable
-from .stillness import slow
 from .strays import with_strays
 
 
@@ -252,7 +251,7 @@ def update_scan(
     approximate : int
         Number of clusters of targets too large for exact association probabilities.
     """
-    origin, approximate = origins.first_detected(scan_index), 0
+    origin, approximate = labels.first_detected(scan_index), 0
     row = np.arange(len(predicted))
     branched = Branched(predicted, np.where(row < survivors, row, -1))
     newborns: list[Newborn] = []

@@ -22,10 +22,10 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..sensors.polar_radar import RadarModel
+from ..targets.amplitude_density import SMALLEST_AMPLITUDE
+from ..targets.modes import ModeSpace
 from ..types import Detections
-from .amplitude_density import SMALLEST_AMPLITUDE
-from .modes import ModeSpace
-from .radar import RadarModel
 
 # Of a class's band; a cell of a band of 20 dB is 1.8 dB wide.
 CELLS = 11

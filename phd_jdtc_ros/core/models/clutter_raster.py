@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import FloatArray, read_only
-from .clutter_map import ClutterMap
-from .radar import RadarModel
+from ..clutter.map import ClutterMap
+from ..sensors.polar_radar import RadarModel
 
 # Cells along the longer side at most, their least size in metres, and what is left about them.
 MOST, LEAST_CELL, MARGIN = 256, 5.0, 0.05

@@ -20,12 +20,12 @@ import numpy as np
 from scipy.special import ndtri
 
 from ..arrays import FloatArray, IntArray, read_only, sum_by
+from ..sensors.polar_radar import LEAST_RANGE, RadarModel, Rates
+from ..targets.birth import shifted
+from ..targets.modes import ModeSpace
+from ..targets.sobol import sobol_points
 from ..types import Detections
-from . import rest
-from .birth import shifted
-from .modes import ModeSpace
-from .radar import LEAST_RANGE, RadarModel, Rates
-from .sobol import sobol_points
+from . import stationary
 
 # The newborn intensity is taken as zero beyond this many standard deviations of velocity and turn
 # rate.
@@ -106,9 +106,9 @@ class DetectionBirthModel:
         """Return the probability of rest at even odds, from that of being slower than a bound.
 
         Without births at detections nobody knows what was likely at birth, and it is left as it is.
-        See `rest.at_even_odds`.
+        See `stationary.at_even_odds`.
         """
-        return rest.at_even_odds(slower, bound, self.velocity_std) if self.enabled else slower
+        return stationary.at_even_odds(slower, bound, self.velocity_std) if self.enabled else slower
 
     def log_range_rate(self, toward: FloatArray, measured: Rates, radar: RadarModel) -> FloatArray:
         """Return the log density of range rates of targets of unknown velocity, shape (M,).
@@ -137,7 +137,7 @@ class Newborn:
     mass : array of shape (J, C)
         Probability that each detection is a new target of each class.
     share : float
-        Of the radar's detections that were looked at; see `overload.thinned`.
+        Of the radar's detections that were looked at; see `detection_limit.thinned`.
     """
 
     radar: RadarModel

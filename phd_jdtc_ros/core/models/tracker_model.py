@@ -8,14 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..attributes.memory import AttributeModel
+from ..sensors.polar_radar import RadarModel
+from ..targets.birth import BirthTerm
+from ..targets.modes import ModeSpace
+from ..targets.spawn import SpawnModel
 from ..types import Detections, Scan
 from .amplitude_model import AmplitudeModel
-from .birth import BirthTerm
 from .detection_birth import DetectionBirthModel
-from .merging import merged
-from .modes import ModeSpace
-from .radar import RadarModel
-from .spawn import SpawnModel
+from .detection_clusters import merged
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,14 @@
 # SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The inner loops of the searches, compiled by numba; see `core.compiled`."""
+"""The inner loops of the searches, compiled by numba; see `core.numba_loops`."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..compiled import compiled, read, types
+from ..numba_loops import compiled, read, types
 from .gating import CellLists
 
 _FLOATS, _ROWS = types.float64[::1], types.float64[:, ::1]

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
-from ..compiled import compiled, read, types
+from ..numba_loops import compiled, read, types
 from .rows import Points, Queries
 
 _FLOATS, _INTS, _NARROW = types.float64[::1], types.int64[::1], types.int32[::1]

@@ -10,10 +10,10 @@ the intensity of the targets.
 The path of one scan, with the module of each step::
 
     stored set t                             particle_set
-      |  predict: survive, spawn, be born    prediction; guidance, rated_guidance, places
+      |  predict: survive, spawn, be born    prediction; proposals
       |  update, radar by radar              update
       |    correct every origin              correction
-      |  resample within (class, origin)     resampling, budget; newborns, regularisation
+      |  resample within (class, origin)     resampling; proposals.regularisation
     stored set t+1                           (filter: the four steps in order)
       |  kernel from set t, cached           backward_kernel, transition_density,
       |                                      spawn_intensity, kernel_thinning
@@ -22,7 +22,8 @@ The path of one scan, with the module of each step::
       |  extract targets                     extraction
     Estimates                                engine
 
-`filter` and `engine` hold what is of particles; the window and all else are of `core.forward` and
-`core.fixed_lag`. `snapshot` stores particle sets and kernels as arrays, and restores them. The
+`filter` and `engine` hold what is of particles; everything else of a fixed-lag filter is in
+`core.window`. `snapshot` stores particle sets and kernels as arrays, and restores them.
+`proposals` says where particles are drawn, `kernel` has the transition density to later ones. The
 steps are those of Sec. IV-C; each module names the step that it implements and its deviations.
 """

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from ..fixed_lag import FixedLagEngine
-from ..forward import Filtered
 from ..snapshot import Snapshot
 from ..types import Estimates
+from ..window.fixed_lag import FixedLagEngine
+from ..window.forward_filter import Filtered
 from . import snapshot
-from .backward_kernel import ParticleEntry, Transition
 from .extraction import Extraction
 from .filter import ParticleFilter
+from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 from .smoother import DeathTerm, backward_pass
 

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, factorize, sum_by
-from ..models.modes import ModeSpace
+from ..targets.modes import ModeSpace
 from ..types import Estimates
 from . import resampling
 from .particle_set import ParticleSet

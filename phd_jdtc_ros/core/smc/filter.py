@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from ..forward import Filtered, ForwardFilter
 from ..snapshot import Snapshot
-from ..touch import parted
 from ..types import Scan
-from ..window import Current, Entry
-from . import backward_kernel, newborns, regularisation
-from .backward_kernel import ParticleEntry, Transition
-from .budget import ParticleBudget
+from ..window.entries import Current, Entry
+from ..window.forward_filter import Filtered, ForwardFilter
+from ..window.swept import parted
 from .correction import Corrector
-from .initiation import informed
+from .kernel import backward_kernel
+from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import Aged, ParticleSet
-from .places import places
 from .prediction import predict
-from .resampling import resample
+from .proposals import birth_newborns, regularisation
+from .proposals.detected_newborns import informed
+from .proposals.detections_in_plane import places
+from .resampling import ParticleBudget, resample
 from .update import update_scan
 
 # Second word of the seed, so that the filter's stream is independent of all others. With a shared
@@ -59,7 +59,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
     def step(self, scan: Scan, linked: bool) -> Filtered[ParticleSet, Transition]:
         """Predict, update with every radar and resample; if `linked`, build the backward kernel.
 
-        Newborn targets of the earlier sets may be drawn again, see `initiation`.
+        Newborn targets of the earlier sets may be drawn again, see `detected_newborns`.
 
         Notes
         -----
@@ -94,7 +94,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         young_from = index if corrector.labelled and not regularises else None
         drawn_on = resample(updated, model.modes, budget, rng, young_from)
         if corrector.labelled:
-            drawn_on = newborns.spread(drawn_on, scan, model, index, rng)
+            drawn_on = birth_newborns.spread(drawn_on, scan, model, index, rng)
         stored = drawn_on
         if regularises:
             stored = regularisation.regularised(drawn_on, radars, model.modes, index, rng)

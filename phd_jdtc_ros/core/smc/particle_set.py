@@ -14,7 +14,7 @@ from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, SparseArray, factorize, read_only, sum_by
 from ..state_space import StateSpace
-from ..window import Extents
+from ..window.entries import Extents
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class ParticleSet:
         Flat index into the mode space.
     origin : int array of shape (N,)
         The birth term and scan, the detection, or the parent and scan from which the particle
-        descends; see `origins`.
+        descends; see `labels`.
     parent : int array of shape (N,)
         Row in the previous scan's stored set from which it was predicted; -1 for a birth.
     multiplicity : int array of shape (N,)

@@ -11,16 +11,17 @@ from dataclasses import replace
 import numpy as np
 from scipy import sparse
 
-from .. import origins
 from ..arrays import FloatArray, IntArray, factorize, sum_by
-from ..models import birth
-from ..models.birth import BirthTerm
 from ..models.tracker_model import TrackerModel
-from . import rated_guidance, resampling
-from .budget import ParticleBudget
+from ..targets import birth
+from ..targets.birth import BirthTerm
+from ..tracks import labels
+from . import resampling
 from .correction import Corrector
 from .particle_set import Aged, ParticleSet
-from .places import Places
+from .proposals import range_rate_proposal
+from .proposals.detections_in_plane import Places
+from .resampling import ParticleBudget
 
 
 def predict(
@@ -62,7 +63,7 @@ def predict(
     Sec. IV-C, Step 1. Deviation: the survivor and birth steps, which are missing there, are added,
     and the spawn weight has the factors of the parent's weight, rate and mode.
     """
-    origin = origins.first_predicted(scan_index)
+    origin = labels.first_predicted(scan_index)
     spawned = origin + len(model.births)
     parts, first = [], 0
     for particles, dt in earlier:
@@ -142,7 +143,9 @@ def _survivors(
     for index, motion_model in enumerate(modes.motions):
         chosen = np.flatnonzero(mode == index)
         earlier = particles.state.take(copy.take(chosen), axis=0)
-        state[chosen], factor[chosen] = rated_guidance.sample(motion_model, earlier, dt, seen, rng)
+        state[chosen], factor[chosen] = range_rate_proposal.sample(
+            motion_model, earlier, dt, seen, rng
+        )
     origin = particles.origin[copy]
     if (factor != 1.0).any():
         weight = _of_equal_mass(weight * factor, weight, origin)

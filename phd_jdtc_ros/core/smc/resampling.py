@@ -13,12 +13,13 @@ more mass thus take no particles from a target that was just missed.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, factorize, run_starts, sum_by
-from ..models.modes import ModeSpace
-from ..origins import first_scan
-from .budget import ParticleBudget
+from ..targets.modes import ModeSpace
+from ..tracks.labels import first_scan
 from .correction import scale_rows
 from .particle_set import ParticleSet
 
@@ -198,3 +199,29 @@ def resample(
         label=particles.label,
         log_snr=particles.log_snr[row],
     )
+
+
+@dataclass(frozen=True)
+class ParticleBudget:
+    """The numbers of particles that represent the intensity.
+
+    Parameters
+    ----------
+    per_target : int
+        Copies to which a unit of mass is resampled.
+    least : int
+        Minimum number of copies of a (class, origin) group.
+    per_birth_term : int
+        Particles of each birth term per scan; a power of two.
+    most : int
+        Maximum number of copies in a stored set.
+    """
+
+    per_target: int
+    least: int
+    per_birth_term: int
+    most: int
+
+    def beside(self, held: int) -> ParticleBudget:
+        """Return the budget of a set that is held beside others of `held` copies together."""
+        return self if held == 0 else replace(self, most=max(self.most - held, self.least))

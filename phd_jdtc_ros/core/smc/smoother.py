@@ -13,8 +13,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ..arrays import FloatArray, sum_by
-from ..backward import Told, smoothed_sets
-from .backward_kernel import ParticleEntry, Transition
+from ..window.backward_pass import Told, smoothed_sets
+from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 
 

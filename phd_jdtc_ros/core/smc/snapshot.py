@@ -13,11 +13,17 @@ import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, SparseArray
-from ..models.modes import ModeSpace
 from ..snapshot import MOST_INDEX, Snapshot, require_numbers, require_whole
-from ..window import Entry, Source
-from ..window_snapshot import MASS_SLACK, MOST_STATE, put_sources, require_rows_of, take_sources
-from .backward_kernel import ParticleEntry, Transition
+from ..targets.modes import ModeSpace
+from ..window.entries import Entry, Source
+from ..window.window_snapshot import (
+    MASS_SLACK,
+    MOST_STATE,
+    put_sources,
+    require_rows_of,
+    take_sources,
+)
+from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 
 MOST_LOG_SNR = 100.0

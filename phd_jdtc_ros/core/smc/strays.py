@@ -14,11 +14,11 @@ from scipy import sparse
 from ..arrays import FloatArray, IntArray, factorize
 from ..attributes.uniqueness import Lost
 from ..models.manoeuvre import PROBABILITY, Manoeuvre, manoeuvre
-from ..models.radar import RadarModel
 from ..models.tracker_model import TrackerModel
+from ..sensors.polar_radar import RadarModel
 from ..types import Detections
 from .particle_set import ParticleSet
-from .places import Places, places_of
+from .proposals.detections_in_plane import Places, places_of
 
 
 def with_strays(

@@ -14,18 +14,18 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from .. import origins
 from ..arrays import FloatArray, IntArray, factorize, sum_by
 from ..association.bernoulli import Claims, undetected
 from ..attributes.memory import AttributeMemory, AttributesAt
 from ..attributes.readings import Paired, plain
 from ..models import detection_birth
-from ..models.clutter_memory import ClutterMemory
+from ..models.clutter_learning import ClutterMemory
+from ..models.competing_sources import other_sources
 from ..models.detection_birth import Newborn
-from ..models.other_sources import other_sources
-from ..models.overload import thinned
-from ..models.radar import RadarModel
+from ..models.detection_limit import thinned
 from ..models.tracker_model import TrackerModel
+from ..sensors.polar_radar import RadarModel
+from ..tracks import labels as origins
 from ..types import Detections, Scan
 from .correction import Corrector
 from .particle_set import ParticleSet

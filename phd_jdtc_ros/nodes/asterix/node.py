@@ -31,12 +31,12 @@ from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.udp import Receiver
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import faults_of
 
+from ...parameter_files.sections import ParameterFile
 from ..common import arguments, offers, overridable, parameters, runtime, transitions
 from ..common.health_reports import HealthReports
-from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.seen import Seen
 from ..common.throttled import ThrottledWarnings

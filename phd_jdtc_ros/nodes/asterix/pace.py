@@ -13,13 +13,13 @@ from typing import NamedTuple
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.asterix import framing
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix.framing import RecordingError
+from phd_jdtc_ros.asterix.datagram import RecordingError
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.types import Scan
 
 from . import clouds

@@ -17,11 +17,12 @@ from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.tracks_out import Source
-from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
-from phd_jdtc_ros.core.plot_turns import PlotTurns
+from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
+from phd_jdtc_ros.configuration.schema import ConfigError, Parameter
 from phd_jdtc_ros.earth import SystemPlane
 
-from ..common.parameters import check, with_members
+from ...configuration.schema import check
+from ..common.parameters import with_members
 from .tracks import TrackOutput
 
 # What each radar may have of its own; the same without a radar's name is for all.

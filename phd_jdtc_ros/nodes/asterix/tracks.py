@@ -19,7 +19,7 @@ from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix import tracks_out
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
-from phd_jdtc_ros.core.site import Plane
+from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED
 
 # Turns and climbs below these are none, rad/s and m/s (300 ft/min); and a turn is one only if it

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 
 from rclpy.utilities import remove_ros_args
 
-from phd_jdtc_ros import yaml_files
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import ArgumentParser, fail
+from phd_jdtc_ros.parameter_files import yaml_files
 
-from . import parameter_files
-from .parameter_files import ParameterFile
+from ...parameter_files import sections
+from ...parameter_files.sections import ParameterFile
 
 _EXAMPLES = "--ros-args -p NAME:=VALUE, --params-file FILE, -r FROM:=TO, -r __ns:=/NAME"
 # What rcl calls an argument that it cannot parse, and what the argument must be.
@@ -63,7 +63,7 @@ def split(name: str, argv: Sequence[str]) -> tuple[list[str], tuple[ParameterFil
     """
     try:
         # First, because rcl does not say what is wrong with a file.
-        files = parameter_files.given_in(argv)
+        files = sections.given_in(argv)
         return remove_ros_args([name, *argv])[1:], files
     except ConfigError as error:
         raise SystemExit(fail(name, error)) from error

@@ -8,7 +8,7 @@ from __future__ import annotations
 from rclpy.node import Node
 
 from msg_adapters import interfaces
-from phd_jdtc_ros.core.quoting import short
+from phd_jdtc_ros.quoting import short
 
 # At most so many topics are named.
 NAMED = 5

@@ -17,9 +17,10 @@ import rclpy
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter, unknown
+from phd_jdtc_ros.configuration.schema import ConfigError, Parameter
 
-from .parameter_files import ParameterFile
+from ...configuration.schema import check
+from ...parameter_files.sections import ParameterFile
 
 # Parameters that rclpy declares for itself.
 _OWN = ("use_sim_time", "start_type_description_service")
@@ -176,19 +177,6 @@ def with_members(
             full = f"{name}.{parameter.name}"
             own[full] = replace(parameter, name=full, default=default)
     return table | own
-
-
-def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """Return the values of a plain table's parameters, and every fault of the given ones."""
-    by_name = {parameter.name: parameter for parameter in table}
-    faults = unknown(found, by_name)
-    values = {}
-    for name, parameter in by_name.items():
-        value = found.get(name, parameter.default)
-        values[name] = parameter.coerce(value)
-        if values[name] is None:
-            faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
-    return values, faults
 
 
 def resolve(

@@ -9,9 +9,9 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.limits import LONGEST_INTERPOLATION_S
 from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.limits import LONGEST_INTERPOLATION_S
 
 from ..common.sequence_numbers import SequenceNumbers
 

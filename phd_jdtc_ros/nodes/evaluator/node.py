@@ -37,16 +37,16 @@ from msg_adapters import (
 )
 from msg_adapters.errors import RejectedMessageError, quoted
 from phd_jdtc_ros import output_files
-from phd_jdtc_ros.core.configuration.parameters import MOST_CLASSES
-from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet, ScanScore
+from phd_jdtc_ros.configuration.parameters import MOST_CLASSES
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.scan_scores import PointSet, ScanScore
 from phd_jdtc_ros.exit_status import FAILED, OK
 from phd_jdtc_ros.report.table import metrics, score_tables
 
+from ...parameter_files.sections import ParameterFile
 from ..common import arguments, overridable, parameters, runtime
-from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.tracker_parameters import TrackerParameters
 from .coverage import Coverage

@@ -20,7 +20,7 @@ from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 
-from ..common import bag_parameters
+from ...parameter_files import bag_parameters
 
 # Deep enough that a burst waits in the queue instead of being lost.
 INPUT_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)

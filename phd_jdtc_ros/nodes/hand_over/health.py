@@ -13,8 +13,8 @@ from statistics import median
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics, names
-from phd_jdtc_ros.core.joint_picture import LATEST_STAMPS
 from phd_jdtc_ros.core.types import FILTERED
+from phd_jdtc_ros.handover.picture import LATEST_STAMPS
 
 from ..common.seen import Seen
 

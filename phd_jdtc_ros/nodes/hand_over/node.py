@@ -18,14 +18,14 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import estimates, names
 from msg_adapters.errors import RejectedMessageError, quoted
-from phd_jdtc_ros.core import joinable
-from phd_jdtc_ros.core.gathering import Refused
-from phd_jdtc_ros.core.joint_picture import Joint, JointPicture
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
+from phd_jdtc_ros.handover import checks
+from phd_jdtc_ros.handover.picture import Joint, JointPicture
+from phd_jdtc_ros.handover.synchroniser import Refused
 
+from ...parameter_files.sections import ParameterFile
 from ..common import arguments, offers, overridable, parameters, runtime
 from ..common.health_reports import HealthReports
-from ..common.parameter_files import ParameterFile
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.seen import Seen
 from ..common.throttled import ThrottledWarnings
@@ -150,7 +150,7 @@ class HandOver(Node):
             raise RejectedMessageError(
                 "classes", f"{classes} classes, must be {self._classes} as in the first estimates"
             )
-        reason = joinable.why_not(found)
+        reason = checks.why_not(found)
         if reason is not None:
             raise RejectedMessageError(*reason)
         return found

@@ -25,8 +25,8 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 
+from ...parameter_files.sections import ParameterFile
 from ..common import arguments, parameters, runtime
-from ..common.parameter_files import ParameterFile
 from . import playable, replay_parameters, scene_check, seek_parameter
 from .bag_clock import BagClock
 from .lock_step import GIVE_UP_S, LockStep

@@ -19,8 +19,8 @@ from msg_adapters import interfaces, names
 from msg_adapters.readers import READERS
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.core.quoting import short
 from phd_jdtc_ros.core.types import FILTERED
+from phd_jdtc_ros.quoting import short
 
 # Transient local topics: what was recorded before the chosen part is published too.
 LATCHED = (names.STATIC_FRAMES,)

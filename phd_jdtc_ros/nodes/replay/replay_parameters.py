@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from msg_adapters import names
-from phd_jdtc_ros.core.configuration.schema import ConfigError, Parameter
+from phd_jdtc_ros.configuration.schema import ConfigError, Parameter
 from phd_jdtc_ros.exit_status import ArgumentParser
 
 _PURPOSE = (

@@ -11,12 +11,12 @@ from typing import Any
 from rclpy.node import Node
 
 from msg_adapters import names
-from phd_jdtc_ros.core.configuration import scene
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration import scene
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
 
-from ..common import bag_parameters
+from ...parameter_files import bag_parameters
 from ..common.tracker_parameters import TrackerParameters
 
 

@@ -17,7 +17,7 @@ from types import MappingProxyType
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics, doubts, names
-from phd_jdtc_ros.core.innovations import Fit
+from phd_jdtc_ros.calibration.innovations import Fit
 
 from ..common.sequence_numbers import SequenceNumbers
 

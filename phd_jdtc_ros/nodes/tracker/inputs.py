@@ -17,19 +17,19 @@ from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters import doubts, interfaces, platform_poses
 from msg_adapters.readers import Reader, reader_of
-from phd_jdtc_ros.core.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
-from phd_jdtc_ros.core.poses import PoseFault
 
+from ...configuration.tracker_node import Settings
 from ..common import overridable
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.throttled import ThrottledWarnings
 from . import endpoints
 from .endpoints import Listener
 from .health import InputHealth, Rhythm
-from .settings import Settings
 
 # Why poses are not used, in words.
 POSE_FAULTS = {

@@ -22,22 +22,23 @@ from rclpy.timer import Timer
 from msg_adapters import doubts, platform_poses
 from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.calibration.innovations import InnovationMonitor
+from phd_jdtc_ros.calibration.registration.monitor import Drift, RegistrationMonitor
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.innovations import InnovationMonitor
-from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped, new_pipeline
-from phd_jdtc_ros.core.poses import PoseFault
-from phd_jdtc_ros.core.registration.monitor import Drift, RegistrationMonitor
-from phd_jdtc_ros.core.scans import Rejection
+from phd_jdtc_ros.core.intake.poses import PoseFault
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
 from phd_jdtc_ros.core.types import SMOOTHED
 
+from ...configuration.tracker_node import Settings
 from . import registration_health
 from .checkpoint import Checkpoints
 from .health import WARNING_MEMORY_S, InputHealth, OutputHealth, Rhythm, StepHealth
 from .inputs import Inputs
 from .load import Load
 from .outputs import Outputs
-from .settings import Settings
 from .static_frames import StaticFrames
 
 

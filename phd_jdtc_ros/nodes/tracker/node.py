@@ -21,13 +21,14 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, names
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import USAGE, faults_of
 
+from ...configuration import tracker_node
+from ...parameter_files.sections import ParameterFile
 from ..common import arguments, parameters, runtime, transitions
-from ..common.parameter_files import ParameterFile
 from ..common.status_log import StatusLog
-from . import endpoints, manager_bond, settings
+from . import endpoints, manager_bond
 from .live import LiveTracker
 from .manager_bond import ManagerBond
 from .name_claim import NameClaim
@@ -56,7 +57,7 @@ class Tracker(LifecycleNode):
         self._claim = NameClaim(self, self._give_way)
         given = parameters.given(self, files)
         self._source = _source(given, parameters.sources(self, files))
-        self._settings = settings.resolve(given)
+        self._settings = tracker_node.resolve(given)
         # While the tracker is not configured, these may differ from the settings, and not fit.
         self._values = self._settings.values
         parameters.declare(self, self._settings.table, self._values, frozenset(self._values))
@@ -114,7 +115,7 @@ class Tracker(LifecycleNode):
         """Make the engine and all topics; if that fails, stay unconfigured."""
         self._fault = None
         try:
-            self._settings = settings.resolve(self._values)
+            self._settings = tracker_node.resolve(self._values)
             self._live = LiveTracker(self, self._settings)
         except Exception as error:  # the transition's response has no room for the reason
             self._fault = error
@@ -213,7 +214,7 @@ class Tracker(LifecycleNode):
         if self._live is None:
             return self._edit(others, changes)
         try:
-            changed = settings.changed(self._settings, changes)
+            changed = tracker_node.changed(self._settings, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
         # The checked values: whole numbers given for real parameters have become real numbers.
@@ -229,7 +230,7 @@ class Tracker(LifecycleNode):
     def _edit(self, others: list[rclpy.Parameter], changes: dict[str, Any]) -> SetParametersResult:
         """Change parameters for the next configure; the answer says what does not fit yet."""
         try:
-            table, values = settings.edited(self._values, changes)
+            table, values = tracker_node.edited(self._values, changes)
         except ConfigError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.faults))
         if others:
@@ -241,7 +242,7 @@ class Tracker(LifecycleNode):
         summary = ", ".join(f"{name} {values[name]}" for name in changes)
         self.get_logger().info(f"changed for the next configure: {summary}")
         try:
-            self._settings = settings.resolve(values)
+            self._settings = tracker_node.resolve(values)
         except ConfigError as error:
             reason = f"to be completed before the next configure: {'; '.join(error.faults)}"
             return SetParametersResult(successful=True, reason=reason)

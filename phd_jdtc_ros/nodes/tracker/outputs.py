@@ -37,13 +37,13 @@ from msg_adapters import (
     vision,
 )
 from msg_adapters.tracks import Waypoint
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.engine import Engine, Step
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Scan
 
+from ...configuration.tracker_node import Settings
 from . import endpoints
 from .health import OutputHealth
-from .settings import Settings
 
 # A path is continued if its track is estimated again after at most this many scans.
 UNSEEN_SCANS = 10

@@ -10,7 +10,7 @@ import math
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from msg_adapters import diagnostics, names
-from phd_jdtc_ros.core.registration.monitor import LEAST, Drift
+from phd_jdtc_ros.calibration.registration.monitor import LEAST, Drift
 
 ADVICE = "record a bag and run register"
 

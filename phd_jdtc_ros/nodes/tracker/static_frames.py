@@ -12,8 +12,8 @@ from rclpy.lifecycle import LifecycleNode
 from msg_adapters import frames, names
 from msg_adapters.frames import Mounting
 
+from ...configuration.tracker_node import Settings
 from . import endpoints
-from .settings import Settings
 
 
 class StaticFrames:

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 from ..record import Record
 from . import class_chart, time_charts

@@ -12,9 +12,9 @@ import numpy as np
 from plotly.graph_objects import Scatter
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.metrics import assign
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Truth
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.metrics import assign
 
 from ..clock import Clock
 from ..record import Record

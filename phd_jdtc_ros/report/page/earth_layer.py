@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.site import Plane
+from phd_jdtc_ros.core.sensors.site import Plane
 
 from ..lengths import MapScale
 from ..record import RadarSite

@@ -19,9 +19,9 @@ from msg_adapters.ellipse import RADIUS_95
 from msg_adapters.palette import class_colour
 from msg_adapters.vertical import FLIGHT_LEVEL
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.evaluation.true_tracks import TrueTracks
 from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from ..lengths import places_of
 from ..record import Plot, Record

@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-from phd_jdtc_ros.core.evaluation.metric_table import (
+from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
+from phd_jdtc_ros.evaluation.metric_table import (
     CLASS_ACCURACY,
     GOSPA,
     IDENTITY_SWITCHES,
@@ -21,7 +22,6 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     TERMS,
     Metric,
 )
-from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
 
 from ..lengths import metres_text
 from ..sets import Sets

@@ -13,10 +13,10 @@ import numpy as np
 from plotly.graph_objects import Figure, Scatter
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.core.evaluation.scan_scores import ALL
-from phd_jdtc_ros.core.evaluation.surveillance import BoolArray
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES, Truth
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.scan_scores import ALL
+from phd_jdtc_ros.evaluation.surveillance import BoolArray
 
 from ..clock import Clock
 from ..lengths import metres_text

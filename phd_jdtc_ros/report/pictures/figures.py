@@ -19,8 +19,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from phd_jdtc_ros import output_files
-from phd_jdtc_ros.core.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.core.types import SOURCES
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
 
 from ..record import Record
 from . import maps, timelines

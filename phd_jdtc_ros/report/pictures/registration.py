@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from phd_jdtc_ros.calibration.registration.result import Found, Registration
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.registration.result import Found, Registration
 
 from ..style import DPI, GREY, INK, WIDTH_IN, class_colour, plain_axes
 

@@ -11,7 +11,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from phd_jdtc_ros.core.evaluation.metric_table import NEES, OUTSIDE, Metric
+from phd_jdtc_ros.evaluation.metric_table import NEES, OUTSIDE, Metric
 
 from ..monte_carlo import ALL
 from ..monte_carlo.definition import METRICS

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from phd_jdtc_ros.core.configuration.parameters import GROUPS, TOP
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.evaluation.metric_table import (
+from phd_jdtc_ros.configuration.parameters import GROUPS, TOP
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.evaluation.metric_table import (
     CLASS_ACCURACY,
     FALSE_PER_SCAN,
     HEIGHT_RMS,
@@ -24,7 +24,7 @@ from phd_jdtc_ros.core.evaluation.metric_table import (
     mean,
     share,
 )
-from phd_jdtc_ros.core.simulation.scenario import Scenario
+from phd_jdtc_ros.simulation.scenario import Scenario
 
 from ..runs import TAXIING, Ignored
 from ..tracker import Reading

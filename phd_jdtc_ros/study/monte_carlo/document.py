@@ -10,13 +10,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from phd_jdtc_ros.core.configuration import build as tracker_config
-from phd_jdtc_ros.core.configuration.schema import SMALL, ConfigError, Parameter, flatten
-from phd_jdtc_ros.core.models.radar import RadarModel
-from phd_jdtc_ros.core.simulation.scenario import Scenario, paper_scenario
-from phd_jdtc_ros.core.simulation.transponder import transponders
+from phd_jdtc_ros.configuration import build as tracker_config
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter, flatten
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
+from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.simulation.transponder import transponders
 
 from ..runs import TAXIING, Ignored
 from ..tracker import Reading

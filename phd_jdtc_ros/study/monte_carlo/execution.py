@@ -15,7 +15,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import TypeAlias
 
-from phd_jdtc_ros.core.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.schema import ConfigError
 
 from .tasks import Outcome, Task, perform
 

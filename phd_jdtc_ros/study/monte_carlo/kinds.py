@@ -16,7 +16,7 @@ from importlib import import_module, metadata
 from pathlib import Path
 from typing import Any
 
-from phd_jdtc_ros.core.engines import ENGINES
+from phd_jdtc_ros.configuration.engines import ENGINES
 
 # This package's tracker on scans, by the name of its engine.
 TRACKERS = tuple(ENGINES)

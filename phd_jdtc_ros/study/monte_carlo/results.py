@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
+from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration import build as tracker_config
-from phd_jdtc_ros.core.evaluation.scan_scores import ALL
-from phd_jdtc_ros.core.evaluation.totals import ratio
+from phd_jdtc_ros.evaluation.scan_scores import ALL
+from phd_jdtc_ros.evaluation.totals import ratio
 
 from .definition import ORDER, Goal, Study, Variant, merged
 from .kinds import OURS

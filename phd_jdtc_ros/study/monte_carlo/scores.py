@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.evaluation.metric_table import COUNTED, PUBLISHED, values_of
-from phd_jdtc_ros.core.evaluation.metrics import assign, ospa
-from phd_jdtc_ros.core.evaluation.scan_scores import (
+from phd_jdtc_ros.evaluation.metric_table import COUNTED, PUBLISHED, values_of
+from phd_jdtc_ros.evaluation.metrics import assign, ospa
+from phd_jdtc_ros.evaluation.scan_scores import (
     ALL,
     Comparison,
     PairedScan,
@@ -23,8 +23,8 @@ from phd_jdtc_ros.core.evaluation.scan_scores import (
     ScanComparer,
     set_names,
 )
-from phd_jdtc_ros.core.evaluation.surveillance import confusion_matrix
-from phd_jdtc_ros.core.simulation.scenario import truth_after
+from phd_jdtc_ros.evaluation.surveillance import confusion_matrix
+from phd_jdtc_ros.simulation.scenario import truth_after
 
 from ..runs import SimulatedRun, Tracks
 from .definition import CUTOFF, ORDER, Variant

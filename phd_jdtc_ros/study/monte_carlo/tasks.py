@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import phd_jdtc_ros
-from phd_jdtc_ros.core.configuration import build as tracker_config
-from phd_jdtc_ros.core.simulation.scenario import Scenario
+from phd_jdtc_ros.configuration import build as tracker_config
+from phd_jdtc_ros.simulation.scenario import Scenario
 
 from ..runs import TAXIING, Ignored, SimulatedRun, Tracked, simulated_run
 from ..tracker import track

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.core.models.radar import RadarModel
-from phd_jdtc_ros.core.simulation.sweep import Report, simulate_reports
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 from ..runs import SimulatedRun, Tracked
 from ..turning import of_scored

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from ..runs import SimulatedRun, Tracks
 from .conversion import clutter_density

@@ -11,11 +11,11 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.models.motion import ConstantVelocity
-from phd_jdtc_ros.core.models.radar import RadarModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.targets.motion import ConstantVelocity
 
 from ..runs import SimulatedRun
 from .conversion import EPOCH, STATE, detection, measurement_model

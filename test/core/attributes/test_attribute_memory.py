@@ -11,9 +11,9 @@ import pytest
 from held import equal, stored_and_read
 from lone import lone, scan_at
 
-from phd_jdtc_ros.core.configuration.schema import ConfigError
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.models.merging import merged
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.models.detection_clusters import merged
 from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from lone import lone, scan_at
 
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.attributes import height
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
 from phd_jdtc_ros.core.attributes.history import History
-from phd_jdtc_ros.core.engines import new_engine
 
 # Next to no garbled heights, none that are given up, so that what is known stays Gaussian.
 MODEL = HeightModel(std=8.0, noise_density=0.5, climb_std=12.0, garbled=1e-12, kept_s=1e15)

@@ -11,11 +11,11 @@ import pytest
 import textbook
 from lone import MEAN, START_NS, STD, UNREDUCED, lone, mixture_of, scan_at
 
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.attributes import identity
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
 from phd_jdtc_ros.core.attributes.identity import Belief, IdentityModel
 from phd_jdtc_ros.core.attributes.memory import AttributeModel, Known, Records
-from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.types import UNKNOWN
 
 # Few codes, so that all can be summed over; code 0 is one that many share.

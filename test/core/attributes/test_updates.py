@@ -8,9 +8,9 @@ import pytest
 import tower
 from tower import PERIOD_S
 
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.attributes import updates
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.engines import new_engine
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, UNKNOWN, Detections, Scan
 
 NS = 10**9

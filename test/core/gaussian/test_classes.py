@@ -11,10 +11,10 @@ import textbook
 from lone import MEAN, STD, UNREDUCED, lone, path, scan_at, started
 from scenes import short_scenario, small
 
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.gaussian import kalman
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
-from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.simulation.simulate import simulate
 
 BANDS = {"weak": [5.0, 20.0], "strong": [20.0, 45.0]}
 TWINS = ("first", "twin")

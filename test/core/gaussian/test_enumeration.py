@@ -22,9 +22,10 @@ from lone import (
     started,
 )
 
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.gaussian import kalman, pairs
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.measurement import pairs
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import update

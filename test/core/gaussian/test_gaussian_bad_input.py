@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from lone import MEAN, START_NS, STD, TWO_MOTIONS, lone, path, scan_at, started
 
-from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.types import Detections, Scan
 

@@ -8,16 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core import backend
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.gaussian import gating, kalman, moments, reduction, smoother
+from phd_jdtc_ros.core.gaussian import reduction, smoother
+from phd_jdtc_ros.core.gaussian.algebra import kalman, moments
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.measurement import gating
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.prediction import Aged, survivors
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.types import Detections
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
 
 pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
 

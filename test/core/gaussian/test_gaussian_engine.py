@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scenes import short_scenario, small
 
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.simulation.simulate import simulate
 
 pytestmark = pytest.mark.usefixtures("backend")
 SCANS = [scan for _, scan in simulate(short_scenario(12), 5)]

@@ -6,10 +6,10 @@ import pytest
 from lone import MEAN, STD, TWO_MOTIONS, lone, mixture_of
 from scenes import small
 
-from phd_jdtc_ros.core import origins
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.extraction import extracted
 from phd_jdtc_ros.core.gaussian.prediction import Aged, born, spawned, survivors
+from phd_jdtc_ros.core.tracks import labels
 
 
 def dynamics_of(given=None):
@@ -33,7 +33,7 @@ def test_births_are_the_terms_in_every_mode_with_their_rates(amplitude):
     dynamics = dynamics_of({"amplitude": amplitude})
     model = dynamics.model
     found = born([(0, 6.0), (2, 12.0)], dynamics, 5)
-    first = origins.first_predicted(5)
+    first = labels.first_predicted(5)
     assert found.origin.tolist() == [first, first + 2]
     np.testing.assert_allclose(found.existence, [0.01, 0.02])
     np.testing.assert_allclose(
@@ -63,7 +63,7 @@ def test_spawned_targets_are_about_their_predicted_parents():
     found = spawned([Aged(parents, 6.0)], dynamics, 3, 1e-4)
     assert len(found) == 1  # of the second one, next to nothing could be spawned
     assert found.existence[0] == pytest.approx(0.9 * 0.02)
-    assert found.origin[0] == origins.first_predicted(3) + len(dynamics.model.births)
+    assert found.origin[0] == labels.first_predicted(3) + len(dynamics.model.births)
     np.testing.assert_allclose(found.mean[0, :, 0], MEAN[0] + 6.0 * MEAN[1], atol=1.0)
     std = np.sqrt(STD[0] ** 2 + (6.0 * STD[1]) ** 2 + dynamics.model.spawn.std[0] ** 2)
     assert np.sqrt(found.covariance[0, 0, 0, 0]) == pytest.approx(std, rel=1e-6)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from sweep import ROTATION_S, SECTORS, TARGETS, configuration, position_at, scans, seconds_of
 
-from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.configuration.engines import new_engine
 
 PERIOD = {"engine": "gaussian", "estimates_period_s": ROTATION_S, "lag": 3}
 

@@ -11,16 +11,17 @@ import pytest
 from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
 from scipy.stats import norm
 
-from phd_jdtc_ros.core import origins
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.association.marginals import LEAST_CLUTTER
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.gaussian import kalman, pairs
 from phd_jdtc_ros.core.gaussian import update as update_module
+from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.measurement import pairs
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
-from phd_jdtc_ros.core.models import overload
-from phd_jdtc_ros.core.models.other_sources import OtherSources
+from phd_jdtc_ros.core.models import detection_limit
+from phd_jdtc_ros.core.models.competing_sources import OtherSources
+from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 
 NOTHING = Detections(np.zeros((0, 2)), None)
@@ -62,7 +63,7 @@ def test_newborn_is_at_its_detection_with_the_radars_noise_and_a_broad_velocity(
     report = Detections(place, None, time_s=times, noise_std=own)
     branched = scan_update(config, report)
     found = branched.mixture
-    first = origins.first_detected(4)
+    first = labels.first_detected(4)
     np.testing.assert_array_equal(found.origin, [first, first + 1])
     np.testing.assert_array_equal(branched.parent, [-1, -1])
     usual = np.broadcast_to(radar.noise_std, (2, 2))
@@ -104,7 +105,7 @@ def test_newborns_of_a_radar_have_origins_after_those_of_the_radars_before():
     points = np.zeros((5, 5))
     points[:, [0, 2]] = [[5e3, 0], [0, 5e3], [-5e3, 0], [0, -5e3], [5e3, 5e3]]
     reports = [Detections(r.measure(points[p]), None) for r, p in ((one, [0, 1, 2]), (two, [3, 4]))]
-    first = origins.first_detected(4)
+    first = labels.first_detected(4)
     found = scan_update(config, *reports).mixture
     np.testing.assert_array_equal(np.sort(found.origin), first + np.arange(5))
 
@@ -328,7 +329,7 @@ def test_clutter_is_told_of_rest_at_even_odds_where_targets_are_born():
 
 
 def test_detections_that_were_left_out_are_noted_with_the_newborn(monkeypatch):
-    monkeypatch.setattr(overload, "MOST_DETECTIONS", 2)
+    monkeypatch.setattr(detection_limit, "MOST_DETECTIONS", 2)
     config = lone({**BIRTHS})
     mixture = mixture_of(Dynamics(config.model), [(0.5, MEAN, STD)])
     report = Detections(np.array([[5e3, 0.1 * k] for k in range(8)]), None)

@@ -10,10 +10,11 @@ import pytest
 from lone import MEAN, STD, TWO_MOTIONS, UNREDUCED, lone, mixture_of
 from matchings import posterior
 
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.gaussian import kalman, pairs
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.gaussian import update as update_module
+from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.measurement import pairs
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.types import Detections

@@ -10,7 +10,7 @@ import pytest
 import textbook
 from lone import MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 
-from phd_jdtc_ros.core.gaussian import kalman
+from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.types import Detections, Scan
 
 pytestmark = pytest.mark.usefixtures("backend")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from lone import scan_at
 
-from phd_jdtc_ros.core.configuration import build
-from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.configuration import build
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.smc import extraction
 
 REPEATS = 5

@@ -11,7 +11,7 @@ import pytest
 import textbook
 from lone import GIVEN, MEAN, STD, TWO_MOTIONS, lone, path, scan_at, started
 
-from phd_jdtc_ros.core.gaussian import kalman
+from phd_jdtc_ros.core.gaussian.algebra import kalman
 
 pytestmark = pytest.mark.usefixtures("backend")
 

@@ -11,15 +11,15 @@ import pytest
 from lone import MEAN, STD, UNREDUCED, lone, mixture_of
 from matchings import posterior
 
-from phd_jdtc_ros.core import origins
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.association import batches
 from phd_jdtc_ros.core.attributes.readings import plain
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.gaussian import kalman, range_rate
+from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
 from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.reduction import Branched
 from phd_jdtc_ros.core.gaussian.update import update, update_scan
+from phd_jdtc_ros.core.tracks import labels
 from phd_jdtc_ros.core.types import Detections, Scan
 
 DETECTION = 0.8
@@ -297,7 +297,7 @@ def test_scan_tells_what_is_known_its_stamp_and_the_newborn_of_each_radar():
         for radar, own in zip(config.model.radars, (slice(2), slice(2, 3)), strict=True)
     )
     known = Register(np.ones((0, 3)), np.ones(2))
-    first = origins.first_detected(4)
+    first = labels.first_detected(4)
     known.evidence = lambda *_: None
     branched, _ = scan_update(config, nothing, 0, reports, attributes=known)
     assert known.stamps == [STAMP_NS]

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scenes import small
 
-from phd_jdtc_ros.core.models.clutter_grid import GroundGrid, PolarGrid
-from phd_jdtc_ros.core.models.clutter_map import ClutterMap
+from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid
+from phd_jdtc_ros.core.clutter.map import ClutterMap
 from phd_jdtc_ros.core.models.clutter_raster import MOST, raster
 from phd_jdtc_ros.core.types import Pose
 

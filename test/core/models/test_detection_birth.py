@@ -8,16 +8,16 @@ import pytest
 from scenes import small
 from scipy.stats import norm
 
-from phd_jdtc_ros.core.configuration.build import resolve
-from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.models import detection_birth
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel, Newborn
-from phd_jdtc_ros.core.simulation.scenario import paper_scenario
-from phd_jdtc_ros.core.simulation.simulate import simulate
 from phd_jdtc_ros.core.smc.correction import BERNOULLI, CORRECTORS
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.update import update, update_scan
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
 
 MODEL = small().model
 MODES, RADAR = MODEL.modes, MODEL.radars[1]

@@ -8,9 +8,9 @@ import pytest
 from scenes import intensity, predict, scattered, small
 from scipy import sparse
 
-from phd_jdtc_ros.core.engines import particle_filter
-from phd_jdtc_ros.core.origins import ORIGINS_PER_SCAN
+from phd_jdtc_ros.configuration.engines import particle_filter
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
+from phd_jdtc_ros.core.tracks.labels import ORIGINS_PER_SCAN
 
 CONFIG = small({"corrector": "poisson"})
 FILTER = particle_filter(CONFIG)

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import intensity, small
 
-from phd_jdtc_ros.core.origins import ORIGINS_PER_SCAN
 from phd_jdtc_ros.core.smc import resampling
-from phd_jdtc_ros.core.smc.budget import ParticleBudget
+from phd_jdtc_ros.core.smc.resampling import ParticleBudget
+from phd_jdtc_ros.core.tracks.labels import ORIGINS_PER_SCAN
 
 
 @st.composite

@@ -19,7 +19,7 @@ from sweep import (
     seconds_of,
 )
 
-from phd_jdtc_ros.core.engines import new_engine
+from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.types import Coverage, Detections, Scan
 
 PERIOD = {"estimates_period_s": ROTATION_S, "lag": 3}

@@ -9,9 +9,9 @@ import pytest
 from scenes import gaussian_cloud, intensity, no_detections, plain, predict
 from scipy import sparse
 
-from phd_jdtc_ros.core.engines import particle_filter
-from phd_jdtc_ros.core.smc import backward_kernel
-from phd_jdtc_ros.core.smc.backward_kernel import Transition
+from phd_jdtc_ros.configuration.engines import particle_filter
+from phd_jdtc_ros.core.smc.kernel import backward_kernel
+from phd_jdtc_ros.core.smc.kernel.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.resampling import resample
 from phd_jdtc_ros.core.smc.smoother import (
     DEATH_TERMS,
@@ -22,7 +22,7 @@ from phd_jdtc_ros.core.smc.smoother import (
 )
 from phd_jdtc_ros.core.smc.update import update
 from phd_jdtc_ros.core.types import Detections
-from phd_jdtc_ros.core.window import Entry, Source
+from phd_jdtc_ros.core.window.entries import Entry, Source
 
 DT = 6.0
 

@@ -7,8 +7,8 @@ import pytest
 from held import equal, stored_and_read
 from scenes import short_scenario, small
 
-from phd_jdtc_ros.core.engines import new_engine
-from phd_jdtc_ros.core.simulation.simulate import simulate
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.simulation.simulate import simulate
 
 SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
 

@@ -12,7 +12,7 @@ from scipy.stats import multivariate_normal
 from phd_jdtc_ros.core.attributes.uniqueness import Lost
 from phd_jdtc_ros.core.models.manoeuvre import PROBABILITY, manoeuvre
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
-from phd_jdtc_ros.core.smc.places import places_of
+from phd_jdtc_ros.core.smc.proposals.detections_in_plane import places_of
 from phd_jdtc_ros.core.smc.strays import with_strays
 from phd_jdtc_ros.core.types import Detections
 

@@ -8,15 +8,14 @@ import pytest
 from scenes import TARGETS, intensity, no_detections, scattered, small
 from scipy.stats import norm
 
-from phd_jdtc_ros.core.engines import particle_filter
-from phd_jdtc_ros.core.models.modes import ClassModel
-from phd_jdtc_ros.core.models.visibility import Visibility
+from phd_jdtc_ros.configuration.engines import particle_filter
+from phd_jdtc_ros.core.sensors.visibility import Visibility
 from phd_jdtc_ros.core.smc import update as update_step
-from phd_jdtc_ros.core.smc.budget import ParticleBudget
 from phd_jdtc_ros.core.smc.correction import POISSON
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
-from phd_jdtc_ros.core.smc.resampling import resample
+from phd_jdtc_ros.core.smc.resampling import ParticleBudget, resample
 from phd_jdtc_ros.core.smc.update import update_scan
+from phd_jdtc_ros.core.targets.modes import ClassModel
 from phd_jdtc_ros.core.types import Detections, Scan
 
 # The PHD filter's corrector; the other one is tested in test_correction.

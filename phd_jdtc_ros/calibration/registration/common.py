@@ -1,0 +1,162 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which tracks of different radars are of one target.
+
+Tracks are compared at common times. The nearest ones are joined first, and two tracks of one radar
+at the same time are never of one target.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ...core.arrays import FloatArray
+from ...core.sensors.bias import RadarBias
+from .sensors import Sensor
+
+# Tracks are compared every so many looks of the slowest radar, at so many times at most and at
+# least at so many that both have.
+STEP_LOOKS, MOST_TIMES, LEAST_TIMES = 1.5, 1000, 4
+# Errors that radars may have before any is known: of ranges in deviations of theirs and as a share
+# of the range, of azimuths in radians, of times in seconds.
+RANGE_STDS, RANGE_SHARE, AZIMUTH, TIME_S = 10.0, 0.01, np.radians(1.5), 1.5
+# Later: the mean distance of two tracks of one target, in deviations of their plots.
+NEAR_STDS = 2.0
+# How much of it the distance may vary along the tracks, and in addition deviations of plots.
+VARIES, VARIES_STDS = 0.35, 2.0
+
+Track = tuple[int, int]
+Target = tuple[Track, ...]
+
+
+@dataclass(frozen=True)
+class _Courses:
+    """The tracks of one radar at common times.
+
+    Parameters
+    ----------
+    position : array of shape (N, K, 2)
+        NaN where a track is not there.
+    plot_std : array of shape (N,)
+        Deviation of a plot's position, metres.
+    reach : array of shape (N,)
+        How far the radar's errors may move the track, metres.
+    """
+
+    position: FloatArray
+    plot_std: FloatArray
+    reach: FloatArray
+
+
+def common_targets(
+    sensors: Sequence[Sensor], biases: Sequence[RadarBias], known: bool
+) -> list[Target]:
+    """Return the targets that several radars have tracks of.
+
+    Parameters
+    ----------
+    sensors : sequence of Sensor
+    biases : sequence of RadarBias
+        What is known of the errors of each.
+    known : bool
+        Whether these are found already, so that the tracks of a target are near each other.
+
+    Returns
+    -------
+    list of tuples of (radar, track)
+        Each of at least two radars.
+    """
+    times = _times(sensors)
+    courses = [_courses(each, bias, times) for each, bias in zip(sensors, biases, strict=True)]
+    pairs = [
+        pair
+        for first, second in combinations(range(len(sensors)), 2)
+        for pair in _near(first, second, courses, known)
+    ]
+    joined = _Joined(sensors)
+    for _, first, second in sorted(pairs):
+        joined.join(first, second)
+    return [target for target in joined.targets() if len({radar for radar, _ in target}) > 1]
+
+
+def _times(sensors: Sequence[Sensor]) -> FloatArray:
+    """Return the times at which tracks are compared, ascending, seconds."""
+    begin = max(float(each.time_s[0]) for each in sensors)
+    end = min(float(each.time_s[-1]) for each in sensors)
+    step = STEP_LOOKS * max(each.look_s for each in sensors)
+    count = int(np.clip((end - begin) / step + 1.0, 2, MOST_TIMES)) if end > begin else 0
+    return np.linspace(begin, end, count)
+
+
+def _courses(sensor: Sensor, bias: RadarBias, times: FloatArray) -> _Courses:
+    corrected = sensor.corrected(bias)
+    position = np.full((len(sensor.tracks), len(times), 2), np.nan)
+    plot_std, reach = np.zeros(len(sensor.tracks)), np.zeros(len(sensor.tracks))
+    for row, own in enumerate(sensor.tracks):
+        time_s, place = corrected.time_s[own], corrected.position[own]
+        inside = (times >= time_s[0]) & (times <= time_s[-1])
+        for axis in (0, 1):
+            position[row, inside, axis] = np.interp(times[inside], time_s, place[:, axis])
+        distance = float(np.mean(corrected.measurement[own, 0]))
+        speed = float(np.hypot(*(place[-1] - place[0]))) / max(time_s[-1] - time_s[0], 1e-9)
+        range_std, azimuth_std = sensor.noise_std
+        plot_std[row] = np.hypot(range_std, distance * azimuth_std)
+        reach[row] = RANGE_STDS * range_std + (RANGE_SHARE + AZIMUTH) * distance + TIME_S * speed
+    return _Courses(position, plot_std, reach)
+
+
+def _near(
+    first: int, second: int, courses: Sequence[_Courses], known: bool
+) -> Iterator[tuple[float, Track, Track]]:
+    """Yield how near the tracks of two radars are that may be of one target, and the two."""
+    one, other = courses[first], courses[second]
+    for row in range(len(one.position)):
+        there = ~np.isnan(one.position[row, :, 0])
+        apart = other.position[:, there] - one.position[row, there]
+        both = ~np.isnan(apart[..., 0])
+        count = np.maximum(both.sum(axis=1), 1)
+        mean = np.where(both[..., None], apart, 0.0).sum(axis=1) / count[:, None]
+        off = np.where(both[..., None], apart - mean[:, None], 0.0)
+        varies = np.sqrt((off**2).sum(axis=(1, 2)) / count)
+        plot_std = np.hypot(one.plot_std[row], other.plot_std)
+        limit = NEAR_STDS * plot_std if known else np.hypot(one.reach[row], other.reach)
+        distance = np.hypot(mean[:, 0], mean[:, 1]) / limit
+        chosen = (both.sum(axis=1) >= LEAST_TIMES) & (distance < 1.0)
+        chosen &= varies < VARIES * limit + VARIES_STDS * plot_std
+        for column in np.flatnonzero(chosen).tolist():
+            yield float(distance[column]), (first, row), (second, column)
+
+
+class _Joined:
+    """Tracks that are joined to targets."""
+
+    def __init__(self, sensors: Sequence[Sensor]) -> None:
+        self._span = {
+            (radar, row): (float(each.time_s[own[0]]), float(each.time_s[own[-1]]))
+            for radar, each in enumerate(sensors)
+            for row, own in enumerate(each.tracks)
+        }
+        self._target: dict[Track, list[Track]] = {track: [track] for track in self._span}
+
+    def join(self, first: Track, second: Track) -> None:
+        """Join the targets of two tracks, unless a radar would have two of it at a time."""
+        one, other = self._target[first], self._target[second]
+        if one is other or any(self._at_once(a, b) for a in one for b in other):
+            return
+        one += other
+        for track in other:
+            self._target[track] = one
+
+    def _at_once(self, first: Track, second: Track) -> bool:
+        (begin, end), (start, stop) = self._span[first], self._span[second]
+        return first[0] == second[0] and begin < stop and start < end
+
+    def targets(self) -> list[Target]:
+        """Return all targets, in the order of their first tracks."""
+        unique = {id(target): target for target in self._target.values()}
+        return [tuple(sorted(target)) for target in unique.values()]

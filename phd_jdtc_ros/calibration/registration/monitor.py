@@ -1,0 +1,189 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Watches a running tracker for systematic errors of its radars; it changes no estimate.
+
+A detection near one confirmed track, and near that alone, is compared with where the track was
+expected before it: the track's last estimate, on its course. Only tracks that another radar has
+seen lately count: a radar alone would agree with itself. The mean of the differences, of range and
+of azimuth, is kept for each radar with exponential forgetting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.arrays import FloatArray, IntArray
+from ...core.sensors.polar_radar import RadarModel, wrap_angle
+from ...core.types import CONFIRMED, Detections, Estimates, Scan
+
+# Residuals that a mean is of, and the fewest that say something.
+MEMORY, LEAST = 400, 60
+# A mean is worth a warning beyond so many of its deviations and this share of a plot's.
+SIGMAS, SHARE = 5.0, 0.25
+# Residuals of one track go together: its error changes slowly. So much less do they say.
+CORRELATED = 1.25
+# Detections are a track's within so many deviations; a larger error is seen by its edge.
+GATE = 6.0
+# Another radar has seen a track lately, and its estimate is new enough, within so many looks of
+# the slowest radar.
+LATELY = 2.5
+
+
+class Drift(NamedTuple):
+    """How far a radar's plots are from tracks that others see too.
+
+    Parameters
+    ----------
+    radar : str
+    residuals : int
+        Number of residuals so far.
+    mean : array of shape (2,)
+        Of range and azimuth, metres and radians; NaN without residuals.
+    sigma : array of shape (2,)
+        Deviations of the means.
+    drifts : tuple of bool
+        Whether each is more than the noise explains.
+    """
+
+    radar: str
+    residuals: int
+    mean: FloatArray
+    sigma: FloatArray
+    drifts: tuple[bool, bool]
+
+
+@dataclass
+class _Mean:
+    """A mean with exponential forgetting, of range and azimuth."""
+
+    count: int = 0
+    mean: FloatArray = field(default_factory=lambda: np.zeros(2))
+    variance: FloatArray = field(default_factory=lambda: np.zeros(2))
+    # Sum of the squared weights: the inverse of how many residuals the mean is of.
+    squares: float = 1.0
+
+    def add(self, residual: FloatArray) -> None:
+        self.count += 1
+        share = max(1.0 / self.count, 1.0 / MEMORY)
+        off = residual - self.mean
+        self.mean = self.mean + share * off
+        self.variance = (1.0 - share) * (self.variance + share * off**2)
+        self.squares = (1.0 - share) ** 2 * self.squares + share**2
+
+    @property
+    def sigma(self) -> FloatArray:
+        sigma: FloatArray = CORRELATED * np.sqrt(self.variance * self.squares)
+        return sigma
+
+
+class _Tracks(NamedTuple):
+    """The confirmed tracks of the newest estimates.
+
+    Parameters
+    ----------
+    number : int array of shape (T,)
+    stamp_ns : int
+    position, velocity : arrays of shape (T, 2)
+    covariance : array of shape (T, 2, 2)
+        Of the positions.
+    """
+
+    number: IntArray
+    stamp_ns: int
+    position: FloatArray
+    velocity: FloatArray
+    covariance: FloatArray
+
+
+class RegistrationMonitor:
+    """Keeps the mean residuals of each radar.
+
+    Parameters
+    ----------
+    radars : sequence of RadarModel
+    interval_s : float
+        The nominal interval, seconds.
+    """
+
+    def __init__(self, radars: Sequence[RadarModel], interval_s: float) -> None:
+        self._radars = tuple(radars)
+        slowest_s = max(interval_s, *(radar.rotation_s for radar in self._radars))
+        self._lately_ns = round(LATELY * slowest_s * 1e9)
+        self._means = [_Mean() for _ in self._radars]
+        self._tracks: _Tracks | None = None
+        # When each radar has seen a track last, by its number.
+        self._seen_ns: dict[int, dict[int, int]] = {}
+
+    def retune(self, radars: Sequence[RadarModel]) -> None:
+        """Use other models of the same radars from the next scan on."""
+        self._radars = tuple(radars)
+
+    def forget_tracks(self) -> None:
+        """Begin a new run: numbers are used for other tracks. The means stay."""
+        self._tracks, self._seen_ns = None, {}
+
+    def stepped(self, scan: Scan, filtered: Sequence[Estimates]) -> None:
+        """Compare a scan's detections with the tracks before it, and keep those after it."""
+        tracks = self._tracks
+        if tracks is not None and 0 < scan.stamp_ns - tracks.stamp_ns <= self._lately_ns:
+            for index, detections in enumerate(scan.detections):
+                if detections is not None and len(detections) and len(tracks.number):
+                    self._compare(index, scan.stamp_ns, detections, tracks)
+        if filtered:
+            self._tracks = _tracks(filtered[-1])
+            alive = {int(number) for number in filtered[-1].track_id}
+            self._seen_ns = {n: seen for n, seen in self._seen_ns.items() if n in alive}
+
+    def _compare(self, index: int, stamp_ns: int, detections: Detections, tracks: _Tracks) -> None:
+        radar = self._radars[index].at(detections.pose)
+        own = detections.time_s
+        time_s = np.zeros(len(detections)) if own is None else own
+        since_s = time_s + (stamp_ns - tracks.stamp_ns) * 1e-9
+        # Rows are tracks, columns detections.
+        position = tracks.position[:, None] + since_s[:, None] * tracks.velocity[:, None]
+        expected, slope = radar.linearised(position)
+        residual = detections.measurement - expected
+        residual[..., 1] = wrap_angle(residual[..., 1])
+        noise = radar.detection_noise(detections)
+        variance = (radar.noise_std if noise is None else noise) ** 2
+        spread = slope @ tracks.covariance[:, None] @ slope.swapaxes(-1, -2)
+        limit = GATE * np.sqrt(np.diagonal(spread, axis1=-2, axis2=-1) + variance)
+        near = (np.abs(residual) < limit).all(axis=-1)
+        alone = near & (near.sum(axis=0) == 1) & (near.sum(axis=1) == 1)[:, None]
+        for row, column in np.argwhere(alone).tolist():
+            seen = self._seen_ns.setdefault(int(tracks.number[row]), {})
+            others = [when for radar, when in seen.items() if radar != index]
+            seen[index] = stamp_ns
+            if others and stamp_ns - max(others) <= self._lately_ns:
+                self._means[index].add(residual[row, column])
+
+    def drifts(self) -> list[Drift]:
+        """Return how far each radar is from tracks that others see too."""
+        return [_drift(radar, mean) for radar, mean in zip(self._radars, self._means, strict=True)]
+
+
+def _drift(radar: RadarModel, mean: _Mean) -> Drift:
+    if not mean.count:
+        nothing = np.full(2, np.nan)
+        return Drift(radar.name, 0, nothing, nothing, (False, False))
+    beyond = np.abs(mean.mean) > SIGMAS * mean.sigma + SHARE * radar.noise_std
+    enough = mean.count >= LEAST
+    flags = bool(enough and beyond[0]), bool(enough and beyond[1])
+    return Drift(radar.name, mean.count, mean.mean, mean.sigma, flags)
+
+
+def _tracks(found: Estimates) -> _Tracks:
+    """Return the confirmed tracks among estimates that have a number of their own."""
+    rows = np.flatnonzero((found.track_state == CONFIRMED) & (found.track_id > 0))
+    return _Tracks(
+        found.track_id[rows],
+        found.stamp_ns,
+        found.position[rows],
+        found.velocity[rows],
+        found.position_covariance[rows],
+    )

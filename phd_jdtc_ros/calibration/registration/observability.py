@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which errors a recording tells, and which only relative to the reference radar.
+
+A time offset that is common to all radars can never be seen: everything has only happened later. A
+common turn, or gain, is seen by how far the radars are apart, as they turn about different centres;
+and nothing is seen without targets that several radars see. An error is told if its deviation is
+well below what one plot is wrong by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.arrays import FloatArray
+from .common import Target
+from .filtering import KINDS
+from .sensors import RegistrationError, Sensor
+from .sequences import BoolArray, Sequences
+
+# Targets whose extent across is this share of that along a line are on it.
+LINE = 0.02
+# Fewer looks than these are short.
+SHORT = 20.0
+# Deviations, as shares of those of one plot, from which on an error is not told.
+TOLD = 0.5
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What of the errors is estimated.
+
+    Parameters
+    ----------
+    free : bool array of shape (P,)
+    covariance : array of shape (P, P)
+        Of the errors, in the equations' units; zero for those that are not free.
+    common : tuple of str
+        The kinds for which the reference radar is taken to be right.
+    hidden : tuple of int
+        The errors of other radars that are not told; indices.
+    """
+
+    free: BoolArray
+    covariance: FloatArray
+    common: tuple[str, ...]
+    hidden: tuple[int, ...]
+
+
+def judged(information: FloatArray, one_plot: FloatArray, reference: int) -> Judgement:
+    """Return what of the errors is estimated.
+
+    Parameters
+    ----------
+    information : array of shape (P, P)
+    one_plot : array of shape (P,)
+        What one plot is wrong by, as an error of each kind, in the equations' units.
+    reference : int
+        Index of the reference radar.
+    """
+    free = np.ones(len(one_plot), dtype=bool)
+    kinds = len(KINDS)
+    time_offset = KINDS.index("time_offset_s")
+    free[kinds * reference + time_offset] = False
+    common, hidden = [KINDS[time_offset]], []
+    while free.any():
+        rows = np.flatnonzero(free)
+        scaled = information[np.ix_(rows, rows)] * np.outer(one_plot[rows], one_plot[rows])
+        value, vector = np.linalg.eigh(scaled)
+        value = np.maximum(value, 1e-12)
+        deviation = np.sqrt(((vector**2) / value).sum(axis=1))
+        if deviation.max() < TOLD:
+            break
+        # What the least known combination is of decides.
+        share = vector[:, 0] ** 2
+        by_kind = np.array([share[rows % kinds == kind].sum() for kind in range(kinds)])
+        kind = int(np.argmax(by_kind))
+        own = kinds * reference + kind
+        if free[own] and share[rows == own].max() > 0.02:
+            free[own] = False
+            common.append(KINDS[kind])
+        else:
+            worst = int(rows[np.argmax(np.where(rows // kinds != reference, share, -1.0))])
+            if not free[worst] or worst // kinds == reference:
+                worst = int(rows[np.argmax(share)])
+            free[worst] = False
+            hidden.append(worst)
+    covariance = np.zeros_like(information)
+    rows = np.flatnonzero(free)
+    if len(rows):
+        covariance[np.ix_(rows, rows)] = np.linalg.inv(information[np.ix_(rows, rows)])
+    return Judgement(free, covariance, tuple(common), tuple(hidden))
+
+
+def require_common(sensors: Sequence[Sensor], targets: Sequence[Target]) -> None:
+    """Raise `RegistrationError` if a radar has no targets in common with the others."""
+    linked = {0}
+    while True:
+        more = {r for target in targets for r, _ in target if any(k in linked for k, _ in target)}
+        if more <= linked:
+            break
+        linked |= more
+    alone = [each for index, each in enumerate(sensors) if index not in linked]
+    if alone and len(linked) == 1 and len(sensors) == 2:
+        alone = list(sensors)
+    if not alone:
+        return
+    end = min(float(each.time_s[-1]) for each in sensors)
+    seconds = max(end - max(float(each.time_s[0]) for each in sensors), 0.0)
+    said = "; ".join(f"{each.name} has {len(each.tracks)} tracks" for each in alone)
+    raise RegistrationError(
+        f"no common targets: {said}, none of them where a track of another radar is, in "
+        f"{seconds:.0f} s in which all radars report; must have some: see whether position and "
+        "yaw_deg are right within a degree, and times within a second, or record longer"
+    )
+
+
+def require_told(
+    sensors: Sequence[Sensor], free: BoolArray, reference: int, rows: Sequences
+) -> None:
+    """Raise `RegistrationError` if nothing is told of a radar but the reference."""
+    nothing = [
+        each.name
+        for index, each in enumerate(sensors)
+        if index != reference and not free.reshape(-1, len(KINDS))[index].any()
+    ]
+    if nothing:
+        raise RegistrationError(
+            f"{', '.join(nothing)}: no error can be told: {hidden_reason(sensors, rows)}"
+        )
+
+
+def hidden_reason(sensors: Sequence[Sensor], rows: Sequences) -> str:
+    """Return why errors cannot be told."""
+    plots, targets = int(np.count_nonzero(rows.there)), rows.there.shape[1]
+    seen = f"{targets} common tracks with {plots} plots"
+    place = rows.position[rows.there]
+    extent = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
+    if extent[1] < LINE * extent[0]:
+        return f"{seen}, all on one line"
+    begin, end = rows.time_s[rows.there].min(), rows.time_s[rows.there].max()
+    looks = (end - begin) / max(each.look_s for each in sensors)
+    if looks < SHORT:
+        return f"{seen}, too short: {looks:.0f} looks in {end - begin:.0f} s"
+    return f"{seen}, too few, or all in one place"

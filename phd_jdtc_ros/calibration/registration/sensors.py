@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One radar of a registration: its plots, linked to tracks, and what is assumed of its noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.arrays import FloatArray, IntArray
+from ...core.sensors.bias import RadarBias
+from ...core.sensors.polar_radar import RadarModel, wrap_angle
+from ..tuning.plots import Plots
+from ..tuning.rotation import Timing
+from ..tuning.start import guess_of
+from ..tuning.tracks import Tracks, linked
+
+# Speeds of targets that are tried, metres per second, on this many looks.
+SPEEDS, LOOKS = (5.0, 40.0, 200.0), 12.0
+# What is needed of each radar: clouds, and plots of tracks.
+LEAST_CLOUDS, LEAST_PLOTS = 5, 20
+
+
+class Corrected(NamedTuple):
+    """Plots without some systematic errors.
+
+    Parameters
+    ----------
+    time_s : array of shape (N,)
+        After a zero that all radars share, seconds.
+    measurement : array of shape (N, 2)
+    position : array of shape (N, 2)
+        World frame, metres.
+    """
+
+    time_s: FloatArray
+    measurement: FloatArray
+    position: FloatArray
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A radar with its tracks.
+
+    Parameters
+    ----------
+    name : str
+    time_s : array of shape (N,)
+        Of its plots, after a zero that all radars share, seconds.
+    measurement : array of shape (N, 2)
+    pose : array of shape (N, 3)
+        Of the radar in the world frame at each plot, metres and radians.
+    noise_std : array of shape (2,)
+        Metres and radians.
+    look_s : float
+        Time between two chances to detect a target, seconds.
+    tracks : tuple of int arrays
+        Of each track, the indices of its plots in the order of time.
+    """
+
+    name: str
+    time_s: FloatArray
+    measurement: FloatArray
+    pose: FloatArray
+    noise_std: FloatArray
+    look_s: float
+    tracks: tuple[IntArray, ...]
+
+    def corrected(self, bias: RadarBias) -> Corrected:
+        """Return the plots without these errors."""
+        distance = np.maximum(bias.true_range(self.measurement[:, 0]), 0.0)
+        azimuth = wrap_angle(self.measurement[:, 1] - bias.azimuth)
+        bearing = azimuth + self.pose[:, 2]
+        along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+        return Corrected(
+            self.time_s - bias.time_offset_s,
+            np.stack([distance, azimuth], axis=1),
+            self.pose[:, :2] + distance[:, None] * along,
+        )
+
+
+def sensor(plots: Plots, radar: RadarModel, zero_ns: int, moving: bool) -> Sensor:
+    """Return a radar with its tracks.
+
+    Parameters
+    ----------
+    plots : Plots
+    radar : RadarModel
+    zero_ns : int
+        Which times are counted from.
+    moving : bool
+        Whether the plots have the radar's poses.
+
+    Raises
+    ------
+    RegistrationError
+        If its plots have no times that could be compared, or make no tracks.
+    """
+    clouds = len(plots.cloud_s)
+    if clouds < LEAST_CLOUDS:
+        raise RegistrationError(
+            f"{radar.name}: {clouds} clouds in {plots.duration_s:.1f} s, must be at least "
+            f"{LEAST_CLOUDS}, better ten minutes"
+        )
+    if radar.rotation_s and len(plots) and not plots.timed:
+        raise RegistrationError(
+            f"{radar.name}: turns in {radar.rotation_s:g} s, and its detections have no times of "
+            "their own: must have them (fields.time), a stamp tells nothing of a turn's parts"
+        )
+    interval_s = float(np.median(np.diff(plots.cloud_s)))
+    if interval_s <= 0.0:
+        raise RegistrationError(f"{radar.name}: all clouds have one stamp, must rise")
+    timing = Timing(interval_s, 0.0, radar.rotation_s)
+    tracks = _tracks(plots, timing, radar)
+    if len(tracks.claimed) < LEAST_PLOTS:
+        raise RegistrationError(
+            f"{radar.name}: {len(tracks.plots)} tracks of {len(tracks.claimed)} plots, of "
+            f"{len(plots)} detections in {plots.duration_s:.1f} s; must be at least "
+            f"{LEAST_PLOTS} plots of targets that it follows: record longer, or see whether its "
+            "range_std and azimuth_std_deg are right"
+        )
+    standing = np.tile([*radar.position, radar.yaw], (len(plots), 1))
+    return Sensor(
+        radar.name,
+        plots.time_s + (plots.zero_ns - zero_ns) * 1e-9,
+        plots.measurement,
+        plots.pose if moving else standing,
+        radar.noise_std,
+        timing.look_s,
+        tracks.plots,
+    )
+
+
+def _tracks(plots: Plots, timing: Timing, radar: RadarModel) -> Tracks:
+    """Return the tracks with the speed that explains a part of the plots best."""
+    if not len(plots):
+        return Tracks((), 0.0)
+    part = plots.until(LOOKS * timing.look_s)
+
+    def tried(some: Plots, speed: float) -> Tracks:
+        guess = guess_of(some, timing, radar.range_std, radar.azimuth_std, speed)
+        return linked(some, timing, guess, np.zeros(len(some)))
+
+    usable = part if len(part) else plots
+    best = max(SPEEDS, key=lambda speed: tried(usable, speed).score)
+    return tried(plots, best)
+
+
+class RegistrationError(ValueError):
+    """A recording that says too little; the text says what is missing."""

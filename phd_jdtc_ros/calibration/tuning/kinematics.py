@@ -1,0 +1,124 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Nearly constant velocity and polar measurements, for any number of Gaussians at once.
+
+The state is x, y, vx, vy in the frame of the radar's poses, metres and metres per second. Leading
+axes are free.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...core.arrays import FloatArray
+
+# At its own position a radar measures no azimuth; divisions by the range are bounded at this one.
+LEAST_RANGE = 1.0
+
+
+def predicted(
+    mean: FloatArray, covariance: FloatArray, dt: FloatArray, noise_density: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return means (..., 4) and covariances (..., 4, 4) some seconds later.
+
+    Parameters
+    ----------
+    mean : array of shape (..., 4)
+    covariance : array of shape (..., 4, 4)
+    dt : array of shape (...)
+        Seconds.
+    noise_density : array of shape (...)
+        Spectral density of the white acceleration, m^2/s^3; the covariances have its leading axes.
+    """
+    step = dt[..., None]
+    moved = np.concatenate([mean[..., :2] + step * mean[..., 2:], mean[..., 2:]], axis=-1)
+    place, cross, speed = _blocks(covariance)
+    step = step[..., None]
+    new_cross = cross + step * speed
+    new_place = place + step * (cross.swapaxes(-1, -2) + new_cross)
+    grown = np.empty((*np.broadcast_shapes(dt.shape, noise_density.shape), 4, 4))
+    noise = noise_density[..., None, None] * np.eye(2)
+    grown[..., :2, :2] = new_place + noise * step**3 / 3.0
+    grown[..., :2, 2:] = new_cross + noise * step**2 / 2.0
+    grown[..., 2:, :2] = grown[..., :2, 2:].swapaxes(-1, -2)
+    grown[..., 2:, 2:] = speed + noise * step
+    return moved, grown
+
+
+def _blocks(covariance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return covariance[..., :2, :2], covariance[..., :2, 2:], covariance[..., 2:, 2:]
+
+
+def linearised(position: FloatArray, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (range, azimuth) of positions and their derivatives by the position.
+
+    Parameters
+    ----------
+    position : array of shape (..., 2)
+    pose : array of shape (..., 3)
+        Of the radar.
+
+    Returns
+    -------
+    measured : array of shape (..., 2)
+    jacobian : array of shape (..., 2, 2)
+    """
+    line = position - pose[..., :2]
+    distance = np.maximum(np.hypot(line[..., 0], line[..., 1]), LEAST_RANGE)
+    along, across = line[..., 0] / distance, line[..., 1] / distance
+    jacobian = np.empty((*distance.shape, 2, 2))
+    jacobian[..., 0, 0], jacobian[..., 0, 1] = along, across
+    jacobian[..., 1, 0], jacobian[..., 1, 1] = -across / distance, along / distance
+    azimuth = np.arctan2(line[..., 1], line[..., 0]) - pose[..., 2]
+    return np.stack([distance, azimuth], axis=-1), jacobian
+
+
+def innovation(measured: FloatArray, expected: FloatArray) -> FloatArray:
+    """Return the difference of (range, azimuth) rows, azimuths wrapped, shape (..., 2)."""
+    difference = measured - expected
+    difference[..., 1] = np.mod(difference[..., 1] + np.pi, 2.0 * np.pi) - np.pi
+    return difference
+
+
+def inverse(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the inverses and the determinants of symmetric 2 x 2 matrices, shape (..., 2, 2)."""
+    a, b, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 1]
+    determinant = a * d - b * b
+    swapped = np.empty_like(matrix)
+    swapped[..., 0, 0], swapped[..., 1, 1] = d, a
+    swapped[..., 0, 1] = swapped[..., 1, 0] = -b
+    return swapped / determinant[..., None, None], determinant
+
+
+def started(
+    measurement: FloatArray,
+    pose: FloatArray,
+    range_var: FloatArray,
+    azimuth_var: FloatArray,
+    speed_std: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the state at a first detection: its position, and no velocity known.
+
+    Parameters
+    ----------
+    measurement : array of shape (..., 2)
+    pose : array of shape (..., 3)
+    range_var, azimuth_var : arrays of shape (...)
+        Of the detection, square metres and square radians.
+    speed_std : float
+        Of the velocity along each axis, metres per second.
+    """
+    bearing = measurement[..., 1] + pose[..., 2]
+    along = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    mean = np.zeros((*bearing.shape, 4))
+    mean[..., :2] = pose[..., :2] + measurement[..., :1] * along
+    distance = np.maximum(measurement[..., 0], LEAST_RANGE)
+    spread = range_var[..., None, None] * along[..., :, None] * along[..., None, :]
+    sideways = (distance**2 * azimuth_var)[..., None, None]
+    spread = spread + sideways * across[..., :, None] * across[..., None, :]
+    covariance = np.zeros((*spread.shape[:-2], 4, 4))
+    covariance[..., :2, :2] = spread
+    covariance[..., 2, 2] = covariance[..., 3, 3] = speed_std**2
+    return np.broadcast_to(mean, (*spread.shape[:-2], 4)).copy(), covariance

@@ -1,0 +1,115 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What amplitudes say: of which plots are targets', of the threshold, and of clutter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.arrays import FloatArray, IntArray
+from ...core.clutter.amplitude_law import level_db
+from .plots import Plots
+from .tracks import Tracks
+
+# Lower end of the first cell and width of each, dB; and how many plots of either kind each has
+# before any are counted.
+LOWEST_DB, CELL_DB, PRIOR = -40.0, 3.0, 1.0
+# The most that an amplitude says, as a log likelihood ratio.
+MOST = 4.0
+# With fewer plots of either kind, amplitudes say nothing.
+LEAST = 30
+
+
+@dataclass(frozen=True)
+class Levels:
+    """The amplitudes of a radar.
+
+    Parameters
+    ----------
+    threshold : float
+        The lowest envelope.
+    excess : float
+        Mean of (a^2 - threshold^2) / 2 over clutter by its median; 1 for noise.
+    target_db : tuple of two floats
+        The 5 % and 95 % quantile of the tracks' mean levels as SNRs, dB; both NaN without tracks.
+    clutter : int
+        Number of plots of clutter.
+    targets : int
+        Number of plots of targets.
+    """
+
+    threshold: float
+    excess: float
+    target_db: tuple[float, float]
+    clutter: int
+    targets: int
+
+    @property
+    def false_alarm_probability(self) -> float:
+        """Probability that noise exceeds the threshold."""
+        return float(np.exp(-0.5 * self.threshold**2))
+
+
+def levels(plots: Plots, tracks: Tracks) -> Levels | None:
+    """Return what the amplitudes are, None if none is known."""
+    if plots.amplitude is None or not np.isfinite(plots.amplitude).any():
+        return None
+    amplitude = plots.amplitude
+    known = np.isfinite(amplitude)
+    free = np.setdiff1d(np.flatnonzero(known), tracks.claimed)
+    threshold = float(amplitude[known].min())
+    excess = 0.5 * (amplitude[free] ** 2 - threshold**2)
+    means = [np.nanmean(0.5 * amplitude[own] ** 2) for own in tracks.plots if known[own].any()]
+    quantiles = (np.nan, np.nan)
+    if means:
+        low, high = 10.0 * np.log10(np.quantile(means, [0.05, 0.95]))
+        quantiles = float(low), float(high)
+    return Levels(
+        threshold,
+        float(np.median(excess) / np.log(2.0)) if len(free) else np.nan,
+        quantiles,
+        len(free),
+        int(np.count_nonzero(known[tracks.claimed])),
+    )
+
+
+def log_ratio(plots: Plots, of: Plots, tracks: Tracks) -> FloatArray:
+    """Return the log likelihood ratio of each plot's amplitude, target to clutter, shape (N,).
+
+    The two laws are those of the plots that tracks have and of the others.
+
+    Parameters
+    ----------
+    plots : Plots
+        N of them.
+    of : Plots
+        In which the tracks are: the same, or a part of them.
+    tracks : Tracks
+    """
+    ratio = np.zeros(len(plots))
+    if plots.amplitude is None or of.amplitude is None:
+        return ratio
+    known = np.flatnonzero(np.isfinite(of.amplitude))
+    claimed = np.intersect1d(known, tracks.claimed)
+    free = np.setdiff1d(known, claimed)
+    if min(len(claimed), len(free)) < LEAST:
+        return ratio
+    cell = _cells(of.amplitude)
+    cells = int(cell.max()) + 1
+    of_targets = np.bincount(cell[claimed], minlength=cells) + PRIOR
+    of_clutter = np.bincount(cell[free], minlength=cells) + PRIOR
+    said = np.log(of_targets / of_targets.sum()) - np.log(of_clutter / of_clutter.sum())
+    said = np.clip(said, -MOST, MOST)
+    there = np.flatnonzero(np.isfinite(plots.amplitude))
+    ratio[there] = said[np.minimum(_cells(plots.amplitude[there]), cells - 1)]
+    return ratio
+
+
+def _cells(amplitude: FloatArray) -> IntArray:
+    """Return the cell of each envelope; 0 where it is unknown."""
+    level = level_db(np.maximum(np.nan_to_num(amplitude), 1e-6))
+    cell: IntArray = np.maximum(np.floor((level - LOWEST_DB) / CELL_DB), 0.0).astype(np.int64)
+    return cell

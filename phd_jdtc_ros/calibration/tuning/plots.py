@@ -1,0 +1,143 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One radar's recorded detections as columns, in the order of their times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...core.arrays import FloatArray, IntArray
+from ...core.types import Detections
+
+# More of them say no more, and take their time.
+MOST_PLOTS = 15_000
+
+
+@dataclass(frozen=True)
+class Plots:
+    """All detections of one radar.
+
+    Parameters
+    ----------
+    zero_ns : int
+        The first stamp.
+    cloud_s : array of shape (K,)
+        Stamps of the clouds, ascending, seconds after the first.
+    cloud : int array of shape (N,)
+        The cloud of each detection.
+    time_s : array of shape (N,)
+        Time of each detection, ascending, seconds after the first stamp.
+    measurement : array of shape (N, 2)
+        Range and azimuth, metres and radians counter-clockwise from the radar's x axis.
+    amplitude : array of shape (N,) or None
+        Linear envelopes; NaN where one is unknown.
+    pose : array of shape (N, 3)
+        Position (metres) and yaw (radians) of the radar at each detection; zeros if it stands.
+    timed : bool
+        Whether detections have times of their own.
+    """
+
+    zero_ns: int
+    cloud_s: FloatArray
+    cloud: IntArray
+    time_s: FloatArray
+    measurement: FloatArray
+    amplitude: FloatArray | None
+    pose: FloatArray
+    timed: bool
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last stamp, seconds."""
+        return float(self.cloud_s[-1]) if len(self.cloud_s) else 0.0
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions in the frame of the poses, metres, shape (N, 2)."""
+        bearing = self.measurement[:, 1] + self.pose[:, 2]
+        along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
+        position: FloatArray = self.pose[:, :2] + self.measurement[:, :1] * along
+        return position
+
+    def until(self, time_s: float) -> Plots:
+        """Return the plots of the clouds up to a time, seconds after the first stamp."""
+        clouds = int(np.searchsorted(self.cloud_s, time_s, side="right"))
+        part = self.only(np.flatnonzero(self.cloud < clouds))
+        return replace(part, cloud_s=self.cloud_s[:clouds])
+
+    def only(self, rows: IntArray) -> Plots:
+        """Return the plots of these rows, ascending, and all clouds."""
+        return replace(
+            self,
+            cloud=self.cloud[rows],
+            time_s=self.time_s[rows],
+            measurement=self.measurement[rows],
+            amplitude=None if self.amplitude is None else self.amplitude[rows],
+            pose=self.pose[rows],
+        )
+
+
+def bounded(plots: Plots, most: int = MOST_PLOTS) -> Plots:
+    """Return the plots of the first clouds, about as many as can be looked at."""
+    if len(plots) <= most:
+        return plots
+    return plots.until(float(plots.cloud_s[plots.cloud[most]]))
+
+
+def plots_of(reports: Sequence[tuple[int, Detections]]) -> Plots:
+    """Return the detections of a radar's reports.
+
+    Parameters
+    ----------
+    reports : sequence of (stamp in nanoseconds, Detections)
+        In any order; at least one.
+    """
+    ordered = sorted(reports, key=lambda report: report[0])
+    zero_ns = ordered[0][0]
+    cloud_s = np.array([(stamp_ns - zero_ns) * 1e-9 for stamp_ns, _ in ordered])
+    sizes = [len(found) for _, found in ordered]
+    cloud = np.repeat(np.arange(len(ordered)), sizes)
+    timed = any(
+        found.time_s is not None and np.ptp(found.time_s) > 0.0 for _, found in _full(ordered)
+    )
+    offset = np.concatenate(
+        [np.zeros(len(found)) if found.time_s is None else found.time_s for _, found in ordered]
+    )
+    time_s = cloud_s[cloud] + offset
+    order = np.argsort(time_s, kind="stable")
+    amplitude = None
+    if any(found.amplitude is not None for _, found in ordered):
+        amplitude = np.concatenate(
+            [
+                np.full(len(found), np.nan) if found.amplitude is None else found.amplitude
+                for _, found in ordered
+            ]
+        )[order]
+    return Plots(
+        zero_ns=zero_ns,
+        cloud_s=cloud_s,
+        cloud=cloud[order],
+        time_s=time_s[order],
+        measurement=np.concatenate([found.measurement for _, found in ordered])[order],
+        amplitude=amplitude,
+        pose=np.concatenate([_poses(found) for _, found in ordered])[order],
+        timed=timed,
+    )
+
+
+def _full(reports: Sequence[tuple[int, Detections]]) -> list[tuple[int, Detections]]:
+    return [(stamp_ns, found) for stamp_ns, found in reports if len(found)]
+
+
+def _poses(found: Detections) -> FloatArray:
+    """Return the radar's pose at each of a report's detections, shape (M, 3)."""
+    if found.pose is None:
+        return np.zeros((len(found), 3))
+    return np.tile([*found.pose.position, found.pose.yaw], (len(found), 1))

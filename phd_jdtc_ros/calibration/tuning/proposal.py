@@ -1,0 +1,225 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Findings as parameters of the tracker: what is proposed, how sure it is, and what is set now."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...configuration.radar_parameters import AUTO
+from ...configuration.schema import Value
+from .findings import MOST_LAND, Findings
+
+# A given table of the detection probability stays if it is as near as this to what it spans.
+SAME_PROBABILITY = 0.05
+# False alarm probabilities that a receiver may have; others say that the level is not known.
+ALARMS = (1e-12, 0.5)
+# A maximum range stays if nothing was seen beyond it, and it is not farther than this many times
+# the farthest plot.
+MOST_BEYOND = 1.5
+# Clutter is noise if its mean level is within this factor of noise's.
+NOISE_FACTOR = 1.25
+MOST_PROBABILITY = 0.999
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure that a recording says.
+
+    Parameters
+    ----------
+    name : str
+        The parameter, or what was seen if no parameter is set by it.
+    value : bool, int, float, str or list
+    std : float
+        Standard deviation; NaN if there is none.
+    source : str
+        What it is known from.
+    now : value or str or None
+        What is set now; None if nothing is.
+    proposed : bool
+        Whether the parameter is set to it.
+    """
+
+    name: str
+    value: Value
+    std: float
+    source: str
+    now: Any = None
+    proposed: bool = True
+
+
+def rows(found: Findings, values: Mapping[str, Any], radar: str) -> list[Row]:
+    """Return what a recording says of a radar.
+
+    Parameters
+    ----------
+    found : Findings
+    values : mapping of dotted name to value
+        The configuration now; all parameters.
+    radar : str
+        Its name.
+    """
+
+    def now(name: str) -> Any:
+        return values.get(f"{radar}.{name}")
+
+    when, noise = found.timing, found.noise
+    tracks = f"{noise.plots} plots, {found.tracks} tracks"
+    clouds = f"{found.looks:.0f} {'turns' if when.rotation_s else 'clouds'}"
+    entries = []
+    if when.rotation_s:
+        turns = rounded(when.rotation_s, when.rotation_std_s)
+        entries.append(Row("rotation_s", turns, when.rotation_std_s, clouds, now("rotation_s")))
+        if not when.timed or now("sectors"):
+            entries.append(Row("sectors", when.sectors, math.nan, clouds, now("sectors")))
+    elif now("rotation_s"):
+        # Plots of one time tell nothing of a turn.
+        note = "as given: the plots do not tell it"
+        entries.append(
+            Row("rotation_s", now("rotation_s"), math.nan, note, now("rotation_s"), False)
+        )
+    azimuth_deg = math.degrees(noise.azimuth_std)
+    for name, value, log_std in zip(
+        ("range_std", "azimuth_std_deg"), (noise.range_std, azimuth_deg), noise.log_std, strict=True
+    ):
+        std = value * float(log_std)
+        entries.append(Row(name, rounded(value, std), std, tracks, now(name)))
+    by_band = found.levels is not None and values.get("amplitude", "none") != "none"
+    entries.append(_detection(found, now, by_band))
+    farthest = _up(found.field.max_range)
+    seen = f"{found.plots} plots"
+    limit = now("max_range")
+    far = limit is None or not farthest <= limit <= MOST_BEYOND * farthest
+    entries.append(Row("max_range", farthest, math.nan, seen, limit, far))
+    rate = found.clutter
+    free = f"{rate.count} other plots"
+    # One that is learned stays so.
+    given = now("clutter_rate")
+    entries.append(
+        Row(
+            "clutter_rate",
+            rounded(rate.value, rate.std),
+            rate.std,
+            free,
+            given,
+            given != AUTO,
+        )
+    )
+    reach = farthest if limit is None or far else limit
+    clutter_range = min(rounded(found.field.clutter_range, 0.01 * farthest), reach)
+    entries.append(
+        Row("clutter_max_range", clutter_range, math.nan, free, now("clutter_max_range"))
+    )
+    if found.land > MOST_LAND:
+        again = f"{100.0 * found.land:.0f} % of plots again and again"
+        entries.append(Row("clutter_map", True, math.nan, again, now("clutter_map")))
+    if found.field.arc is not None:
+        entries.append(Row("fov_deg", _fov(found.field.arc, now), math.nan, seen, now("fov_deg")))
+    return entries + _amplitudes(found, now) + _motion(found)
+
+
+def interval_s(found: Mapping[str, Findings]) -> float:
+    """Return the nominal interval: the shortest time between two looks of a radar, seconds."""
+    shortest = min(each.timing.look_s for each in found.values())
+    return rounded(shortest, 1e-3 * shortest)
+
+
+def _detection(found: Findings, now: Any, by_band: bool) -> Row:
+    """Return the detection probability; SNR bands, or a table that agrees, may say more of it."""
+    rate = found.detection
+    value = min(rounded(rate.value, 0.01), MOST_PROBABILITY)
+    source = f"{rate.count} chances"
+    table = now("detection_probability_over_range") or []
+    given = now("detection_probability")
+    if given:
+        return Row("detection_probability", value, rate.std, source, given)
+    if table:
+        mean = float(np.mean(table[1::2]))
+        least, most = min(table[1::2]), max(table[1::2])
+        other = not least - SAME_PROBABILITY <= value <= most + SAME_PROBABILITY
+        return Row("detection_probability", value, rate.std, source, f"table, {mean:.3g}", other)
+    if by_band:
+        return Row("detection_probability", value, rate.std, source, "from SNR bands", False)
+    return Row("detection_probability", value, rate.std, source, given)
+
+
+def _amplitudes(found: Findings, now: Any) -> list[Row]:
+    levels = found.levels
+    if levels is None:
+        return [Row("amplitudes", "none", math.nan, f"{found.plots} plots", None, False)]
+    source = f"{levels.clutter} other plots"
+    alarm = levels.false_alarm_probability
+    known = ALARMS[0] <= alarm <= ALARMS[1]
+    entries = [
+        Row(
+            "false_alarm_probability",
+            rounded(alarm, 0.1 * alarm) if alarm > 0.0 else 0.0,
+            math.nan,
+            f"{levels.clutter + levels.targets} amplitudes",
+            now("false_alarm_probability"),
+            known,
+        )
+    ]
+    if levels.clutter and known:
+        noise = 1.0 / NOISE_FACTOR <= levels.excess <= NOISE_FACTOR
+        law = "rayleigh" if noise else "learned"
+        # A law that was given for a reason stays where the recording shows no more than noise.
+        entries.append(
+            Row("clutter_amplitude", law, math.nan, source, now("clutter_amplitude"), not noise)
+        )
+    low, high = levels.target_db
+    if math.isfinite(low):
+        band = [round(low, 1), round(high, 1)]
+        entries.append(
+            Row("tracks' SNR, dB", band, math.nan, f"{found.tracks} tracks", None, False)
+        )
+    return entries
+
+
+def _motion(found: Findings) -> list[Row]:
+    """Return how targets move, which the motion models are to allow."""
+    calm, hard = (rounded(density, 0.1 * density) for density in found.noise.densities)
+    source = f"{found.noise.plots} plots, {found.tracks} tracks"
+    return [
+        Row(
+            "speeds, m/s",
+            rounded(found.speed_std * math.sqrt(2.0), 0.1),
+            math.nan,
+            source,
+            None,
+            False,
+        ),
+        Row("accelerations, m^2/s^3", [calm, hard], math.nan, source, None, False),
+    ]
+
+
+def _fov(arc: tuple[float, float], now: Any) -> list[float]:
+    """Return the field of view as the radar counts azimuths, two degrees wider on either side."""
+    begin, width = math.degrees(arc[0]) - 2.0, min(math.degrees(arc[1]) + 4.0, 360.0)
+    if now("azimuth_convention") == "compass_cw":
+        begin = 90.0 - begin - width
+    begin = round((begin + 180.0) % 360.0 - 180.0, 1)
+    return [begin, round(begin + width, 1)]
+
+
+def rounded(value: float, std: float) -> float:
+    """Return a value without digits below a twentieth of its deviation, and five at most."""
+    if not (math.isfinite(value) and value):
+        return 0.0
+    digits = 5
+    if std > 0.0:
+        digits = min(max(math.ceil(math.log10(abs(value) / std) + 1.3), 2), 5)
+    return float(f"{value:.{digits}g}")
+
+
+def _up(value: float) -> float:
+    """Return a value rounded up to two digits."""
+    step = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.ceil(value / step - 1e-9) * step:.6g}")

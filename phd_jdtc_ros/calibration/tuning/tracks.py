@@ -1,0 +1,317 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Plots linked to tracks: nearest neighbours, with the log likelihood ratio of every track.
+
+A track's score is that of its plots against clutter (Blackman and Popoli, Sec. 6.2); the sum over
+all tracks says how well a guess of the noise explains a recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from ...core.arrays import FloatArray, IntArray
+from . import kinematics
+from .plots import Plots
+from .rotation import Timing
+
+# Plots of this part of a turn are assigned together.
+BATCH = 1.0 / 12.0
+# A radar passes a target once a turn: a track takes no second plot within this part of it.
+AGAIN = 0.5
+# Standard deviations.
+GATE = 4.5
+# What a new track's score begins with: one in so many unclaimed plots is a new target's.
+LOG_NEW = -np.log(50.0)
+# A track with so many plots and such a score is one.
+LEAST_HITS, LEAST_SCORE = 5, 8.0
+# Share of the plots at which targets manoeuvre.
+MANOEUVRES = 0.1
+# From so many plots on, a track keeps its plots from starting others.
+SETTLED = 3
+# A track ends after as many misses as are less probable than this, within these bounds.
+IMPROBABLE, LEAST_MISSES, MOST_MISSES = 0.005, 3, 6
+# Tentative tracks end at the second miss in a row.
+TENTATIVE_MISSES = 1
+
+
+_LOG_MOTION = np.log([1.0 - MANOEUVRES, MANOEUVRES])
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """What tells where a target's next plot may be.
+
+    Parameters
+    ----------
+    range_std, azimuth_std : float
+        Of a measurement, metres and radians.
+    densities : tuple of two floats
+        Of the white acceleration: while targets keep their velocity, and while they manoeuvre,
+        m^2/s^3.
+    """
+
+    range_std: float
+    azimuth_std: float
+    densities: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Guess(Deviations):
+    """What is assumed of a radar and its targets while plots are linked.
+
+    Parameters
+    ----------
+    range_std, azimuth_std, densities
+        See `Deviations`.
+    speed_std : float
+        Of a new target's velocity along each axis, metres per second.
+    detection_probability : float
+    clutter_rate : float
+        Per look.
+    """
+
+    speed_std: float
+    detection_probability: float
+    clutter_rate: float
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The tracks found in a recording.
+
+    Parameters
+    ----------
+    plots : tuple of int arrays
+        Of each track, the indices of its plots in the order of time.
+    score : float
+        Sum of the tracks' log likelihood ratios.
+    """
+
+    plots: tuple[IntArray, ...]
+    score: float
+
+    @property
+    def claimed(self) -> IntArray:
+        """Indices of the plots that a track has."""
+        return np.concatenate([np.zeros(0, dtype=np.int64), *self.plots])
+
+
+def linked(plots: Plots, timing: Timing, guess: Guess, log_ratio: FloatArray) -> Tracks:
+    """Return the tracks of a recording.
+
+    Parameters
+    ----------
+    plots : Plots
+    timing : Timing
+    guess : Guess
+    log_ratio : array of shape (N,)
+        Log likelihood ratio of each plot's amplitude, target to clutter; 0 if it says nothing.
+    """
+    linker = _Linker(plots, timing, guess, log_ratio)
+    for batch in _batches(plots, timing):
+        linker.add(batch)
+    return linker.finish()
+
+
+def _batches(plots: Plots, timing: Timing) -> list[IntArray]:
+    """Return the plots that are assigned together: a cloud's, or those of a part of a turn."""
+    if not len(plots):
+        return []
+    number: FloatArray = plots.cloud.astype(np.float64)
+    if timing.rotation_s:
+        number = np.floor(plots.time_s / (BATCH * timing.rotation_s))
+    order = np.argsort(number, kind="stable")
+    edges = np.flatnonzero(np.diff(number[order])) + 1
+    return np.split(order, edges)
+
+
+class _Linker:
+    """The tracks at the present, one row each."""
+
+    def __init__(self, plots: Plots, timing: Timing, guess: Guess, log_ratio: FloatArray) -> None:
+        self._plots, self._timing, self._guess, self._log_ratio = plots, timing, guess, log_ratio
+        misses = np.log(IMPROBABLE) / np.log(max(1.0 - guess.detection_probability, 1e-3))
+        self._patience = float(np.clip(np.ceil(misses), LEAST_MISSES, MOST_MISSES))
+        farthest = float(plots.measurement[:, 0].max(initial=1.0))
+        # Of clutter in range and azimuth.
+        self._log_density = np.log(max(guess.clutter_rate, 0.1) / (2.0 * np.pi * farthest))
+        self._mean, self._covariance = np.zeros((0, 4)), np.zeros((0, 4, 4))
+        self._time, self._look = np.zeros(0), np.zeros(0)
+        self._hits, self._score = np.zeros(0, dtype=np.int64), np.zeros(0)
+        self._number = np.zeros(0, dtype=np.int64)
+        self._owned: list[list[int]] = []
+        self._ended: list[tuple[list[int], float]] = []
+
+    def add(self, batch: IntArray) -> None:
+        """Assign some plots, the settled tracks first, and start tracks at the rest."""
+        now = float(self._plots.time_s[batch].min())
+        self._end(now, float(self._plots.cloud[batch].min()))
+        settled = self._hits >= LEAST_HITS
+        taken = []
+        for rows in (np.flatnonzero(settled), np.flatnonzero(~settled)):
+            found = self._assign(rows, batch)
+            batch = np.setdiff1d(batch, found[self._hits_of(found) >= SETTLED])
+            taken.append(found)
+        self._start(batch)
+
+    def finish(self) -> Tracks:
+        """End all tracks and return those that are."""
+        self._end(np.inf, np.inf)
+        kept = [
+            (owned, score)
+            for owned, score in self._ended
+            if len(owned) >= LEAST_HITS and score >= LEAST_SCORE
+        ]
+        # A plot that two have is that of the better one.
+        taken: set[int] = set()
+        found, total = [], 0.0
+        for owned, score in sorted(kept, key=lambda entry: -entry[1]):
+            own = [plot for plot in owned if plot not in taken]
+            if len(own) >= max(LEAST_HITS, 0.7 * len(owned)):
+                taken.update(own)
+                found.append(np.array(own))
+                total += score
+        return Tracks(tuple(found), total)
+
+    def _hits_of(self, found: IntArray) -> IntArray:
+        """Return how many plots the tracks have that took some plots."""
+        hits = dict.fromkeys(found.tolist(), 0)
+        for row in range(len(self._number)):
+            last = self._owned[self._number[row]][-1]
+            if last in hits:
+                hits[last] = max(hits[last], int(self._hits[row]))
+        return np.array([hits[plot] for plot in found.tolist()], dtype=np.int64)
+
+    def _missed(self, time_s: FloatArray, cloud: FloatArray) -> FloatArray:
+        """Return how many looks lie between the tracks' last plots and a time or a cloud."""
+        if self._timing.rotation_s:
+            return np.maximum((time_s - self._time) / self._timing.rotation_s - 0.5, 0.0)
+        return np.maximum(cloud - self._look - 1.0, 0.0)
+
+    def _end(self, now: float, cloud: float) -> None:
+        missed = self._missed(np.array(now), np.array(cloud))
+        patience = np.where(self._hits < SETTLED, TENTATIVE_MISSES, self._patience)
+        ended = missed > patience
+        for row in np.flatnonzero(ended).tolist():
+            number = int(self._number[row])
+            if self._hits[row] >= LEAST_HITS:
+                self._ended.append((self._owned[number], float(self._score[row])))
+        self._keep(np.flatnonzero(~ended))
+
+    def _keep(self, rows: IntArray) -> None:
+        for name in ("mean", "covariance", "time", "look", "hits", "score", "number"):
+            setattr(self, f"_{name}", getattr(self, f"_{name}")[rows])
+
+    def _assign(self, rows: IntArray, batch: IntArray) -> IntArray:
+        """Update tracks with their plots, by the best sum of ratios; return the plots taken."""
+        row, plot = (grid.ravel() for grid in np.meshgrid(rows, batch, indexing="ij"))
+        if self._timing.rotation_s:
+            fresh = self._plots.time_s[plot] - self._time[row] > AGAIN * self._timing.rotation_s
+            row, plot = row[fresh], plot[fresh]
+        reach = self._reach(row, plot)
+        row, plot = row[reach], plot[reach]
+        if not len(row):
+            return np.zeros(0, dtype=np.int64)
+        guess, plots = self._guess, self._plots
+        dt = plots.time_s[plot] - self._time[row]
+        # With both densities, shapes (2, P, ...).
+        density = np.array(guess.densities)[:, None] * np.ones(len(row))
+        mean, covariance = kinematics.predicted(self._mean[row], self._covariance[row], dt, density)
+        expected, jacobian = kinematics.linearised(mean[:, :2], plots.pose[plot])
+        error = kinematics.innovation(plots.measurement[plot], expected)
+        cross = covariance[..., :2] @ jacobian.swapaxes(1, 2)
+        spread = jacobian @ cross[..., :2, :]
+        spread[..., 0, 0] += guess.range_std**2
+        spread[..., 1, 1] += guess.azimuth_std**2
+        inverted, determinant = kinematics.inverse(spread)
+        square = np.einsum("pi,rpij,pj->rp", error, inverted, error)
+        near = np.flatnonzero(square.min(axis=0) < GATE**2)
+        missed = np.round(self._looks(row, plot) - 1.0)
+        of_motion = _LOG_MOTION[:, None] - 0.5 * square - 0.5 * np.log(determinant)
+        gain = (
+            np.logaddexp(*of_motion)
+            - np.log(2.0 * np.pi)
+            + np.log(guess.detection_probability)
+            + missed * np.log(1.0 - guess.detection_probability)
+            - self._log_density
+            + self._log_ratio[plot]
+        )
+        # Against a miss in this look.
+        better = gain[near] - np.log(1.0 - guess.detection_probability)
+        chosen = near[_assigned(row[near], plot[near], better)]
+        place, motion = row[chosen], np.argmax(of_motion[:, chosen], axis=0)
+        cross = cross[motion, chosen]
+        weight = cross @ inverted[motion, chosen]
+        self._mean[place] = mean[chosen] + np.einsum("pij,pj->pi", weight, error[chosen])
+        later = covariance[motion, chosen] - weight @ cross.swapaxes(1, 2)
+        self._covariance[place] = 0.5 * (later + later.swapaxes(1, 2))
+        self._score[place] += gain[chosen]
+        self._time[place] = plots.time_s[plot[chosen]]
+        self._look[place] = plots.cloud[plot[chosen]]
+        self._hits[place] += 1
+        for at, index in zip(place.tolist(), plot[chosen].tolist(), strict=True):
+            self._owned[self._number[at]].append(index)
+        return plot[chosen]
+
+    def _looks(self, row: IntArray, plot: IntArray) -> FloatArray:
+        """Return the looks from the tracks' last plots to others."""
+        if self._timing.rotation_s:
+            turns = (self._plots.time_s[plot] - self._time[row]) / self._timing.rotation_s
+            return np.maximum(np.round(turns), 1.0)
+        return np.maximum(self._plots.cloud[plot] - self._look[row], 1.0)
+
+    def _reach(self, row: IntArray, plot: IntArray) -> IntArray:
+        """Return the pairs that may be within the gate, by a bound that is quickly computed."""
+        guess, plots = self._guess, self._plots
+        dt = plots.time_s[plot] - self._time[row]
+        expected = self._mean[row, :2] + dt[:, None] * self._mean[row, 2:]
+        off = ((self._position[plot] - expected) ** 2).sum(axis=1)
+        trace = self._covariance[row, 0, 0] + self._covariance[row, 1, 1]
+        trace += dt**2 * (self._covariance[row, 2, 2] + self._covariance[row, 3, 3])
+        trace *= 2.0
+        trace += guess.densities[1] * dt**3 + guess.range_std**2
+        # The azimuth's deviation at the nearer of the two.
+        trace += (plots.measurement[plot, 0] * guess.azimuth_std) ** 2
+        return np.flatnonzero(off < (1.5 * GATE) ** 2 * trace)
+
+    @property
+    def _position(self) -> FloatArray:
+        if not hasattr(self, "_positions"):
+            self._positions = self._plots.position
+        return self._positions
+
+    def _start(self, batch: IntArray) -> None:
+        """Start a tentative track at each plot."""
+        count, guess = len(batch), self._guess
+        mean, covariance = kinematics.started(
+            self._plots.measurement[batch],
+            self._plots.pose[batch],
+            np.full(count, guess.range_std**2),
+            np.full(count, guess.azimuth_std**2),
+            guess.speed_std,
+        )
+        self._mean = np.concatenate([self._mean, mean])
+        self._covariance = np.concatenate([self._covariance, covariance])
+        self._time = np.concatenate([self._time, self._plots.time_s[batch]])
+        self._look = np.concatenate([self._look, self._plots.cloud[batch].astype(np.float64)])
+        self._hits = np.concatenate([self._hits, np.ones(count, dtype=np.int64)])
+        self._score = np.concatenate([self._score, LOG_NEW + self._log_ratio[batch]])
+        self._number = np.concatenate([self._number, len(self._owned) + np.arange(count)])
+        self._owned += [[index] for index in batch.tolist()]
+
+
+def _assigned(row: IntArray, plot: IntArray, gain: FloatArray) -> IntArray:
+    """Return the pairs with the largest sum of gains, each row and plot at most once, by index."""
+    rows, i = np.unique(row, return_inverse=True)
+    columns, j = np.unique(plot, return_inverse=True)
+    table = np.zeros((len(rows), len(columns)))
+    pair = np.full(table.shape, -1)
+    table[i, j], pair[i, j] = np.maximum(gain, 0.0), np.where(gain > 0.0, np.arange(len(gain)), -1)
+    chosen = pair[linear_sum_assignment(table, maximize=True)]
+    pairs: IntArray = chosen[chosen >= 0]
+    return pairs

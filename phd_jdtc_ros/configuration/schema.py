@@ -1,0 +1,189 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Definition of a parameter: name, default, which fixes the type, and allowed values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ..quoting import short
+
+Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
+INFINITY = math.inf
+# Lower bound of parameters that must be positive.
+SMALL = 1e-9
+# How much a misspelt name is like the one that is meant, and how many are looked for: more than
+# these are another program's, and each takes time.
+LIKENESS, MISSPELT = 0.8, 20
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter: name, default, which fixes the type, and allowed values.
+
+    Parameters
+    ----------
+    name : str
+        Dotted; within a group, the part after the member's name.
+    default : bool, int, float, str, list of float or list of str
+    description : str
+        With the unit.
+    low, high : float
+        Inclusive bounds of a number, or of every number of a list.
+    choices : tuple of str
+        Allowed strings; empty for any.
+    length : int or None
+        Required length of a list.
+    element : type
+        Of a list: float or str.
+    most : int or None
+        How many names a list may have; None for any number.
+    words : tuple of str
+        Words that are allowed in the place of a number.
+    mutable : bool
+        Whether it may change between two scans. The other parameters determine the structure of
+        the tracker or of what it keeps from scan to scan.
+    """
+
+    name: str
+    default: Value
+    description: str
+    low: float = -INFINITY
+    high: float = INFINITY
+    choices: tuple[str, ...] = ()
+    length: int | None = None
+    element: type = float
+    most: int | None = None
+    words: tuple[str, ...] = ()
+    mutable: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values in words."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        if isinstance(self.default, bool):
+            return "true or false"
+        if isinstance(self.default, str):
+            return "a string"
+        if isinstance(self.default, list) and self.element is str:
+            return "a list of distinct names" + (f", at most {self.most}" if self.most else "")
+        noun = "a whole number" if isinstance(self.default, int) else "a finite number"
+        if isinstance(self.default, list):
+            noun = (
+                "finite numbers"
+                if self.length is None
+                else f"a list of {self.length} finite numbers"
+            )
+        bounds = [
+            f"at least {self.low:g}" if self.low > -INFINITY else "",
+            f"at most {self.high:g}" if self.high < INFINITY else "",
+        ]
+        allowed = ", ".join([noun, *(bound for bound in bounds if bound)])
+        return " or ".join([allowed, *self.words])
+
+    def coerce(self, value: Any) -> Value | None:
+        """Return `value` as the parameter's type, or None if it is not allowed."""
+        if isinstance(self.default, bool):
+            return value if isinstance(value, bool) else None
+        if isinstance(self.default, str):
+            valid = isinstance(value, str) and (not self.choices or value in self.choices)
+            return value if valid else None
+        if isinstance(self.default, list):
+            return self._coerce_list(value)
+        if self.words and isinstance(value, str):
+            return value if value in self.words else None
+        return self._coerce_number(value)
+
+    def _coerce_number(self, value: Any) -> int | float | None:
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.number)):
+            return None
+        # Bounds first: a whole number may be too large for a float.
+        if not max(self.low, -1e300) <= value <= min(self.high, 1e300):
+            return None
+        if isinstance(self.default, int):
+            return int(value) if float(value).is_integer() else None
+        return float(value)
+
+    def _coerce_list(self, value: Any) -> Value | None:
+        if isinstance(value, (str, bytes)) or not hasattr(value, "__len__"):
+            return None
+        if self.most is not None and len(value) > self.most:
+            return None
+        entries = list(value)
+        if self.length is not None and len(entries) != self.length:
+            return None
+        if self.element is str:
+            valid = all(isinstance(entry, str) and entry for entry in entries)
+            return entries if valid and len(set(entries)) == len(entries) else None
+        number = Parameter("", 0.0, "", self.low, self.high)
+        found = [number._coerce_number(entry) for entry in entries]
+        valid_numbers = [float(value) for value in found if value is not None]
+        return valid_numbers if len(valid_numbers) == len(entries) else None
+
+
+def flatten(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield the leaves of nested mappings with dotted names."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from flatten(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def unknown(given: Iterable[str], known: Collection[str]) -> list[str]:
+    """Return a fault for each parameter that there is not, with the one that was probably meant.
+
+    Parameters
+    ----------
+    given : iterable of str
+        Dotted names.
+    known : collection of str
+        Dotted names of all parameters.
+    """
+    names = [name for name in given if name not in known]
+    if len(names) > MISSPELT:
+        return [f"{name}: unknown parameter" for name in names]
+    return [f"{name}: unknown parameter{_meant(name, known)}" for name in names]
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    """Return a question for the most similar name of the same group, empty without one."""
+    group = name.rpartition(".")[0]
+    near = [each for each in known if each.rpartition(".")[0] == group]
+    found = get_close_matches(name, near, 1, LIKENESS)
+    return f", is {found[0]} meant?" if found else ""
+
+
+class ConfigError(ValueError):
+    """Every fault of a configuration at once.
+
+    Attributes
+    ----------
+    faults : tuple of str
+        One line each: dotted name, value, what is allowed; without the middle of what is too long.
+    """
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        self.faults = tuple(map(short, faults))
+        super().__init__("\n".join(self.faults))
+
+
+def check(table: Iterable[Parameter], found: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """Return the values of a plain table's parameters, and every fault of the given ones."""
+    by_name = {parameter.name: parameter for parameter in table}
+    faults = unknown(found, by_name)
+    values = {}
+    for name, parameter in by_name.items():
+        value = found.get(name, parameter.default)
+        values[name] = parameter.coerce(value)
+        if values[name] is None:
+            faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
+    return values, faults

@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Where a radar's clutter comes from: a map of cells, learned from what no target claims.
+
+Quays, wind turbines and land answer at the same place turn after turn. Only cells that clutter came
+from are stored, so that the map of a precise radar with a long range is small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray, read_only
+from . import neighbourhood
+from .grid import Grid, corners
+
+# The detections of one reflector lie some three times as densely as the cells can tell, and what
+# answers from the same place again and again is clutter rather than a target, by more than that
+# among others that do, where detections of neighbours look like those of a target that moves.
+ALONE, POINT = 5.0, 60.0
+# Reflectors lie in lines, in a sixth of the cells of their neighbourhood or less.
+GATHERED = 6.0
+# A target that passes leaves about so many detections in a cell before it is known; more of them
+# are needed to tell a place. What answers in a smaller share of all turns is hardly a place.
+AGAIN, SELDOM = 2.0, 0.15
+# Before the first turn the density is known to be uniform as from so many turns.
+PRIOR_TURNS = 5.0
+# Turns that the map remembers.
+MEMORY_TURNS = 100.0
+# Turns until a detection counts for the most part: a target that moves has left the cell by then.
+RECENT_TURNS = 6.0
+# Cells with less are forgotten, and beyond so many those with the least.
+LEAST_COUNT = 1e-3
+MOST_CELLS = 1 << 16
+NO_CELLS = np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class ClutterMap:
+    """False detections remembered by cell.
+
+    Parameters
+    ----------
+    grid : Grid
+        The cells. A detection counts in the four nearest ones.
+    cell : int array of shape (K,)
+        Ascending; the row times the grid's columns plus the column.
+    count : array of shape (K,)
+        Detections remembered of each.
+    turns : float
+        Turns remembered; a scan of the whole field is one.
+    recent : array of shape (K,)
+        Detections of each that do not count yet.
+    recent_turns : float
+        Turns that do not count yet.
+
+    Notes
+    -----
+    Beside uniform clutter, whose rate is known, a cell has that of its place. A detection counts k
+    turns later with exp(-k / MEMORY_TURNS) - exp(-k / RECENT_TURNS). With n detections in T turns
+    that count, the rate of the place is
+    (PRIOR_TURNS GATHERED A / CELLS + b n^2 / (n + AGAIN + SELDOM T)) / (PRIOR_TURNS + T):
+    the mean after a Gamma prior, but for the two factors of n. They are what keeps quays from
+    becoming targets, and ships that move from hiding behind their own first detections. The
+    neighbourhood tells what is likely before the place has answered: with A detections per turn
+    that come from it beyond those of one reflector and of uniform clutter, all of them counted at
+    once, the prior is that of its cells, and b rises from ALONE to POINT; see
+    `clutter_neighbourhood`.
+    """
+
+    grid: Grid
+    cell: IntArray = field(default_factory=lambda: NO_CELLS)
+    count: FloatArray = field(default_factory=lambda: np.zeros(0))
+    turns: float = 0.0
+    recent: FloatArray = field(default_factory=lambda: np.zeros(0))
+    recent_turns: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cell", read_only(self.cell, np.int64))
+        object.__setattr__(self, "count", read_only(self.count))
+        object.__setattr__(self, "recent", read_only(self.recent))
+
+    def log_factor(
+        self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
+    ) -> FloatArray:
+        """Return the log density of all clutter relative to the uniform one, (M,); at least 0.
+
+        Parameters
+        ----------
+        measurement : array of shape (M, 2)
+            Range and azimuth, metres and radians.
+        world : array of shape (M, 2)
+            The same in the world frame, metres.
+        rate : float
+            Expected false detections per turn, uniform in azimuth and up to `max_range`; above 0.
+        max_range : float
+            Metres.
+        """
+        cell, share = corners(self.grid, self.grid.places(measurement, world))
+        about = self.about(measurement, world, rate, max_range)
+        found = np.zeros(cell.shape)
+        if len(self.cell):
+            place = np.minimum(np.searchsorted(self.cell, cell), len(self.cell) - 1)
+            counting = self.count[place] - self.recent[place]
+            found = np.where(self.cell[place] == cell, np.maximum(counting, 0.0), 0.0)
+        seen = (found * share).sum(axis=0)
+        turns = max(self.turns - self.recent_turns, 0.0)
+        point = ALONE + (POINT - ALONE) * neighbourhood.crowding(about)
+        again = point * seen**2 / (seen + AGAIN + SELDOM * turns)
+        again += PRIOR_TURNS * GATHERED * about / neighbourhood.CELLS
+        log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)
+        with np.errstate(divide="ignore"):  # where nothing came from
+            log_place = np.log(again) - np.log(PRIOR_TURNS + turns)
+        log_factor: FloatArray = np.logaddexp(0.0, log_place - log_uniform)
+        return log_factor
+
+    def about(
+        self, measurement: FloatArray, world: FloatArray, rate: float, max_range: float
+    ) -> FloatArray:
+        """Return the detections per turn of the neighbourhood of each place, shape (M,).
+
+        Only those beyond what one reflector and uniform clutter would give.
+
+        Parameters
+        ----------
+        measurement, world, rate, max_range
+            As in `log_factor`.
+        """
+        found = neighbourhood.detections_about(
+            self.grid, self.cell, self.count, self.grid.places(measurement, world)
+        )
+        share = neighbourhood.CELLS * np.exp(self.grid.log_share(measurement, max_range))
+        others = neighbourhood.SINGLE + rate * np.minimum(share, 1.0)
+        beyond: FloatArray = np.maximum(found / max(self.turns, 1.0) - others, 0.0)
+        return beyond
+
+    def after(
+        self, measurement: FloatArray, world: FloatArray, weight: FloatArray, turns: float
+    ) -> ClutterMap:
+        """Return the map after a further report.
+
+        Parameters
+        ----------
+        measurement, world : arrays of shape (M, 2)
+            As in `log_factor`.
+        weight : array of shape (M,)
+            Probability that no target is the source of each detection.
+        turns : float
+            Part of a turn that the report is of.
+        """
+        kept, fading = np.exp(-turns / MEMORY_TURNS), np.exp(-turns / RECENT_TURNS)
+        corner, share = corners(self.grid, self.grid.places(measurement, world))
+        new, place = np.unique(corner.ravel(), return_inverse=True)
+        more = np.bincount(place.ravel(), weights=(share * weight).ravel(), minlength=len(new))
+        at = np.searchsorted(self.cell, new)
+        known = np.zeros(len(new), dtype=bool)
+        known[at < len(self.cell)] = self.cell[at[at < len(self.cell)]] == new[at < len(self.cell)]
+        count, recent = kept * self.count, fading * self.recent
+        count[at[known]] += more[known]
+        recent[at[known]] += more[known]
+        cell = np.insert(self.cell, at[~known], new[~known])
+        count = np.insert(count, at[~known], more[~known])
+        recent = np.insert(recent, at[~known], more[~known])
+        enough = np.flatnonzero(count >= LEAST_COUNT)
+        if len(enough) > MOST_CELLS:
+            order = np.argsort(-count[enough], kind="stable")[:MOST_CELLS]
+            enough = np.sort(enough[order])
+        return replace(
+            self,
+            cell=cell[enough],
+            count=count[enough],
+            turns=kept * self.turns + turns,
+            recent=recent[enough],
+            recent_turns=fading * self.recent_turns + turns,
+        )

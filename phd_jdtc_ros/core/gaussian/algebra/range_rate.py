@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The range rate in the update: what it tells of Gaussians that range and azimuth have updated.
+
+The noise of a range rate is independent of those of range and azimuth, so that it may come after
+them. It is then linearised where they put the target. What is left of its curvature is the product
+of the errors in angle and in the velocity across the line of sight, which its variance takes in.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray
+from ...sensors.polar_radar import LEAST_RANGE, RadarModel, Rates
+from ...sensors.range_rate import RangeRateModel
+from . import kalman
+
+
+class Rated(NamedTuple):
+    """Gaussians after their range rates.
+
+    Parameters
+    ----------
+    mean : array of shape (N, D)
+    covariance : array of shape (N, D, D)
+    log_likelihood : array of shape (N,)
+        Of the range rate alone, over all folds; 0 where there is none.
+    """
+
+    mean: FloatArray
+    covariance: FloatArray
+    log_likelihood: FloatArray
+
+    def take(self, rows: IntArray) -> Rated:
+        """Return those of these rows."""
+        return Rated(*(part[rows] for part in self))
+
+
+class Expected(NamedTuple):
+    """What a radar would measure of Gaussians' range rates.
+
+    Parameters
+    ----------
+    rate : array of shape (N,)
+        Expected, metres per second.
+    cross : array of shape (N, D)
+        Covariance with the state.
+    variance : array of shape (N,)
+        Without the radar's noise.
+    """
+
+    rate: FloatArray
+    cross: FloatArray
+    variance: FloatArray
+
+
+def expected(
+    mean: FloatArray, covariance: FloatArray, radar: RadarModel, time_s: FloatArray | None = None
+) -> Expected:
+    """Return what a radar would measure of the range rates of Gaussians.
+
+    Parameters
+    ----------
+    mean, covariance : arrays of shape (N, D) and (N, D, D)
+        At the scan's stamp.
+    radar : RadarModel
+    time_s : array of shape (N,) or None
+        Time of each measurement relative to the stamp, seconds.
+
+    Notes
+    -----
+    With the line of sight u, the direction n across it, the distance r and the velocity v relative
+    to the radar, the range rate is u'v, and changes by (n'v) a + u'dv + a (n'dv) - (u'v) a^2 / 2
+    with the angle a = n'dp / r and the change dv of the velocity. With the variances A and B of a
+    and n'dv and their covariance C, the last two terms have the mean C - (u'v) A / 2, and about the
+    variance A B + C^2 + (u'v)^2 A^2 / 2.
+    """
+    place, speed = list(radar.space.position), list(radar.space.velocity)
+    velocity = mean[:, speed]
+    line = mean[:, place] - np.asarray(radar.position)
+    if time_s is not None:
+        line = line + time_s[:, None] * velocity
+    distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
+    along = line / distance[:, None]
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    relative = velocity - np.asarray(radar.velocity)
+    rate, side = (relative * along).sum(axis=1), (relative * across).sum(axis=1)
+
+    angle, sideways, first = np.zeros_like(mean), np.zeros_like(mean), np.zeros_like(mean)
+    angle[:, place] = across / distance[:, None]
+    if time_s is not None:
+        angle[:, speed] = time_s[:, None] * angle[:, place]
+    sideways[:, speed] = across
+    first[:, speed] = along
+    first += side[:, None] * angle
+    of_angle, of_side = _times(covariance, angle), _times(covariance, sideways)
+    a, b = (of_angle * angle).sum(axis=1), (of_side * sideways).sum(axis=1)
+    c = (of_angle * sideways).sum(axis=1)
+    cross = _times(covariance, first)
+    second = a * b + c**2 + 0.5 * (rate * a) ** 2
+    return Expected(rate + c - 0.5 * rate * a, cross, (cross * first).sum(axis=1) + second)
+
+
+def rated(
+    mean: FloatArray,
+    covariance: FloatArray,
+    radar: RadarModel,
+    measured: Rates,
+    time_s: FloatArray | None = None,
+) -> Rated:
+    """Return Gaussians updated with one range rate each; those without one stay.
+
+    Parameters
+    ----------
+    mean, covariance : arrays of shape (N, D) and (N, D, D)
+        At the scan's stamp, updated with range and azimuth.
+    radar : RadarModel
+    measured : Rates
+        N of them.
+    time_s : array of shape (N,) or None
+        Time of each measurement relative to the stamp, seconds.
+    """
+    return told(mean, covariance, expected(mean, covariance, radar, time_s), measured)
+
+
+def told(mean: FloatArray, covariance: FloatArray, found: Expected, measured: Rates) -> Rated:
+    """Return Gaussians updated with one range rate each, of which it is known what is expected.
+
+    Parameters
+    ----------
+    mean, covariance : arrays of shape (N, D) and (N, D, D)
+        At the scan's stamp, updated with range and azimuth.
+    found : Expected
+        Of these Gaussians.
+    measured : Rates
+        N of them; Gaussians without one stay.
+
+    Notes
+    -----
+    Where several folds are probable, the result is matched to the mixture of all of them; see
+    `RangeRateModel.folded`.
+    """
+    known = np.isfinite(measured.rate)
+    error = np.where(known, measured.rate - found.rate, 0.0)
+    total = found.variance + measured.std**2
+    innovation, spread, log_density = measured.model.folded(error, total)
+    gain = found.cross / total[:, None]
+    left = np.where(known, total - spread, 0.0)
+    later = mean + np.where(known, innovation, 0.0)[:, None] * gain
+    taken = left[:, None, None] * gain[:, :, None] * gain[:, None, :]
+    spread_after = kalman.symmetric(covariance - taken)
+    axes = np.arange(mean.shape[1])
+    least = kalman.LEAST_VARIANCE * covariance[:, axes, axes]
+    spread_after[:, axes, axes] = np.maximum(spread_after[:, axes, axes], least)
+    return Rated(later, spread_after, np.where(known, log_density, 0.0))
+
+
+def folds_of(measured: Rates, rate: FloatArray, reach: float) -> FloatArray:
+    """Return the range rates within `reach` of `rate`, a row per fold, shape (K, M)."""
+    value = rate + measured.model.wrapped(measured.rate - rate)
+    each: FloatArray = value + measured.model.folds(reach)[:, None]
+    return each
+
+
+def unfolded(measured: Rates, rate: FloatArray) -> Rates:
+    """Return range rates that are known wholly."""
+    return Rates(RangeRateModel(measured.model.std), rate, measured.std)
+
+
+def _times(covariance: FloatArray, vector: FloatArray) -> FloatArray:
+    product: FloatArray = (covariance @ vector[..., None])[..., 0]
+    return product

@@ -1,0 +1,73 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Weights of pairs of a hypothesis and a detection, and which of them count."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray, sum_by
+from ...association.marginals import LEAST_CLUTTER
+from ...models.competing_sources import OtherSources
+from ..mixture import Mixture
+
+# Of the sources of a detection, and of the hypotheses of a target; pairs below it are left out
+# before they are located.
+LEAST_SHARE = 1e-4
+
+
+def weighed(
+    mixture: Mixture,
+    row: IntArray,
+    column: IntArray,
+    log_mass: FloatArray,
+    others: OtherSources,
+) -> FloatArray:
+    """Return p_D L_z w of pairs, divided by the scale of their detections, shape (P, R, S).
+
+    Parameters
+    ----------
+    mixture : Mixture
+    row, column : int arrays of shape (P,)
+        Hypothesis and detection of each pair.
+    log_mass : array of shape (P, R, S)
+        log p_D L_z.
+    others : OtherSources
+    """
+    weight: FloatArray = mixture.weight[row] * np.exp(
+        log_mass - others.log_scale[column, None, None]
+    )
+    return weight
+
+
+def summed(weight: FloatArray) -> FloatArray:
+    """Return the sums over modes and cells, (N,); three times as fast as those of short axes."""
+    total: FloatArray = np.einsum("hrs->h", weight)
+    return total
+
+
+def likely(
+    mixture: Mixture,
+    row: IntArray,
+    column: IntArray,
+    weight: FloatArray,
+    missed: FloatArray,
+    others: OtherSources,
+) -> IntArray:
+    """Return the pairs that may be more than `LEAST_SHARE` of their target and their detection.
+
+    Another target may claim a detection, however sure this target is of it. Of every detection only
+    that part counts which others would leave even if all that want it did get it.
+    """
+    mass, total = summed(weight), others.total
+    target, count = mixture.target[row], len(mixture.label)
+    odds = mass / np.maximum(total, LEAST_CLUTTER)[column]
+    edge, place = np.unique(target * len(total) + column, return_inverse=True)
+    own = sum_by(place.ravel(), odds, len(edge))
+    wanted = sum_by(column, odds, len(total))[edge % max(len(total), 1)]
+    left = own / (1.0 + np.maximum(wanted - own, 0.0))
+    alone = 1.0 - mixture.existence + sum_by(mixture.target, summed(missed), count)
+    alone += sum_by(edge // max(len(total), 1), left, count)
+    rows: IntArray = np.flatnonzero(odds > LEAST_SHARE * np.maximum(alone, 1.0)[target])
+    return rows

@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Notices reports and results that do not go with the configuration.
+
+Nothing is rejected for it; who runs the tracker is told the likely cause.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import FloatArray
+from ..engine import Step
+from ..types import FULL_TURN, Detections, Scan
+from .sectors import smallest_arc
+
+# Azimuths are looked at in cells of this many to a turn.
+CELLS = 72
+# In so many reports in a row, of at least so many detections, sectors show.
+SECTOR_REPORTS, SECTOR_DETECTIONS = 60, 4
+# Reports of sectors are within less than the first and together beyond the second, in turns.
+SECTOR_ARC, SECTORS_TOGETHER = 0.5, 0.75
+# So many detections, in so many reports, on less of a turn than this, are all that is seen.
+FIELD_REPORTS, FIELD_DETECTIONS, FIELD_ARC = 50, 200, 0.4
+# Targets fly high where radars that turn slower than this, s, see farther than this, m.
+SLOW_TURN, FAR = 3.0, 40e3
+# Scans with detections, and nominal intervals, after which targets should have been reported.
+PATIENCE = 30
+
+
+@dataclass
+class ReportWatch:
+    """Watches the reports of one radar.
+
+    Parameters
+    ----------
+    by_sectors : bool
+        Whether the radar is configured to report by sectors.
+    whole_turn : bool
+        Whether it is configured to see all azimuths at once.
+    slant_ranges : bool
+        Whether ranges over ground are unknown where that matters.
+    """
+
+    by_sectors: bool = True
+    whole_turn: bool = False
+    slant_ranges: bool = False
+    _reports: int = field(init=False, default=0)
+    _detections: int = field(init=False, default=0)
+    _all: npt.NDArray[np.bool_] = field(init=False)
+    _sectors: int = field(init=False, default=0)
+    _together: npt.NDArray[np.bool_] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._all = np.zeros(CELLS, dtype=bool)
+        self._together = np.zeros(CELLS, dtype=bool)
+
+    def add(self, detections: Detections) -> Counter[str]:
+        """Return what is noticed with a report, by what it is.
+
+        ``sectors_not_configured``, ``fov_not_configured`` and ``slant_ranges``; the last two are
+        noticed once.
+        """
+        noticed: Counter[str] = Counter()
+        if self.slant_ranges and len(detections):
+            self.slant_ranges = False
+            noticed["slant_ranges"] = 1
+        azimuth = detections.measurement[:, 1]
+        if not self.by_sectors and len(azimuth) >= SECTOR_DETECTIONS:
+            noticed["sectors_not_configured"] = self._is_sector(azimuth)
+        if self.whole_turn:
+            noticed["fov_not_configured"] = self._is_field(azimuth)
+        return +noticed
+
+    def _is_sector(self, azimuth: FloatArray) -> int:
+        """Return 1 with the last of some reports in a row that are sectors."""
+        start, width = smallest_arc(azimuth)
+        if width >= SECTOR_ARC * FULL_TURN:
+            self._sectors = 0
+            self._together[:] = False
+            return 0
+        self._sectors += 1
+        self._together[_cells(start + np.linspace(0.0, width, CELLS))] = True
+        if self._sectors < SECTOR_REPORTS:
+            return 0
+        found = self._together.mean() > SECTORS_TOGETHER
+        self._sectors = 0
+        self._together[:] = False
+        return int(found)
+
+    def _is_field(self, azimuth: FloatArray) -> int:
+        """Return 1 once if all detections are within a part of the turn."""
+        self._reports += 1
+        self._detections += len(azimuth)
+        self._all[_cells(azimuth)] = True
+        if self._reports < FIELD_REPORTS or self._detections < FIELD_DETECTIONS:
+            return 0
+        self.whole_turn = False
+        seen = np.linspace(0.0, FULL_TURN, CELLS, endpoint=False)[self._all]
+        return int(smallest_arc(seen)[1] < FIELD_ARC * FULL_TURN)
+
+
+def _cells(azimuth: FloatArray) -> npt.NDArray[np.int64]:
+    """Return the cells in which azimuths are."""
+    cells: npt.NDArray[np.int64] = (np.mod(azimuth, FULL_TURN) / FULL_TURN * CELLS).astype(int)
+    return np.minimum(cells, CELLS - 1)
+
+
+@dataclass
+class ResultWatch:
+    """Watches whether detections ever make targets.
+
+    Parameters
+    ----------
+    interval_s : float
+        The nominal interval, seconds.
+
+    Attributes
+    ----------
+    scans : int
+        Number of scans with detections since the last one with a target.
+    """
+
+    interval_s: float
+    scans: int = field(init=False, default=0)
+    _since_ns: int | None = field(init=False, default=None)
+
+    def stepped(self, scan: Scan, step: Step) -> bool:
+        """Return whether targets are overdue, once in `PATIENCE` intervals with detections."""
+        found = any(report is not None and len(report) > 0 for report in scan.detections)
+        if step.targets:
+            self.scans, self._since_ns = 0, None
+        if step.targets or not step.filtered or not found:
+            return False
+        if self._since_ns is None or scan.stamp_ns < self._since_ns:
+            self._since_ns = scan.stamp_ns
+        self.scans += 1
+        waited_s = (scan.stamp_ns - self._since_ns) * 1e-9
+        if self.scans < PATIENCE or waited_s < (PATIENCE - 1) * self.interval_s * 0.99:
+            return False
+        self._since_ns = scan.stamp_ns
+        return True

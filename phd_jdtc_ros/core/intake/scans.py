@@ -1,0 +1,254 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Groups reports into scans by stamp, and decides when a scan is complete.
+
+Time is given by stamps, never by arrival. Reports of several radars with one stamp are one scan; a
+report with another stamp is another scan. A scan is closed when every live radar has reported its
+stamp, or as soon as a later stamp has come. Whether a radar is live is decided by stamps: one that
+has missed two scans is no longer waited for, until its next report. A caller that cannot wait for a
+later stamp closes the pending scans with `close_all`.
+
+Where stamps arrive out of order, the newest K scans can be held back, so that a late report still
+joins its scan. With K = 1 no report is lost, and the order of arrival makes no difference, as long
+as every report of a scan comes before all reports of the scan after the next.
+
+Radars that report whole turns and are not synchronous send reports that are as old as their turns
+are long. For them scans can be held back by time: until every live radar has reported the stamp or
+a later one, or the newest stamp is later by more than that time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+from ..types import Detections, Scan
+
+MISSES_UNTIL_SILENT = 2
+
+
+class Rejection(Enum):
+    """Why a report is not part of any scan."""
+
+    DUPLICATE = "duplicate"
+    LATE = "late"
+    LATE_BURST = "late_burst"
+
+
+@dataclass(frozen=True)
+class Reset:
+    """The stamps jumped: the scans that follow belong to a new run.
+
+    Parameters
+    ----------
+    jump_s : float
+        Length of the jump from the previous scan or report, seconds; negative for a jump back.
+    """
+
+    jump_s: float
+
+    @property
+    def ahead(self) -> bool:
+        """Whether the jump is a gap, and not a jump back."""
+        return self.jump_s > 0.0
+
+    def __str__(self) -> str:
+        way = "ahead" if self.ahead else "back"
+        return f"stamps jumped {way} by {abs(self.jump_s):.1f} s"
+
+
+@dataclass
+class ScanGrouper:
+    """Groups reports into scans.
+
+    Parameters
+    ----------
+    radars : int
+        How many radars are configured.
+    reset_threshold_s : float
+        A stamp that is further behind the newest than this begins a new run and is no late report.
+    max_gap_s : float
+        A scan that comes later than this after the previous one begins a new run.
+    reorder_scans : int
+        Number K of the newest scans that are held back.
+    reorder_s : float
+        Longest time that scans are held back for radars that are behind, seconds; above 0 it
+        replaces `reorder_scans`.
+    """
+
+    radars: int
+    reset_threshold_s: float
+    max_gap_s: float = math.inf
+    reorder_scans: int = 0
+    reorder_s: float = 0.0
+    _pending: dict[int, dict[int, Detections]] = field(init=False, default_factory=dict)
+    _misses: list[int] = field(init=False)
+    _last_stamp: list[int | None] = field(init=False)
+    _first_stamp: int | None = field(init=False, default=None)
+    _closed_ns: int | None = field(init=False, default=None)
+    _overtaken: dict[int, tuple[int, int]] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all stamps; every radar counts as live again."""
+        self._pending = {}
+        self._misses = [0] * self.radars
+        self._last_stamp = [None] * self.radars
+        self._first_stamp = None
+        self._closed_ns = None
+        self._overtaken = {}
+
+    @property
+    def closed_ns(self) -> int | None:
+        """Stamp of the newest closed scan; None before the first."""
+        return self._closed_ns
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a report is held back until its scan is complete."""
+        return bool(self._pending)
+
+    def add(
+        self, radar: int, stamp_ns: int, detections: Detections
+    ) -> list[Scan | Reset] | Rejection:
+        """Take in one report.
+
+        Parameters
+        ----------
+        radar : int
+            Index in the configured order.
+        stamp_ns : int
+        detections : Detections
+
+        Returns
+        -------
+        list of Scan or Reset
+            The scans that this report closes, oldest first. A `Reset` stands between the scans of
+            one run and those of the next.
+        Rejection
+            If the report is not part of any scan.
+        """
+        events: list[Scan | Reset] = []
+        newest = max(self._pending, default=self._closed_ns)
+        if newest is not None and stamp_ns < newest - self.reset_threshold_s * 1e9:
+            events = [*self.close_all(), Reset((stamp_ns - newest) * 1e-9)]
+            overtaken = self._unreported(newest)
+            self.reset()
+            self._overtaken = overtaken
+        if self._is_overtaken(radar, stamp_ns):
+            return Rejection.LATE
+        last = self._last_stamp[radar]
+        if stamp_ns == last or radar in self._pending.get(stamp_ns, ()):
+            return Rejection.DUPLICATE
+        self._misses[radar] = 0
+        if self._closed_ns is not None and stamp_ns <= self._closed_ns:
+            return Rejection.LATE
+        self._last_stamp[radar] = stamp_ns if last is None else max(last, stamp_ns)
+        if self._first_stamp is None:
+            self._first_stamp = stamp_ns
+        self._pending.setdefault(stamp_ns, {})[radar] = detections
+        return events + self._close_complete()
+
+    def replace(
+        self, radar: int, stamps_ns: Sequence[int], reports: Sequence[tuple[int, Detections]]
+    ) -> None:
+        """Replace reports of a radar in the scans that are not closed.
+
+        Parameters
+        ----------
+        radar : int
+            Index in the configured order.
+        stamps_ns : sequence of int
+            Of those that are replaced; those of closed scans are ignored.
+        reports : sequence of (stamp in nanoseconds, Detections)
+            Those that replace them, by ascending stamp, at least one; those that belong to closed
+            scans are ignored.
+        """
+        closed_ns = -1 if self._closed_ns is None else self._closed_ns
+        for stamp_ns in stamps_ns:
+            others = self._pending.get(stamp_ns, {})
+            others.pop(radar, None)
+            if not others:
+                self._pending.pop(stamp_ns, None)
+        for stamp_ns, detections in reports:
+            if stamp_ns > closed_ns:
+                self._pending.setdefault(stamp_ns, {})[radar] = detections
+        self._last_stamp[radar] = reports[-1][0]
+
+    def _unreported(self, newest: int) -> dict[int, tuple[int, int]]:
+        """Return the interval of each radar's stamps that may still be on their way.
+
+        Topics are not ordered among each other: the last report of one radar may come after
+        another radar's stamps have jumped back.
+        """
+        earliest = newest - round(self.reset_threshold_s * 1e9)
+        since = [earliest if last is None else max(last, earliest) for last in self._last_stamp]
+        return {radar: (last, newest) for radar, last in enumerate(since) if last < newest}
+
+    def _is_overtaken(self, radar: int, stamp_ns: int) -> bool:
+        """Return whether a report belongs to the run before the jump back."""
+        after, until = self._overtaken.pop(radar, (0, 0))
+        if not after < stamp_ns <= until:
+            return False
+        if stamp_ns < until:
+            self._overtaken[radar] = stamp_ns, until
+        return True
+
+    def close_all(self) -> list[Scan | Reset]:
+        """Close all pending scans, also those incomplete or held back; oldest first."""
+        return [event for stamp_ns in sorted(self._pending) for event in self._close(stamp_ns)]
+
+    def _close_complete(self) -> list[Scan | Reset]:
+        """Close the oldest scans that are followed by enough later ones.
+
+        A complete scan needs `reorder_scans` later ones, an incomplete one needs one more.
+        """
+        events: list[Scan | Reset] = []
+        stamps = sorted(self._pending)
+        while stamps and self._closable(stamps):
+            events += self._close(stamps.pop(0))
+        return events
+
+    def _closable(self, stamps: list[int]) -> bool:
+        """Return whether the oldest of the pending stamps need not wait."""
+        if self.reorder_s:
+            return self._passed(stamps[0])
+        needed = self.reorder_scans + (not self._complete(stamps[0]))
+        return len(stamps) > needed
+
+    def _passed(self, stamp_ns: int) -> bool:
+        """Return whether no radar that is live by its stamps can still report a stamp in time.
+
+        One that has sent nothing for `MISSES_UNTIL_SILENT` times the longest wait is not live.
+        """
+        wait_ns = self.reorder_s * 1e9
+        newest = max(last for last in self._last_stamp if last is not None)
+        if newest - stamp_ns > wait_ns:
+            return True
+        since = newest - MISSES_UNTIL_SILENT * wait_ns
+        first = self._first_stamp if self._first_stamp is not None else newest
+        for last in self._last_stamp:
+            if (first if last is None else last) > since and (last is None or last < stamp_ns):
+                return False
+        return True
+
+    def _complete(self, stamp_ns: int) -> bool:
+        live = {r for r in range(self.radars) if self._misses[r] < MISSES_UNTIL_SILENT}
+        return live <= self._pending[stamp_ns].keys()
+
+    def _close(self, stamp_ns: int) -> list[Scan | Reset]:
+        """Return the scan, preceded by a reset if it comes after too long a gap."""
+        reports = self._pending.pop(stamp_ns)
+        for radar, last in enumerate(self._last_stamp):
+            # A radar that has already sent a newer report is not silent.
+            if radar not in reports and (last is None or last < stamp_ns):
+                self._misses[radar] += 1
+        gap_ns = 0 if self._closed_ns is None else stamp_ns - self._closed_ns
+        self._closed_ns = stamp_ns
+        scan = Scan(stamp_ns, tuple(reports.get(radar) for radar in range(self.radars)))
+        return [Reset(gap_ns * 1e-9), scan] if gap_ns > self.max_gap_s * 1e9 else [scan]

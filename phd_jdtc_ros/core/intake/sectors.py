@@ -1,0 +1,76 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The sectors of a turn: their numbers and the azimuths that they cover.
+
+A radar that reports n sectors to a turn numbers them from 0 in the direction in which it counts
+azimuths, from its azimuth zero on.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..arrays import FloatArray, wrap_angle
+from ..types import FULL_TURN, Coverage
+
+# Detections of a sector may be half a sector beside it, and at least this, rad: some come with the
+# next. So few detections do not say that its number is wrong.
+LEAST_MARGIN, LEAST_NEAR = math.radians(20.0), 3
+
+
+def coverage_of(sector: int, sectors: int, compass: bool) -> Coverage:
+    """Return the azimuths of a sector.
+
+    Parameters
+    ----------
+    sector : int
+        From 0.
+    sectors : int
+        To a turn.
+    compass : bool
+        Whether the radar counts azimuths clockwise from north, and not counter-clockwise from its
+        x axis.
+    """
+    width = FULL_TURN / sectors
+    start = math.pi / 2.0 - (sector + 1) * width if compass else sector * width
+    return Coverage(math.remainder(start, FULL_TURN), width)
+
+
+def sector_of(coverage: Coverage, sectors: int, compass: bool) -> int:
+    """Return the number of the sector in which the middle of a coverage is."""
+    middle = coverage.start + 0.5 * coverage.width
+    counted = math.pi / 2.0 - middle if compass else middle
+    return int(counted % FULL_TURN / FULL_TURN * sectors) % sectors
+
+
+def is_sector(azimuth: FloatArray, sector: Coverage) -> bool:
+    """Return whether detections can be of a sector: half of them are in it or near, or too few.
+
+    Parameters
+    ----------
+    azimuth : array of shape (M,)
+    sector : Coverage
+    """
+    if len(azimuth) < LEAST_NEAR:
+        return True
+    half = 0.5 * sector.width
+    beside = np.abs(wrap_angle(azimuth - sector.start - half))
+    near = int(np.count_nonzero(beside <= half + max(half, LEAST_MARGIN)))
+    return 2 * near >= len(azimuth)
+
+
+def smallest_arc(azimuth: FloatArray) -> tuple[float, float]:
+    """Return where the smallest arc with all azimuths begins, and its width, radians.
+
+    Parameters
+    ----------
+    azimuth : array of shape (M,)
+        At least one; the arc is counter-clockwise.
+    """
+    ordered = np.sort(np.mod(azimuth, FULL_TURN))
+    gaps = np.diff(np.append(ordered, ordered[0] + FULL_TURN))
+    widest = int(np.argmax(gaps))
+    return float(ordered[(widest + 1) % len(ordered)]), FULL_TURN - float(gaps[widest])

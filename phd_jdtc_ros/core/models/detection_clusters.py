@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Detections that are close together as one: for radars that see a vehicle as several points.
+
+A target has at most one detection in the update; what it has beyond that looks like clutter, or
+like another target beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..arrays import FloatArray, IntArray, sum_by
+from ..sensors.polar_radar import RadarModel, Rates, wrap_angle
+from ..types import UNKNOWN, Detections
+
+# Range rates agree if they differ by no more than so many deviations of their difference.
+RATE_SIGMA = 4.0
+# Detections are farther apart than what they come from by at most so many deviations.
+NOISE_SIGMA = 2.0
+
+
+def merged(detections: Detections, radar: RadarModel) -> Detections:
+    """Return detections with those of a group as one, at its centre.
+
+    Parameters
+    ----------
+    detections : Detections
+        M of them.
+    radar : RadarModel
+        Its `cluster_distance` is the largest distance of a group's detections from the one among
+        them with the most others around it, beside their noise; their range rates agree with that
+        one's. With 0 the detections are returned as they are.
+
+    Notes
+    -----
+    The amplitude is the largest of the group, the identity the first that is known, and the kind
+    that of the most sensors. Deviations stay those of one detection: the centre of what answers
+    moves about in the target.
+    """
+    if not radar.cluster_distance or len(detections) < 2:
+        return detections
+    position = _cartesian(detections.measurement)
+    rates = radar.rates_of(detections)
+    group = _groups(position, _close(position, detections, radar), rates)
+    count = int(group.max()) + 1
+    if count == len(detections):
+        return detections
+    x, y = (_mean(group, axis, count) for axis in position.T)
+    measurement = np.stack([np.hypot(x, y), wrap_angle(np.arctan2(y, x))], axis=1)
+    std, rate_std = detections.noise_std, detections.range_rate_std
+    time_s, height = detections.time_s, detections.height
+    return replace(
+        detections,
+        measurement=measurement,
+        amplitude=_largest(group, detections.amplitude, count),
+        time_s=None if time_s is None else _mean(group, time_s, count),
+        noise_std=None if std is None else np.stack([_mean(group, s, count) for s in std.T], 1),
+        range_rate=_mean_rate(group, detections, rates, count),
+        range_rate_std=None if rate_std is None else _mean(group, rate_std, count),
+        height=None if height is None else _mean(group, height, count),
+        code=_first(group, detections.code, count),
+        address=_first(group, detections.address, count),
+        kind=_richest(group, detections.kind, count),
+    )
+
+
+def _cartesian(measurement: FloatArray) -> FloatArray:
+    distance, azimuth = measurement.T
+    return np.stack([distance * np.cos(azimuth), distance * np.sin(azimuth)], axis=1)
+
+
+def _close(position: FloatArray, detections: Detections, radar: RadarModel) -> IntArray:
+    """Return the pairs of detections that are farther apart than the distance only by their noise.
+
+    Shape (P, 2).
+    """
+    own = radar.detection_noise(detections)
+    std = np.tile(radar.noise_std, (len(position), 1)) if own is None else own
+    sides = np.stack([std[:, 0], std[:, 1] * detections.measurement[:, 0]], axis=1)
+    reach = radar.cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
+    pairs: IntArray = cKDTree(position).query_pairs(reach, output_type="ndarray")
+    first, second = pairs.T
+    apart = position[second] - position[first]
+    distance = np.hypot(apart[:, 0], apart[:, 1])
+    azimuth = detections.measurement[first, 1]
+    along = np.abs(np.cos(azimuth) * apart[:, 0] + np.sin(azimuth) * apart[:, 1])
+    cosine = np.minimum(along / np.maximum(distance, np.finfo(float).tiny), 1.0)
+    square = sides[first] ** 2 + sides[second] ** 2
+    noise = np.sqrt(cosine**2 * square[:, 0] + (1.0 - cosine**2) * square[:, 1])
+    close: IntArray = pairs[distance <= radar.cluster_distance + NOISE_SIGMA * noise]
+    return close
+
+
+def _groups(position: FloatArray, pairs: IntArray, rates: Rates | None) -> IntArray:
+    """Return the number of each detection's group, from 0 in the order of their first ones."""
+    if rates is not None:
+        first, second = pairs.T
+        apart = np.abs(rates.model.wrapped(rates.rate[first] - rates.rate[second]))
+        unlike = apart > RATE_SIGMA * np.hypot(rates.std[first], rates.std[second])
+        pairs = pairs[~unlike]  # an unknown range rate agrees with all
+    size = len(position)
+    around: list[list[int]] = [[] for _ in range(size)]
+    for one, other in pairs.tolist():
+        around[one].append(other)
+        around[other].append(one)
+    centre = np.full(size, -1)
+    for one in sorted(range(size), key=lambda row: -len(around[row])):
+        if centre[one] < 0:
+            centre[one] = one
+            for other in around[one]:
+                if centre[other] < 0:
+                    centre[other] = one
+    _, first_row, inverse = np.unique(centre, return_index=True, return_inverse=True)
+    rank = np.empty(len(first_row), dtype=np.int64)
+    rank[np.argsort(first_row)] = np.arange(len(first_row))
+    group: IntArray = rank[inverse.ravel()]
+    return group
+
+
+def _mean(group: IntArray, value: FloatArray, count: int) -> FloatArray:
+    """Return the mean of each group's known values, NaN where there are none."""
+    known = np.isfinite(value)
+    number = sum_by(group, known.astype(np.float64), count)
+    total = sum_by(group, np.where(known, value, 0.0), count)
+    return np.where(number > 0.0, total / np.maximum(number, 1.0), np.nan)
+
+
+def _largest(group: IntArray, value: FloatArray | None, count: int) -> FloatArray | None:
+    if value is None:
+        return None
+    largest = np.full(count, np.nan)
+    np.fmax.at(largest, group, value)
+    return largest
+
+
+def _first(group: IntArray, value: IntArray | None, count: int) -> IntArray | None:
+    """Return the first known identity of each group, `UNKNOWN` where there is none."""
+    if value is None:
+        return None
+    known = np.flatnonzero(value != UNKNOWN)[::-1]
+    first = np.full(count, UNKNOWN)
+    first[group[known]] = value[known]
+    return first
+
+
+def _richest(group: IntArray, kind: IntArray | None, count: int) -> IntArray | None:
+    """Return the kind of each group: the highest, which has what the lower ones see in most."""
+    if kind is None:
+        return None
+    found = np.full(count, UNKNOWN)
+    np.maximum.at(found, group, kind)
+    return found
+
+
+def _mean_rate(
+    group: IntArray, detections: Detections, rates: Rates | None, count: int
+) -> FloatArray | None:
+    """Return the mean range rates of groups, each by the folds nearest to one of its own."""
+    if rates is None:
+        return None
+    known = np.flatnonzero(np.isfinite(rates.rate))[::-1]
+    near = np.full(count, np.nan)
+    near[group[known]] = rates.rate[known]  # of the first one that is known
+    offset = rates.model.wrapped(rates.rate - near[group])
+    return rates.model.wrapped(near + _mean(group, offset, count))

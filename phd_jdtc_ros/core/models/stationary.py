@@ -1,0 +1,96 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Whether a target is at rest: what its velocity tells, whatever was likely beforehand.
+
+A newborn target's velocity has a broad distribution, so that it is probably fast although nothing
+is known of it. Where quays answer too, what appears is at least as likely to be at rest. The odds
+of rest are therefore those of the density of the velocity, divided by the odds at its birth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import chndtr
+
+from ..arrays import FloatArray
+from ..sensors.polar_radar import RadarModel
+
+# Deviations of a velocity that is known well, metres per second and as a share of the bound.
+LEAST_SPEED_STD, LEAST_SPEED_SHARE = 0.1, 0.05
+
+
+def slower(mean: FloatArray, covariance: FloatArray, bound: float) -> FloatArray:
+    """Return the probability that each velocity is slower than a bound, shape (...).
+
+    Parameters
+    ----------
+    mean : array of shape (..., 2)
+        Metres per second.
+    covariance : array of shape (..., 2, 2)
+    bound : float
+        Metres per second; above 0.
+
+    Notes
+    -----
+    The ellipse of a velocity is taken as a circle of the same area.
+    """
+    area = np.sqrt(np.maximum(np.linalg.det(covariance), 0.0))
+    variance = np.maximum(area, max(LEAST_SPEED_STD, LEAST_SPEED_SHARE * bound) ** 2)
+    square, limit = (mean**2).sum(axis=-1) / variance, bound**2 / variance
+    # Beyond ten deviations it is zero, and its series would be long.
+    found: FloatArray = chndtr(limit, 2.0, np.minimum(square, (np.sqrt(limit) + 10.0) ** 2))
+    return found
+
+
+def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> FloatArray:
+    """Return probabilities of being slower than a bound, if that is as likely as not beforehand.
+
+    Parameters
+    ----------
+    probability : array
+        Where the velocity of a newborn target has the deviation `velocity_std` along each axis.
+    bound, velocity_std : float
+        Metres per second.
+
+    Returns
+    -------
+    array
+        Of the same shape; unchanged where newborn targets are all slower, or all faster.
+    """
+    prior = -math.expm1(-0.5 * (bound / velocity_std) ** 2)
+    rest, motion = probability * (1.0 - prior), (1.0 - probability) * prior
+    whole = rest + motion
+    even: FloatArray = np.where(whole > 0.0, rest / np.where(whole > 0.0, whole, 1.0), probability)
+    return even
+
+
+def among_reflectors(probability: FloatArray, crowding: FloatArray) -> FloatArray:
+    """Return probabilities of rest where reflectors are about, shape kept.
+
+    Parameters
+    ----------
+    probability : array
+        Of being at rest where nothing else answers.
+    crowding : array of the same shape
+        Probability that a target's neighbourhood is one of reflectors; below 1.
+
+    Notes
+    -----
+    The odds are divided by the probability that it is not one. What surely moves is so anywhere.
+    """
+    motion = (1.0 - probability) * (1.0 - crowding)
+    found: FloatArray = probability / (probability + motion)
+    return found
+
+
+def bound_of_rest(radars: Sequence[RadarModel]) -> float:
+    """Return the speed below which a target is clutter to every radar, m/s; 0 if there is none.
+
+    To a radar without a map of clutter, or whose `clutter_map_speed` is 0, no target is clutter.
+    """
+    bounds = [0.0 if radar.clutter_map is None else radar.clutter_map_speed for radar in radars]
+    return min(bounds, default=0.0)

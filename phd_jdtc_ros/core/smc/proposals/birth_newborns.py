@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Velocities of their own for the copies of a newborn target's particles.
+
+The scan of a birth at a known place tells where the target is and nothing of its velocity.
+Resampling then copies the particles that are at the right place, each with the one velocity that it
+was born with, and few of those turn out right. Given its place, the velocity of a newborn target
+still has its prior, so that every copy may draw another: the density is the same, and several times
+as many velocities are tried with the scans that follow.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray
+from ...models.tracker_model import TrackerModel
+from ...tracks import labels
+from ...types import Scan
+from ..correction import scale_rows
+from ..particle_set import ParticleSet
+
+
+def spread(
+    stored: ParticleSet, scan: Scan, model: TrackerModel, scan_index: int, rng: np.random.Generator
+) -> ParticleSet:
+    """Return a resampled set in which all copies of newborn particles have their own velocities.
+
+    Parameters
+    ----------
+    stored : ParticleSet
+    scan : Scan
+        From which it was updated. If it tells of velocities the set stays as it is.
+    model : TrackerModel
+    scan_index : int
+        Of the scan.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ParticleSet
+        With a row for each copy of a particle of a birth term. The first copy keeps its velocity
+        and turn rate, the others draw theirs from the term.
+    """
+    newborn = (stored.parent < 0) & ~labels.is_detected(stored.origin)
+    newborn &= stored.multiplicity > 1
+    if not newborn.any() or _tells_velocities(scan):
+        return stored
+    copies = np.where(newborn, stored.multiplicity, 1)
+    row = np.repeat(np.arange(len(stored)), copies)
+    again = np.flatnonzero(np.append(False, row[1:] == row[:-1]))
+    share = 1.0 / copies[row]
+    term = stored.origin[row[again]] - labels.first_predicted(scan_index)
+    state = stored.state[row]
+    _draw_velocities(state, again, stored.mode[row], term, model, rng)
+    return ParticleSet(
+        state=state,
+        mode=stored.mode[row],
+        origin=stored.origin[row],
+        parent=stored.parent[row],
+        multiplicity=np.where(newborn, 1, stored.multiplicity)[row],
+        poisson=stored.poisson[row] * share,
+        components=scale_rows(stored.components[row], share),
+        label=stored.label,
+        log_snr=stored.log_snr[row],
+    )
+
+
+def _tells_velocities(scan: Scan) -> bool:
+    """Return whether a scan has range rates, or plots at other times than its stamp.
+
+    At another time, where a target is seen depends on its velocity too.
+    """
+    return any(
+        found is not None
+        and (found.range_rate is not None or (found.time_s is not None and found.time_s.any()))
+        for found in scan.detections
+    )
+
+
+def _draw_velocities(
+    state: FloatArray,
+    again: IntArray,
+    mode: IntArray,
+    term: IntArray,
+    model: TrackerModel,
+    rng: np.random.Generator,
+) -> None:
+    """Draw, in place, the velocities and turn rates of some rows from their birth terms."""
+    mean, std = (
+        np.array([getattr(birth, name) for birth in model.births])[term] for name in ("mean", "std")
+    )
+    drawn = mean + std * rng.standard_normal(mean.shape)
+    for index, motion in enumerate(model.modes.motions):
+        chosen = np.flatnonzero(mode[again] == index)
+        for axis in set(motion.support) - set(model.modes.space.position):
+            state[again[chosen], axis] = drawn[chosen, axis]

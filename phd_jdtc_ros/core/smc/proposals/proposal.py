@@ -1,0 +1,147 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Process noise that has seen the detections.
+
+A precise radar's detection is explained by next to none of the particles that were moved blindly:
+the better the radar, the fewer. Where the process noise is not small against a detection's
+deviations, part of the particles therefore draw their noise given the detection. The weights make
+up for the difference, so that the predicted density stays the same.
+
+Notes
+-----
+Let m be a particle's position without noise, Q the covariance of the noise in position, R_j that of
+detection z_j, and S_j = Q + R_j. The proposal is the mixture of the process noise itself, with
+share a, and of the noise given each detection, with shares (1 - a) N(z_j; m, S_j) / sum_i N(z_i; m,
+S_i). By Bayes' rule its density at the position x, divided by that of the process noise, is
+a + (1 - a) sum_j N(z_j; x, R_j) / sum_j N(z_j; m, S_j). The weight is the inverse, at most 1 / a.
+
+References
+----------
+Doucet, Godsill and Andrieu, "On sequential Monte Carlo sampling methods for Bayesian filtering",
+Statistics and Computing 10, 2000, for the optimal importance density; the share of the prior is
+the defensive mixture of Hesterberg, Technometrics 37(2), 1995.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...arrays import FloatArray, IntArray
+from ...targets import motion
+from ...targets.motion import MotionModel
+from .detections_in_plane import Places
+
+# The process noise is guided by detections whose larger deviation is below this many of its own.
+SHARP = 6.0
+# Share of the particles that are moved blindly.
+BLIND_SHARE = 0.3
+# Of the innovation; a particle is not guided by detections farther out.
+GATE_SIGMA = 6.0
+# Particles times detections that are compared at once; with more, none is guided.
+MOST_PAIRS = 1 << 22
+
+
+def sample(
+    model: MotionModel, state: FloatArray, dt: float, seen: Places, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Draw the next state of every row, and the factor of its weight.
+
+    Parameters
+    ----------
+    model : MotionModel
+    state : array of shape (N, D)
+    dt : float
+        Seconds.
+    seen : Places
+        The detections at the next scan.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    state : array of shape (N, D)
+    factor : array of shape (N,)
+        At most 1 / `BLIND_SHARE`, and 1 on the average.
+    """
+    moved = motion.sample(model, state, dt, rng)
+    noise = model.noise_covariance(dt)
+    place = [model.support.index(axis) for axis in model.space.position]
+    sharp = seen.sharper_than(SHARP * float(np.sqrt(noise[place[0], place[0]])))
+    if not len(sharp) or not len(state) or len(sharp) * len(state) > MOST_PAIRS:
+        return moved, np.ones(len(state))
+    seen_noise = _seen_noise(sharp, model, noise)
+    innovation = sharp.covariance + _seen(sharp, model, seen_noise)
+    predictive = _densities(sharp, model.mean(state, dt), model, innovation)
+    total = predictive.sum(axis=0)
+    guided = np.flatnonzero((total > 0.0) & (rng.random(len(state)) >= BLIND_SHARE))
+    by = _chosen(predictive[:, guided], rng)
+    gain = seen_noise @ np.linalg.inv(innovation)
+    _pull(moved, guided, by, model, gain, sharp, rng)
+    explained = _densities(sharp, moved, model, sharp.covariance, gate=False)
+    explained = (explained * (predictive > 0.0)).sum(axis=0)
+    near = total > 0.0
+    ratio = np.divide(explained, total, out=np.ones(len(state)), where=near)
+    return moved, 1.0 / (BLIND_SHARE + (1.0 - BLIND_SHARE) * ratio)
+
+
+def _seen_noise(seen: Places, model: MotionModel, noise: FloatArray) -> FloatArray:
+    """Return the covariance of the noise with the position at each detection's time; (M, K, 2)."""
+    place = [model.support.index(axis) for axis in model.space.position]
+    speed = [model.support.index(axis) for axis in model.space.velocity]
+    return noise[:, place] + seen.time_s[:, None, None] * noise[:, speed]
+
+
+def _seen(seen: Places, model: MotionModel, seen_noise: FloatArray) -> FloatArray:
+    """Return the noise's covariance of the position at each detection's time, (M, 2, 2)."""
+    place = [model.support.index(axis) for axis in model.space.position]
+    speed = [model.support.index(axis) for axis in model.space.velocity]
+    at_time: FloatArray = seen_noise[:, place] + seen.time_s[:, None, None] * seen_noise[:, speed]
+    return at_time
+
+
+def _densities(
+    seen: Places, state: FloatArray, model: MotionModel, covariance: FloatArray, gate: bool = True
+) -> FloatArray:
+    """Return N(z_j; x_i, C_j) of every detection and state, zero outside the gate; (M, N)."""
+    inverse = np.linalg.inv(covariance)
+    # Written out by axes: products of many matrices of two rows cost several times as much.
+    east, north = (
+        seen.position[:, axis, None] - state[:, place] - np.outer(seen.time_s, state[:, speed])
+        for axis, (place, speed) in enumerate(
+            zip(model.space.position, model.space.velocity, strict=True)
+        )
+    )
+    square = east * (inverse[:, 0, 0, None] * east + 2.0 * inverse[:, 0, 1, None] * north)
+    square += inverse[:, 1, 1, None] * north**2
+    peak = 1.0 / (2.0 * np.pi * np.sqrt(np.linalg.det(covariance)))
+    density: FloatArray = peak[:, None] * np.exp(-0.5 * square)
+    return np.where(square <= GATE_SIGMA**2, density, 0.0) if gate else density
+
+
+def _chosen(density: FloatArray, rng: np.random.Generator) -> IntArray:
+    """Draw a detection for each column in proportion to its density; (M, n) to (n,)."""
+    running = np.cumsum(density, axis=0)
+    drawn: IntArray = (running < rng.random(density.shape[1]) * running[-1]).sum(axis=0)
+    return np.minimum(drawn, len(density) - 1)
+
+
+def _pull(
+    moved: FloatArray,
+    rows: IntArray,
+    by: IntArray,
+    model: MotionModel,
+    gain: FloatArray,
+    seen: Places,
+    rng: np.random.Generator,
+) -> None:
+    """Condition the noise of some rows, in place, on the detections that guide them.
+
+    A draw of the noise plus gain times (detection - position - a draw of the detection's error) is
+    a draw of the noise given the detection (Matheron's rule).
+    """
+    root = np.linalg.cholesky(seen.covariance)
+    error = (root[by] @ rng.standard_normal((len(rows), 2, 1)))[..., 0]
+    state = moved[rows]
+    offset = seen.position[by] - state[:, list(model.space.position)] - error
+    offset -= seen.time_s[by, None] * state[:, list(model.space.velocity)]
+    moved[np.ix_(rows, np.array(model.support))] += (gain[by] @ offset[..., None])[..., 0]

@@ -1,0 +1,267 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""When estimates go out, and how targets that were updated at different times get one stamp.
+
+A radar that turns updates every target at a time of its own. Filtered estimates are predicted from
+there to the common stamp, and smoothed ones are interpolated between the times before and after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import FloatArray, IntArray
+from ..targets.modes import ModeSpace
+from ..targets.motion import CoordinatedTurn
+from ..types import Attributes, Estimates
+
+# The mean of a target's next state; with a turn rate of zero it is a straight line.
+NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
+# Steps of the numerical Jacobian along the axes of position and velocity, and of the turn rate.
+STEP, TURN_STEP = 1e-2, 1e-6
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """When estimates go out.
+
+    Parameters
+    ----------
+    period_ns : int
+        At stamps that are multiples of this; 0 for the stamp of every scan.
+    """
+
+    period_ns: int
+
+    def between(self, after_ns: int, before_ns: int) -> list[int]:
+        """Return the stamps of estimates from one scan's until before the next one's, ascending.
+
+        That of the earlier scan is one of them if it is a multiple: all that it says is then known.
+        """
+        if not self.period_ns:
+            return []
+        first = -(-after_ns // self.period_ns) * self.period_ns
+        return list(range(first, before_ns, self.period_ns))
+
+
+def joined(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
+    """Return estimates of several stamps as one, by ascending track, and the stamp of each.
+
+    There must be one part at least. The stamp of the whole is that of the last part.
+    """
+    if len(parts) == 1:
+        return parts[0], np.full(len(parts[0]), parts[0].stamp_ns)
+    order = np.argsort(np.concatenate([part.track_id for part in parts]), kind="stable")
+
+    def column(name: str) -> FloatArray:
+        joint: FloatArray = np.concatenate([getattr(part, name) for part in parts])[order]
+        return joint
+
+    told = [part.attributes for part in parts if part.attributes is not None]
+    whole = Estimates(
+        stamp_ns=parts[-1].stamp_ns,
+        lag=lag,
+        attributes=Attributes.joined(told).take(order) if len(told) == len(parts) else None,
+        state=column("state"),
+        covariance=column("covariance"),
+        weight=column("weight"),
+        class_probability=column("class_probability"),
+        class_id=column("class_id").astype(np.int64),
+        track_id=column("track_id").astype(np.int64),
+        track_state=column("track_state").astype(np.int64),
+        space=parts[0].space,
+    )
+    stamps = np.array([part.stamp_ns for part in parts], dtype=np.int64)
+    return whole, stamps.repeat([len(part) for part in parts])[order]
+
+
+def chosen(estimates: Estimates, rows: IntArray) -> Estimates:
+    """Return the estimates of these rows."""
+    return replace(
+        estimates,
+        state=estimates.state[rows],
+        covariance=estimates.covariance[rows],
+        weight=estimates.weight[rows],
+        class_probability=estimates.class_probability[rows],
+        class_id=estimates.class_id[rows],
+        track_id=estimates.track_id[rows],
+        track_state=estimates.track_state[rows],
+        attributes=None if estimates.attributes is None else estimates.attributes.take(rows),
+    )
+
+
+def predicted(
+    estimates: Estimates, time_ns: IntArray, stamp_ns: int, modes: ModeSpace
+) -> Estimates:
+    """Return the estimates at a later stamp.
+
+    Parameters
+    ----------
+    estimates : Estimates
+        Of N targets.
+    time_ns : int array of shape (N,)
+        The time of each.
+    stamp_ns : int
+    modes : ModeSpace
+
+    Notes
+    -----
+    The mean moves along its turn, and the covariance to first order of it. The process noise is the
+    mean of those of the class's motions.
+    """
+    moved = np.flatnonzero(time_ns != stamp_ns)
+    estimates = replace(estimates, stamp_ns=stamp_ns)
+    if not len(moved):
+        return estimates
+    every, which = np.unique((stamp_ns - time_ns[moved]) * 1e-9, return_inverse=True)
+    dt, kind = every[which.ravel()], estimates.class_id[moved]
+    state, covariance = estimates.state[moved], estimates.covariance[moved]
+    size = state.shape[1]
+    step = np.full(size, STEP)
+    step[estimates.space.turn_rate] = TURN_STEP
+    columns = [
+        (NOISE_FREE.mean(state + shift, dt) - NOISE_FREE.mean(state - shift, dt)) / (2.0 * width)
+        for shift, width in zip(np.diag(step), step, strict=True)
+    ]
+    jacobian = np.stack(columns, axis=2)
+    noise = np.stack([_noise(modes, size, length) for length in every.tolist()])
+    first_mode = np.searchsorted(modes.class_of, np.arange(len(modes.classes)))
+    survival = np.stack([modes.survival(length)[first_mode] for length in every.tolist()])
+    rows = which.ravel(), kind
+    covariance = jacobian @ covariance @ jacobian.transpose(0, 2, 1) + noise[rows]
+    return replace(
+        estimates,
+        state=_with(estimates.state, moved, NOISE_FREE.mean(state, dt)),
+        covariance=_with(estimates.covariance, moved, covariance),
+        weight=_with(estimates.weight, moved, estimates.weight[moved] * survival[rows]),
+    )
+
+
+def _noise(modes: ModeSpace, size: int, dt: float) -> FloatArray:
+    """Return the process noise of each class after `dt` seconds, shape (C, D, D)."""
+    noise = np.zeros((len(modes.classes), size, size))
+    for index, model in enumerate(modes.classes):
+        for motion in model.motions:
+            axes = np.ix_(motion.support, motion.support)
+            noise[index][axes] += motion.noise_covariance(dt) / len(model.motions)
+    return noise
+
+
+def _with(column: FloatArray, rows: IntArray, values: FloatArray) -> FloatArray:
+    """Return a copy of a column with other values in these rows."""
+    changed: FloatArray = column.copy()
+    changed[rows] = values
+    return changed
+
+
+def interpolated(
+    before: Estimates, after: Estimates, between_ns: tuple[IntArray, IntArray], stamp_ns: int
+) -> Estimates:
+    """Return the estimates at a stamp between two others; tracks must match row by row.
+
+    `between_ns` has the times of both, row by row.
+
+    Notes
+    -----
+    Positions follow the cubic with the positions and velocities at both ends. Everything else is
+    linear in time.
+    """
+    length = ((between_ns[1] - between_ns[0]) * 1e-9)[:, None]
+    s = (stamp_ns - between_ns[0])[:, None] * 1e-9 / length
+    state = (1.0 - s) * before.state + s * after.state
+    place, speed = list(before.space.position), list(before.space.velocity)
+    p0, p1 = before.state[:, place], after.state[:, place]
+    v0, v1 = length * before.state[:, speed], length * after.state[:, speed]
+    state[:, place] = (
+        (1.0 + 2.0 * s) * (1.0 - s) ** 2 * p0
+        + s * (1.0 - s) ** 2 * v0
+        + s**2 * (3.0 - 2.0 * s) * p1
+        + s**2 * (s - 1.0) * v1
+    )
+    state[:, speed] = (
+        6.0 * s * (1.0 - s) * (p1 - p0)
+        + (1.0 - s) * (1.0 - 3.0 * s) * v0
+        + s * (3.0 * s - 2.0) * v1
+    ) / length
+
+    def linear(first: FloatArray, second: FloatArray) -> FloatArray:
+        part = s.reshape(-1, *[1] * (first.ndim - 1))
+        between: FloatArray = (1.0 - part) * first + part * second
+        return between
+
+    probability = linear(before.class_probability, after.class_probability)
+    return replace(
+        before,
+        stamp_ns=stamp_ns,
+        state=state,
+        covariance=linear(before.covariance, after.covariance),
+        weight=linear(before.weight, after.weight),
+        class_probability=probability,
+        class_id=probability.argmax(axis=1),
+    )
+
+
+def at_stamp(
+    found: Estimates, time_ns: IntArray, stamp_ns: int, threshold: float, modes: ModeSpace
+) -> Estimates:
+    """Return the targets at a stamp, given them at the times at which they were updated.
+
+    Parameters
+    ----------
+    found : Estimates
+        Also of targets that are not reported. A target may be there at several times.
+    time_ns : int array
+        The time of each.
+    stamp_ns : int
+    threshold : float
+        Existence probability above which a target is reported.
+    modes : ModeSpace
+
+    Notes
+    -----
+    A target is interpolated between its last update until the stamp and its first one after it. If
+    there is none after it, it is predicted.
+    """
+    order = np.lexsort((time_ns, found.track_id))
+    order = order[found.track_id[order] != 0]
+    track, past = found.track_id[order], time_ns[order] <= stamp_ns
+    last = np.flatnonzero(
+        past & np.append((track[1:] != track[:-1]) | ~past[1:], True)[: len(past)]
+    )
+    row = order[last]
+    following = np.minimum(last + 1, len(order) - 1)
+    seen_again = (last + 1 < len(order)) & (track[following] == track[last])
+    both, only = row[seen_again], row[~seen_again]
+    after = order[following[seen_again]]
+    # What no label follows is only known from the last scan.
+    unlabelled = (found.track_id == 0) & (time_ns <= stamp_ns)
+    latest = time_ns[unlabelled].max(initial=0)
+    only = np.append(only, np.flatnonzero(unlabelled & (time_ns == latest)))
+    parts = [
+        interpolated(
+            chosen(found, both), chosen(found, after), (time_ns[both], time_ns[after]), stamp_ns
+        ),
+        predicted(chosen(found, only), time_ns[only], stamp_ns, modes),
+    ]
+    whole, _ = joined(parts, found.lag)
+    return chosen(whole, np.flatnonzero(whole.weight > threshold))
+
+
+def none(modes: ModeSpace, stamp_ns: int, lag: int) -> Estimates:
+    """Return estimates of no targets."""
+    size, no_one = len(modes.space), np.zeros(0, dtype=np.int64)
+    return Estimates(
+        stamp_ns=stamp_ns,
+        lag=lag,
+        state=np.zeros((0, size)),
+        covariance=np.zeros((0, size, size)),
+        weight=np.zeros(0),
+        class_probability=np.zeros((0, len(modes.classes))),
+        class_id=no_one,
+        track_id=no_one,
+        space=modes.space,
+    )

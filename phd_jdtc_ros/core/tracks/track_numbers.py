@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Track numbers: small, in the order in which tracks are first reported.
+
+A track of an aircraft that had a number before, by its address, has that number again; and of two
+tracks of one aircraft both have the older number, and the better one is reported.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import IntArray
+from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
+from .common_stamp import chosen
+from .known_aircraft import MARGIN, KnownAircraft, Reach
+
+# Of two tracks of one aircraft that is reported which is confirmed, else which is coasting.
+PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
+
+
+class TrackNumbers:
+    """Maps labels to track numbers, in the order in which tracks are first reported.
+
+    Parameters
+    ----------
+    number : dict of label to number, or None
+        The numbers in use.
+    count : int
+        The last number given; the first is 1.
+    aircraft : KnownAircraft or None
+        Those of tracks with known addresses.
+    """
+
+    def __init__(
+        self,
+        number: dict[int, int] | None = None,
+        count: int = 0,
+        aircraft: KnownAircraft | None = None,
+    ) -> None:
+        self._number = number or {}
+        self.count = count
+        self.aircraft = aircraft or KnownAircraft()
+
+    def numbered(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
+        """Return the estimates with track numbers for labels, each once; 0 stays 0.
+
+        Parameters
+        ----------
+        estimates : Estimates
+        reach : Reach or None
+            Of aircraft whose tracks have ended; None where no radar reports identities.
+        """
+        label = estimates.track_id.tolist()
+        if reach is None or estimates.attributes is None:
+            numbers = [self._track(one) if one else 0 for one in label]
+            return replace(estimates, track_id=np.array(numbers, dtype=np.int64))
+        address = estimates.attributes.address.tolist()
+        for row in [row for row, one in enumerate(label) if one and one not in self._number]:
+            if address[row] != UNKNOWN:
+                place = estimates.position[row].tolist(), estimates.stamp_ns
+                again = self.aircraft.number_of(address[row], *place, reach)
+                if again is not None:
+                    self._number[label[row]] = again
+        self._join(estimates)
+        self._part(estimates)
+        numbers = [self._track(one) if one else 0 for one in label]
+        found = replace(estimates, track_id=np.array(numbers, dtype=np.int64))
+        found = chosen(found, _best(found))
+        self.aircraft.note(found, reach)
+        return found
+
+    def _join(self, estimates: Estimates) -> None:
+        """Give tracks of one address that are near each other the oldest of their numbers."""
+        if estimates.attributes is None:
+            return
+        address = np.where(estimates.track_id > 0, estimates.attributes.address, UNKNOWN)
+        for one, other in _pairs(address, UNKNOWN):
+            labels = estimates.track_id[[one, other]].tolist()
+            given = [self._number[label] for label in labels if label in self._number]
+            if given and _apart(estimates, one, other) <= MARGIN:
+                self._number.update(dict.fromkeys(labels, min(given)))
+
+    def _part(self, estimates: Estimates) -> None:
+        """Take a number from the younger of two confirmed tracks that are not one aircraft."""
+        confirmed = estimates.track_state == CONFIRMED
+        number = [self._number.get(label, 0) for label in estimates.track_id.tolist()]
+        for one, other in _pairs(np.where(confirmed, number, 0), 0):
+            if _apart(estimates, one, other) > MARGIN:
+                self._number.pop(int(estimates.track_id[[one, other]].max()), None)
+
+    def _track(self, label: int) -> int:
+        if label not in self._number:
+            self.count += 1
+            self._number[label] = self.count
+        return self._number[label]
+
+    @property
+    def in_use(self) -> dict[int, int]:
+        """The number of each label; a copy."""
+        return dict(self._number)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The state for a snapshot: the arguments that make an equal one."""
+        return {
+            "number": [list(pair) for pair in self._number.items()],
+            "count": self.count,
+            "aircraft": self.aircraft.facts,
+        }
+
+    def forget_all_but(self, labels: list[IntArray]) -> None:
+        """Drop the numbers of targets that can no longer be reported."""
+        alive = set((np.concatenate(labels) + 1).tolist())
+        self._number = {label: n for label, n in self._number.items() if label in alive}
+
+
+class NoNumbers(TrackNumbers):
+    """Leaves labels as they are, while it is not known yet which of them have a number."""
+
+    def numbered(self, estimates: Estimates, reach: Reach | None = None) -> Estimates:
+        """Return the estimates as they are."""
+        return estimates
+
+    def forget_all_but(self, labels: list[IntArray]) -> None:
+        """Do nothing."""
+
+
+def _pairs(value: IntArray, none: int) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of rows that have the same value and not `none`."""
+    known, count = np.unique(value[value != none], return_counts=True)
+    for same in known[count > 1]:
+        yield from itertools.combinations(np.flatnonzero(value == same).tolist(), 2)
+
+
+def _apart(estimates: Estimates, one: int, other: int) -> float:
+    """Return the distance of two estimates, metres."""
+    return float(np.hypot(*(estimates.position[one] - estimates.position[other])))
+
+
+def _best(estimates: Estimates) -> IntArray:
+    """Return the rows of the estimates, of those of one number only the best one."""
+    number = estimates.track_id
+    rank = np.array([PREFERENCE[state] for state in estimates.track_state.tolist()], dtype=np.int64)
+    order = np.lexsort((-estimates.weight, rank, number))
+    first = np.append(True, np.diff(number[order]) > 0)[: len(order)] | (number[order] == 0)
+    rows: IntArray = np.sort(order[first])
+    return rows

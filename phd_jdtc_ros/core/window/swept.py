@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which origins a scan touches: those that an antenna may have passed.
+
+The others are neither predicted nor linked for it, so that a scan of a sector costs what the
+antenna passed. It was where it says, and wherever it has detected something.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from ..arrays import FloatArray
+from ..models.tracker_model import TrackerModel
+from ..sensors.polar_radar import GATE_SIGMA, LEAST_RANGE, RadarModel
+from ..targets.motion import MotionModel
+from ..types import FULL_TURN, Detections, Scan
+from .entries import BoolArray, Current, LinkT, RowsT
+
+# Of the position of an origin; farther out, next to none of its mass is.
+SPREAD_SIGMA = 4.0
+# An origin that no antenna has passed for this many turns is predicted all the same.
+LONGEST_TURNS = 1.5
+
+Reports = Sequence[tuple[RadarModel, Detections]]
+
+
+def parted(
+    current: list[Current[RowsT, LinkT]], scan: Scan, model: TrackerModel, labelled: bool
+) -> tuple[list[Current[RowsT, LinkT]], list[Current[RowsT, LinkT]]]:
+    """Return the rows that a scan touches, and those that it does not.
+
+    Parameters
+    ----------
+    current : list of Current
+        Oldest first.
+    scan : Scan
+    model : TrackerModel
+    labelled : bool
+        Whether an origin is at most one target. Otherwise there are no origins to leave alone, and
+        everything is touched.
+    """
+    reports = model.reports(scan)
+    if not labelled or not current or _everywhere(reports):
+        return current, []
+    turns_s = (radar.rotation_s for radar in model.radars)
+    longest_s = LONGEST_TURNS * max(turns_s, default=model.modes.interval_s)
+    extents = [rows.entry.extents(model.modes.space) for rows in current]
+    age_s = [(scan.stamp_ns - rows.entry.stamp_ns) * 1e-9 for rows in current]
+    sizes = [len(extent.origin) for extent in extents]
+    dt = np.repeat(age_s, sizes)
+    position = np.concatenate([extent.position for extent in extents])
+    position += dt[:, None] * np.concatenate([extent.velocity for extent in extents])
+    # The radius within which each target is.
+    spread = np.concatenate([extent.position_std for extent in extents])
+    spread += dt * np.concatenate([extent.velocity_std for extent in extents])
+    spread += np.repeat([_noise_std(model, age) for age in age_s], sizes)
+    near = _passed(position, SPREAD_SIGMA * spread, reports) | (dt >= longest_s)
+    touched, others = [], []
+    by_entry = np.split(near, np.cumsum(sizes)[:-1])
+    for rows, extent, near_here in zip(current, extents, by_entry, strict=True):
+        inside, outside = rows.parted(near_here[extent.row_origin])
+        touched += [inside] if inside is not None else []
+        others += [outside] if outside is not None else []
+    return touched, others
+
+
+def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
+    """Return the birth terms at places that an antenna may have passed in a scan."""
+    reports = model.reports(scan)
+    if not model.births or _everywhere(reports):
+        return list(range(len(model.births)))
+    place = list(model.modes.space.position)
+    position = np.array([term.mean[place] for term in model.births])
+    spread = np.array([np.hypot(*term.std[place]) for term in model.births])
+    return [int(k) for k in np.flatnonzero(_passed(position, SPREAD_SIGMA * spread, reports))]
+
+
+def _everywhere(reports: Reports) -> bool:
+    """Return whether reports are of whole fields, or there are none."""
+    return not reports or any(detections.coverage is None for _, detections in reports)
+
+
+def _noise_std(model: TrackerModel, dt: float) -> float:
+    """Return the standard deviation, along both axes, that the process noise adds in `dt`."""
+    motions = dict.fromkeys(model.modes.motions)
+    return float(np.sqrt(2.0 * max(_position_variance(motion, dt) for motion in motions)))
+
+
+# Antennas turn evenly, so the same intervals come again and again.
+@lru_cache(maxsize=1024)
+def _position_variance(motion: MotionModel, dt: float) -> float:
+    """Return the process noise of a position along an axis after `dt` seconds."""
+    axis = motion.support.index(motion.space.position[0])
+    return float(motion.noise_covariance(dt)[axis, axis])
+
+
+def _passed(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
+    """Return whether an antenna comes within `spread` of each position, shape (T,)."""
+    near = np.zeros(len(spread), dtype=bool)
+    for radar, detections in reports:
+        line = position - np.asarray(radar.position)
+        distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)
+        margin = np.arcsin(np.minimum(spread / distance, 1.0)) + GATE_SIGMA * radar.azimuth_std
+        azimuth = np.arctan2(line[:, 1], line[:, 0]) - radar.yaw
+        near |= spread >= distance
+        if (coverage := detections.coverage) is not None:
+            offset = np.mod(azimuth + margin - coverage.start, FULL_TURN)
+            near |= offset <= coverage.width + 2.0 * margin
+        if len(detections):
+            seen, first = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN)), azimuth - margin
+            following = seen[np.searchsorted(seen, np.mod(first, FULL_TURN)) % len(seen)]
+            near |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
+    return near

@@ -1,0 +1,217 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The evaluation of a run: estimates are compared with the truth at their own stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ..core.types import FILTERED, SMOOTHED, SOURCES
+from .limits import LONG_GAP_S, OSPA2_WINDOW
+from .metric_table import CLASS_ACCURACY, FALSE_PER_SCAN, IDENTITY_SWITCHES, reduction
+from .run_scores import RunScores
+from .scan_scores import ALL, PairedScan, PointSet, ScanScore, class_set
+from .slow_targets import without_slow
+from .true_tracks import TrueTracks
+
+__all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
+
+# A stamp of the truth that comes again, earlier than more than so many others, begins another pass:
+# as a tracker begins a new run, see RESET_THRESHOLD_SCANS.
+JUMP_SCANS = 3
+
+Key = TypeVar("Key")
+Value = TypeVar("Value")
+
+
+@dataclass
+class Evaluation:
+    """Compares estimates with the truth at their stamps, in any order of arrival; totals scores.
+
+    Between samples the truth is interpolated, see `TrueTracks`. Samples come in the order of their
+    stamps.
+
+    Parameters
+    ----------
+    classes : int
+    cutoff : float
+        c of OSPA and GOSPA, metres.
+    order : float
+        p of both.
+    keep : int or None
+        Number of scans of which truth, unpaired estimates and scores are kept, so that a run may be
+        of any length; None keeps all. The summary is always of the whole run.
+    class_names : tuple of str
+        For readers of the summary; ``class_0`` and so on if empty.
+    least_speed : float
+        Slower targets are not scored, nor the estimates of them, metres per second.
+
+    Attributes
+    ----------
+    scores : dict
+        By source and stamp, the last `keep` of each.
+    scored : dict
+        Number of scores by source.
+    truth_scans : int
+        Number of stamps of the truth.
+    repeated : int
+        Number of sets of a stamp that was there already, which are not scored: a stamp is scored
+        once in each pass. If the stamps of the truth jump back, another pass begins, as in the
+        replay of a bag in a loop.
+    """
+
+    classes: int
+    cutoff: float
+    order: float
+    keep: int | None = None
+    class_names: tuple[str, ...] = ()
+    least_speed: float = 0.0
+    scores: dict[str, dict[int, ScanScore]] = field(init=False)
+    truth_scans: int = field(init=False, default=0)
+    repeated: int = field(init=False, default=0)
+    _between: bool = field(init=False, default=False)  # any estimates between samples
+    _runs: dict[str, RunScores] = field(init=False)
+    _truth: TrueTracks = field(init=False)
+    _waiting: dict[tuple[str, int], PointSet] = field(init=False, default_factory=dict)
+    # Stamps for which only one source has a score so far, and that source.
+    _half: dict[int, str] = field(init=False, default_factory=dict)
+    # Of this pass the stamps of the truth, and source and stamp of what has been scored; and of the
+    # pass before what was still to come.
+    _seen: dict[int, None] = field(init=False, default_factory=dict)
+    _done: dict[tuple[str, int], None] = field(init=False, default_factory=dict)
+    _owed: set[tuple[str, int]] = field(init=False, default_factory=set)
+    _scans: int = field(init=False, default=0)
+    # Targets that were too slow, of so many scores.
+    _slow: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        self.scores = {source: {} for source in SOURCES}
+        self._truth = TrueTracks(self.keep)
+        settings = self.classes, self.cutoff, self.order
+        self._runs = {source: RunScores(*settings) for source in SOURCES}
+
+    @property
+    def scored(self) -> dict[str, int]:
+        """Number of scores by source."""
+        return {source: run.scans for source, run in self._runs.items()}
+
+    @property
+    def own_stamps(self) -> bool:
+        """Whether the estimates come in a time of their own, and not once a sample of the truth.
+
+        They do if they are between samples, as those of radars that turn, or if every other sample
+        or more is without any, as with estimates once in a longer period.
+        """
+        apart = max(_interval_ns(scores) for scores in self.scores.values())
+        return self._between or apart >= 2.0 * _interval_ns(self._seen) > 0.0
+
+    def add_truth(self, stamp_ns: int, truth: PointSet) -> list[ScanScore]:
+        """Add the targets of a stamp; return the scores that became possible."""
+        if stamp_ns in self._seen:
+            if sum(other > stamp_ns for other in self._seen) <= JUMP_SCANS:
+                self.repeated += 1
+                return []
+            self._begin_pass()
+        self.truth_scans += 1
+        self._put(self._seen, stamp_ns, None)
+        self._truth.add(stamp_ns, truth)
+        scores = []
+        for source, waiting_ns in sorted(self._waiting, key=_by_stamp):
+            targets = self._truth.at(waiting_ns)
+            if targets is not None:
+                estimate = self._waiting.pop((source, waiting_ns))
+                scores.append(self._score(source, waiting_ns, targets, estimate))
+        return scores
+
+    def add_estimates(self, source: str, stamp_ns: int, estimate: PointSet) -> list[ScanScore]:
+        """Add a source's estimates of a stamp; return the scores that became possible."""
+        key = source, stamp_ns
+        if key in self._owed:
+            self._owed.remove(key)
+        elif key in self._done or key in self._waiting:
+            self.repeated += 1
+            return []
+        targets = self._truth.at(stamp_ns)
+        if targets is None:
+            self._put(self._waiting, key, estimate)
+            return []
+        return [self._score(source, stamp_ns, targets, estimate)]
+
+    def _begin_pass(self) -> None:
+        """Let the stamps be scored again; a tracker's last estimates of a pass come after it."""
+        stamps = {*self._seen, *(stamp for _, stamp in self._done)}
+        self._owed = {(source, stamp) for source in SOURCES for stamp in stamps}
+        self._owed.difference_update(self._done)
+        self._done.clear()
+        self._seen.clear()
+
+    def _put(self, store: dict[Key, Value], key: Key, value: Value, each: int = 1) -> None:
+        """Store as the newest entry, and remove the oldest ones beyond `each` times `keep`."""
+        store.pop(key, None)
+        store[key] = value
+        while self.keep is not None and len(store) > each * self.keep:
+            del store[next(iter(store))]
+
+    def _score(
+        self, source: str, stamp_ns: int, targets: PointSet, estimate: PointSet
+    ) -> ScanScore:
+        judged, found = without_slow(targets, estimate, self.least_speed, self.cutoff)
+        self._slow += len(targets) - len(judged)
+        scan = PairedScan.of(stamp_ns, judged, found, self.cutoff)
+        score = ScanScore(source, stamp_ns, self._runs[source].add(scan))
+        self._put(self.scores[source], stamp_ns, score)
+        self._put(self._done, (source, stamp_ns), None, len(SOURCES))
+        self._between |= stamp_ns not in self._truth
+        if self._half.get(stamp_ns, source) == source:
+            self._put(self._half, stamp_ns, source)
+        else:
+            del self._half[stamp_ns]
+            self._scans += 1
+        return score
+
+    def summary(self) -> dict[str, Any]:
+        """Return the run's figures in the form of `metrics.json`.
+
+        Returns
+        -------
+        dict
+            The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
+            smoothing; ``class_accuracy``, ``identity_switches`` and ``false_per_scan`` of the
+            smoothed estimates;
+            ``consistency``, the result of `RunScores.consistency` per source; ``p``, ``c``;
+            ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of stamps with
+            scores of both sources, of ``truth_scans`` stamps of the truth, None where estimates
+            have stamps of their own; ``class_names``; ``least_speed``, and ``slow_targets``, the
+            mean number in a score of targets that were slower. A figure without data is None.
+        """
+        result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
+        result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
+        result["class_accuracy"] = self._runs[SMOOTHED].of_all(CLASS_ACCURACY)
+        result["identity_switches"] = result[SMOOTHED][ALL][IDENTITY_SWITCHES.key]
+        result["false_per_scan"] = result[SMOOTHED][ALL][FALSE_PER_SCAN.key]
+        result["consistency"] = {source: run.consistency() for source, run in self._runs.items()}
+        result["p"], result["c"] = self.order, self.cutoff
+        result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW
+        result["scans"] = self._scans
+        result["truth_scans"] = None if self.own_stamps else self.truth_scans
+        result["least_speed"] = self.least_speed
+        result["slow_targets"] = self._slow / max(sum(self.scored.values()), 1)
+        result["class_names"] = list(self.class_names or map(class_set, range(self.classes)))
+        return result
+
+
+def _interval_ns(stamps: Iterable[int]) -> float:
+    """Return the median interval between stamps; 0 for less than two."""
+    intervals = np.diff(sorted(stamps))
+    return float(np.median(intervals)) if len(intervals) else 0.0
+
+
+def _by_stamp(entry: tuple[str, int]) -> tuple[int, int]:
+    """Return the order of a source and a stamp among those that wait."""
+    source, stamp_ns = entry
+    return stamp_ns, SOURCES.index(source)

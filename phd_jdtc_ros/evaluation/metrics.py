@@ -1,0 +1,156 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""OSPA and GOSPA: miss distances between the true and the estimated positions of a scan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from ..core.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Ospa:
+    """An OSPA distance and its two parts, in metres.
+
+    For order p the parts obey ``distance^p = localization^p + cardinality^p``; only for p = 1 do
+    they add.
+    """
+
+    distance: float
+    localization: float
+    cardinality: float
+
+
+def ospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -> Ospa:
+    """Return the optimal sub-pattern assignment distance of two sets of positions.
+
+    Parameters
+    ----------
+    truth : array of shape (T, 2)
+    estimate : array of shape (E, 2)
+        Metres, one frame.
+    cutoff : float
+        c, metres: the cost of a missed or false target.
+    order : float
+        p, at least 1.
+
+    Returns
+    -------
+    Ospa
+        Zero for two empty sets; c, all of it cardinality, if one of them is empty.
+
+    References
+    ----------
+    Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object
+    filters", IEEE Transactions on Signal Processing 56(8), 2008.
+    """
+    return ospa_of_distances(cdist(truth, estimate), cutoff, order)
+
+
+def ospa_of_distances(distance: FloatArray, cutoff: float, order: float) -> Ospa:
+    """Return the optimal sub-pattern assignment distance of two sets from their base distances.
+
+    Parameters
+    ----------
+    distance : array of shape (T, E)
+        Distance of each member of one set to each of the other, metres.
+    cutoff, order : float
+        As of `ospa`.
+    """
+    fewest, most = sorted(distance.shape)
+    if most == 0:
+        return Ospa(0.0, 0.0, 0.0)
+    cost = np.minimum(distance, cutoff) ** order
+    matched = float(cost[linear_sum_assignment(cost)].sum())
+    unmatched = float(cutoff**order * (most - fewest))
+    return Ospa(
+        distance=((matched + unmatched) / most) ** (1.0 / order),
+        localization=(matched / most) ** (1.0 / order),
+        cardinality=(unmatched / most) ** (1.0 / order),
+    )
+
+
+def assign(
+    truth: FloatArray, estimate: FloatArray, cutoff: float, order: float = 1.0
+) -> tuple[IntArray, IntArray]:
+    """Return the best pairs (truth index, estimate index) by position closer than `cutoff`.
+
+    Parameters
+    ----------
+    truth : array of shape (T, 2)
+    estimate : array of shape (E, 2)
+        Metres, one frame.
+    cutoff : float
+        Metres.
+    order : float
+        The assignment minimises the sum of this power of the distances.
+    """
+    distance = cdist(truth, estimate)
+    row, column = linear_sum_assignment(np.minimum(distance, cutoff) ** order)
+    near = distance[row, column] < cutoff
+    return row[near], column[near]
+
+
+@dataclass(frozen=True)
+class Gospa:
+    """A GOSPA distance in metres and its parts, for alpha = 2.
+
+    They obey ``distance^p = localization^p + c^p / 2 * (missed + false)``.
+
+    Parameters
+    ----------
+    distance : float
+    localization : float
+        Part of the assigned pairs; not divided by their number.
+    missed, false : int
+        Targets without an estimate and estimates without a target.
+    """
+
+    distance: float
+    localization: float
+    missed: int
+    false: int
+
+
+def gospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -> Gospa:
+    """Return the generalised optimal sub-pattern assignment distance of two sets of positions.
+
+    Unlike OSPA it is not divided by the number of targets, and a missed target next to a false
+    one costs as much as the two far apart.
+
+    Parameters
+    ----------
+    truth : array of shape (T, 2)
+    estimate : array of shape (E, 2)
+        Metres, one frame.
+    cutoff : float
+        c, metres: at this distance a pair costs as much as a missed and a false target.
+    order : float
+        p, at least 1.
+
+    Notes
+    -----
+    Proposition 1 of the reference: the best of all partial assignments, with alpha = 2. Pairs at
+    the cutoff or beyond count as missed and false.
+
+    References
+    ----------
+    Rahmathullah, Garcia-Fernandez and Svensson, "Generalized optimal sub-pattern assignment
+    metric", 20th International Conference on Information Fusion, 2017.
+    """
+    row, column = assign(truth, estimate, cutoff, order)
+    matched = float((np.linalg.norm(truth[row] - estimate[column], axis=1) ** order).sum())
+    missed, false = len(truth) - len(row), len(estimate) - len(column)
+    unmatched = 0.5 * cutoff**order * (missed + false)
+    return Gospa(
+        distance=(matched + unmatched) ** (1.0 / order),
+        localization=matched ** (1.0 / order),
+        missed=missed,
+        false=false,
+    )

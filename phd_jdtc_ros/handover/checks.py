@@ -1,0 +1,52 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which estimates can be joined with those of other trackers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..core.types import Estimates
+
+# Targets of one stamp at most: work and memory grow with them, and with the stamps that wait.
+MOST_TARGETS = 10_000
+# Of a covariance as a correlation: an eigenvalue that is lower than this is no rounding of FLOAT32.
+ROUNDING = -1e-6
+# What matching adds to each axis; half of it belongs to either estimate.
+_SLACK = 0.5
+
+
+def why_not(found: Estimates) -> tuple[str, str] | None:
+    """Return why estimates cannot be joined: a key to count it by, and words; None if they can.
+
+    Tracks must have numbers, each its own. Covariances of positions and velocities must be
+    positive semidefinite, or else no distance between two estimates is defined. There are
+    `MOST_TARGETS` at most.
+    """
+    if len(found) > MOST_TARGETS:
+        return "oversize", f"{len(found)} targets, at most {MOST_TARGETS} are allowed"
+    tracks, times = np.unique(found.track_id, return_counts=True)
+    if (tracks <= 0).any():
+        count = int(times[tracks <= 0].sum())
+        return "unlabelled", (
+            f"{count} of {len(found)} targets have track_id 0, must be above 0: a tracker with "
+            "corrector: poisson has no tracks"
+        )
+    if (times > 1).any():
+        return "schema", f"track_id {tracks[times > 1][0]} is given twice, must be once"
+    axes = [*found.space.position, *found.space.velocity]
+    covariance = found.covariance[:, axes][:, :, axes]
+    variance = np.einsum("tii->ti", covariance)
+    lowest = np.full(len(found), -np.inf)
+    usable = (variance >= 0.0).all(axis=1)
+    scale = np.sqrt(variance[usable] + _SLACK)
+    whole = covariance[usable] + _SLACK * np.eye(len(axes))
+    lowest[usable] = np.linalg.eigvalsh(whole / (scale[:, :, None] * scale[:, None]))[:, 0]
+    bad = np.flatnonzero(lowest < ROUNDING)
+    if len(bad):
+        return "covariance", (
+            f"the covariance of track {found.track_id[bad[0]]} has a negative eigenvalue, must be "
+            "positive semidefinite"
+        )
+    return None

@@ -1,0 +1,257 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One picture of several trackers that part an area, with numbers that stay at the seams.
+
+Where margins overlap, two trackers have a track of one target. Such tracks are found by their
+positions and velocities, stamp by stamp, and get one number. One of the trackers owns it: that in
+whose core region the target is. It owns it until the target is well inside another's, so that it
+does not change over to and fro along a seam.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from ..core.arrays import FloatArray
+from ..core.tracks.common_stamp import chosen, joined
+from ..core.tracks.region import Region
+from ..core.tracks.renumbering import matched
+from ..core.types import Attributes, Estimates
+
+# Tracks are of one target once they have been near each other for so many stamps in a row, and no
+# longer once they have been apart for so many.
+TOGETHER, APART = 2, 3
+# Only tracks that are so near to a neighbour's margin are compared with the neighbour's, metres:
+# more than any two estimates of one target are apart, and much less than most regions are wide.
+REACH = 5e3
+
+_NO_ROWS = np.zeros(0, dtype=np.int64)
+
+# A tracker, by its index, and its number of a track.
+Track = tuple[int, int]
+
+
+@dataclass
+class Handover:
+    """Joins the estimates of several trackers, stamp by stamp.
+
+    Parameters
+    ----------
+    regions : sequence of Region
+        One per tracker; their core regions should not overlap, and their margins should.
+    hysteresis : float
+        How far a target must be inside another tracker's core region to change over, metres; less
+        than the margins.
+    """
+
+    regions: Sequence[Region]
+    hysteresis: float
+    # The number in the joint picture, of each track and of what it is one with.
+    _number: dict[Track, int] = field(init=False, default_factory=dict)
+    # The tracks that have a number, one of each tracker at most.
+    _tracks: dict[int, dict[int, Track]] = field(init=False, default_factory=dict)
+    _owner: dict[int, int] = field(init=False, default_factory=dict)
+    # Stamps in a row: positive together, negative apart.
+    _together: dict[tuple[Track, Track], int] = field(init=False, default_factory=dict)
+    _count: int = field(init=False, default=0)
+    _changes: int = field(init=False, default=0)
+
+    @property
+    def handed_over(self) -> int:
+        """How often a target has changed over from one tracker to another."""
+        return self._changes
+
+    def forget(self) -> None:
+        """Forget all tracks; their numbers are not used again."""
+        self._number, self._tracks, self._owner, self._together = {}, {}, {}, {}
+
+    def add(self, said: Mapping[int, Estimates]) -> Estimates:
+        """Return the joint estimates of a stamp.
+
+        Parameters
+        ----------
+        said : mapping of tracker to Estimates
+            All of one stamp, at least one. Of those that are not in it nothing is known: their
+            tracks have the same numbers once they are there again. Stamps must increase.
+
+        Returns
+        -------
+        Estimates
+            With numbers that are given here, in the order in which targets are first reported.
+        """
+        found = self._of_all(said)
+        depth = self._depths(found)
+        self._pair(found, depth, said.keys())
+        rows: dict[int, dict[int, int]] = {}
+        for tracker, estimates in enumerate(found):
+            for row, number in enumerate(estimates.track_id.tolist()):
+                joint = self._number.get((tracker, number))
+                if joint is None and depth[tracker][tracker][row] >= 0.0:
+                    joint = self._begin((tracker, number))
+                if joint is not None:
+                    rows.setdefault(joint, {})[tracker] = row
+        parts: list[list[tuple[int, int]]] = [[] for _ in found]
+        for joint, by_tracker in rows.items():
+            owner = self._owned(
+                joint, {k: float(depth[k][k][row]) for k, row in by_tracker.items()}
+            )
+            parts[owner].append((by_tracker[owner], joint))
+        self._forget(found, said.keys())
+        return _joint(found, parts)
+
+    @property
+    def numbers(self) -> dict[Track, int]:
+        """The joint number of each track that is there; a copy."""
+        return dict(self._number)
+
+    def numbered(self, said: Mapping[int, Estimates], numbers: Mapping[Track, int]) -> Estimates:
+        """Return the joint estimates of a stamp whose tracks have numbers already; see `add`.
+
+        Of several of one number that is reported which is deepest in its tracker's core region.
+        """
+        found = self._of_all(said)
+        best: dict[int, tuple[float, int, int]] = {}
+        for tracker, estimates in enumerate(found):
+            depth = self.regions[tracker].depth(estimates.position).tolist()
+            for row, number in enumerate(estimates.track_id.tolist()):
+                joint = numbers.get((tracker, number))
+                if joint is not None:
+                    best[joint] = max(best.get(joint, (-np.inf, 0, 0)), (depth[row], tracker, row))
+        parts: list[list[tuple[int, int]]] = [[] for _ in found]
+        for joint, (_, tracker, row) in best.items():
+            parts[tracker].append((row, joint))
+        return _joint(found, parts)
+
+    def _of_all(self, said: Mapping[int, Estimates]) -> list[Estimates]:
+        """Return the estimates of every tracker, none of those that say nothing."""
+        nothing = chosen(next(iter(said.values())), _NO_ROWS)
+        return [said.get(tracker, nothing) for tracker in range(len(self.regions))]
+
+    def _depths(self, found: Sequence[Estimates]) -> list[list[FloatArray]]:
+        """Return how deep each tracker's estimates are in each region, [tracker][region]."""
+        return [[region.depth(own.position) for region in self.regions] for own in found]
+
+    def _begin(self, track: Track) -> int:
+        self._count += 1
+        self._give(track, self._count)
+        return self._count
+
+    def _pair(
+        self,
+        found: Sequence[Estimates],
+        depth: Sequence[Sequence[FloatArray]],
+        heard: Collection[int],
+    ) -> None:
+        """Find which tracks of neighbours are of one target, and give them one number."""
+        near: set[tuple[Track, Track]] = set()
+        for one, other in combinations(range(len(found)), 2):
+            mine, theirs = (
+                np.flatnonzero(depth[own][next_to] >= -self.regions[next_to].margin - REACH)
+                for own, next_to in ((one, other), (other, one))
+            )
+            pairs = matched(chosen(found[one], mine), chosen(found[other], theirs), moving=True)
+            numbers = found[one].track_id[mine[pairs[0]]], found[other].track_id[theirs[pairs[1]]]
+            for number, beside in zip(*(column.tolist() for column in numbers), strict=True):
+                near.add(((one, number), (other, beside)))
+        for pair in sorted(near):
+            self._together[pair] = max(self._together.get(pair, 0), 0) + 1
+            if self._together[pair] >= TOGETHER:
+                self._join(*pair)
+        for pair in sorted(self._together.keys() - near):
+            if not all(tracker in heard for tracker, _ in pair):
+                continue
+            self._together[pair] = min(self._together[pair], 0) - 1
+            if self._together[pair] <= -APART:
+                self._part(*pair)
+                del self._together[pair]
+
+    def _join(self, mine: Track, theirs: Track) -> None:
+        """Give two tracks one number: the older one of those that are reported, if any is.
+
+        A track that only follows its number may have gone over to another target, which keeps its
+        own.
+        """
+        known = [track for track in (mine, theirs) if track in self._number]
+        reported = [track for track in known if self._owns(track)]
+        if known:
+            joint = min(self._number[track] for track in reported or known)
+            self._give(mine, joint)
+            self._give(theirs, joint)
+
+    def _owns(self, track: Track) -> bool:
+        """Return whether a track is the one that is reported under its number."""
+        return self._owner.get(self._number[track], track[0]) == track[0]
+
+    def _give(self, track: Track, joint: int) -> None:
+        """Give a track a number; another track of its tracker loses it."""
+        if self._number.get(track) == joint:
+            return
+        self._take_number(track)
+        other = self._tracks.get(joint, {}).get(track[0])
+        if other is not None:
+            self._take_number(other)
+        self._number[track] = joint
+        self._tracks.setdefault(joint, {})[track[0]] = track
+
+    def _take_number(self, track: Track) -> None:
+        """Take away the number of a track, if it has one."""
+        joint = self._number.pop(track, None)
+        if joint is not None:
+            del self._tracks[joint][track[0]]
+
+    def _part(self, mine: Track, theirs: Track) -> None:
+        """Leave the number to its owner once two tracks are no longer of one target."""
+        joint = self._number.get(mine)
+        if joint is None or joint != self._number.get(theirs):
+            return
+        lost = theirs if self._owner.get(joint, mine[0]) == mine[0] else mine
+        self._take_number(lost)
+
+    def _owned(self, joint: int, depth: Mapping[int, float]) -> int:
+        """Return which tracker's estimate is reported, given how deep each one's is."""
+        before = owner = self._owner.get(joint)
+        if owner is None or owner not in depth:
+            owner = max(depth, key=lambda k: depth[k])
+        for tracker, own in depth.items():
+            if own > self.hysteresis:
+                owner = tracker
+        self._changes += before is not None and owner != before
+        self._owner[joint] = owner
+        return owner
+
+    def _forget(self, found: Sequence[Estimates], heard: Collection[int]) -> None:
+        """Forget tracks that are no longer there; a tracker does not use a number twice."""
+        there = {tracker: set(found[tracker].track_id.tolist()) for tracker in heard}
+
+        def stays(track: Track) -> bool:
+            tracker, number = track
+            return tracker not in there or number in there[tracker]
+
+        for track in [track for track in self._number if not stays(track)]:
+            self._take_number(track)
+        self._tracks = {joint: tracks for joint, tracks in self._tracks.items() if tracks}
+        alive = self._tracks.keys()
+        self._owner = {joint: owner for joint, owner in self._owner.items() if joint in alive}
+        self._together = {
+            pair: count for pair, count in self._together.items() if all(map(stays, pair))
+        }
+
+
+def _joint(found: Sequence[Estimates], parts: Sequence[Sequence[tuple[int, int]]]) -> Estimates:
+    """Return rows of several trackers' estimates as one, with joint numbers."""
+    told = any(estimates.attributes is not None for estimates in found)
+    own = []
+    for estimates, rows in zip(found, parts, strict=True):
+        index = np.array([row for row, _ in rows], dtype=np.int64)
+        number = np.array([joint for _, joint in rows], dtype=np.int64)
+        part = replace(chosen(estimates, index), track_id=number)
+        if told and part.attributes is None:
+            part = replace(part, attributes=Attributes.unknown(len(part)))
+        own.append(part)
+    # Of no estimates the lag is not known: messages carry it with each of them.
+    return joined(own, max(estimates.lag for estimates in found))[0]

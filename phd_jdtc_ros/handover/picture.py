@@ -1,0 +1,262 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One picture of several trackers' filtered and smoothed estimates, as they come.
+
+Live and offline alike: estimates go in one by one, and come out joined, stamp by stamp. Filtered
+ones get their numbers by `Handover`. Smoothed ones get the numbers of the same tracks at their
+stamp, or those that the tracks have a little later: the smoother knows a target before the filter
+is sure of it. So they wait until the filtered picture is ahead of them by that much.
+
+Where the filtered stamps of a tracker go back, a new run begins. The others' stamps do not go back
+at the same instant: what comes of the earlier run is still known as such.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ..core.tracks.region import Region
+from ..core.types import FILTERED, SMOOTHED, SOURCES, Estimates
+from .number_history import Numbers
+from .ownership import Handover
+from .restarts import SeriesOfAll
+from .synchroniser import Gathered, Gathering, Refused, too_many
+
+# Of so many stamps most must be of all trackers that are not silent, or else they are not common.
+LATEST_STAMPS = 10
+
+# Joint estimates, and whether they are filtered or smoothed.
+Joint = tuple[str, Estimates]
+
+
+@dataclass
+class _Run:
+    """What belongs to stamps that do not go back.
+
+    Parameters
+    ----------
+    gathered : mapping of source to Gathering
+    series : SeriesOfAll
+    numbers : Numbers
+    smoothed : list of Gathered
+        Those that wait for their numbers.
+    reached_ns : float
+        The stamp of the filtered picture; infinite once the run is over.
+    until_ns : mapping of tracker to float
+        Of a run that is over: until which stamp there may still be something of it on its way.
+    closed : bool
+        Whether later smoothed estimates of it are too late.
+    """
+
+    gathered: Mapping[str, Gathering]
+    series: SeriesOfAll
+    numbers: Numbers
+    smoothed: list[Gathered] = field(default_factory=list)
+    reached_ns: float = -math.inf
+    until_ns: Mapping[int, float] = field(default_factory=dict)
+    closed: bool = False
+
+
+class JointPicture:
+    """Joins the estimates of trackers that part an area.
+
+    Parameters
+    ----------
+    regions : sequence of Region
+        One per tracker.
+    hysteresis : float
+        See `Handover`.
+    wait_s : float
+        By how much the filtered picture is ahead when smoothed estimates get their numbers,
+        seconds.
+    longest_delay_s, most_waiting
+        See `Gathering`; as many smoothed stamps wait for their numbers at most.
+    """
+
+    def __init__(
+        self,
+        regions: Sequence[Region],
+        hysteresis: float,
+        wait_s: float,
+        longest_delay_s: float,
+        most_waiting: int | None = None,
+    ) -> None:
+        self._handover = Handover(regions, hysteresis)
+        self._trackers = range(len(regions))
+        self._wait_ns = round(wait_s * 1e9)
+        self._longest_delay_s, self._most_waiting = longest_delay_s, most_waiting
+        self._run = self._new_run()
+        self._before = self._new_run()
+        self._common: deque[bool] = deque(maxlen=LATEST_STAMPS)
+        self._overflow = 0
+
+    def _new_run(self) -> _Run:
+        count = len(self._trackers)
+        limits = self._longest_delay_s, self._most_waiting
+        gathered = {source: Gathering(count, *limits) for source in SOURCES}
+        return _Run(gathered, SeriesOfAll(count), Numbers(self._wait_ns))
+
+    @property
+    def silent(self) -> frozenset[int]:
+        """The trackers without which the filtered picture goes on, by their index."""
+        return self._run.gathered[FILTERED].silent
+
+    @property
+    def handed_over(self) -> int:
+        """How often a target has changed over from one tracker to another."""
+        return self._handover.handed_over
+
+    @property
+    def parted(self) -> int:
+        """How many of the latest `LATEST_STAMPS` were of some trackers only, silent ones apart."""
+        return self._common.count(False)
+
+    @property
+    def overflow(self) -> int:
+        """How many stamps were closed before they were complete, because too many waited."""
+        gathered = self._run.gathered.values()
+        return self._overflow + sum(one.overflow for one in gathered)
+
+    def behind_s(self, tracker: int) -> float:
+        """Return how much older a tracker's filtered estimates are than the newest, seconds."""
+        return self._run.gathered[FILTERED].behind_s(tracker)
+
+    def ahead_of(self, stamp_ns: int) -> frozenset[int]:
+        """Return the trackers whose filtered stamps are later by more than the longest delay."""
+        longest_ns, latest = self._longest_delay_s * 1e9, self._run.gathered[FILTERED].latest_ns
+        return frozenset(k for k in self._trackers if (latest(k) or 0) - stamp_ns > longest_ns)
+
+    def jumps_back(self, tracker: int, source: str, stamp_ns: int) -> bool:
+        """Return whether `add` begins a new run, in which stamps are those of another time."""
+        return (
+            source == FILTERED
+            and not self._is_of_before(tracker, source, stamp_ns)
+            and self._run.gathered[FILTERED].jumps_back(tracker, stamp_ns)
+        )
+
+    def add(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refused:
+        """Take in the filtered or smoothed estimates of a tracker.
+
+        Parameters
+        ----------
+        tracker : int
+            Its index.
+        source : str
+            ``filtered`` or ``smoothed``.
+        found : Estimates
+            For which `checks.why_not` has no reason.
+
+        Returns
+        -------
+        list of (source, Estimates)
+            What is complete by this, in the order of time for each source and run.
+        Refused
+            If they come too late or for the second time.
+        """
+        if self._is_of_before(tracker, source, found.stamp_ns):
+            return self._add_to_before(tracker, source, found)
+        done = []
+        if self.jumps_back(tracker, source, found.stamp_ns):
+            done = self._begin(self._run.gathered[FILTERED].expected_ns())
+        closed = self._run.gathered[source].add(tracker, found)
+        if isinstance(closed, Refused):
+            return closed
+        if source == FILTERED:
+            return done + self._filtered(closed)
+        self._run.smoothed += closed
+        if all(self._run.gathered[SMOOTHED].latest_ns(k) is not None for k in self._trackers):
+            done += self._close_before()
+        return done + self._numbered(self._run)
+
+    def close_all(self) -> list[Joint]:
+        """Return all that waits, and begin a new run; numbers go on and are not used again."""
+        gathered = self._run.gathered[FILTERED]
+        # What comes later than all that was heard is of the new run: stamps may go on.
+        done = self._begin(gathered.expected_ns(gathered.newest_ns))
+        self._before.smoothed += self._before.gathered[SMOOTHED].close_all()
+        return done + self._numbered(self._before)
+
+    def begin_again(self) -> list[Joint]:
+        """Return all that waits, and begin a new run to which all belongs that comes from now on.
+
+        For stamps that were wrong.
+        """
+        return self._begin({}) + self._close_before()
+
+    def _begin(self, until_ns: Mapping[int, float]) -> list[Joint]:
+        """Begin a new run; of the one until now no filtered estimates are taken any more."""
+        over = self._run
+        done = self._close_before() + self._filtered(over.gathered[FILTERED].close_all())
+        over.reached_ns, over.until_ns = math.inf, until_ns
+        self._overflow += sum(one.overflow for one in over.gathered.values())
+        self._before, self._run = over, self._new_run()
+        self._handover.forget()
+        return done + self._numbered(over)
+
+    def _is_of_before(self, tracker: int, source: str, stamp_ns: int) -> bool:
+        """Return whether estimates are of the run before.
+
+        Topics are not ordered among each other: the last estimates of one tracker may come after
+        another tracker's stamps have jumped back.
+        """
+        before, gathered = self._before, self._run.gathered
+        if gathered[source].latest_ns(tracker) is not None:
+            return False
+        if stamp_ns > before.until_ns.get(tracker, -math.inf):
+            return False
+        # Where a tracker's first smoothed estimates come only now: those of the new run are of
+        # stamps that it has filtered.
+        latest = before.gathered[source].latest_ns(tracker)
+        if latest is None:
+            latest = gathered[FILTERED].latest_ns(tracker)
+        return latest is None or stamp_ns > latest
+
+    def _add_to_before(self, tracker: int, source: str, found: Estimates) -> list[Joint] | Refused:
+        """Take in what comes of the run before: smoothed estimates still have its numbers."""
+        before = self._before
+        closed = before.gathered[source].add(tracker, found)
+        if isinstance(closed, Refused):
+            return closed
+        if source == FILTERED or before.closed:
+            return Refused.LATE
+        before.smoothed += closed
+        return self._numbered(before)
+
+    def _close_before(self) -> list[Joint]:
+        """Return what waits of the run before; nothing of it is taken any more."""
+        before = self._before
+        before.smoothed += before.gathered[SMOOTHED].close_all()
+        before.closed = True
+        return self._numbered(before)
+
+    def _filtered(self, closed: Sequence[Gathered]) -> list[Joint]:
+        """Return the joint filtered estimates of stamps, and the smoothed ones that waited."""
+        run, done = self._run, []
+        live = set(self._trackers) - self.silent
+        for gathered in closed:
+            stamp_ns = next(iter(gathered.values())).stamp_ns
+            self._common.append(live.issubset(gathered))
+            joint = self._handover.add(run.series.take(stamp_ns, gathered))
+            run.numbers.add(stamp_ns, self._handover.numbers)
+            run.reached_ns = stamp_ns
+            done.append((FILTERED, joint))
+            done += self._numbered(run)
+        return done
+
+    def _numbered(self, run: _Run) -> list[Joint]:
+        """Return the smoothed estimates that a run's filtered picture is ahead of by enough."""
+        done: list[Joint] = []
+        while run.smoothed:
+            stamp_ns = next(iter(run.smoothed[0].values())).stamp_ns
+            early = stamp_ns + self._wait_ns > run.reached_ns
+            if early and not too_many(run.smoothed, self._most_waiting):
+                break
+            gathered = run.series.apart(run.smoothed.pop(0))
+            joint = self._handover.numbered(gathered, run.numbers.at(stamp_ns))
+            done.append((SMOOTHED, joint))
+        # Those of the run before come first.
+        return self._close_before() + done if done and run is self._run else done

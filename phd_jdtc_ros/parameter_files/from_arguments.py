@@ -1,0 +1,103 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""ROS parameter files and ``name:=value`` arguments, for the executables that are not nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from phd_jdtc_ros.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.parameter_files import sections, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
+
+_NODE = "tracker"
+
+
+def load(path: Path, node: str = _NODE) -> dict[str, Any]:
+    """Return a node's parameters in a ROS parameter file, by dotted name.
+
+    As in ROS, a section is for all nodes whose name it matches (``*`` matches one part of a name,
+    ``**`` any number of parts), and a later value overrides an earlier one. The node may be in any
+    namespace.
+
+    Parameters
+    ----------
+    path : Path
+    node : str
+        Without its namespace.
+
+    Raises
+    ------
+    ConfigError
+        If it is not such a file, or has sections for such nodes in several namespaces.
+    """
+    file = sections.read(path)
+    names = [name for name, _ in file.sections]
+    nodes = {name for name in names if name.endswith(f"/{node}") and "*" not in name}
+    if len(nodes) > 1:
+        listed = ", ".join(sorted(nodes))
+        raise ConfigError([f"{path}: has sections of several {node}s, {listed}: must be one"])
+    if nodes:
+        return file.values(nodes.pop())
+    found: dict[str, Any] = {}
+    for name, given in file.sections:
+        if name.rpartition("/")[2] in (node, "*", "**"):
+            found |= given
+    if not found:
+        raise ConfigError(
+            [f"{path}: has no ros__parameters under {node}, /NAMESPACE/{node} or /**"]
+        )
+    return found
+
+
+def scenario_parameters(document: Any) -> dict[str, Any]:
+    """Return the parameters in a scenario document, by dotted name.
+
+    Parameters
+    ----------
+    document : mapping
+        Its ``parameters``, nested or dotted, are those of the radars and the tracker that differ
+        from the defaults; none if the key is absent. Its ``sites`` give places of radars.
+
+    Raises
+    ------
+    ConfigError
+        If they are not a mapping, or a site is wrong.
+    """
+    if not isinstance(document, Mapping):
+        return {}
+    given = document.get("parameters", {})
+    if not isinstance(given, Mapping):
+        raise ConfigError(["parameters: must be a mapping"])
+    return scenario_file.site_parameters(document) | dict(flatten(given))
+
+
+def from_arguments(
+    paths: Sequence[Path], assignments: Sequence[str], node: str = _NODE
+) -> dict[str, Any]:
+    """Return a node's parameters from files and assignments; later values override."""
+    found: dict[str, Any] = {}
+    faults: list[str] = []
+    for path in paths:
+        try:
+            found.update(load(path, node))
+        except ConfigError as error:
+            faults += error.faults
+    for assignment in assignments:
+        name, separator, value = assignment.partition(":=")
+        if not separator:
+            faults.append(f"-p {assignment}: must be NAME:=VALUE")
+            continue
+        if not value:
+            faults.append(f"-p {assignment}: must be NAME:=VALUE{yaml_files.EMPTY_STRING}")
+            continue
+        try:
+            found[name] = yaml_files.parse(value, f"-p {yaml_files.one_line(assignment)}")
+        except ConfigError as error:
+            faults += error.faults
+    if faults:
+        raise ConfigError(faults)
+    return found

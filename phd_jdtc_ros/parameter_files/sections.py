@@ -1,0 +1,153 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""ROS parameter files: their sections, and which of them are for a node.
+
+rclpy merges files silently: a file without a section for a node leaves it with its defaults. So the
+files that a node was given are read here too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.configuration.schema import ConfigError, flatten
+from phd_jdtc_ros.parameter_files import yaml_files
+
+# Name of the file of a tracker's parameters in a bag's directory.
+BAG_PARAMETERS = "parameters.yaml"
+# Regular expressions for the wildcards in a section's name, with the preceding slash.
+_WILDCARDS = {"**": "(/[^/]+)*", "*": "/[^/]+"}
+
+
+@dataclass(frozen=True)
+class ParameterFile:
+    """A parameter file.
+
+    Parameters
+    ----------
+    path : Path
+    sections : tuple of (str, dict)
+        Full name, which may have wildcards, and parameters by dotted name, in the file's order.
+    """
+
+    path: Path
+    sections: tuple[tuple[str, dict[str, Any]], ...]
+
+    def values(self, node: str) -> dict[str, Any]:
+        """Return the parameters of a node; a later section overrides an earlier one.
+
+        Parameters
+        ----------
+        node : str
+            Its fully qualified name.
+
+        Raises
+        ------
+        ConfigError
+            If no section is for the node.
+        """
+        matching = [given for section, given in self.sections if is_for(section, node)]
+        if not matching:
+            names = ", ".join(dict.fromkeys(section for section, _ in self.sections))
+            raise ConfigError(
+                [
+                    f"{self.path}: has no section for this node, {node}; "
+                    f"it has {yaml_files.one_line(names) or 'none'}"
+                ]
+            )
+        return {name: value for given in matching for name, value in given.items()}
+
+
+def is_for(section: str, node: str) -> bool:
+    """Return whether a section's name matches a node's: ``*`` one part, ``**`` any number."""
+    parts = section.split("/")[1:]
+    pattern = "".join(_WILDCARDS.get(part, "/" + re.escape(part)) for part in parts)
+    return re.fullmatch(pattern, node) is not None
+
+
+def read(path: Path) -> ParameterFile:
+    """Return a parameter file.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read, or has a parameter twice in a section.
+    """
+    found, faults = [], []
+    document = yaml_files.load(path)
+    if isinstance(document, Mapping) and isinstance(document.get("targets"), Sequence):
+        raise ConfigError([_scenario_fault(path)])
+    for name, given in _sections(document):
+        leaves = list(flatten(given))
+        faults += [
+            f"{path}: {name}: {leaf} is given twice"
+            for leaf, count in Counter(leaf for leaf, _ in leaves).items()
+            if count > 1
+        ]
+        found.append((name, dict(leaves)))
+    if faults:
+        raise ConfigError(faults)
+    return ParameterFile(path, tuple(found))
+
+
+def _scenario_fault(path: Path) -> str:
+    """Return what to give in the place of a scenario file."""
+    shipped = resources.find(Path("bags", path.stem, BAG_PARAMETERS))
+    instead = shipped if shipped.is_file() else f"the {BAG_PARAMETERS} that simulate writes"
+    return (
+        f"{path}: is a scenario file, must be a parameter file: give {instead}; offline tools take "
+        "the scenario as --scenario"
+    )
+
+
+def given_in(argv: Sequence[str]) -> tuple[ParameterFile, ...]:
+    """Return the parameter files that a command line names among its ROS arguments.
+
+    Raises
+    ------
+    ConfigError
+        With the faults of all files.
+    """
+    found: list[ParameterFile] = []
+    faults: list[str] = []
+    for path in _paths(argv):
+        try:
+            file = read(path)
+        except ConfigError as error:
+            faults += error.faults
+            continue
+        # rclpy would say no more than the line at which it gave up.
+        if not file.sections:
+            faults.append(f"{path}: has no ros__parameters under a node's name")
+        found.append(file)
+    if faults:
+        raise ConfigError(faults)
+    return tuple(found)
+
+
+def _paths(argv: Sequence[str]) -> Iterator[Path]:
+    of_ros = False
+    words = iter(argv)
+    for word in words:
+        if word in ("--ros-args", "--"):
+            of_ros = word == "--ros-args"
+        elif of_ros and word == "--params-file" and (path := next(words, None)) is not None:
+            yield Path(path)
+
+
+def _sections(document: Any, prefix: str = "") -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield the full name and the parameters of every section; namespaces may be nested."""
+    for key, value in document.items() if isinstance(document, Mapping) else ():
+        name = f"{prefix}/{str(key).strip('/')}"
+        given = value.get("ros__parameters") if isinstance(value, Mapping) else None
+        if isinstance(given, Mapping):
+            yield name, given
+        else:
+            yield from _sections(value, name)

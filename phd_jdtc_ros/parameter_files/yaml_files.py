@@ -1,0 +1,209 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The one loader of all YAML that the package reads: parameter, scenario and study files, values.
+
+Words and numbers are told apart as ROS does it (rcl_yaml_param_parser), which differs from YAML
+1.1 as PyYAML has it: ``1e-6`` is a number, ``12:30`` is not. A key that is given twice is a fault,
+and what a document may cost is limited: its size, its depth and the number of its values, in which
+an alias counts as what it stands for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import yaml
+
+from phd_jdtc_ros import quoting
+from phd_jdtc_ros.configuration.schema import ConfigError
+
+# Far above any file that people write, and read in less than 2 s.
+LARGEST_BYTES = 2**19
+DEEPEST = 32
+MOST_VALUES = 20_000
+# A fault quotes this much of YAML at most.
+_QUOTED = 240
+
+# For faults of assignments. A shell takes away a pair of quotation marks, and :="" leaves nothing.
+EMPTY_STRING = """; the value is missing: an empty string is -p "NAME:=''\""""
+
+_PREFIX = "tag:yaml.org,2002:"
+# A key is a name, even if it looks like a value: `y` and `1`.
+_NOT_IN_KEYS = {_PREFIX + kind for kind in ("bool", "int", "float", "null")}
+_NUMBERS = {
+    "int": re.compile(r"[-+]?(?:0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)$"),
+    "float": re.compile(
+        r"[-+]?(?:(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|\.?(?:inf|Inf|INF|nan|NaN|NAN))$"
+    ),
+}
+_BOOLEANS = {
+    word: value
+    for value, words in ((True, ("y", "yes", "true", "on")), (False, ("n", "no", "false", "off")))
+    for lower in words
+    for word in (lower, lower.capitalize(), lower.upper())
+}
+
+
+class _RefusedError(yaml.YAMLError):
+    """YAML that is not accepted, with the reason.
+
+    Parameters
+    ----------
+    mark : yaml.Mark
+        Where.
+    problem : str
+    """
+
+    def __init__(self, mark: yaml.Mark, problem: str) -> None:
+        super().__init__(problem)
+        self.line = mark.line + 1
+
+
+class _Loader(yaml.SafeLoader):
+    """PyYAML's safe loader with the scalars of ROS and with limits."""
+
+    yaml_constructors: ClassVar[dict[str | None, Any]] = {
+        None: yaml.SafeLoader.yaml_constructors[None],
+        **{
+            _PREFIX + kind: yaml.SafeLoader.yaml_constructors[_PREFIX + kind]
+            for kind in ("null", "str", "seq", "map")
+        },
+        # Launch files write lists like this, and rcl does not look at the tag.
+        _PREFIX + "python/tuple": yaml.SafeLoader.yaml_constructors[_PREFIX + "seq"],
+    }
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+        self._values = 0
+        # Number of values of each anchor's node, once it is complete.
+        self._sizes: dict[str, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        peek: Callable[[], Any] = self.peek_event
+        event = peek()
+        before, alias = self._values, isinstance(event, yaml.AliasEvent)
+        if alias and event.anchor in self.anchors and event.anchor not in self._sizes:
+            raise _RefusedError(event.start_mark, f"*{event.anchor} is within what it stands for")
+        self._values += self._sizes.get(event.anchor, 1) if alias else 1
+        self._depth += 1
+        if self._values > MOST_VALUES:
+            raise _RefusedError(event.start_mark, f"more than {MOST_VALUES} values")
+        if self._depth > DEEPEST:
+            raise _RefusedError(event.start_mark, f"nested more than {DEEPEST} levels deep")
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if event.anchor is not None and not alias:
+            self._sizes[event.anchor] = self._values - before
+        return node
+
+    def compose_mapping_node(self, anchor: Any) -> Any:
+        node = super().compose_mapping_node(anchor)
+        first: dict[str, int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue  # refused when it is constructed
+            if key.tag in _NOT_IN_KEYS:
+                key.tag = _PREFIX + "str"
+            if key.value in first:
+                raise _RefusedError(
+                    key.start_mark, f"{key.value} is given twice, first in line {first[key.value]}"
+                )
+            first[key.value] = key.start_mark.line + 1
+        return node
+
+    def construct_boolean(self, node: yaml.ScalarNode) -> bool:
+        if node.value not in _BOOLEANS:
+            raise _RefusedError(node.start_mark, f"{node.value!r} is not true or false")
+        return _BOOLEANS[node.value]
+
+    def construct_whole(self, node: yaml.ScalarNode) -> int:
+        text = node.value
+        if not _NUMBERS["int"].match(text):
+            raise _RefusedError(node.start_mark, f"{text!r} is not a whole number")
+        digits = text.lstrip("+-").lower()
+        base = 16 if digits.startswith("0x") else 8 if digits.startswith("0") else 10
+        # Python refuses to convert thousands of digits.
+        value = int(text, base) if len(digits) < 64 else 2**64
+        if not -(2**63) <= value < 2**63:
+            raise _RefusedError(node.start_mark, f"{text} is not a number of 64 bits")
+        return value
+
+    def construct_real(self, node: yaml.ScalarNode) -> float:
+        if not _NUMBERS["float"].match(node.value):
+            raise _RefusedError(node.start_mark, f"{node.value!r} is not a number")
+        named = node.value.lower().lstrip("+-.")
+        return float(node.value.replace(".", "") if named in ("inf", "nan") else node.value)
+
+
+# Each scalar is read as ROS does, see below.
+_Loader.yaml_implicit_resolvers = {}
+
+
+# In this order: the first that matches decides.
+for _kind, _pattern, _construct in (
+    ("bool", re.compile(f"(?:{'|'.join(_BOOLEANS)})$"), _Loader.construct_boolean),
+    ("int", _NUMBERS["int"], _Loader.construct_whole),
+    ("float", _NUMBERS["float"], _Loader.construct_real),
+):
+    _Loader.add_implicit_resolver(_PREFIX + _kind, _pattern, None)
+    _Loader.add_constructor(_PREFIX + _kind, _construct)
+_Loader.add_implicit_resolver(_PREFIX + "null", re.compile(r"(?:~|null|Null|NULL|)$"), None)
+_Loader.add_implicit_resolver(_PREFIX + "merge", re.compile(r"<<$"), None)
+
+
+def parse(text: str, where: str) -> Any:
+    """Return the document in a text.
+
+    Parameters
+    ----------
+    text : str
+    where : str
+        What the text is, for faults.
+
+    Raises
+    ------
+    ConfigError
+        If it is not YAML, has a key twice, or is above a limit.
+    """
+    loader = _Loader("")
+    try:
+        loader = _Loader(text)
+        return loader.get_single_data()
+    except _RefusedError as error:
+        raise ConfigError([f"{where}: line {error.line}: {one_line(error)}"]) from error
+    except yaml.YAMLError as error:
+        raise ConfigError([f"{where}: is not YAML: {one_line(error)}"]) from error
+    finally:
+        loader.dispose()
+
+
+def load(path: Path) -> Any:
+    """Return the document in a file.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is not YAML, has a key twice, or is above a limit.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST_BYTES + 1)
+    except OSError as error:
+        raise ConfigError([f"{path}: cannot be read: {error.strerror}"]) from error
+    if len(content) > LARGEST_BYTES:
+        raise ConfigError([f"{path}: is larger than {LARGEST_BYTES} bytes"])
+    try:
+        text = content.decode()
+    except UnicodeDecodeError as error:
+        raise ConfigError([f"{path}: is not YAML: {error}"]) from error
+    return parse(text, str(path))
+
+
+def one_line(error: object) -> str:
+    """Return a text in one line, without its middle if it is long."""
+    return quoting.short(" ".join(str(error).split()), _QUOTED)

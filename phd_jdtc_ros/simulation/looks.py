@@ -1,0 +1,183 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""When the beam of a radar that turns looks at targets, and what it would measure of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..configuration.radar_input import RadarInput
+from ..core.arrays import FloatArray, IntArray
+from ..core.sensors.polar_radar import RadarModel, wrap_angle
+from ..core.sensors.slant_range import LEAST
+from .antenna import Antenna
+from .platform import MovingPlatform
+from .scenario import Scenario
+from .simulate import BoolArray
+from .traffic.flight import Flight
+
+# The beam is far faster than any target, so that each step leaves a small part of the error.
+STEPS = 12
+# Nobody passes a target twice within so short a time; near the radar, steps may end at one pass.
+SAME_PASS_S = 1e-3
+# Turns beyond a target's end: one that circles the radar is passed more often than the beam turns.
+SPARE_TURNS = 8
+
+
+class Looks(NamedTuple):
+    """The passes of one radar's beam over targets that could be in its sight.
+
+    Parameters
+    ----------
+    time_s : array of shape (N,)
+        After scan 0; ascending for each target.
+    state : array of shape (N, D)
+        Of the target then.
+    exact : array of shape (N, 2)
+        What it would measure without noise, as `Plots.measurement`.
+    source : int array of shape (N,)
+        The track_id of the target.
+    """
+
+    time_s: FloatArray
+    state: FloatArray
+    exact: FloatArray
+    source: IntArray
+
+
+def passes(
+    flight: Flight,
+    radar: RadarModel,
+    antenna: Antenna,
+    until_s: float,
+    carrier: MovingPlatform | None = None,
+) -> FloatArray:
+    """Return when the beam passes a target, seconds after scan 0, ascending.
+
+    Parameters
+    ----------
+    flight : Flight
+    radar : RadarModel
+    antenna : Antenna
+    until_s : float
+        Passes after it are left out.
+    carrier : MovingPlatform or None
+        What carries the radar; None if it stands.
+
+    Notes
+    -----
+    The target moves while the beam turns. Its bearing is unwrapped over the turns, so that one
+    that crosses the y axis is passed neither twice nor not at all. In each step the beam is turned
+    to where the target is at the time of the step before.
+    """
+    rotation_s = radar.rotation_s
+    end = min(flight.end_s, until_s)
+    after = end + SPARE_TURNS * rotation_s
+    grid = np.arange(flight.start_s - rotation_s, after, rotation_s)
+
+    def part(time_s: FloatArray) -> FloatArray:
+        state = flight.states(time_s)
+        seen = state if carrier is None else carrier.seen(state, time_s)
+        return antenna.turns_to(radar.measure(seen)[:, 1])
+
+    unwrapped = np.unwrap(part(grid), period=1.0)
+    first = np.floor(antenna.turns_at(grid[:1], rotation_s) - unwrapped[0])
+    turn = first + np.arange(len(grid)) + unwrapped
+    time = antenna.times_at(turn, rotation_s)
+    for _ in range(STEPS):
+        error = part(time) - antenna.turns_at(time, rotation_s)
+        time = time + (error - np.round(error)) * rotation_s
+    time = np.sort(time[(time >= flight.start_s) & (time <= end)])
+    return time[np.diff(time, prepend=-np.inf) > SAME_PASS_S]
+
+
+def looks(scenario: Scenario, index: int, layout: RadarInput | None = None) -> Looks:
+    """Return when one radar's beam passes the targets; see `plots_of`.
+
+    Those that are out of sight are left out, but not those out of its ranges and azimuths.
+    """
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    nothing = np.zeros(0), np.zeros((0, len(radar.space))), np.zeros((0, 2))
+    parts = [Looks(*nothing, np.zeros(0, dtype=np.int64))]
+    for number, flight in enumerate(scenario.flights, start=1):
+        time = passes(flight, radar, antenna, scenario.duration_s, scenario.carrier(index))
+        time = time[_among_nearest(scenario, index, flight, time) & ~scenario.hidden(number, time)]
+        parts.append(_seen(scenario, index, layout, number, time))
+    return Looks(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def looks_beside(
+    scenario: Scenario,
+    index: int,
+    layout: RadarInput | None,
+    number: int,
+    place: tuple[float, float],
+) -> Looks:
+    """Return a target's state whenever the beam points at a place, metres in the world.
+
+    What it would measure has the target's range, and the azimuth of the place.
+    """
+    radar, antenna = scenario.radars[index], scenario.antennas[index]
+    state = np.zeros((1, len(radar.space)))
+    state[:, list(radar.space.position)] = place
+    beside = scenario.measured(index, state, np.zeros(1))
+    end = antenna.turns_at(np.array([scenario.duration_s]), radar.rotation_s)[0]
+    turns = antenna.turns_to(beside[:, 1]) + np.arange(np.ceil(end))
+    time = antenna.times_at(turns, radar.rotation_s)
+    flight = scenario.flights[number - 1]
+    time = time[(time >= max(flight.start_s, 0.0)) & (time <= flight.end_s)]
+    found = _seen(scenario, index, layout, number, time[~scenario.hidden(number, time)])
+    azimuth = slant(layout, beside, np.zeros(1))[0, 1]
+    exact = np.stack([found.exact[:, 0], np.full(len(found.exact), azimuth)], axis=1)
+    return found._replace(exact=exact)
+
+
+def _seen(
+    scenario: Scenario, index: int, layout: RadarInput | None, number: int, time_s: FloatArray
+) -> Looks:
+    """Return what a radar sees of a target at times, those outside its elevations left out."""
+    state = scenario.flights[number - 1].states(time_s)
+    height = scenario.height(number, time_s)
+    exact = slant(layout, scenario.measured(index, state, time_s), height)
+    found = Looks(time_s, state, exact, np.full(len(time_s), number))
+    antenna = scenario.antennas[index]
+    if layout is None or layout.site is None:
+        return found
+    distance, azimuth = exact.T
+    above = height + layout.datum
+    sine = layout.site.elevation_of(np.maximum(distance, LEAST), azimuth, above)
+    inside = (sine >= np.sin(antenna.lowest)) & (sine <= np.sin(antenna.highest))
+    return Looks(*(column[inside] for column in found))
+
+
+def slant(layout: RadarInput | None, measured: FloatArray, height: FloatArray) -> FloatArray:
+    """Return (range, azimuth) as a radar on the round earth measures them, others as they are.
+
+    Parameters
+    ----------
+    layout : RadarInput or None
+    measured : array of shape (N, 2)
+        In the plane.
+    height : array of shape (N,)
+        Above the world's zero, metres.
+    """
+    if layout is None or layout.site is None:
+        return measured
+    above = height + layout.datum
+    distance, azimuth = layout.site.to_slant(measured[:, 0], measured[:, 1], above)
+    return np.stack([distance, wrap_angle(azimuth)], axis=1)
+
+
+def _among_nearest(scenario: Scenario, index: int, flight: Flight, time_s: FloatArray) -> BoolArray:
+    """Return when a radar is among the nearest `most_radars` that see a target, shape (N,)."""
+    if not scenario.most_radars:
+        return np.ones(len(time_s), dtype=np.bool_)
+    state = flight.states(time_s)
+    exact = [scenario.measured(k, state, time_s) for k in range(len(scenario.radars))]
+    sees = [radar.visibility.sees(z) > 0.0 for radar, z in zip(scenario.radars, exact, strict=True)]
+    distance = np.where(sees, [z[:, 0] for z in exact], np.inf)
+    nearer: BoolArray = (distance < distance[index]).sum(axis=0) < scenario.most_radars
+    return nearer

@@ -1,0 +1,23 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The noise of a simulated radar's ranges and azimuths."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..core.arrays import FloatArray
+from ..core.sensors.polar_radar import RadarModel, wrap_angle
+
+
+def with_noise(exact: FloatArray, radar: RadarModel, rng: np.random.Generator) -> FloatArray:
+    """Return true ranges and azimuths with the radar's noise, metres and radians; shape (N, 2)."""
+    std = np.tile(radar.noise_std, (len(exact), 1))
+    std[:, 0] = np.hypot(std[:, 0], radar.range_growth * exact[:, 0])
+    return polar(exact + rng.standard_normal(exact.shape) * std)
+
+
+def polar(measurement: FloatArray) -> FloatArray:
+    """Return measurements with ranges that are not negative and azimuths in (-pi, pi]."""
+    return np.stack([np.abs(measurement[:, 0]), wrap_angle(measurement[:, 1])], axis=1)

@@ -1,0 +1,128 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A ship that carries radars of a scenario; the document's block ``platform``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..configuration.schema import Parameter
+from ..core.arrays import FloatArray
+from ..core.sensors.polar_radar import RadarModel
+from ..core.state_space import PLANAR
+from ..core.types import Pose
+from .checked import mapping, take
+from .traffic.flight import Flight
+
+PLATFORM = (
+    Parameter("radars", [], "Names of the radars that it carries.", element=str),
+    Parameter("pose_interval_s", 0.5, "Interval between its poses, s.", 1e-3, 60.0),
+    Parameter("position", [0.0, 0.0], "Position at scan 0, world frame, m.", length=2),
+    Parameter("velocity", [0.0, 0.0], "Velocity at scan 0, world frame, m/s.", length=2),
+)
+_POSITION, _VELOCITY = list(PLANAR.position), list(PLANAR.velocity)
+
+
+@dataclass(frozen=True)
+class MovingPlatform:
+    """What carries radars. It heads where it goes, so that they turn with its course.
+
+    Parameters
+    ----------
+    motion : Flight
+        From scan 0 on; after its last leg it goes on as in it.
+    radars : tuple of int
+        Indices in the scenario. Their positions and directions are in the platform's frame: x
+        ahead, y to the left.
+    pose_interval_s : float
+        Its poses are known so often.
+    """
+
+    motion: Flight
+    radars: tuple[int, ...]
+    pose_interval_s: float = 0.5
+
+    def poses(self, time_s: FloatArray) -> FloatArray:
+        """Return x, y (m) and yaw (rad) in the world at times after scan 0; (N,) to (N, 3)."""
+        position = self.motion.states(time_s)[:, _POSITION]
+        return np.column_stack([position, self.motion.courses(time_s)])
+
+    def pose(self, time_s: float) -> Pose:
+        """Return the pose at a time after scan 0."""
+        x, y, yaw = self.poses(np.array([time_s]))[0].tolist()
+        return Pose((x, y), math.remainder(yaw, 2.0 * math.pi))
+
+    def poses_until(self, end_s: float) -> list[tuple[float, Pose]]:
+        """Return its poses with their times, from scan 0 on, the last at the end or after it."""
+        count = math.ceil(end_s / self.pose_interval_s - 1e-9) + 1
+        times = [index * self.pose_interval_s for index in range(count)]
+        return [(time_s, self.pose(time_s)) for time_s in times]
+
+    def mounted(self, radar: RadarModel, time_s: float) -> Pose:
+        """Return the pose of a radar that it carries, in the world."""
+        own, (ahead, left) = self.pose(time_s), radar.position
+        cos, sin = math.cos(own.yaw), math.sin(own.yaw)
+        x, y = own.position
+        place = x + cos * ahead - sin * left, y + sin * ahead + cos * left
+        return Pose(place, math.remainder(own.yaw + radar.yaw, 2.0 * math.pi))
+
+    def seen(self, state: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Return states in the platform's frame as of these times, shape (N, D); positions only."""
+        x, y, yaw = self.poses(time_s).T
+        east, north = state[:, _POSITION[0]] - x, state[:, _POSITION[1]] - y
+        relative = np.zeros_like(state)
+        relative[:, _POSITION[0]] = np.cos(yaw) * east + np.sin(yaw) * north
+        relative[:, _POSITION[1]] = np.cos(yaw) * north - np.sin(yaw) * east
+        return relative
+
+
+def platform(
+    document: Mapping[str, Any],
+    radars: tuple[RadarModel, ...],
+    legs: Any,
+    faults: list[str],
+) -> MovingPlatform | None:
+    """Return the platform in a scenario document, None without one; add faults to `faults`.
+
+    Parameters
+    ----------
+    document : mapping
+    radars : tuple of RadarModel
+    legs : callable of (mapping, prefix, faults)
+        Returns the legs of a block.
+    faults : list of str
+    """
+    given = mapping(document, "platform", faults)
+    if not given:
+        return None
+    found: list[str] = []
+    values = take(PLATFORM, given, "platform.", found, ("pose_interval_s",), ("legs",))
+    ways = legs(given, "platform.", found)
+    known = [radar.name for radar in radars]
+    found += [
+        f"platform.radars: {name!r} given, must be some of {', '.join(known)}"
+        for name in values.get("radars") or []
+        if name not in known
+    ]
+    found += [
+        f"platform.radars: {radar.name!r} has range rates, which are simulated of radars that stand"
+        for radar in radars
+        if radar.range_rate is not None and radar.name in (values.get("radars") or [])
+    ]
+    if not found and not values["radars"]:
+        found.append("platform.radars: none given, must be at least one")
+    if not found:
+        try:
+            motion = Flight(0, 0.0, 0.0, tuple(values["position"]), tuple(values["velocity"]), ways)
+            carried = tuple(known.index(name) for name in values["radars"])
+            return MovingPlatform(motion, carried, values["pose_interval_s"])
+        except ValueError as error:
+            found.append(f"platform.{error}")
+    faults += found
+    return None

@@ -1,0 +1,53 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How and when radars send their plots over a network; the block ``sending`` of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..configuration.schema import Parameter
+from ..core.sensors.polar_radar import RadarModel
+from .checked import mapping, names_of, take
+
+SENDING = (
+    Parameter("sectors", 32, "Plots are sent by this part of a turn.", 1, 1024),
+    Parameter("plots", 10, "Largest number of plots in a data block.", 1, 100),
+    Parameter("delay_s", 0.3, "Time from the end of a sector until its plots come, s.", 0.0, 60.0),
+    Parameter("services", True, "Whether north marks and sector crossings are sent."),
+    Parameter("clock_ahead_s", 0.0, "What the radar's clock is ahead of time, s.", -86400, 86400),
+)
+
+
+@dataclass(frozen=True)
+class Sending:
+    """How a radar sends its plots; see `SENDING`."""
+
+    sectors: int = 32
+    plots: int = 10
+    delay_s: float = 0.3
+    services: bool = True
+    clock_ahead_s: float = 0.0
+
+
+def of_radars(
+    document: Mapping[str, object], radars: tuple[RadarModel, ...], faults: list[str]
+) -> tuple[Sending, ...]:
+    """Return how each radar of a scenario document sends its plots; add faults to `faults`."""
+    given = mapping(document, "sending", faults)
+    known = [radar.name for radar in radars]
+    faults += [
+        f"sending.{name}: must be one of the radars, {', '.join(known)}"
+        for name in given
+        if name not in known
+    ]
+    found = []
+    for name in known:
+        wrong: list[str] = []
+        of_radar = mapping(given, name, wrong)
+        values = take(SENDING, of_radar, f"sending.{name}.", wrong, names_of(SENDING))
+        faults += wrong
+        found.append(Sending() if wrong else Sending(**values))
+    return tuple(found)

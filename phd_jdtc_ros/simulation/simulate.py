@@ -1,0 +1,220 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Simulates every radar's detections of a scenario's targets, among clutter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from ..core.arrays import FloatArray, IntArray
+from ..core.sensors.polar_radar import RadarModel
+from ..core.types import FULL_TURN, Detections, Scan, Truth
+from .clutter_law import NOISE, ClutterLaw
+from .echoes import Echoes
+from .noise import polar, with_noise
+from .reflectors import Reflectors
+from .scenario import Scenario, truth_at
+
+BoolArray = npt.NDArray[np.bool_]
+
+
+def detect(
+    truth: Truth,
+    snr: FloatArray,
+    radar: RadarModel,
+    rng: np.random.Generator,
+    law: ClutterLaw = NOISE,
+    echoes: Echoes | None = None,
+    reflectors: Sequence[Reflectors] = (),
+) -> tuple[Detections, IntArray]:
+    """Return one radar's detections of `truth` among its clutter, in random order.
+
+    Parameters
+    ----------
+    truth : Truth
+        T targets.
+    snr : array of shape (T,)
+        Mean signal-to-noise ratio of each target, linear.
+    radar : RadarModel
+    rng : numpy.random.Generator
+    law : ClutterLaw
+        Of the envelopes of clutter.
+    echoes : Echoes or None
+        How targets answer more than once; None if they do not.
+    reflectors : sequence of Reflectors
+        What else answers.
+
+    Returns
+    -------
+    detections : Detections
+        M of them.
+    source : int array of shape (M,)
+        The track_id of each detection's target; 0 for clutter.
+
+    Notes
+    -----
+    Target envelopes are Rayleigh with sigma^2 = 1 + d, those of noise with sigma^2 = 1; all are
+    reported only above the radar's threshold. The clutter rate counts reported detections.
+    """
+    exact = radar.measure(truth.state)
+    measurement, envelope, seen = observe(exact, snr, radar, rng)
+    clutter, tail = false_detections(radar, rng.poisson(radar.clutter_rate), rng, law)
+    state, target = truth.state[seen], truth.track_id[seen]
+    measurement, envelope = measurement[seen], envelope[seen]
+    if echoes is not None:
+        echo, row = echoes.sources(state, truth.space, rng)
+        further, level, shown = observe(radar.measure(echo), snr[seen][row], radar, rng)
+        state, target = np.concatenate([state, echo[shown]]), np.append(target, target[row[shown]])
+        measurement = np.concatenate([measurement, further[shown]])
+        envelope = np.append(envelope, level[shown])
+    places, high = _reflected(radar, reflectors, rng)
+    count = len(clutter) + len(places)
+    rate = range_rates(state, count, radar, rng)
+    measurement = np.concatenate([measurement, clutter, places])
+    order = rng.permutation(len(measurement))
+    detections = Detections(
+        measurement=measurement[order],
+        amplitude=np.concatenate([envelope, tail, high])[order],
+        range_rate=None if rate is None else rate[order],
+    )
+    source = np.concatenate([target, np.zeros(count, dtype=np.int64)])
+    return detections, source[order]
+
+
+def range_rates(
+    state: FloatArray, clutter: int, radar: RadarModel, rng: np.random.Generator
+) -> FloatArray | None:
+    """Return measured range rates of targets and then of clutter; None if the radar has none.
+
+    Parameters
+    ----------
+    state : array of shape (N, D)
+        Of the targets that are detected, or of where they answer.
+    clutter : int
+        Number of false detections.
+    radar : RadarModel
+    rng : numpy.random.Generator
+
+    Notes
+    -----
+    Ambiguous ones are between minus and plus half an interval.
+    """
+    model = radar.range_rate
+    if model is None:
+        return None
+    noisy = radar.range_rate_of(state) + model.std * rng.standard_normal(len(state))
+    uniform = model.clutter_width * (rng.random(clutter) - 0.5)
+    return np.append(model.wrapped(noisy), uniform)
+
+
+def observe(
+    exact: FloatArray, snr: FloatArray, radar: RadarModel, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return the measurements of targets, and which of them the radar detects.
+
+    Parameters
+    ----------
+    exact : array of shape (N, 2)
+        True range and azimuth, metres and radians.
+    snr : array of shape (N,)
+        Linear.
+    radar : RadarModel
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    measurement : array of shape (N, 2)
+        With noise; ranges are not negative, azimuths in (-pi, pi].
+    envelope : array of shape (N,)
+    seen : bool array of shape (N,)
+
+    Notes
+    -----
+    A target is detected if its envelope exceeds the threshold or, where the radar's detection
+    probability is given, with that; its envelope then is one above the threshold.
+    """
+    visible = radar.visibility.sees(exact) > 0.0
+    envelope = rng.rayleigh(np.sqrt(1.0 + snr))
+    noisy = with_noise(exact, radar, rng)
+    if radar.visibility.given:
+        found = rng.random(len(exact)) < radar.visibility.probability(exact[:, 0])
+        # Squares of Rayleigh envelopes are exponential, and these forget what is exceeded.
+        envelope = np.sqrt(radar.threshold**2 + envelope**2)
+    else:
+        found = envelope > radar.threshold
+    return noisy, envelope, found & visible
+
+
+def false_detections(
+    radar: RadarModel, count: int, rng: np.random.Generator, law: ClutterLaw
+) -> tuple[FloatArray, FloatArray]:
+    """Return measurements of clutter, shape (count, 2), and their envelopes, shape (count,).
+
+    It is uniform in the azimuths of the field of view.
+    """
+    fov = radar.visibility.fov
+    # Whatever a whole turn begins at.
+    first = -np.pi if fov.width == FULL_TURN else fov.start
+    clutter = np.stack(
+        [
+            rng.uniform(0.0, radar.clutter_max_range, count),
+            rng.uniform(first, first + fov.width, count),
+        ],
+        axis=1,
+    )
+    return polar(clutter), law.draw(radar.threshold, count, rng)
+
+
+def _reflected(
+    radar: RadarModel, reflectors: Sequence[Reflectors], rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return the measurements of reflectors that a radar detects, (K, 2), and envelopes, (K,)."""
+    measurement, amplitude = [np.zeros((0, 2))], [np.zeros(0)]
+    for kind in reflectors:
+        state = np.zeros((len(kind.points), len(radar.space)))
+        state[:, list(radar.space.position)] = kind.points
+        found = kind.answers(radar.measure(state), radar, rng)
+        measurement.append(found.measurement[found.seen])
+        amplitude.append(found.amplitude[found.seen])
+    return np.concatenate(measurement), np.concatenate(amplitude)
+
+
+def simulate(scenario: Scenario, seed: int) -> list[tuple[Truth, Scan]]:
+    """Return the truth and the scan of every stamp; reproducible by the seed."""
+    return [(truth, scan) for truth, scan, _ in simulate_with_sources(scenario, seed)]
+
+
+def simulate_with_sources(
+    scenario: Scenario, seed: int
+) -> list[tuple[Truth, Scan, tuple[IntArray, ...]]]:
+    """Return what `simulate` returns, with the source of each detection for every radar."""
+    rng = np.random.default_rng(seed)
+    snr_of = np.array([target.snr for target in scenario.targets])
+    run = []
+    for index in range(scenario.scans):
+        truth = truth_at(scenario, index)
+        elapsed_s = index * scenario.interval_s
+        reports = [
+            detect(
+                truth,
+                snr_of[truth.track_id - 1],
+                scenario.radar_at(number, elapsed_s),
+                rng,
+                *scenario.laws(number),
+                scenario.reflectors,
+            )
+            for number in range(len(scenario.radars))
+        ]
+        found = (
+            scenario.answered(
+                *(detections, source, np.full(len(source), elapsed_s)), (seed, index, number)
+            )
+            for number, (detections, source) in enumerate(reports)
+        )
+        scan = Scan(truth.stamp_ns, tuple(found))
+        run.append((truth, scan, tuple(source for _, source in reports)))
+    return run

@@ -1,0 +1,163 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Flights: targets whose legs are given in seconds, for radars that have no common scan."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ...core.arrays import FloatArray, IntArray
+from ...core.state_space import PLANAR
+
+# Ends of legs are sums of durations, so that the last one may miss a scan's time by rounding.
+ROUNDING_S = 1e-6
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A part of a flight: straight, with a constant acceleration, or a turn at constant speed.
+
+    Parameters
+    ----------
+    duration_s : float
+    turn_rate : float
+        Radians per second, counter-clockwise.
+    acceleration : float
+        Along the course, m/s^2.
+    """
+
+    duration_s: float
+    turn_rate: float = 0.0
+    acceleration: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.duration_s > 0.0:
+            raise ValueError(f"duration_s: {self.duration_s}, expected more than 0")
+        if self.turn_rate and self.acceleration:
+            raise ValueError(
+                f"acceleration: {self.acceleration} in a turn of {self.turn_rate} rad/s, expected 0"
+            )
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One target that exists from its start until its last leg ends.
+
+    Parameters
+    ----------
+    class_id : int
+    snr : float
+        Mean signal-to-noise ratio, linear.
+    start_s : float
+        After scan 0.
+    position, velocity : tuples of two floats
+        At the start, world frame, metres and metres per second.
+    legs : tuple of Leg
+        One after the other.
+    height : float
+        Above the world's zero, metres.
+    """
+
+    class_id: int
+    snr: float
+    start_s: float
+    position: tuple[float, float]
+    velocity: tuple[float, float]
+    legs: tuple[Leg, ...]
+    height: float = 0.0
+
+    def __post_init__(self) -> None:
+        slowest = self._marks[:, 2].min()
+        if slowest < -ROUNDING_S:
+            raise ValueError(f"legs: a speed of {slowest:.3g} m/s, expected none below 0")
+
+    @property
+    def end_s(self) -> float:
+        """When its last leg ends, after scan 0."""
+        return self.start_s + float(self._starts[-1])
+
+    @property
+    def end_velocity(self) -> tuple[float, float]:
+        """When its last leg ends, metres per second."""
+        _, _, speed, course = self._marks[-1].tolist()
+        return speed * math.cos(course), speed * math.sin(course)
+
+    def exists_at(self, scan: int, interval_s: float) -> bool:
+        """Return whether the target exists at a scan; scans are `interval_s` apart."""
+        elapsed = scan * interval_s
+        return self.start_s - ROUNDING_S <= elapsed <= self.end_s + ROUNDING_S
+
+    def state_at(self, scan: int, interval_s: float) -> FloatArray:
+        """Return the exact state at a scan, with the present leg's turn rate; shape (D,)."""
+        state: FloatArray = self.states(np.array([scan * interval_s]))[0]
+        return state
+
+    def states(self, time_s: FloatArray) -> FloatArray:
+        """Return the exact states at times after scan 0; shape (N,) to (N, D).
+
+        Before its start and after its end the target goes on as in its first and last leg.
+        """
+        (x, y, speed, course), leg = self._at(time_s)
+        state = np.zeros((len(leg), len(PLANAR)))
+        state[:, list(PLANAR.position)] = np.stack([x, y], axis=1)
+        state[:, list(PLANAR.velocity)] = np.stack(
+            [speed * np.cos(course), speed * np.sin(course)], axis=1
+        )
+        state[:, PLANAR.turn_rate] = self._rates[leg, 0]
+        return state
+
+    def courses(self, time_s: FloatArray) -> FloatArray:
+        """Return where it heads at times after scan 0, radians; shape (N,). It does at rest too."""
+        course: FloatArray = self._at(time_s)[0][3]
+        return course
+
+    def _at(self, time_s: FloatArray) -> tuple[FloatArray, IntArray]:
+        """Return x, y, speed and course, shape (4, N), and the legs at times after scan 0."""
+        elapsed = np.asarray(time_s, dtype=np.float64) - self.start_s
+        leg = np.clip(np.searchsorted(self._starts, elapsed, "right") - 1, 0, len(self.legs) - 1)
+        return _moved(self._marks[leg], self._rates[leg], elapsed - self._starts[leg]), leg
+
+    @cached_property
+    def _starts(self) -> FloatArray:
+        """When each leg begins, and the last one ends, after the start; shape (legs + 1,)."""
+        return np.concatenate([[0.0], np.cumsum([leg.duration_s for leg in self.legs])])
+
+    @cached_property
+    def _rates(self) -> FloatArray:
+        """Turn rate and acceleration of each leg, shape (legs, 2)."""
+        return np.array([[leg.turn_rate, leg.acceleration] for leg in self.legs])
+
+    @cached_property
+    def _marks(self) -> FloatArray:
+        """x, y, speed and course where each leg begins and the last one ends, (legs + 1, 4).
+
+        The course is kept where the speed is 0.
+        """
+        vx, vy = self.velocity
+        marks = np.array([[*self.position, math.hypot(vx, vy), math.atan2(vy, vx)]])
+        for leg, rates in zip(self.legs, self._rates, strict=True):
+            after = _moved(marks[-1:], rates[None], np.array([leg.duration_s]))
+            marks = np.concatenate([marks, after.T])
+        return marks
+
+
+def _moved(mark: FloatArray, rates: FloatArray, elapsed: FloatArray) -> FloatArray:
+    """Return x, y, speed and course some seconds after marks, shape (4, N)."""
+    x, y, speed, course = mark.T
+    turn_rate, acceleration = rates.T
+    half = 0.5 * turn_rate * elapsed
+    # A turn's chord is shorter than its arc by sin(half) / half.
+    chord = (speed + 0.5 * acceleration * elapsed) * elapsed * np.sinc(half / np.pi)
+    return np.stack(
+        [
+            x + chord * np.cos(course + half),
+            y + chord * np.sin(course + half),
+            speed + acceleration * elapsed,
+            course + 2.0 * half,
+        ]
+    )

@@ -1,0 +1,178 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Targets that answer with a code, an address and their height: ``transponders`` of a scenario.
+
+What answers is drawn by generators of their own, so that the plots of a seed are the same without
+transponders. Ranges over ground are measured as without heights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..configuration.schema import Parameter
+from ..core.arrays import FloatArray, IntArray
+from ..core.types import UNKNOWN, Detections
+from .checked import mapping, names_of, take
+from .traffic.flight import Flight
+
+TRANSPONDERS = (
+    Parameter("share", 1.0, "Share of the targets that have one.", 0.0, 1.0),
+    Parameter("reply_probability", 0.95, "That such a target's plot has an answer.", 0.0, 1.0),
+    Parameter("mode_s_share", 1.0, "Share of these that have an address.", 0.0, 1.0),
+    Parameter("code_garbled", 0.0, "Probability that the code of an answer is any.", 0.0, 1.0),
+    Parameter("height_garbled", 0.0, "Probability that the height is any.", 0.0, 1.0),
+    Parameter("address_garbled", 0.0, "Probability that the address is any.", 0.0, 1.0),
+    Parameter("shared_code_share", 0.1, "Share of the targets with the code 7000.", 0.0, 1.0),
+    Parameter("seed", 0, "Seed of the targets' codes and heights.", 0, 2**31 - 1),
+)
+SHARED = 0o7000
+# Metres: Mode C counts in hundreds of feet; levels, and what garbled heights are within.
+MODE_C, LEVELS, GARBLED = 30.48, (1500.0, 11e3), (0.0, 14e3)
+# Metres per second, and seconds of a climb or descent; what is slower than the last two is on
+# ground, and takes off or lands.
+CLIMB, CLIMB_S, GROUND_SPEED, RUNWAY_SPEED = (3.0, 12.0), (60.0, 300.0), 20.0, 85.0
+# Third word of the seeds.
+STREAM = 3
+
+
+class Card(NamedTuple):
+    """What a target answers.
+
+    Parameters
+    ----------
+    code, address : int
+        `UNKNOWN` without a transponder.
+    level, climb, since_s, for_s : float
+        It is at a level, metres, until a time after scan 0, and then climbs for so long.
+    """
+
+    code: int
+    address: int
+    level: float
+    climb: float
+    since_s: float
+    for_s: float
+
+    def height(self, time_s: FloatArray) -> FloatArray:
+        """Return the heights and climb rates at times after scan 0, shape (N, 2)."""
+        flown = time_s - self.since_s
+        climbed = self.climb * np.clip(flown, 0.0, self.for_s)
+        rate = np.where((flown >= 0.0) & (flown < self.for_s), self.climb, 0.0)
+        lowest = self.level + climbed < 0.0
+        both = np.stack([self.level + climbed, rate], axis=1)
+        return np.where(lowest[:, None], 0.0, both)
+
+
+@dataclass(frozen=True)
+class Transponders:
+    """What the targets of a scenario answer, and how well.
+
+    Parameters
+    ----------
+    share, reply_probability, mode_s_share, code_garbled, height_garbled, address_garbled : float
+    shared_code_share : float
+        See `TRANSPONDERS`.
+    seed : int
+    """
+
+    share: float = 1.0
+    reply_probability: float = 0.95
+    mode_s_share: float = 1.0
+    code_garbled: float = 0.0
+    height_garbled: float = 0.0
+    address_garbled: float = 0.0
+    shared_code_share: float = 0.1
+    seed: int = 0
+
+    def card(self, number: int, flight: Flight, duration_s: float) -> Card:
+        """Return what a target, counted from 1, answers; equal arguments give equal cards.
+
+        Parameters
+        ----------
+        number : int
+        flight : Flight
+        duration_s : float
+            Of the run.
+        """
+        rng = np.random.default_rng([self.seed, number, STREAM])
+        equipped, shared = rng.random() < self.share, rng.random() < self.shared_code_share
+        own, address = int(rng.integers(1, 0o7000)), int(rng.integers(1, 1 << 24))
+        code = SHARED if shared else own
+        level, climb = rng.uniform(*LEVELS), rng.uniform(*CLIMB)
+        # A third each stays, climbs and descends.
+        sense = int(rng.integers(-1, 2))
+        since_s, for_s = rng.uniform(0.0, duration_s), rng.uniform(*CLIMB_S)
+        begins, ends = (np.hypot(*velocity) for velocity in (flight.velocity, flight.end_velocity))
+        if flight.height or begins < GROUND_SPEED:
+            level, sense = flight.height, 0
+        elif begins < RUNWAY_SPEED:
+            since_s, for_s, sense, level = flight.start_s, level / climb, 1, 0.0
+        elif ends < RUNWAY_SPEED:
+            for_s, sense = level / climb, -1
+            since_s = flight.end_s - for_s
+        if rng.random() >= self.mode_s_share:
+            address = UNKNOWN
+        if not equipped:
+            code = address = UNKNOWN
+        climb *= sense
+        return Card(code, address, float(level), float(climb), float(since_s), float(for_s))
+
+    def answered(
+        self,
+        found: Detections,
+        source: IntArray,
+        time_s: FloatArray,
+        cards: Mapping[int, Card],
+        rng: np.random.Generator,
+    ) -> Detections:
+        """Return detections with answers.
+
+        Parameters
+        ----------
+        found : Detections
+            M of them.
+        source : int array of shape (M,)
+            The number of each one's target; 0 for clutter, which does not answer.
+        time_s : array of shape (M,)
+            After scan 0.
+        cards : mapping of number to Card
+        rng : numpy.random.Generator
+        """
+        count = len(found)
+        code, address = np.full(count, UNKNOWN), np.full(count, UNKNOWN)
+        height = np.full(count, np.nan)
+        replied = rng.random(count) < self.reply_probability
+        garbled = rng.random((2, count)) < [[self.code_garbled], [self.height_garbled]]
+        wrong, wrong_height = rng.integers(0, 1 << 12, count), rng.uniform(*GARBLED, count)
+        for number in np.unique(source[source > 0]).tolist():
+            card = cards[number]
+            own = np.flatnonzero((source == number) & replied)
+            if card.code == UNKNOWN:
+                continue
+            code[own], address[own] = card.code, card.address
+            height[own] = card.height(time_s[own])[:, 0]
+        answers = code != UNKNOWN
+        code = np.where(garbled[0] & answers, wrong, code)
+        # Drawn last, so that the others do not depend on it.
+        other = rng.random(count) < self.address_garbled
+        address = np.where(other & (address != UNKNOWN), rng.integers(1, 1 << 24, count), address)
+        height = np.where(garbled[1], wrong_height, height)
+        height = np.where(answers, MODE_C * np.round(height / MODE_C), np.nan)
+        return replace(found, code=code, address=address, height=height)
+
+
+def transponders(document: Mapping[str, Any], faults: list[str]) -> Transponders | None:
+    """Return what a document's ``transponders`` says, None without; add its faults to `faults`."""
+    if "transponders" not in document:
+        return None
+    found: list[str] = []
+    given = mapping(document, "transponders", found)
+    values = take(TRANSPONDERS, given, "transponders.", found, names_of(TRANSPONDERS))
+    faults += found
+    return None if found else Transponders(**values)

@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A running tracker's radars are compared with the tracks that others see too."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.calibration.registration.monitor import LEAST, MEMORY, RegistrationMonitor
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.types import CONFIRMED, TENTATIVE, Detections, Estimates, Scan
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+
+CONFIG = resolve({"engine": "gaussian", "lag": 0})
+RADARS = CONFIG.model.radars
+SCANS = [scan for _, scan in simulate(paper_scenario(RADARS), 6)][:60]
+
+
+def monitored(scans, radars=RADARS):
+    """Return the monitor after the tracker has stepped through scans."""
+    engine, monitor = new_engine(CONFIG), RegistrationMonitor(radars, 6.0)
+    for scan in scans:
+        monitor.stepped(scan, engine.step(scan).filtered)
+    return monitor.drifts()
+
+
+def off(scan, error):
+    """Return a scan whose second radar has an error of (range, azimuth)."""
+    first, second = scan.detections
+    _, wrong = RadarBias(error[0], 0.0, error[1]).added(scan.stamp_ns, second)
+    return Scan(scan.stamp_ns, (first, wrong))
+
+
+def test_radars_that_are_right_do_not_drift():
+    for drift in monitored(SCANS):
+        assert drift.residuals > LEAST
+        assert drift.drifts == (False, False)
+        # What is seen is noise, and sigma says of what size.
+        assert (np.abs(drift.mean) < 4.0 * drift.sigma).all()
+        assert (drift.sigma < RADARS[0].noise_std).all()
+
+
+@pytest.mark.parametrize(("error", "axis"), [((900.0, 0.0), 0), ((0.0, np.radians(4.0)), 1)])
+def test_a_radar_with_an_error_drifts_with_its_sign(error, axis):
+    drifts = monitored([off(scan, error) for scan in SCANS])
+    assert drifts[1].drifts[axis]
+    assert drifts[1].mean[axis] > 0.25 * error[axis]
+    # The tracks are between the two radars, so that the other one seems to be off the other way.
+    assert drifts[0].mean[axis] < 0.0
+
+
+CALM = Estimates(
+    10**9,
+    0,
+    np.array([[5e3, 10.0, 0.0, 0.0, 0.0]]),
+    np.diag([1e4, 1.0, 1e4, 1.0, 1e-8])[None],
+    np.ones(1),
+    np.ones((1, 1)),
+    np.zeros(1, dtype=int),
+    np.ones(1, dtype=int),
+)
+
+
+def seen(radars, *measurement, count=3):
+    """Return what is seen of a track that goes on as it is, by the radars of each scan."""
+    monitor = RegistrationMonitor(RADARS, 6.0)
+    for k in range(count):
+        stamp_ns = 10**9 * (1 + 6 * k)
+        found = replace(CALM, stamp_ns=stamp_ns)
+        state = found.state[0] + [60.0, 0.0, 0.0, 0.0, 0.0]
+        given = [
+            Detections(np.concatenate([RADARS[r].measure(state[None]), *measurement]), None)
+            if r in radars
+            else None
+            for r in (0, 1)
+        ]
+        monitor.stepped(Scan(stamp_ns, (None, None)), [found])
+        monitor.stepped(Scan(stamp_ns + 6 * 10**9, tuple(given)), [])
+    return monitor.drifts()
+
+
+def test_residuals_are_those_of_the_predicted_track():
+    first, second = seen((0, 1))
+    # The first detection of all has no other radar to be compared with.
+    assert (first.residuals, second.residuals) == (2, 3)
+    np.testing.assert_allclose(first.mean, 0.0, atol=1e-9)
+
+
+def test_a_radar_alone_is_not_compared_with_itself():
+    assert [drift.residuals for drift in seen((1,))] == [0, 0]
+    assert np.isnan(seen((1,))[0].mean).all()
+
+
+def test_a_track_with_two_detections_near_it_says_nothing():
+    near = RADARS[0].measure(CALM.state) + np.array([100.0, 0.0])
+    assert [drift.residuals for drift in seen((0, 1), near)] == [0, 0]
+
+
+@pytest.mark.parametrize("changes", [{"track_state": [TENTATIVE]}, {"track_id": [0]}])
+def test_tracks_that_are_none_yet_say_nothing(changes, monkeypatch):
+    changed = {name: np.array(value) for name, value in changes.items()}
+    monkeypatch.setitem(globals(), "CALM", replace(CALM, **changed))
+    assert [drift.residuals for drift in seen((0, 1))] == [0, 0]
+    assert CONFIRMED != TENTATIVE
+
+
+def test_old_residuals_are_forgotten():
+    monitor = RegistrationMonitor(RADARS, 6.0)
+    mean = monitor._means[0]
+    for _ in range(2 * MEMORY):
+        mean.add(np.array([300.0, 0.0]))
+    for _ in range(4 * MEMORY):
+        mean.add(np.array([0.0, 0.0]))
+    assert abs(mean.mean[0]) < 300.0 * np.exp(-4.0) * 1.1
+
+
+def test_a_new_run_has_other_tracks_and_keeps_the_means():
+    engine, monitor = new_engine(CONFIG), RegistrationMonitor(RADARS, 6.0)
+    for scan in SCANS[:20]:
+        monitor.stepped(scan, engine.step(scan).filtered)
+    before = monitor.drifts()
+    monitor.forget_tracks()
+    monitor.stepped(SCANS[20], ())
+    assert [drift.residuals for drift in monitor.drifts()] == [d.residuals for d in before]
+    assert before[0].residuals > 10

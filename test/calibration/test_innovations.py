@@ -1,0 +1,142 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The configured noise is compared with what detections show of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.calibration.innovations import BACK, FEW, LEAST, SMALLER, InnovationMonitor
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.core.types import Coverage, Detections, Estimates, Scan
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+
+TRUE = resolve({"engine": "gaussian", "lag": 0})
+SCANS = [scan for _, scan in simulate(paper_scenario(TRUE.model.radars), 6)]
+
+
+def configured(scale, azimuth_scale=None):
+    """Return the configuration with all noise scaled, or that of azimuths by another factor."""
+    given = {"engine": "gaussian", "lag": 0}
+    for radar in ("radar_1", "radar_2"):
+        given[f"{radar}.range_std"] = TRUE.values[f"{radar}.range_std"] * scale
+        azimuth = TRUE.values[f"{radar}.azimuth_std_deg"]
+        given[f"{radar}.azimuth_std_deg"] = azimuth * (azimuth_scale or scale)
+    return resolve(given)
+
+
+def monitored(config):
+    """Return the fits after each scan of the reference scenario."""
+    engine, monitor = new_engine(config), InnovationMonitor(config.model)
+    found = []
+    for scan in SCANS:
+        monitor.stepped(scan, engine.step(scan).filtered)
+        found.append(monitor.fits())
+    return found
+
+
+def test_right_noise_is_never_warned_of():
+    for fits in monitored(TRUE):
+        assert not any(fit.larger or fit.smaller for fit in fits)
+    assert all(fit.seen > LEAST for fit in fits)
+    assert all((np.abs(fit.axes - 1.0) < 0.4).all() for fit in fits)
+
+
+@pytest.mark.parametrize(
+    ("scale", "verdict"),
+    [(0.01, (True, False)), (0.1, (True, False)), (10.0, (False, True))],
+)
+def test_wrong_noise_is_noticed_of_every_radar(scale, verdict):
+    fits = monitored(configured(scale))[-1]
+    assert [(fit.larger, fit.smaller) for fit in fits] == [verdict, verdict]
+
+
+def test_axes_say_which_deviation_is_wrong():
+    for fit in monitored(configured(1.0, azimuth_scale=0.1))[-1]:
+        assert fit.larger
+        assert fit.axes[1] > 5.0 > 2.0 > fit.axes[0]
+
+
+ALONE = resolve({"radars": ["one"], "one.range_std": 10.0, "one.azimuth_std_deg": 1.0}).model
+STILL = Estimates(
+    0,
+    0,
+    np.array([[5e3, 0.0, 0.0, 0.0, 0.0]]),
+    np.zeros((1, 5, 5)),
+    np.ones(1),
+    np.ones((1, 2)) / 2.0,
+    np.zeros(1, int),
+    np.array([1]),
+)
+
+
+def looks(monitor, measurements, coverage=None, times=1):
+    """Let one track, whose place is known, be seen some times; return the radar's fit."""
+    report = Detections(np.array(measurements), None, coverage=coverage)
+    for _ in range(times):
+        monitor.stepped(Scan(0, (None,)), (STILL,))
+        monitor.stepped(Scan(10**8, (report,)), ())
+    return monitor.fits()[0]
+
+
+@pytest.mark.parametrize(
+    ("measurements", "coverage", "seen"),
+    [
+        ([(5e3 + 400.0, 0.0)], None, 1),
+        ([(5e3 + 400.0, 0.0), (5e3 - 900.0, 0.0)], None, 0),
+        ([(5e3 + 400.0, 0.0), (5e3 - 1300.0, 0.0)], None, 1),
+        ([(5e3, 1.0)], Coverage(0.5, 1.0), 0),
+    ],
+    ids=["alone", "two near", "one near", "elsewhere"],
+)
+def test_detection_is_a_tracks_if_it_is_beyond_doubt(measurements, coverage, seen):
+    assert looks(InnovationMonitor(ALONE), measurements, coverage).seen == seen
+
+
+def test_detections_between_two_tracks_are_of_neither():
+    two = replace(
+        STILL,
+        state=STILL.state[[0, 0]] + np.array([[0.0] * 5, [600.0] + [0.0] * 4]),
+        covariance=np.zeros((2, 5, 5)),
+        weight=np.ones(2),
+        class_probability=np.ones((2, 2)) / 2.0,
+        class_id=np.zeros(2, int),
+        track_id=np.array([1, 2]),
+        track_state=np.ones(2, int),
+    )
+    monitor = InnovationMonitor(ALONE)
+    monitor.stepped(Scan(0, (None,)), (two,))
+    monitor.stepped(Scan(10**8, (Detections(np.array([[5.25e3, 0.0]]), None),)), ())
+    assert monitor.fits()[0].seen == 0
+
+
+def test_verdict_stays_until_it_is_clearly_otherwise():
+    """Squares of 2 ln 2 times the share are that share of what is expected."""
+    monitor = InnovationMonitor(replace(ALONE, modes=ALONE.modes))
+
+    def after(share):
+        off = 10.0 * np.sqrt(share * 2.0 * np.log(2.0))
+        return looks(monitor, [(5e3 + off, 0.0)], times=200)
+
+    between = 0.5 * (SMALLER + SMALLER / BACK)
+    assert [after(share).smaller for share in (between, 0.9 * SMALLER, between, 0.5)] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+
+
+def test_few_innovations_say_that_the_noise_is_too_small_and_many_that_it_is_too_large():
+    monitor = InnovationMonitor(ALONE)
+    far = [(5e3 + 2000.0, 0.0)]
+    assert not looks(monitor, far, times=FEW - 1).larger
+    assert looks(monitor, far).larger
+    monitor = InnovationMonitor(ALONE)
+    near = [(5e3 + 0.1, 0.0)]
+    assert not looks(monitor, near, times=LEAST - 1).smaller
+    assert looks(monitor, near).smaller

@@ -1,0 +1,375 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A recording's turns, noise, detections and clutter, against how it was simulated."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import small
+
+from phd_jdtc_ros.calibration.tuning import kinematics, noise, proposal, unspecified
+from phd_jdtc_ros.calibration.tuning.field import elsewhere
+from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
+from phd_jdtc_ros.calibration.tuning.levels import log_ratio
+from phd_jdtc_ros.calibration.tuning.noise import Noise, fitted
+from phd_jdtc_ros.calibration.tuning.plots import Plots, bounded, plots_of
+from phd_jdtc_ros.calibration.tuning.rates import clutter_rate, detection_probability
+from phd_jdtc_ros.calibration.tuning.rotation import Timing, timing
+from phd_jdtc_ros.calibration.tuning.tracks import Guess, Tracks, linked
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.types import Detections, Pose
+from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
+
+# Unlike the shipped recordings: nothing here may depend on their noise.
+STANDING = {
+    "radar_1.range_std": 80.0,
+    "radar_1.azimuth_std_deg": 0.4,
+    "radar_1.clutter_rate": 8.0,
+    "radar_2.range_std": 30.0,
+    "radar_2.azimuth_std_deg": 1.5,
+    "radar_2.clutter_rate": 15.0,
+}
+TURNING = {
+    "radars": ["tower"],
+    "tower.rotation_s": 5.0,
+    "tower.range_std": 70.0,
+    "tower.azimuth_std_deg": 0.15,
+    "tower.max_range": 8e4,
+    "tower.clutter_max_range": 8e4,
+    "tower.clutter_rate": 12.0,
+    "tower.detection_probability": 0.85,
+    "tower.azimuth_convention": "compass_cw",
+    "tower.fields.time": "time",
+    "tower.fields.amplitude": "",
+}
+
+
+def standing(seed=3, scans=60):
+    config = small(STANDING)
+    run = list(simulate(replace(paper_scenario(config.model.radars), scans=scans), seed))
+    return config, [
+        plots_of([(scan.stamp_ns, scan.detections[index]) for _, scan in run]) for index in (0, 1)
+    ]
+
+
+def flights(count, seed):
+    """Return aircraft all around that fly straight, and turn once."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for _ in range(count):
+        bearing, distance, course = rng.uniform([0.0, 2e4, 0.0], [6.28, 5e4, 6.28])
+        speed, turn = rng.uniform(100.0, 220.0), rng.choice([-0.03, 0.0, 0.03])
+        legs = (Leg(rng.uniform(60.0, 120.0)), Leg(25.0, turn), Leg(160.0))
+        place = distance * math.cos(bearing), distance * math.sin(bearing)
+        velocity = speed * math.cos(course), speed * math.sin(course)
+        found.append(Flight(0, 1e3, 0.0, place, velocity, legs))
+    return tuple(found)
+
+
+def turning(seed=5, count=8, seconds=150, **given):
+    config = resolve({**TURNING, **given})
+    scene = Scenario(10**12, 1.0, seconds + 1, flights(count, seed), config.model.radars)
+    reports = simulate_reports(scene, config.inputs, seed)
+    return config, plots_of([(report.stamp_ns, report.detections) for report in reports])
+
+
+def assert_told(found, radar, probability):
+    """The goals of a proposal."""
+    assert found.noise.range_std == pytest.approx(radar.range_std, rel=0.2)
+    assert found.noise.azimuth_std == pytest.approx(radar.azimuth_std, rel=0.2)
+    assert found.detection.value == pytest.approx(probability, abs=0.05)
+    assert radar.clutter_rate / 1.5 < found.clutter.value < 1.5 * radar.clutter_rate
+
+
+def test_a_radar_that_stands_is_told_from_its_plots():
+    config, recorded = standing()
+    for radar, plots in zip(config.model.radars, recorded, strict=True):
+        found = findings(plots)
+        assert_told(found, radar, 0.985)
+        assert (found.timing.rotation_s, found.timing.sectors) == (0.0, 0)
+        assert found.timing.look_s == 6.0
+        assert found.levels.false_alarm_probability == pytest.approx(1e-3, rel=0.1)
+        assert found.levels.excess == pytest.approx(1.0, rel=0.2)
+        assert found.field.arc is None
+        assert found.field.clutter_range == pytest.approx(radar.clutter_max_range, rel=0.02)
+
+
+def test_a_radar_that_reports_sectors_is_told_from_its_plots():
+    config, plots = turning(**{"tower.sectors": 8})
+    found = findings(plots)
+    assert_told(found, config.model.radars[0], 0.85)
+    assert found.timing.rotation_s == pytest.approx(5.0, rel=2e-3)
+    assert (found.timing.sectors, found.timing.clockwise) == (8, True)
+    assert found.levels is None
+
+
+def test_places_that_answer_again_and_again_are_told_from_a_target_that_passes():
+    rng, ship = np.random.default_rng(6), one_target(count=70)
+    east = np.linspace(-2500.0, 2500.0, 20)
+    coast = np.stack([np.hypot(east, 1500.0), np.arctan2(-1500.0, east)], axis=1)
+    reports = []
+    for cloud in range(70):
+        land = coast + rng.standard_normal(coast.shape) * [20.0, 0.01]
+        seen = np.concatenate([ship.measurement[ship.cloud == cloud], land])
+        reports.append((cloud * 2 * 10**9, Detections(seen, None)))
+    plots = plots_of(reports)
+    rows = elsewhere(plots, 70.0, 20.0, 0.01)
+    of_ship = np.flatnonzero(np.diff(plots.cloud, prepend=-1))
+    assert np.isin(of_ship, rows).mean() > 0.95
+    assert len(np.setdiff1d(rows, of_ship)) < 0.2 * 20 * 70
+    moving = replace(plots, pose=rng.standard_normal(plots.pose.shape))
+    assert len(elsewhere(moving, 70.0, 20.0, 0.01)) == len(plots)
+
+
+def test_land_is_proposed_to_be_mapped(told):
+    config, found = told
+    assert "clutter_map" not in rows_of(told)
+    assert rows_of((config, replace(found, land=0.5)))["clutter_map"].value is True
+
+
+def test_findings_are_the_same_twice():
+    plots = one_target(count=40)
+    one, other = findings(plots), findings(plots)
+    assert (one.noise.range_std, one.tracks) == (other.noise.range_std, other.tracks)
+
+
+# Turns.
+
+
+@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("clockwise", [True, False])
+def test_sectors_and_direction_are_those_of_the_antenna(timed, clockwise):
+    rng, way, reports = np.random.default_rng(1), -1.0 if clockwise else 1.0, []
+    for cloud in range(200):
+        time_s = np.sort(rng.uniform(0.0, 0.25, 3))
+        azimuth = way * 2.0 * np.pi * (0.25 * cloud + time_s) / 3.0
+        place = np.stack([rng.uniform(1e3, 9e3, 3), azimuth], axis=1)
+        found = Detections(place, None, time_s if timed else None)
+        reports.append((round((1e3 + 0.25 * cloud) * 1e9), found))
+    found = timing(plots_of(reports))
+    assert found.rotation_s == pytest.approx(3.0, rel=3e-3)
+    assert (found.sectors, found.clockwise) == (12, clockwise)
+
+
+@pytest.mark.parametrize("interval_s", [0.1, 1.0, 6.0])
+def test_targets_in_one_direction_are_no_turning_antenna(interval_s):
+    rng, reports = np.random.default_rng(1), []
+    for cloud in range(150):
+        place = np.stack([rng.uniform(1e3, 9e3, 3), rng.normal(1.0, 0.3, 3)], axis=1)
+        reports.append((round(cloud * interval_s * 1e9), Detections(place, None)))
+    assert timing(plots_of(reports)).rotation_s == 0.0
+
+
+# Parts.
+
+
+def one_target(count=60, missed=(), clutter=0, seed=2):
+    """Return a target that comes closer, one detection a cloud, the target's before clutter."""
+    rng, reports = np.random.default_rng(seed), []
+    for cloud in range(count):
+        east, north = 4000.0 - 20.0 * cloud, 3000.0 + 5.0 * cloud
+        place = np.array([[math.hypot(east, north), math.atan2(north, east)]])
+        place += rng.standard_normal((1, 2)) * [20.0, 0.01]
+        false = np.stack([rng.uniform(0.0, 8e3, clutter), rng.uniform(-3.1, 3.1, clutter)], axis=1)
+        seen = [] if cloud in missed else [place]
+        reports.append((cloud * 2 * 10**9, Detections(np.concatenate([*seen, false]), None)))
+    return plots_of(reports)
+
+
+GUESS = Guess(20.0, 0.01, (0.01, 1.0), 20.0, 0.9, 1.0)
+SECONDS = Timing(2.0, 0.0)
+
+
+def test_one_target_is_one_track_through_misses():
+    plots = one_target(missed={10, 11, 30}, clutter=3)
+    tracks = linked(plots, SECONDS, GUESS, np.zeros(len(plots)))
+    assert len(tracks.plots) == 1
+    own = tracks.plots[0]
+    # Three of clutter follow each of the target's.
+    assert np.isin(np.flatnonzero(np.diff(plots.cloud, prepend=-1)), own).sum() >= 55
+    probability = detection_probability(plots, SECONDS, tracks)
+    assert probability.value == pytest.approx(57 / 60, abs=0.03)
+    assert clutter_rate(plots, SECONDS, tracks).value == pytest.approx(3.0, abs=0.15)
+    # Of what is not on land, where a map of clutter is proposed.
+    sea = np.arange(0, len(plots), 3)
+    assert clutter_rate(plots, SECONDS, tracks, sea).value == pytest.approx(1.0, abs=0.05)
+
+
+def test_clutter_alone_has_no_tracks():
+    plots = one_target(missed=set(range(60)), clutter=5)
+    assert linked(plots, SECONDS, GUESS, np.zeros(len(plots))).plots == ()
+
+
+def test_noise_is_found_from_far_away_and_its_deviation_is_honest():
+    start = Noise(100.0, 0.002, (0.1, 1.0), np.ones(2), 0)
+    off = []
+    for seed in range(8):
+        plots = one_target(seed=seed)
+        tracks = Tracks((np.arange(len(plots)),), 0.0)
+        found = fitted(plots, tracks, start, 20.0, np.zeros(len(plots)))
+        logs = np.log([found.range_std / 20.0, found.azimuth_std / 0.01])
+        off.append(logs / found.log_std)
+    # Standard normal, sixteen of them.
+    assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.6
+    assert abs(np.mean(off)) < 1.0
+
+
+def test_prediction_is_that_of_the_matrices():
+    rng = np.random.default_rng(3)
+    root = rng.standard_normal((5, 4, 4))
+    mean, covariance = rng.standard_normal((5, 4)), root @ root.swapaxes(1, 2)
+    dt, density = rng.uniform(0.5, 2.0, 5), rng.uniform(0.1, 1.0, 5)
+    moved, grown = kinematics.predicted(mean, covariance, dt, density)
+    for k in range(5):
+        step = np.eye(4) + dt[k] * np.eye(4, k=2)
+        q = np.block(
+            [
+                [dt[k] ** 3 / 3.0 * np.eye(2), dt[k] ** 2 / 2.0 * np.eye(2)],
+                [dt[k] ** 2 / 2.0 * np.eye(2), dt[k] * np.eye(2)],
+            ]
+        )
+        np.testing.assert_allclose(moved[k], step @ mean[k])
+        np.testing.assert_allclose(grown[k], step @ covariance[k] @ step.T + density[k] * q)
+
+
+def test_likelihood_of_one_motion_is_that_of_a_kalman_filter():
+    """Of two plots far away, where a linear filter is the same."""
+    plots = one_target(count=2)
+    sequences = noise._sequences(plots, Tracks((np.arange(2),), 0.0), np.full(2, 30.0))
+    calm = np.array([[np.log(20.0), np.log(0.01), np.log(1e-6), noise.LEAST_RATIO]])
+    (found,) = noise._log_likelihood(sequences, calm, 20.0)
+    first, second = plots.measurement
+    mean, covariance = kinematics.started(
+        first, np.zeros(3), np.array(20.0**2), np.array(0.01**2), 20.0
+    )
+    mean, covariance = kinematics.predicted(mean, covariance, np.array(2.0), np.array(0.0))
+    expected, jacobian = kinematics.linearised(mean[:2], np.zeros(3))
+    spread = jacobian @ covariance[:2, :2] @ jacobian.T + np.diag([20.0**2, 0.01**2])
+    error = second - expected
+    exact = -0.5 * error @ np.linalg.solve(spread, error)
+    exact -= 0.5 * np.log(np.linalg.det(2.0 * np.pi * spread))
+    assert found == pytest.approx(exact + np.log1p(-noise.WRONG), abs=1e-3)
+
+
+def test_amplitudes_tell_targets_from_clutter_once_there_are_some():
+    rng = np.random.default_rng(4)
+    plots = one_target(count=60, clutter=1)
+    first = np.diff(plots.cloud, prepend=-1) > 0
+    amplitude = np.where(first, 30.0, rng.uniform(3.7, 6.0, len(plots)))
+    plots = replace(plots, amplitude=amplitude)
+    ratio = log_ratio(plots, plots, Tracks((np.flatnonzero(first),), 0.0))
+    assert (ratio[first] > 3.0).all()
+    assert (ratio[~first] < -2.0).all()
+    assert not log_ratio(plots, plots, Tracks((), 0.0)).any()
+
+
+def test_a_moving_radar_is_told_like_one_that_stands():
+    config, recorded = standing()
+    radar, still = config.model.radars[0], recorded[0]
+    drift = np.stack([8.0 * still.time_s, -5.0 * still.time_s, 0.002 * still.time_s], axis=1)
+    reports = []
+    for cloud, stamp_s in enumerate(still.cloud_s):
+        own = np.flatnonzero(still.cloud == cloud)
+        x, y, yaw = drift[own[0]]
+        line = still.position[own] - [x, y]
+        seen = np.stack([np.hypot(*line.T), np.arctan2(line[:, 1], line[:, 0]) - yaw], axis=1)
+        pose = Pose((x, y), yaw)
+        reports.append((round(stamp_s * 1e9), Detections(seen, still.amplitude[own], pose=pose)))
+    moving = plots_of(reports)
+    np.testing.assert_allclose(moving.position, still.position, atol=1e-6)
+    assert findings(moving).noise.range_std == pytest.approx(radar.range_std, rel=0.25)
+
+
+# Recordings that say too little.
+
+
+def test_recordings_that_say_too_little_say_what_is_missing():
+    empty = Detections(np.zeros((0, 2)), None)
+    nothing = plots_of([(cloud * 10**9, empty) for cloud in range(50)])
+    with pytest.raises(TuningError, match=r"0 detections in 49.0 s, must be at least 30"):
+        findings(nothing)
+    with pytest.raises(TuningError, match=r"5 clouds in 8.0 s, must be at least 10"):
+        findings(one_target(count=5))
+    only = one_target(count=40, missed=set(range(40)), clutter=5)
+    with pytest.raises(TuningError, match=r"0 targets with 0 detections can be told from clutter"):
+        findings(only)
+    frozen = plots_of([(10**9, report) for report in [Detections(np.ones((5, 2)), None)] * 20])
+    with pytest.raises(TuningError, match="all clouds have one stamp"):
+        findings(frozen)
+
+
+# Proposals.
+
+
+@pytest.fixture(scope="module")
+def told():
+    config, plots = turning(seconds=100, count=5)
+    return config, findings(plots)
+
+
+def test_a_radar_that_reports_whole_turns_is_told_from_its_plots(told):
+    config, found = told
+    assert_told(found, config.model.radars[0], 0.85)
+    assert (found.timing.sectors, found.timing.clockwise) == (0, True)
+
+
+def rows_of(told, **given):
+    config, found = told
+    values = {**config.values, **{f"tower.{name}": value for name, value in given.items()}}
+    return {row.name: row for row in proposal.rows(found, values, "tower")}
+
+
+def test_rows_say_what_is_proposed_and_what_is_set_now(told):
+    rows = rows_of(told)
+    assert (rows["rotation_s"].value, rows["rotation_s"].now) == (5.0, 5.0)
+    assert 0.03 < rows["range_std"].std / rows["range_std"].value < 0.15
+    assert rows["range_std"].now == 70.0
+    assert rows["detection_probability"].proposed
+    # Nothing was seen beyond.
+    assert not rows["max_range"].proposed
+    assert rows_of(told, max_range=30e3)["max_range"].proposed
+    assert rows_of(told, max_range=900e3)["max_range"].proposed
+
+
+def test_a_rate_that_is_learned_stays_so(told):
+    row = rows_of(told, clutter_rate="auto")["clutter_rate"]
+    assert (row.now, row.proposed) == ("auto", False)
+
+
+def test_a_table_that_agrees_stays_and_another_is_replaced(told):
+    table = "detection_probability_over_range"
+    near = {"detection_probability": 0.0, table: [0.0, 0.9, 8e4, 0.8]}
+    assert not rows_of(told, **near)["detection_probability"].proposed
+    far = {"detection_probability": 0.0, table: [0.0, 0.5, 8e4, 0.4]}
+    assert rows_of(told, **far)["detection_probability"].proposed
+
+
+def test_unspecified_tracker_is_one_that_the_configuration_takes(told):
+    _, found = told
+    values = unspecified.parameters(
+        {"tower": found, "other": found}, {"tower": True, "other": True}
+    )
+    config = resolve({"radars": ["tower", "other"], **values})
+    assert config.engine == "gaussian"
+    assert (config.values["interval_s"], config.values["reorder_s"]) == (5.0, 5.0)
+    assert config.values["amplitude"] == "none"
+
+
+def test_plots_are_as_many_as_can_be_looked_at():
+    plots = one_target(count=50, clutter=4)
+    assert bounded(plots) is plots
+    part = bounded(plots, 100)
+    assert (len(part.cloud_s), len(part)) == (21, 105)
+
+
+def test_plots_until_a_time_are_those_of_the_clouds_before():
+    plots = one_target(count=20)
+    part = plots.until(10.0)
+    assert isinstance(part, Plots)
+    assert (len(part.cloud_s), len(part), part.duration_s) == (6, 6, 10.0)

@@ -1,0 +1,419 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import math
+import time
+
+import numpy as np
+import pytest
+from scenes import plain
+
+from phd_jdtc_ros.configuration import build
+from phd_jdtc_ros.configuration.engines import new_engine, particle_filter
+from phd_jdtc_ros.configuration.parameters import MOST_CLASSES
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.targets import amplitude_density
+from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
+
+
+def faults_of(given):
+    with pytest.raises(ConfigError) as caught:
+        build.resolve(given)
+    return list(caught.value.faults)
+
+
+def test_resolve_of_nothing_is_the_reference_scene():
+    resolved = build.resolve({})
+    model = resolved.model
+    assert [radar.position for radar in model.radars] == [(1000.0, 0.0), (0.0, 0.0)]
+    assert [c.snr_band for c in model.modes.classes] == [
+        (pytest.approx(1e3), pytest.approx(1e5)),
+        (pytest.approx(10.0), pytest.approx(1e3)),
+    ]
+    assert model.modes.motions == (
+        ConstantVelocity(0.2),
+        CoordinatedTurn(1.0, 1e-4),
+        ConstantVelocity(0.2),
+        CoordinatedTurn(1.0, 1e-4),
+    )
+    assert len(model.births) == 4
+    for birth in model.births:
+        # Both classes with mass 0.005, modes half and half.
+        np.testing.assert_allclose(birth.rate, 0.0025)
+        np.testing.assert_allclose(birth.std, [200.0, 40.0, 200.0, 40.0, 1e-3])
+    assert resolved.lag.scans == 5
+    assert resolved.lag.seconds is None
+    assert particle_filter(resolved).budget.per_target == 1500
+    assert resolved.world_frame == "map"
+
+
+def test_resolve_converts_decibels_degrees_and_probabilities():
+    radar = build.resolve({"radar_1.yaw_deg": 90.0}).model.radars[0]
+    assert radar.yaw == pytest.approx(math.pi / 2.0)
+    assert radar.azimuth_std == pytest.approx(math.pi / 180.0)
+    assert radar.threshold == pytest.approx(amplitude_density.threshold_for(1e-3))
+
+
+def test_resolve_builds_the_spawn_matrix_of_class_times_mode():
+    transition = build.resolve({}).model.spawn.transition
+    mode = np.array([[0.9, 0.1], [0.1, 0.9]])
+    np.testing.assert_allclose(transition, np.kron(np.full((2, 2), 0.5), mode))
+
+
+def test_resolve_keeps_every_value_in_force():
+    values = build.resolve({"lag": 3, "radar_1.range_std": 100}).values
+    assert values["lag"] == 3
+    assert values["radar_1.range_std"] == 100.0
+    assert values["radar_2.range_std"] == 300.0
+
+
+def test_resolve_accepts_whole_numbers_for_real_ones():
+    resolved = build.resolve({"interval_s": 4, "start_1.position": [1, 2]})
+    assert resolved.model.modes.interval_s == 4.0
+    np.testing.assert_array_equal(resolved.model.births[0].mean, [1.0, 0.0, 2.0, 0.0, 0.0])
+
+
+def test_resolve_names_the_inputs():
+    first, second = build.resolve({"radar_2.topic": "/x", "radar_2.frame": "y"}).inputs
+    assert (first.topic, first.frame) == ("/radar_1/detections", "radar_1")
+    assert (second.topic, second.frame) == ("/x", "y")
+    assert not first.compass
+    assert not first.amplitude_in_db
+
+
+def test_resolve_lists_every_fault_at_once_with_name_value_and_what_is_allowed():
+    faults = faults_of(
+        {
+            "lag": -1,
+            "interval_s": float("nan"),
+            "radar_1.range_std": float("inf"),
+            "start_1.position": [1.0],
+            "death_term": "none",
+            "fixed_interval": 1,
+            "no.such": 3,
+        }
+    )
+    expected = {
+        "lag": ("-1", "a whole number, at least 0"),
+        "interval_s": ("nan", "a finite number"),
+        "radar_1.range_std": ("inf", "a finite number"),
+        "start_1.position": ("[1.0]", "a list of 2 finite numbers"),
+        "death_term": ("'none'", "one of bernoulli, paper"),
+        "fixed_interval": ("1", "true or false"),
+        "no.such": ("", "unknown parameter"),
+    }
+    assert len(faults) == len(expected)
+    found = dict(fault.split(": ", 1) for fault in faults)
+    for name, (value, allowed) in expected.items():
+        assert value in found[name]
+        assert allowed in found[name]
+
+
+@pytest.mark.parametrize(
+    ("given", "fault"),
+    [
+        ("intervall_s", "intervall_s: unknown parameter, is interval_s meant?"),
+        ("radar_2.rang_std", "radar_2.rang_std: unknown parameter, is radar_2.range_std meant?"),
+        ("radar_3.range_std", "radar_3.range_std: unknown parameter"),
+        ("survival", "survival: unknown parameter"),
+    ],
+)
+def test_resolve_tells_which_parameter_is_meant(given, fault):
+    assert faults_of({given: 1.0}) == [fault]
+
+
+def test_resolve_looks_for_no_parameter_among_very_many():
+    faults = faults_of({f"intervall_{k}": 1.0 for k in range(100)})
+
+    assert faults[0] == "intervall_0: unknown parameter"
+    assert len(faults) == 100
+
+
+def test_resolve_error_reads_as_its_faults():
+    with pytest.raises(ConfigError, match=r"(?s)lag: .*\nseed: "):
+        build.resolve({"lag": 1.5, "seed": -1})
+
+
+@pytest.mark.parametrize(
+    ("given", "name", "words"),
+    [
+        ({"radars": []}, "radars", "at least one"),
+        ({"radars": ["a", "a"]}, "radars", "distinct"),
+        ({"radars": ["a.b"]}, "radars", "dot"),
+        ({"radars": ["lag"]}, "radars", "is already a parameter"),
+        ({"radars": ["cv"]}, "motions", "is already one of radars"),
+        ({"class_0.snr_band_db": [30.0, 30.0]}, "class_0.snr_band_db", "larger"),
+        ({"class_0.motions": ["cv", "jump"]}, "class_0.motions", "some of motions"),
+        ({"class_0.mode_transition": [1.0]}, "class_0.mode_transition", "2x2"),
+        ({"class_0.mode_transition": [0.8, 0.2]}, "class_0.mode_transition", "2x2"),
+        ({"class_0.mode_transition": [0.8, 0.3, 0.2, 0.8]}, "class_0.mode_transition", "sum to 1"),
+        (
+            {"class_0.mode_transition": [1.2, -0.2, 0.2, 0.8]},
+            "class_0.mode_transition",
+            "at most 1",
+        ),
+        (
+            {"class_0.mode_transition": [0.3, 0.7, 0.7, 0.3]},
+            "class_0.mode_transition",
+            "fixed_inter",
+        ),
+        ({"class_0.survival_probability": 0.0}, "class_0.survival_probability", "at least"),
+        ({"spawn.class_transition": [1.0]}, "spawn.class_transition", "2x2"),
+        ({"spawn.class_transition": [0.5] * 3 + [0.4]}, "spawn.class_transition", "sum to 1"),
+        ({"spawn.mode_transition": [1.0]}, "spawn.mode_transition", "2x2"),
+        (
+            {"class_0.motions": ["cv"], "class_0.mode_transition": [1.0]},
+            "spawn.mode_transition",
+            "empty",
+        ),
+        ({"particles_per_birth": 1000}, "particles_per_birth", "power of two"),
+        ({"start_1.rates": [0.1]}, "start_1.rates", "2 numbers"),
+        ({"start_1.rates": [0.0, 0.0]}, "start_1.rates", "not all 0"),
+        ({"radar_1.topic": "/radar_2/detections"}, "radar_1.topic", "another radar"),
+        ({"radar_1.frame": "radar_2"}, "radar_2.frame", "another radar"),
+        ({"radar_3.range_std": 3.0}, "radar_3.range_std", "unknown"),
+        ({"cv.model": "brownian"}, "cv.model", "coordinated_turn"),
+        ({"radar_1.fov_deg": [10.0, 10.0]}, "radar_1.fov_deg", "two azimuths"),
+        ({"radar_1.blind_sectors_deg": [10.0]}, "radar_1.blind_sectors_deg", "pairs"),
+        ({"radar_1.min_range": 20e3}, "radar_1.min_range", "below max_range"),
+        ({"radar_1.detection_probability": 1.0}, "radar_1.detection_probability", "at most 0.999"),
+        (
+            {"radar_1.detection_probability_over_range": [1e3, 0.9, 500.0, 0.8]},
+            "radar_1.detection_probability_over_range",
+            "must rise",
+        ),
+        (
+            {"radar_1.detection_probability_over_range": [1e3, 0.0]},
+            "radar_1.detection_probability_over_range",
+            "above 0 and at most 0.999",
+        ),
+        (
+            {"radar_1.fields.range_rate": "rr", "radar_1.range_rate_ambiguity": 0.2},
+            "radar_1.range_rate_ambiguity",
+            "0 or at least 4 times",
+        ),
+        ({"radar_1.fields.range_rate_std": "sd"}, "radar_1.fields.range_rate", "must be a name"),
+        ({"radar_1.sectors": 8}, "radar_1.rotation_s", "above 0 with sectors"),
+        ({"radar_1.fields.sector": "sector"}, "radar_1.sectors", "above 0 with fields.sector"),
+        (
+            {"radar_1.sectors": 8, "radar_1.rotation_s": 4.0, "corrector": "poisson"},
+            "corrector",
+            "must be bernoulli",
+        ),
+    ],
+)
+def test_resolve_refuses(given, name, words):
+    about = [fault for fault in faults_of(given) if fault.startswith(name + ": ")]
+    assert len(about) == 1
+    assert words in about[0]
+
+
+@pytest.mark.parametrize(
+    ("convention", "seen", "hidden"),
+    [("enu_ccw", [10.0, 89.0], [-1.0, 91.0]), ("compass_cw", [1.0, 80.0], [-1.0, 91.0])],
+)
+def test_field_of_view_is_counted_as_the_radar_counts(convention, seen, hidden):
+    given = {"radar_1.azimuth_convention": convention, "radar_1.fov_deg": [0.0, 90.0]}
+    radar = build.resolve(given).model.radars[0]
+    for azimuths, expected in ((seen, 1.0), (hidden, 0.0)):
+        measured = np.stack([np.full(2, 5e3), np.radians(azimuths)], axis=1)
+        assert radar.visibility.sees(measured).tolist() == [expected] * 2
+
+
+def test_detection_probability_is_a_number_or_a_table():
+    def probability(given):
+        radar = build.resolve({f"radar_1.{k}": v for k, v in given.items()}).model.radars[0]
+        return radar.visibility.probability(np.array([0.0, 5e3, 10e3])).tolist()
+
+    assert probability({"detection_probability": 0.9}) == [0.9] * 3
+    table = {"detection_probability_over_range": [0.0, 0.9, 10e3, 0.7]}
+    assert probability(table) == pytest.approx([0.9, 0.8, 0.7])
+    assert not build.resolve({}).model.radars[0].visibility.given
+
+
+def test_rounding_adds_to_the_noise():
+    radar = build.resolve({"radar_1.range_std": 6.0, "radar_1.range_step": 12.0}).model.radars[0]
+    assert radar.range_std == pytest.approx(np.hypot(6.0, 12.0 / np.sqrt(12.0)))
+
+
+def test_resolve_refuses_a_class_without_motions():
+    given = {"class_0.motions": [], "class_0.mode_transition": []}
+    assert any(fault.startswith("class_0.motions: ") for fault in faults_of(given))
+
+
+def test_resolve_refuses_a_band_that_is_not_one_after_conversion():
+    # 1 + d is the same number at both ends, so the density would divide by ln 1.
+    given = {"class_0.snr_band_db": [-100.0, -99.9999999]}
+    assert any(fault.startswith("class_0.snr_band_db: ") for fault in faults_of(given))
+
+
+@pytest.mark.parametrize("entry", [float("nan"), float("inf"), "0.8", True])
+def test_resolve_refuses_matrix_entries_that_are_no_numbers(entry):
+    given = {"class_0.mode_transition": [entry, 0.2, 0.2, 0.8]}
+    assert faults_of(given)[0].startswith("class_0.mode_transition: ")
+
+
+def test_resolve_accepts_a_matrix_without_a_generator_at_a_fixed_interval():
+    given = {"class_0.mode_transition": [0.3, 0.7, 0.7, 0.3], "fixed_interval": True}
+    modes = build.resolve(given).model.modes
+    np.testing.assert_allclose(modes.transition(6.0)[:2, :2], [[0.3, 0.7], [0.7, 0.3]])
+
+
+def test_resolve_builds_three_classes_of_different_motions():
+    given = {
+        "classes": ["a", "b", "c"],
+        "motions": ["cv", "ct", "wild"],
+        "a.motions": ["cv", "ct"],
+        "b.motions": ["ct"],
+        "b.mode_transition": [1.0],
+        "c.motions": ["cv", "ct", "wild"],
+        "c.mode_transition": [0.8, 0.1, 0.1, 0.1, 0.8, 0.1, 0.1, 0.1, 0.8],
+        "wild.noise_density": 50.0,
+        "spawn.class_transition": [],
+        "spawn.mode_transition": [],
+        **{f"start_{n}.rates": [0.004, 0.003, 0.0] for n in range(1, 5)},
+    }
+    model = build.resolve(given).model
+    np.testing.assert_array_equal(model.modes.class_of, [0, 0, 1, 2, 2, 2])
+    assert model.modes.motions[5] == ConstantVelocity(50.0)
+    np.testing.assert_allclose(model.births[0].rate, [0.002, 0.002, 0.003, 0.0, 0.0, 0.0])
+    expected = np.repeat(np.array([1 / 6, 1 / 3, 1 / 9]), [2, 1, 3])
+    np.testing.assert_allclose(model.spawn.transition, np.tile(expected, (6, 1)))
+
+
+def test_resolve_builds_a_plain_filter():
+    model = plain().model
+    assert len(model.modes) == 1
+    np.testing.assert_array_equal(model.modes.transition(3.0), [[1.0]])
+    np.testing.assert_array_equal(model.spawn.transition, [[1.0]])
+
+
+def test_resolve_replaces_the_lag_by_seconds_where_given():
+    assert build.resolve({"lag_s": 12.5}).lag.seconds == 12.5
+
+
+def test_reset_threshold_is_three_nominal_intervals():
+    assert build.resolve({"interval_s": 4.0}).reset_threshold_s == pytest.approx(12.0)
+
+
+def test_grouper_goes_by_the_configuration():
+    given = {"interval_s": 4.0, "max_gap_scans": 10, "reorder_scans": 1, "radars": ["a", "b", "c"]}
+    grouper = build.resolve(given).grouper()
+    assert (grouper.radars, grouper.reset_threshold_s) == (3, 12.0)
+    assert (grouper.max_gap_s, grouper.reorder_scans) == (40.0, 1)
+    usual = build.resolve({}).grouper()
+    assert (usual.max_gap_s, usual.reorder_scans) == (90.0, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("max_gap_scans", 1.0), ("reorder_scans", 3), ("reorder_scans", -1)]
+)
+def test_resolve_refuses_what_no_grouper_can_do(name, value):
+    with pytest.raises(build.ConfigError, match=f"{name}: {value} given, must be"):
+        build.resolve({name: value})
+
+
+def test_resolve_does_not_change_what_it_was_given():
+    given = {"lag": 2, "start_1.position": [1, 2]}
+    build.resolve(given)
+    assert given == {"lag": 2, "start_1.position": [1, 2]}
+
+
+def test_engine_carries_the_configured_choices():
+    resolved = build.resolve({"death_term": "paper", "extraction": "clusters", "seed": 9})
+    engine = new_engine(resolved)
+    assert engine.death_term.__name__ == "paper_death_term"
+    assert engine.extraction.__name__ == "clusters"
+    assert engine.forward.seed == 9
+
+
+def test_resolve_refuses_clutter_beyond_the_range_that_is_tracked():
+    assert build.resolve({"radar_1.clutter_max_range": 17e3}).inputs
+    with pytest.raises(ConfigError) as caught:
+        build.resolve({"radar_1.max_range": 200.0})
+    assert caught.value.faults == (
+        "radar_1.clutter_max_range: 15000 given, must be at most max_range, 200, beyond which "
+        "detections are ignored",
+    )
+
+
+def test_resolve_refuses_one_field_for_two_quantities():
+    with pytest.raises(ConfigError) as caught:
+        build.resolve({"radar_1.fields.azimuth": "range", "radar_2.fields.elevation": "amplitude"})
+    assert caught.value.faults == (
+        "radar_1.fields.azimuth: 'range' given, radar_1.fields.range has it too",
+        "radar_2.fields.amplitude: 'amplitude' given, radar_2.fields.elevation has it too",
+    )
+    # Of a message whose definition fixes its fields they are not used.
+    assert build.resolve(
+        {"radar_1.message": "radar_scan", "radar_1.fields.azimuth": "range"}
+    ).inputs
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, 0.0),
+        ({"radar_1.rotation_s": 4.0}, 1.0),
+        ({"radar_1.rotation_s": 4.0, "radar_1.sectors": 16}, 0.5),
+        ({"radar_1.rotation_s": 4.0, "radar_2.rotation_s": 4.8, "reorder_s": 4.8}, 6.0),
+    ],
+)
+def test_answers_of_turning_radars_are_older_than_their_reports(given, expected):
+    assert build.resolve(given).answer_delay_s == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        (
+            {"radar_1.pose": "tf"},
+            "radar_1.pose: 'tf' given, transforms are not read; must be fixed",
+        ),
+        ({"radar_1.pose": ""}, "radar_1.pose: '' given, must be fixed or a topic's name"),
+        ({"radar_1.pose": "Fixed"}, "radar_1.pose: 'Fixed' given, must be fixed or a topic's name"),
+        (
+            {"radar_1.pose": "/radar_2/detections"},
+            "radar_1.pose: '/radar_2/detections' given, radar_2 has its detections there",
+        ),
+        (
+            {"radar_1.pose": "/a", "radar_2.pose": "/b", "radar_2.pose_message": "pose_stamped"},
+            "radar_2.pose_message: pose_stamped given, must be odometry as that of radar_1",
+        ),
+    ],
+)
+def test_resolve_says_what_a_radars_pose_may_be(given, expected):
+    (fault,) = faults_of(given)
+    assert fault.startswith(expected)
+
+
+def test_radars_on_one_platform_share_its_topic():
+    config = build.resolve({"radar_1.pose": "/ship", "radar_2.pose": "/ship"})
+    assert config.carried == {"/ship": [0, 1]}
+    assert all(config.platforms())
+    assert build.resolve({}).platforms() == (None, None)
+
+
+@pytest.mark.parametrize("group", ["classes", "motions", "births", "radars"])
+@pytest.mark.parametrize("count", [300, 3000])
+def test_resolve_tells_of_too_many_names_at_once(group, count):
+    begin_s = time.process_time()
+    try:
+        build.resolve({group: [f"n{index}" for index in range(count)]})
+        faults = ()
+    except ConfigError as error:
+        faults = error.faults
+    assert time.process_time() - begin_s < 2.0
+    # Births are cheap, and a grid of places may have hundreds.
+    assert bool(faults) == ((group, count) != ("births", 300))
+    assert all(", at most" in fault for fault in faults)
+
+
+def test_resolve_takes_as_many_classes_as_there_may_be_each_with_its_own_matrix():
+    names = [f"n{index}" for index in range(MOST_CLASSES)]
+    given = {"classes": names, "births": [], "detection_births.rates": [0.01] * len(names)}
+    for index, name in enumerate(names):
+        stays = 0.95 - 0.005 * index
+        given[f"{name}.mode_transition"] = [stays, 1.0 - stays, 1.0 - stays, stays]
+    given |= {"spawn.rate": 0.0, "spawn.class_transition": [], "spawn.mode_transition": []}
+    assert len(build.resolve(given).model.modes.classes) == MOST_CLASSES

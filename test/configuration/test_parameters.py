@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.configuration.parameters import GROUPS, TOP, schema
+from phd_jdtc_ros.configuration.schema import Parameter
+
+WHOLE = Parameter("n", 5, "", 0, 10)
+REAL = Parameter("x", 1.0, "", 0.0, 2.0)
+AUTO = Parameter("y", 1.0, "", 0.0, 2.0, words=("auto",))
+FLAG = Parameter("f", False, "")
+WORD = Parameter("w", "a", "", choices=("a", "b"))
+NAMES = Parameter("names", ["p"], "", element=str)
+PAIR = Parameter("pair", [0.0, 0.0], "", 0.0, 1.0, length=2)
+FREE = Parameter("free", [0.5], "", 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "expected"),
+    [
+        (WHOLE, 3, 3),
+        (WHOLE, 3.0, 3),
+        (WHOLE, np.int64(3), 3),
+        (REAL, 2, 2.0),
+        (REAL, np.float64(0.5), 0.5),
+        (AUTO, "auto", "auto"),
+        (AUTO, 2, 2.0),
+        (FLAG, True, True),
+        (WORD, "b", "b"),
+        (NAMES, ["q", "r"], ["q", "r"]),
+        (NAMES, [], []),
+        (PAIR, [0, 1], [0.0, 1.0]),
+        (PAIR, (0.25, 0.5), [0.25, 0.5]),
+        (PAIR, np.array([0.25, 0.5]), [0.25, 0.5]),
+        (FREE, [], []),
+    ],
+)
+def test_coerce_gives_the_type_of_the_default(parameter, value, expected):
+    found = parameter.coerce(value)
+    assert found == expected
+    assert type(found) is type(expected)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [
+        (WHOLE, 2.5),
+        (WHOLE, 11),
+        (WHOLE, True),
+        (WHOLE, "3"),
+        (WHOLE, None),
+        (WHOLE, float("inf")),
+        (REAL, float("nan")),
+        (REAL, -0.1),
+        (REAL, 2.1),
+        (REAL, [1.0]),
+        (REAL, "auto"),
+        (AUTO, "often"),
+        (AUTO, 3.0),
+        (FLAG, 1),
+        (FLAG, "true"),
+        (WORD, "c"),
+        (WORD, 1),
+        (NAMES, ["p", "p"]),
+        (NAMES, ["p", ""]),
+        (NAMES, ["p", 1]),
+        (NAMES, "p"),
+        (PAIR, [0.5]),
+        (PAIR, [0.5, 0.5, 0.5]),
+        (PAIR, [0.5, float("nan")]),
+        (PAIR, [0.5, 1.5]),
+        (PAIR, ["0.5", "0.5"]),
+        (PAIR, 0.5),
+    ],
+)
+def test_coerce_refuses_what_is_not_allowed(parameter, value):
+    assert parameter.coerce(value) is None
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        (WHOLE, "a whole number, at least 0, at most 10"),
+        (REAL, "a finite number, at least 0, at most 2"),
+        (FLAG, "true or false"),
+        (WORD, "one of a, b"),
+        (NAMES, "a list of distinct names"),
+        (PAIR, "a list of 2 finite numbers, at least 0, at most 1"),
+        (FREE, "finite numbers, at least 0, at most 1"),
+        (Parameter("s", "", ""), "a string"),
+        (Parameter("y", 1.0, ""), "a finite number"),
+    ],
+)
+def test_allowed_says_what_a_parameter_may_be(parameter, words):
+    assert parameter.allowed == words
+
+
+def test_schema_gives_every_named_part_its_group_parameters():
+    table = schema({"radars": ["north"], "motions": ["cv"]})
+    for member in GROUPS["radars"]:
+        assert f"north.{member.name}" in table
+    assert "radar_1.range_std" not in table
+    assert "ct.model" not in table
+    assert len(table) == len(TOP) + sum(
+        len(members) * count for members, count in zip(GROUPS.values(), (1, 2, 1, 4), strict=True)
+    )
+
+
+def test_schema_describes_every_parameter_and_accepts_its_own_defaults():
+    for name, parameter in schema({}).items():
+        assert parameter.name == name
+        assert parameter.description.endswith(".")
+        assert parameter.coerce(parameter.default) == parameter.default
+
+
+def test_schema_holds_the_reference_scene():
+    table = schema({})
+    assert table["radar_1.position"].default == [1000.0, 0.0]
+    assert table["class_0.snr_band_db"].default == [30.0, 50.0]
+    assert table["class_1.snr_band_db"].default == [10.0, 30.0]
+    assert table["start_4.position"].default == [1400.0, 8000.0]
+
+
+def test_schema_takes_the_defaults_for_a_faulty_list_of_names():
+    assert "radar_1.range_std" in schema({"radars": 3})
+
+
+@pytest.mark.parametrize("parameter", [*TOP, *(p for group in GROUPS.values() for p in group)])
+def test_description_says_what_the_parameter_is(parameter):
+    assert parameter.description.endswith(".")
+    # A unit alone, or what is left of a sentence, is none.
+    assert len(parameter.description.split()) >= 3

@@ -1,0 +1,447 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Clutter that is higher than noise, and that stays where it is, with both engines."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from held import equal, stored_and_read
+from scenes import small
+from sweep import configuration
+
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.clutter.amplitude_law import CELLS, MEMORY, Learned
+from phd_jdtc_ros.core.snapshot import Snapshot
+from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Pose, Scan
+from phd_jdtc_ros.core.window.clutter_snapshot import NAME
+from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.simulation.clutter_law import NOISE, LogNormalClutter, UniformClutter
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import false_detections, simulate
+
+ENGINES = ("particles", "gaussian")
+# Targets are born at detections; three false detections a scan and radar.
+ANYWHERE = {
+    "births": [],
+    "detection_births.rates": [0.05, 0.05],
+    "detection_births.particles": 256,
+    "radar_1.clutter_rate": 3.0,
+    "radar_2.clutter_rate": 3.0,
+    "lag": 2,
+}
+LEARNED = {"radar_1.clutter_amplitude": "learned", "radar_2.clutter_amplitude": "learned"}
+RADARS = small(ANYWHERE).model.radars
+LOUD = UniformClutter(10.0, 20.0)
+
+
+def scans(law, count=40, seed=3):
+    scene = replace(paper_scenario(RADARS), scans=count, clutter=(law, law))
+    return simulate(scene, seed)
+
+
+def engine_of(engine, **given):
+    return new_engine(small({**ANYWHERE, **LEARNED, "engine": engine, **given}))
+
+
+def errors(engine, run):
+    """Return how many estimates are false and how many targets are missed in a run."""
+    false = missed = 0
+    for truth, scan in run:
+        (found,) = engine.step(scan).filtered
+        paired, _ = assign(truth.position, found.position, 1000.0, 2.0)
+        false += len(found) - len(paired)
+        missed += len(truth.state) - len(paired)
+    return false, missed
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_high_clutter_makes_no_false_targets_once_it_is_learned(engine):
+    noisy = dict.fromkeys(LEARNED, "rayleigh")
+    false, _ = errors(engine_of(engine, **noisy), scans(LOUD))
+    assert false > 50
+    false, missed = errors(engine_of(engine), scans(LOUD))
+    assert false <= 2
+    _, among_noise = errors(engine_of(engine), scans(NOISE))
+    assert missed <= among_noise
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_learned_law_is_that_of_the_clutter_and_not_of_the_targets(engine):
+    tracker = engine_of(engine)
+    for _, scan in scans(LOUD):
+        tracker.step(scan)
+    for law in tracker.forward.clutter.laws.values():
+        level = np.linspace(-20.0, 80.0, CELLS + 1)[:-1] + 0.25
+        inside = (level > 10.0) & (level < 20.0)
+        assert law.count[inside].sum() > 60.0
+        assert law.count[level > 26.0].sum() < 0.06 * law.count.sum()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_one_high_detection_among_noise_is_no_target(engine):
+    """Against noise its existence is certain at once."""
+    existence = {}
+    threshold = RADARS[0].threshold
+    for law in ("rayleigh", "learned"):
+        reported = {"confirm_probability": 1e-9, "delete_probability": 1e-9}
+        tracker = engine_of(engine, **reported, **dict.fromkeys(LEARNED, law))
+        for index in range(30):
+            rng = np.random.default_rng(index)
+            place = np.stack([rng.uniform(2e3, 14e3, 3), rng.uniform(-3.0, 3.0, 3)], axis=1)
+            found = Detections(place, NOISE.draw(threshold, 3, rng))
+            tracker.step(Scan((index + 1) * 6_000_000_000, (found, None)))
+        high = Detections(np.array([[8e3, 3.1]]), np.array([14.0]))
+        step = tracker.step(Scan(31 * 6_000_000_000, (high, None)))
+        existence[law] = step.filtered[0].weight.max(initial=0.0)
+    assert existence["rayleigh"] > 0.95
+    assert existence["learned"] < 0.5
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_run_that_is_reset_learns_again(engine):
+    tracker = engine_of(engine)
+    run = scans(LOUD, 6)
+    first = [tracker.step(scan) for _, scan in run]
+    tracker.flush()
+    assert tracker.forward.clutter.laws == {}
+    for (_, scan), before in zip(run, first, strict=True):
+        assert equal(tracker.step(scan).filtered[0], before.filtered[0])
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("stop", [0, 1, 8])
+def test_restored_engine_goes_on_with_what_it_has_learned_bit_by_bit(engine, stop):
+    run = [scan for _, scan in scans(LOUD, 12)]
+    first, second = engine_of(engine), engine_of(engine)
+    for scan in run[:stop]:
+        first.step(scan)
+    second.restore(stored_and_read(first.snapshot()))
+    for scan in run[stop:]:
+        one, other = first.step(scan), second.step(scan)
+        assert equal(one.filtered[0], other.filtered[0])
+    for name, law in first.forward.clutter.laws.items():
+        np.testing.assert_array_equal(second.forward.clutter.laws[name].count, law.count)
+
+
+def stored(engine):
+    tracker = engine_of(engine)
+    for _, scan in scans(LOUD, 4):
+        tracker.step(scan)
+    held = tracker.snapshot()
+    return Snapshot(held.stamp_ns, dict(held.arrays), json.loads(json.dumps(held.facts)))
+
+
+def test_noise_stores_nothing_of_clutter():
+    tracker = engine_of("gaussian", **dict.fromkeys(LEARNED, "rayleigh"))
+    for _, scan in scans(NOISE, 4):
+        tracker.step(scan)
+    held = tracker.snapshot()
+    assert not [name for name in (*held.arrays, *held.facts) if name.startswith(NAME)]
+
+
+def of_another_radar(held):
+    held.facts[NAME] = ["mast"]
+    held.arrays[f"{NAME}.mast"] = held.arrays[f"{NAME}.radar_1"]
+
+
+def put(array):
+    def change(held):
+        held.arrays[f"{NAME}.radar_1"] = array
+
+    return change
+
+
+FORGERIES = {
+    "another radar": (of_another_radar, "that of mast given, must be of a radar"),
+    "no radars": (lambda held: held.facts.update({NAME: 3}), "must be a list of radars"),
+    "missing": (lambda held: held.arrays.pop(f"{NAME}.radar_1"), "clutter.radar_1: missing"),
+    "shape": (put(np.zeros(3)), r"shape \(3,\), expected"),
+    "whole": (put(np.zeros(CELLS, dtype=np.int64)), "int64 given, expected floats"),
+    "nan": (put(np.full(CELLS, np.nan)), "not finite"),
+    "negative": (put(np.full(CELLS, -1.0)), "outside"),
+    "too many": (put(np.full(CELLS, 0.5 * MEMORY)), "detections given, at most"),
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_clutter_of_another_radar_or_of_none_is_refused_with_the_reason(name):
+    change, reason = FORGERIES[name]
+    held = stored("gaussian")
+    change(held)
+    tracker = engine_of("gaussian")
+    with pytest.raises(ValueError, match=reason):
+        tracker.restore(held)
+    assert tracker.forward.clutter.laws == {}
+
+
+def test_a_law_that_is_no_longer_to_be_learned_is_refused():
+    tracker = engine_of("gaussian", **{"radar_1.clutter_amplitude": "rayleigh"})
+    with pytest.raises(ValueError, match="must be of a radar whose clutter_amplitude is learned"):
+        tracker.restore(stored("gaussian"))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_another_threshold_keeps_what_has_been_learned(engine):
+    tracker = engine_of(engine)
+    run = [scan for _, scan in scans(LOUD, 6)]
+    for scan in run[:5]:
+        tracker.step(scan)
+    before = {name: law.count.sum() for name, law in tracker.forward.clutter.laws.items()}
+    other = small({**ANYWHERE, **LEARNED, "radar_1.false_alarm_probability": 1e-4})
+    tracker.retune(other.model, tracker.rule)
+    tracker.step(run[5])
+    law = tracker.forward.clutter.laws["radar_1"]
+    assert law.threshold == other.model.radars[0].threshold
+    assert law.count.sum() > before["radar_1"]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_sectors_of_a_turn_teach_the_radars_law_and_map(engine):
+    given = {
+        "radar.clutter_amplitude": "learned",
+        "radar.clutter_map": True,
+        "amplitude": "band",
+    }
+    config = configuration({**given, "engine": engine})
+    tracker = new_engine(config)
+    rng = np.random.default_rng(4)
+    width = FULL_TURN / 16
+    for step in range(64):
+        azimuth = step % 16 * width + rng.uniform(0.0, width, 2) - np.pi
+        place = np.stack([rng.uniform(5e3, 95e3, 2), azimuth], axis=1)
+        found = Detections(
+            place,
+            LOUD.draw(config.model.radars[0].threshold, 2, rng),
+            coverage=Coverage(step % 16 * width - np.pi, width),
+        )
+        tracker.step(Scan((step + 1) * 250_000_000, (found,)))
+    law = tracker.forward.clutter.laws["radar"]
+    assert isinstance(law, Learned)
+    assert 90.0 < law.count.sum() <= 128.0
+    places = tracker.forward.clutter.maps["radar"]
+    assert places.turns == pytest.approx(4.0, rel=0.03)
+    assert 90.0 < places.count.sum() <= 128.0
+
+
+def test_other_noise_keeps_the_map_and_its_cells():
+    tracker = mapped()
+    run = [scan for _, scan in harbour(4, 3)]
+    for scan in run[:3]:
+        tracker.step(scan)
+    before = tracker.forward.clutter.maps["mast"]
+    other = small({**HARBOUR, **MAPPED, "mast.range_std": 25.0})
+    tracker.retune(other.model, tracker.rule)
+    tracker.step(run[3])
+    after = tracker.forward.clutter.maps["mast"]
+    assert after.grid == before.grid
+    assert len(after.cell) > len(before.cell)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_without_amplitudes_nothing_is_learned(engine):
+    tracker = engine_of(engine, amplitude="none")
+    for _, scan in scans(LOUD, 4):
+        tracker.step(scan)
+    assert tracker.forward.clutter.laws == {}
+
+
+# A radar at a harbour: a quay of forty reflectors at 4 km, and three ships that move.
+HARBOUR = {
+    "radars": ["mast"],
+    "births": [],
+    "interval_s": 2.5,
+    "lag": 0,
+    "detection_births.rates": [0.02, 0.02],
+    "detection_births.velocity_std": 8.0,
+    "cv.noise_density": 0.02,
+    "ct.noise_density": 0.02,
+    "spawn.rate": 0.0,
+    "particles_per_target": 1000,
+    "detection_births.particles": 1024,
+    "mast.range_std": 10.0,
+    "mast.azimuth_std_deg": 0.2,
+    "mast.max_range": 20e3,
+    "mast.clutter_max_range": 20e3,
+    "mast.clutter_rate": 10.0,
+    "mast.clutter_amplitude": "learned",
+    "mast.detection_probability": 0.9,
+}
+MAPPED = {"mast.clutter_map": True}
+START = np.array([[-3000.0, 2500.0], [2000.0, 6000.0], [-1000.0, 5200.0]])
+VELOCITY = np.array([[6.0, 2.0], [-4.0, -5.0], [3.0, -7.0]])
+SLOW_START = np.array([[4500.0, -5500.0], [-5000.0, -6000.0], [1000.0, 9000.0]])
+SLOW_VELOCITY = np.array([[-2.0, 4.0], [3.0, 3.0], [3.5, -2.0]])
+
+
+def harbour(count, seed, poses=None, course=(START, VELOCITY)):
+    """Return where the ships are and what the radar reports, turn by turn."""
+    rng = np.random.default_rng(seed)
+    mast = small(HARBOUR).model.radars[0]
+    east = np.linspace(-1500.0, 1500.0, 40)
+    quay = np.stack([east, 4000.0 + rng.uniform(-20.0, 20.0, 40)], axis=1)
+    run = []
+    for turn in range(count):
+        ships = course[0] + 2.5 * turn * course[1]
+        pose = None if poses is None else poses[turn]
+        radar = mast.at(pose)
+        seen = np.concatenate([quay[rng.random(40) < 0.7], ships[rng.random(3) < 0.9]])
+        state = np.zeros((len(seen), 5))
+        state[:, [0, 2]] = seen
+        found = radar.measure(state) + rng.standard_normal((len(seen), 2)) * radar.noise_std
+        false, amplitude = false_detections(radar, rng.poisson(10.0), rng, NOISE)
+        high = LogNormalClutter(16.0, 5.0).draw(radar.threshold, len(seen), rng)
+        report = Detections(
+            np.concatenate([found, false]), np.concatenate([high, amplitude]), pose=pose
+        )
+        run.append((ships, Scan((turn + 1) * 2_500_000_000, (report,))))
+    return run
+
+
+def followed(engine, count, poses=None, course=(START, VELOCITY), **given):
+    """Return by turn how many tracks there are on the quay, and how many ships are found."""
+    tracker = new_engine(small({**HARBOUR, "engine": engine, **given}))
+    quay, ships = [], []
+    for true, scan in harbour(count, 1, poses, course):
+        place = tracker.step(scan).filtered[0].position
+        away = np.hypot(*(place[:, None] - true).transpose(2, 0, 1)).reshape(len(place), 3)
+        there = (np.abs(place[:, 1] - 4000.0) < 150.0) & (np.abs(place[:, 0]) < 1700.0)
+        quay.append(int(np.count_nonzero(there & (away.min(axis=1, initial=1e9) > 100.0))))
+        ships.append(int(np.count_nonzero(away.min(axis=0, initial=1e9) < 100.0)))
+    return np.array(quay), np.array(ships)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_quay_becomes_no_targets_and_hides_no_ships(engine):
+    plain, _ = followed(engine, 10)
+    assert plain[-1] > 15
+    quay, ships = followed(engine, 50, **MAPPED)
+    assert quay[20:].max() <= 1
+    assert quay[30:].max() == 0
+    # Each is detected in nine turns of ten.
+    assert ships[5:].mean() > 2.85
+
+
+def test_a_quay_becomes_no_targets_of_a_ship_that_turns():
+    poses = [Pose((10.0 * turn, -4.0 * turn), 0.03 * turn) for turn in range(50)]
+    moving = {"mast.pose": "/ship/odometry"}
+    plain, _ = followed("gaussian", 10, poses, **moving)
+    assert plain[-1] > 15
+    quay, ships = followed("gaussian", 50, poses, **moving, **MAPPED)
+    assert quay[20:].max() <= 1
+    assert quay[30:].max() == 0
+    assert ships[5:].mean() > 2.85
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_slow_ships_do_not_hide_behind_their_own_detections(engine):
+    """They move by a third of a cell in a turn."""
+    _, ships = followed(engine, 25, course=(SLOW_START, SLOW_VELOCITY), **MAPPED)
+    assert ships[10:].mean() > 2.7
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_ships_alone_at_sea_are_reported_at_once_and_a_quay_is_not(engine):
+    quay, ships = followed(engine, 16, course=(SLOW_START, SLOW_VELOCITY), **MAPPED)
+    # From the second detection on.
+    assert ships[1:6].min() == 3
+    assert quay.sum() < 60
+
+
+def test_particles_have_no_map_of_a_radar_that_moves():
+    """They would lose ships to it."""
+    given = {**HARBOUR, **MAPPED, "mast.pose": "/ship/odometry"}
+    with pytest.raises(ConfigError, match=r"mast.clutter_map: true given, must be false with engi"):
+        small(given)
+
+
+def test_targets_at_rest_stay_if_they_may():
+    anchored = START, 0.0 * VELOCITY
+    _, ships = followed("gaussian", 20, course=anchored, **MAPPED)
+    assert ships[-5:].max() == 0
+    _, stayed = followed(
+        "gaussian", 20, course=anchored, **MAPPED, **{"mast.clutter_map_speed": 0.0}
+    )
+    assert stayed[-5:].mean() > 2.5
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_restored_engine_goes_on_with_its_map_bit_by_bit(engine):
+    given = {**HARBOUR, **MAPPED, "engine": engine, "detection_births.particles": 64}
+    first, second = new_engine(small(given)), new_engine(small(given))
+    run = [scan for _, scan in harbour(10, 3)]
+    for scan in run[:6]:
+        first.step(scan)
+    second.restore(stored_and_read(first.snapshot()))
+    for scan in run[6:]:
+        one, other = first.step(scan), second.step(scan)
+        assert equal(one.filtered[0], other.filtered[0])
+    ours, theirs = first.forward.clutter.maps["mast"], second.forward.clutter.maps["mast"]
+    np.testing.assert_array_equal(ours.cell, theirs.cell)
+    np.testing.assert_array_equal(ours.count, theirs.count)
+    np.testing.assert_array_equal(ours.recent, theirs.recent)
+    assert ours.recent_turns == theirs.recent_turns
+
+
+def mapped(**given):
+    return new_engine(small({**HARBOUR, **MAPPED, "engine": "gaussian", **given}))
+
+
+@pytest.fixture(scope="module")
+def map_stored():
+    tracker = mapped()
+    for _, scan in harbour(4, 3):
+        tracker.step(scan)
+    return tracker.snapshot()
+
+
+def fact(name, value):
+    return lambda held: held.facts["clutter_map"]["mast"].update({name: value})
+
+
+def cells(part, array):
+    return lambda held: held.arrays.update({f"clutter_map.mast.{part}": array})
+
+
+MAP_FORGERIES = {
+    "place": (fact("pose", [1.0, 2.0, 0.0]), r"of a radar at \[1.0, 2.0, 0.0\]"),
+    "turns": (fact("turns", 1e9), "clutter_map.mast.turns: a number is not finite, or outside"),
+    "nan": (fact("size", float("nan")), "clutter_map.mast.size: a number"),
+    "azimuths": (fact("azimuths", 0), "clutter_map.mast.azimuths: 0 given"),
+    "no mapping": (lambda held: held.facts.update({"clutter_map": 3}), "must be a mapping"),
+    "missing": (lambda held: held.arrays.pop("clutter_map.mast.cell"), "mast.cell: missing"),
+    "length": (cells("cell", np.arange(3)), "expected as many"),
+    "negative": (cells("cell", np.array([-1])), "clutter_map.mast.cell: a number is outside"),
+    "infinite": (cells("count", np.array([np.inf])), "clutter_map.mast.count: a number"),
+    "recent": (cells("recent", np.array([-1.0])), "clutter_map.mast.recent: a number"),
+    "recent length": (cells("recent", np.zeros(3)), "clutter_map.mast.recent: .* expected as many"),
+    "recent turns": (fact("recent_turns", -1.0), "clutter_map.mast.recent_turns: a number"),
+}
+
+
+@pytest.mark.parametrize("name", MAP_FORGERIES)
+def test_a_map_of_another_radar_or_place_is_refused_with_the_reason(name, map_stored):
+    change, reason = MAP_FORGERIES[name]
+    facts = json.loads(json.dumps(map_stored.facts))
+    held = Snapshot(map_stored.stamp_ns, dict(map_stored.arrays), facts)
+    change(held)
+    tracker = mapped()
+    with pytest.raises(ValueError, match=reason):
+        tracker.restore(held)
+    assert tracker.forward.clutter.maps == {}
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ({"mast.position": [50.0, 0.0]}, "of a radar at"),
+        ({"mast.pose": "/ship/odometry"}, "that of a radar that stands given"),
+        ({"mast.clutter_map": False}, "must be of a radar whose clutter_map is true"),
+    ],
+)
+def test_a_map_is_refused_by_a_radar_that_is_elsewhere_or_has_none(given, reason, map_stored):
+    with pytest.raises(ValueError, match=reason):
+        mapped(**given).restore(map_stored)

@@ -1,0 +1,215 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A clutter rate that is learned from what no target claims, with both engines."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from held import equal, stored_and_read
+from scenes import small
+from sweep import configuration
+
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.clutter.rate import MEMORY_TURNS, START_RATE, ClutterCount
+from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
+from phd_jdtc_ros.core.snapshot import Snapshot
+from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
+from phd_jdtc_ros.evaluation.metrics import ospa
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+
+ENGINES = ("particles", "gaussian")
+# Five times less and five times more than what the tracker begins with.
+RATES = (START_RATE / 5.0, 5.0 * START_RATE)
+
+
+def rates(value):
+    return {"radar_1.clutter_rate": value, "radar_2.clutter_rate": value}
+
+
+def run_of(rate, count, seed=7):
+    radars = small(rates(rate)).model.radars
+    return list(simulate(replace(paper_scenario(radars), scans=count), seed))
+
+
+def engine_of(engine, **given):
+    return new_engine(small({"engine": engine, "lag": 0, **rates("auto"), **given}))
+
+
+def learned(tracker):
+    return {name: count.rate for name, count in tracker.forward.clutter.counts.items()}
+
+
+@pytest.mark.parametrize("amplitude", ["band", "none"])
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("rate", RATES)
+def test_a_rate_five_times_wrong_is_right_after_fifty_scans(rate, engine, amplitude):
+    tracker = engine_of(engine, amplitude=amplitude)
+    for _, scan in run_of(rate, 50):
+        tracker.step(scan)
+    assert learned(tracker) == pytest.approx({"radar_1": rate, "radar_2": rate}, rel=0.2)
+
+
+def distances(tracker, run):
+    found = [
+        ospa(truth.position, tracker.step(scan).filtered[0].position, 1000.0, 2.0).distance
+        for truth, scan in run
+    ]
+    return float(np.mean(found[30:]))
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_learned_rate_tracks_as_well_as_the_right_one(rate):
+    run = run_of(rate, 60)
+    given = {"amplitude": "none"}
+    right = distances(engine_of("gaussian", **given, **rates(rate)), run)
+    assert distances(engine_of("gaussian", **given), run) == pytest.approx(right, rel=0.03)
+
+
+def test_many_false_detections_are_no_targets_once_the_rate_is_learned():
+    """Births are at detections, and there are five times as many as it is told of."""
+    anywhere = {"births": [], "detection_births.rates": [0.05, 0.05], "amplitude": "none"}
+    run = run_of(RATES[1], 40)
+    wrong = distances(engine_of("gaussian", **anywhere, **rates(START_RATE)), run)
+    assert wrong > 3.0 * distances(engine_of("gaussian", **anywhere), run)
+
+
+def test_a_given_rate_is_not_learned():
+    tracker = engine_of("gaussian", **rates(START_RATE))
+    for _, scan in run_of(4.0, 3):
+        tracker.step(scan)
+    assert learned(tracker) == {}
+    assert not [name for name in tracker.snapshot().facts if name.startswith("clutter")]
+
+
+def test_count_forgets_what_was_before():
+    count = ClutterCount()
+    for _ in range(200):
+        count = count.after(3.0, 1.0)
+    assert count.rate == pytest.approx(3.0, rel=0.02)
+    assert count.turns < 1.02 * MEMORY_TURNS
+    for _ in range(3):
+        count = count.after(0.0, 1.0)
+    assert 2.5 < count.rate < 2.9
+
+
+def test_sixteen_sectors_count_as_one_turn():
+    whole, sectors = ClutterCount().after(8.0, 1.0), ClutterCount()
+    for _ in range(16):
+        sectors = sectors.after(0.5, 1.0 / 16.0)
+    assert sectors.rate == pytest.approx(whole.rate, rel=0.02)
+
+
+@pytest.mark.parametrize(("engine", "clutter_map"), [("particles", False), ("gaussian", True)])
+def test_the_rate_of_a_radar_that_reports_sectors_is_that_of_a_turn(engine, clutter_map):
+    given = {"radar.clutter_rate": "auto", "radar.clutter_map": clutter_map, "engine": engine}
+    tracker, rng, width = new_engine(configuration(given)), np.random.default_rng(4), FULL_TURN / 16
+    for step in range(16 * 6):
+        azimuth = step % 16 * width + rng.uniform(0.0, width, 2) - np.pi
+        place = np.stack([rng.uniform(5e3, 95e3, 2), azimuth], axis=1)
+        found = Detections(place, None, coverage=Coverage(step % 16 * width - np.pi, width))
+        tracker.step(Scan((step + 1) * 250_000_000, (found,)))
+    assert learned(tracker) == pytest.approx({"radar": 32.0}, rel=0.2)
+
+
+def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular():
+    """A quay of thirty reflectors, and six false detections somewhere else."""
+    given = {"radar.clutter_rate": "auto", "radar.clutter_map": True, "engine": "gaussian"}
+    model, rng, memory = configuration(given).model, np.random.default_rng(6), ClutterMemory()
+    std = [model.radars[0].range_std, model.radars[0].azimuth_std]
+    quay = np.stack([np.linspace(2e4, 2.2e4, 30), np.linspace(0.5, 0.6, 30)], axis=1)
+    for _ in range(150):
+        radar = memory.informed(model.radars[0])
+        answers = quay + rng.standard_normal(quay.shape) * std
+        others = rng.uniform([1e3, -np.pi], [95e3, np.pi], (rng.poisson(6.0), 2))
+        found = Detections(np.concatenate([answers, others]), None)
+        memory.learn(radar, found, np.zeros(len(found)), np.zeros(len(found)))
+    assert memory.counts["radar"].rate == pytest.approx(6.0, rel=0.25)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("stop", [0, 1, 8])
+def test_restored_engine_goes_on_with_its_rate_bit_by_bit(engine, stop):
+    run = [scan for _, scan in run_of(4.0, 12)]
+    first, second = engine_of(engine), engine_of(engine)
+    for scan in run[:stop]:
+        first.step(scan)
+    second.restore(stored_and_read(first.snapshot()))
+    for scan in run[stop:]:
+        one, other = first.step(scan), second.step(scan)
+        assert equal(one.filtered[0], other.filtered[0])
+    assert learned(first) == learned(second)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_run_that_is_reset_learns_its_rate_again(engine):
+    tracker = engine_of(engine)
+    for _, scan in run_of(4.0, 3):
+        tracker.step(scan)
+    assert learned(tracker)
+    tracker.flush()
+    assert learned(tracker) == {}
+
+
+FORGERIES = {
+    "no mapping": (3, "must be a mapping by radar"),
+    "another radar": ({"mast": [3.0, 1.0]}, "that of mast given, must be of one of radar_1, rad"),
+    "no list": ({"radar_1": {}}, "must be a count and turns"),
+    "length": ({"radar_1": [3.0]}, "must be a count and turns"),
+    "text": ({"radar_1": ["3", 1.0]}, "clutter_rate.radar_1.count: a number is not finite"),
+    "nan": ({"radar_1": [float("nan"), 1.0]}, "clutter_rate.radar_1.count: a number"),
+    "negative": ({"radar_1": [-1.0, 1.0]}, "clutter_rate.radar_1.count: a number"),
+    "no turns": ({"radar_1": [3.0, 0.0]}, "clutter_rate.radar_1.turns: a number"),
+    "turns": ({"radar_1": [3.0, 1e6]}, "clutter_rate.radar_1.turns: a number"),
+}
+
+
+@pytest.fixture(scope="module")
+def held():
+    tracker = engine_of("gaussian")
+    for _, scan in run_of(4.0, 3):
+        tracker.step(scan)
+    return tracker.snapshot()
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_a_forged_rate_is_refused_with_the_reason(name, held):
+    forged, reason = FORGERIES[name]
+    facts = {**json.loads(json.dumps(held.facts)), "clutter_rate": forged}
+    tracker = engine_of("gaussian")
+    with pytest.raises(ValueError, match=reason):
+        tracker.restore(Snapshot(held.stamp_ns, dict(held.arrays), facts))
+    assert learned(tracker) == {}
+
+
+def test_a_learned_rate_is_left_out_where_one_is_given_now(held):
+    tracker = engine_of("gaussian", **rates(7.0))
+    tracker.restore(held)
+    assert learned(tracker) == {}
+
+
+def test_a_rate_may_be_learned_or_given_from_a_scan_on():
+    run = [scan for _, scan in run_of(4.0, 6)]
+    tracker = engine_of("gaussian", **rates(4.0))
+    tracker.step(run[0])
+    auto = small({"engine": "gaussian", "lag": 0, **rates("auto")})
+    tracker.retune(auto.model, tracker.rule)
+    tracker.step(run[1])
+    assert set(learned(tracker)) == {"radar_1", "radar_2"}
+
+
+def test_words_other_than_auto_are_refused():
+    with pytest.raises(
+        ConfigError, match=r"clutter_rate: 'often' given, .* at most 1e\+06 or auto"
+    ):
+        resolve({"radar_1.clutter_rate": "often"})
+
+
+def test_what_is_simulated_needs_a_number():
+    with pytest.raises(ConfigError, match=r"radar_1.clutter_rate: auto given, must be a number"):
+        paper_scenario(resolve({"radar_1.clutter_rate": "auto"}).model.radars)

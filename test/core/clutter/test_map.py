@@ -1,0 +1,233 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import small
+
+from phd_jdtc_ros.core.clutter import map as clutter_map
+from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid, corners
+from phd_jdtc_ros.core.clutter.map import ClutterMap
+from phd_jdtc_ros.core.types import Detections
+
+RATE, MAX_RANGE = 10.0, 20e3
+STD = np.array([10.0, np.radians(0.2)])
+PLACE = np.array([[4e3, 1.0]])
+
+
+def empty():
+    return ClutterMap(PolarGrid.of_noise(*STD))
+
+
+def world(seen):
+    """Return where detections of a radar at (0, 0) are."""
+    return seen[:, :1] * np.stack([np.cos(seen[:, 1]), np.sin(seen[:, 1])], axis=1)
+
+
+def log_factor(places, at, rate):
+    at = np.atleast_2d(at)
+    return places.log_factor(at, world(at), rate, MAX_RANGE)
+
+
+def after(places, seen, weight, turns):
+    return places.after(seen, world(seen), weight, turns)
+
+
+def factor(places, at):
+    return np.exp(log_factor(places, at, RATE))
+
+
+def answered(turns, place=PLACE, places=None, rng=None):
+    """Return the map after a reflector has answered in so many turns."""
+    rng = rng or np.random.default_rng(0)
+    places = places or empty()
+    for _ in range(turns):
+        seen = place + rng.standard_normal(place.shape) * STD
+        places = after(places, seen, np.ones(len(place)), 1.0)
+    return places
+
+
+def test_an_empty_map_is_uniform():
+    rng = np.random.default_rng(1)
+    anywhere = np.stack([rng.uniform(0, 20e3, 50), rng.uniform(-np.pi, np.pi, 50)], axis=1)
+    np.testing.assert_array_equal(log_factor(empty(), anywhere, RATE), 0.0)
+    radar = small().model.radars[0]
+    found = Detections(anywhere, None)
+    np.testing.assert_array_equal(
+        replace(radar, clutter_map=empty()).log_clutter_intensity(found),
+        radar.log_clutter_intensity(found),
+    )
+
+
+def test_a_place_that_answers_has_more_clutter_and_others_what_they_had():
+    places = answered(20)
+    assert factor(places, PLACE)[0] > 1e4
+    assert factor(places, [4e3, -1.0])[0] == 1.0
+    assert factor(places, [4e3 + 200.0, 1.0])[0] == 1.0
+    assert factor(places, [4e3, 1.0 + np.radians(4.0)])[0] == 1.0
+
+
+@pytest.mark.parametrize("rate", [20.0, 2000.0])
+def test_uniform_clutter_makes_no_places(rate):
+    """However long it lasts, and however dense it is, its density stays what it is."""
+    rng, places = np.random.default_rng(5), empty()
+    for _ in range(200):
+        count = rng.poisson(rate)
+        seen = np.stack([rng.uniform(0, 20e3, count), rng.uniform(-3.14, 3.14, count)], axis=1)
+        places = after(places, seen, np.ones(count), 1.0)
+    anywhere = np.stack([rng.uniform(1e3, 19e3, 500), rng.uniform(-3.0, 3.0, 500)], axis=1)
+    assert 1.0 <= np.exp(log_factor(places, anywhere, rate)).mean() < 1.5
+
+
+def test_the_density_is_that_of_the_place_and_not_of_the_uniform_rate():
+    """Whatever rate is configured, a cell's own rate is what was counted in it."""
+    places = answered(50)
+    few = log_factor(places, PLACE, 0.1) + np.log(0.1)
+    many = log_factor(places, PLACE, 100.0) + np.log(100.0)
+    np.testing.assert_allclose(few, many, atol=1e-2)
+
+
+def test_one_detection_is_less_than_a_quay():
+    once, often = answered(1), answered(20)
+    assert factor(once, PLACE)[0] < 0.1 * factor(often, PLACE)[0]
+
+
+# Six reflectors a cell apart, 42 m, three on each side of the place.
+QUAY = np.stack([np.full(6, 4e3), 1.0 + np.radians(0.6) * np.array([-6, -5, -4, 4, 5, 6])], axis=1)
+
+
+def test_among_reflectors_a_place_is_likely_to_answer_before_it_has():
+    quay = answered(2, QUAY)
+    assert factor(quay, PLACE)[0] > 300.0
+    assert factor(quay, [4e3 + 1000.0, 1.0])[0] == 1.0
+    # One reflector makes no quay.
+    single = answered(2, QUAY[:1])
+    assert factor(single, PLACE)[0] == 1.0
+
+
+def test_a_place_that_answers_alone_is_clutter_later_than_one_among_reflectors():
+    """A slow ship answers from the same place for some turns."""
+    alone, among = answered(4), answered(4, np.concatenate([PLACE, QUAY]))
+    assert factor(alone, PLACE)[0] < 0.2 * factor(among, PLACE)[0]
+    assert factor(answered(30), PLACE)[0] > 10.0 * factor(alone, PLACE)[0]
+
+
+def test_reports_of_neighbours_are_of_the_neighbourhood_per_turn():
+    quay = answered(30, QUAY)
+    (about,) = quay.about(PLACE, world(PLACE), RATE, MAX_RANGE)
+    assert about == pytest.approx(6.0 - 1.0, rel=0.05)
+
+
+def test_the_last_detections_of_a_place_hardly_count():
+    """A ship that moves leaves them, and has left the place before they do."""
+    passed = answered(4)
+    later = passed
+    for _ in range(12):
+        later = after(later, np.zeros((0, 2)), np.zeros(0), 1.0)
+    assert factor(passed, PLACE)[0] < 0.5 * factor(later, PLACE)[0]
+
+
+def test_what_answers_seldom_is_hardly_a_place():
+    seldom = answered(4)
+    for turn in range(76):
+        seen = PLACE if turn % 20 == 19 else np.zeros((0, 2))
+        seldom = after(seldom, seen, np.ones(len(seen)), 1.0)
+    assert factor(seldom, PLACE)[0] < 0.05 * factor(answered(80), PLACE)[0]
+
+
+def test_a_place_that_no_longer_answers_is_forgotten():
+    places = answered(20)
+    before = factor(places, PLACE)[0]
+    for _ in range(300):
+        places = after(places, np.zeros((0, 2)), np.zeros(0), 1.0)
+    assert factor(places, PLACE)[0] < 0.01 * before
+    for _ in range(1000):
+        places = after(places, np.zeros((0, 2)), np.zeros(0), 1.0)
+    assert len(places.cell) == 0
+    assert places.turns == pytest.approx(clutter_map.MEMORY_TURNS, rel=0.01)
+
+
+def test_the_azimuths_of_a_turn_close():
+    places = answered(20, np.array([[4e3, np.pi]]))
+    here = factor(places, [4e3, np.pi - 1e-9])
+    np.testing.assert_allclose(factor(places, [4e3, -np.pi + 1e-9]), here, rtol=1e-5)
+    assert here[0] > 1e4
+
+
+def test_claimed_detections_are_not_in_the_map():
+    places = after(empty(), np.repeat(PLACE, 3, axis=0), np.zeros(3), 1.0)
+    assert len(places.cell) == 0
+
+
+def test_sectors_count_as_parts_of_a_turn():
+    whole, parts = answered(1), empty()
+    for sector in range(16):
+        seen = PLACE if sector == 5 else np.zeros((0, 2))
+        parts = after(parts, seen, np.ones(len(seen)), 1.0 / 16.0)
+    assert parts.turns == pytest.approx(whole.turns, rel=0.01)
+    assert parts.count.sum() == pytest.approx(1.0, rel=0.01)
+    assert parts.recent_turns == pytest.approx(whole.recent_turns, rel=0.1)
+
+
+def test_the_map_is_of_bounded_size(monkeypatch):
+    monkeypatch.setattr(clutter_map, "MOST_CELLS", 100)
+    rng = np.random.default_rng(2)
+    places = answered(20)
+    for _ in range(20):
+        seen = np.stack([rng.uniform(0, 20e3, 50), rng.uniform(-3.0, 3.0, 50)], axis=1)
+        places = after(places, seen, np.ones(50), 1.0)
+        assert len(places.cell) <= 100
+        assert (np.diff(places.cell) > 0).all()
+    assert factor(places, PLACE)[0] > 1e4
+
+
+@pytest.mark.parametrize("std", [(1e-9, 1e-12), (1e9, 10.0)])
+def test_a_map_is_possible_for_any_noise(std):
+    places = ClutterMap(PolarGrid.of_noise(*std))
+    seen = np.array([[0.0, -np.pi], [17e3, np.pi], [5.0, 0.0]])
+    places = after(places, seen, np.ones(3), 1.0)
+    for rate in (np.finfo(float).tiny, RATE):
+        assert np.isfinite(log_factor(places, seen, rate)).all()
+
+
+def test_squares_of_the_world_stay_where_they_are_while_the_radar_moves():
+    places = ClutterMap(GroundGrid.of_noise(*STD, MAX_RANGE))
+    reflector, rng = np.array([[3000.0, 4000.0]]), np.random.default_rng(3)
+    for turn in range(20):
+        line = reflector - [100.0 * turn, 0.0]
+        seen = np.stack([np.hypot(*line.T), np.arctan2(*line.T[::-1])], axis=1)
+        noise = 10.0 * rng.standard_normal((1, 2))
+        places = places.after(seen, reflector + noise, np.ones(1), 1.0)
+    seen = np.array([[4000.0, 2.0]])
+    assert places.log_factor(seen, reflector, RATE, MAX_RANGE)[0] > np.log(1e3)
+    assert places.log_factor(seen, reflector + 300.0, RATE, MAX_RANGE)[0] == 0.0
+
+
+@pytest.mark.parametrize("seen", [[[1e3, 0.5]], [[15e3, -3.0]]])
+def test_both_kinds_of_cells_have_their_share_of_uniform_clutter(seen):
+    """A square as large as a polar cell has its share."""
+    seen = np.array(seen)
+    polar = PolarGrid.of_noise(*STD)
+    width = 2.0 * np.pi / polar.columns * seen[0, 0]
+    square = GroundGrid(np.sqrt(polar.range_cell * width))
+    np.testing.assert_allclose(
+        square.log_share(seen, MAX_RANGE), polar.log_share(seen, MAX_RANGE), rtol=1e-12
+    )
+
+
+def test_neighbouring_squares_are_told_apart_anywhere():
+    """Their numbers are beyond what floats hold exactly."""
+    grid = GroundGrid(50.0)
+    for east in (-5e3, 5e3):
+        column = np.array([[east, 50.0 * k] for k in range(6)])
+        cell, share = corners(grid, grid.places(column, column))
+        assert len(np.unique(cell[share > 0.5])) == 6
+
+
+def test_squares_are_possible_anywhere():
+    places = ClutterMap(GroundGrid.of_noise(1e-9, 1e-12, MAX_RANGE))
+    seen, far = np.array([[0.0, 0.0], [17e3, 1.0]]), np.array([[0.0, 0.0], [1e9, -1e9]])
+    places = places.after(seen, far, np.ones(2), 1.0)
+    assert np.isfinite(places.log_factor(seen, far, RATE, MAX_RANGE)).all()

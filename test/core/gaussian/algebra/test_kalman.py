@@ -1,0 +1,136 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+import textbook
+from lone import MEAN, STD, lone
+
+from phd_jdtc_ros.core.gaussian.algebra import kalman
+from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
+
+pytestmark = pytest.mark.usefixtures("backend")
+(RADAR,) = lone().model.radars
+
+
+def priors(rng, count):
+    mean = MEAN + rng.normal(0.0, 2.0, (count, 5)) * STD
+    factor = rng.normal(0.0, 1.0, (count, 5, 5)) * STD[:, None]
+    return mean, factor @ factor.swapaxes(1, 2)
+
+
+def updated(mean, covariance, measurement, time_s=None, **more):
+    noise = np.broadcast_to(RADAR.noise_std, measurement.shape).copy()
+    found = kalman.located(mean, covariance, RADAR, measurement, noise, time_s, **more)
+    return found, *kalman.updated(mean, covariance, RADAR, found, time_s)
+
+
+@pytest.mark.parametrize("timed", [False, True])
+@pytest.mark.parametrize("iterations", [1, 5])
+def test_updates_of_many_are_those_of_each_alone(timed, iterations):
+    rng = np.random.default_rng(0)
+    mean, covariance = priors(rng, 9)
+    measurement = RADAR.measure(mean) + rng.normal(0.0, 1.0, (9, 2)) * RADAR.noise_std
+    time_s = rng.uniform(-2.0, 2.0, 9) if timed else None
+    found, later, spread = updated(
+        mean, covariance, measurement, time_s, iterations=iterations, converged=0.0
+    )
+    for row in range(9):
+        right, log_likelihood = textbook.update(
+            textbook.Normal(mean[row], covariance[row]),
+            RADAR,
+            measurement[row],
+            0.0 if time_s is None else time_s[row],
+            iterations=iterations,
+        )
+        np.testing.assert_allclose(later[row], right.mean, rtol=1e-8, atol=1e-8)
+        scale = np.sqrt(np.diag(right.covariance))
+        np.testing.assert_allclose(
+            spread[row] / scale / scale[:, None],
+            right.covariance / scale / scale[:, None],
+            atol=1e-7,
+        )
+        assert found.log_likelihood[row] == pytest.approx(log_likelihood, abs=1e-7)
+
+
+def test_likelihood_of_a_narrow_prior_is_its_integral():
+    # Narrow, so that the linearised measurement is nearly the true one.
+    mean, covariance = MEAN[None], np.diag((0.2 * STD) ** 2)[None]
+    measurement = RADAR.measure(mean) + np.array([200.0, 0.012])
+    found, _, _ = updated(mean, covariance, measurement)
+    rng = np.random.default_rng(1)
+    states = mean + rng.standard_normal((400_000, 5)) * 0.2 * STD
+    error = (measurement - RADAR.measure(states)) / RADAR.noise_std
+    density = np.exp(-0.5 * (error**2).sum(axis=1)) / (2.0 * np.pi * RADAR.noise_std.prod())
+    assert np.exp(found.log_likelihood[0]) == pytest.approx(density.mean(), rel=0.01)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_update_wraps_the_azimuth(side):
+    cos, sin = np.cos(RADAR.yaw), np.sin(RADAR.yaw)
+    behind = np.array(RADAR.position) - 8e3 * np.array([cos, sin])
+    mean = np.array([[behind[0], 0.0, behind[1], 0.0, 0.0]])
+    covariance = np.diag(STD**2)[None]
+    measurement = np.array([[8e3, side * (np.pi - 0.004)]])
+    _, later, _ = updated(mean, covariance, measurement)
+    assert np.hypot(*(later[0, [0, 2]] - behind)) < 40.0
+
+
+@pytest.mark.parametrize("motion", [ConstantVelocity(2.0), CoordinatedTurn(2.0, 1e-5)])
+def test_backward_is_the_step_of_rauch_tung_and_striebel(motion):
+    rng = np.random.default_rng(2)
+    mean, covariance = priors(rng, 4)
+    support = np.isin(np.arange(5), motion.support).astype(float)
+    mean, covariance = mean * support, covariance * np.outer(support, support)
+    noise = np.zeros((5, 5))
+    noise[np.ix_(motion.support, motion.support)] = motion.noise_covariance(6.0)
+    jacobian = motion.jacobian(mean, 6.0)
+    later, cross = kalman.predicted_covariance(covariance, jacobian, np.array([noise] * 4))
+    moved = motion.mean(mean, 6.0)
+    unsupported = np.tile(1.0 - support, (4, 1))
+    back, precision = kalman.backward(mean, covariance, moved, later, cross, unsupported)
+    told_mean, told = back.earlier(moved + 3.0 * support, 0.5 * later)
+    axes = np.ix_(motion.support, motion.support)
+    for row in range(4):
+        before = textbook.Normal(mean[row], covariance[row])
+        predicted, gain = textbook.predict(before, motion, 6.0)
+        right = textbook.smooth(
+            before,
+            predicted,
+            gain,
+            textbook.Normal(predicted.mean + 3.0 * support, 0.5 * predicted.covariance),
+        )
+        scale = np.sqrt(np.maximum(np.diag(covariance[row]), 1e-12))
+        np.testing.assert_allclose(told_mean[row] / scale, right.mean / scale, rtol=1e-6)
+        np.testing.assert_allclose(
+            told[row] / scale / scale[:, None], right.covariance / scale / scale[:, None], atol=1e-6
+        )
+        np.testing.assert_allclose(
+            (precision[row] @ later[row])[axes], np.eye(len(motion.support)), atol=1e-5
+        )
+
+
+def test_floored_leaves_covariances_as_they_are_and_raises_others():
+    rng = np.random.default_rng(3)
+    _, sound = priors(rng, 3)
+    sound[2, 4] = sound[2, :, 4] = 0.0
+    same, count = kalman.floored(sound)
+    assert count == 0
+    np.testing.assert_array_equal(same, sound)
+    wrong = sound.copy()
+    wrong[1] = np.diag([1e4, 900.0, 1e4, 900.0, 1e-6])
+    wrong[1, 0, 2] = wrong[1, 2, 0] = 1.5e4
+    found, count = kalman.floored(wrong)
+    assert count == 1
+    np.testing.assert_array_equal(found[[0, 2]], sound[[0, 2]])
+    assert np.linalg.eigvalsh(found[1]).min() > 0.0
+    assert found[1, 0, 0] >= 1e4
+
+
+def test_inverse_of_pairs_is_the_inverse():
+    rng = np.random.default_rng(4)
+    factor = rng.normal(0.0, 1.0, (6, 2, 2))
+    matrix = factor @ factor.swapaxes(1, 2)
+    inverse, determinant = kalman.inverse_of_pairs(matrix)
+    np.testing.assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-8)
+    np.testing.assert_allclose(determinant, np.linalg.det(matrix), rtol=1e-8)

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Newborn Gaussians: the folds of their range rates, and the cells that amplitudes tell."""
+
+import numpy as np
+import pytest
+from lone import TWO_MOTIONS, lone
+from scipy.stats import norm
+
+from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
+from phd_jdtc_ros.core.gaussian.measurement import newborn as newborn_module
+from phd_jdtc_ros.core.gaussian.measurement.newborn import newborn_mixture
+from phd_jdtc_ros.core.models.detection_birth import Newborn
+from phd_jdtc_ros.core.types import Detections
+
+BIRTHS = {"detection_births.rates": [0.05], "radar.clutter_rate": 2.0}
+# Places to which the direction is well known: the range rate tells of the velocity alone.
+PLACES = np.array([[6e3, 0.8], [4e3, -2.0], [9e3, 3.0]])
+
+
+def rated(velocity_std, ambiguity, std=0.1):
+    """Return a configuration with births at detections that have range rates."""
+    return lone(
+        {
+            **TWO_MOTIONS,
+            **BIRTHS,
+            "detection_births.velocity_std": velocity_std,
+            "radar.fields.range_rate": "range_rate",
+            "radar.range_rate_std": std,
+            "radar.range_rate_ambiguity": ambiguity,
+        }
+    )
+
+
+def born(config, detections, mass=None):
+    """Return the mixture of targets born at these detections, with origins from 100 on."""
+    classes = len(config.model.modes.classes)
+    mass = np.full((len(detections), classes), 0.3) if mass is None else np.asarray(mass)
+    newborn = Newborn(config.model.radars[0], detections, mass)
+    return newborn_mixture(newborn, Dynamics(config.model), 100)
+
+
+# The noise of the detections is less or more than the spread of velocities, and than 1 m/s.
+@pytest.mark.parametrize(
+    ("velocity_std", "std", "ambiguity"),
+    [(12.0, 0.5, 24.0), (12.0, 30.0, 25.0), (0.05, 0.3, 0.25), (0.4, 0.5, 0.6)],
+)
+def test_newborns_are_shared_among_the_probable_folds_of_their_range_rates(
+    velocity_std, std, ambiguity
+):
+    config = rated(velocity_std, ambiguity, ambiguity / 8.0)
+    rate = ambiguity * np.array([0.3, -0.1, 0.45])
+    seen = Detections(PLACES, None, range_rate=rate, range_rate_std=[std] * 3)
+    found = born(config, seen, [[0.3], [0.02], [0.7]])
+
+    folds = rate[:, None] + ambiguity * np.arange(-40, 41)
+    share = norm.pdf(folds, 0.0, np.hypot(velocity_std, std))
+    share /= share.sum(axis=1, keepdims=True)
+    share = np.where(share >= newborn_module.LEAST_FOLD, share, 0.0)
+    share /= share.sum(axis=1, keepdims=True)
+    gain = velocity_std**2 / (velocity_std**2 + std**2)
+    for row, mass in enumerate((0.3, 0.02, 0.7)):
+        own = np.flatnonzero(found.origin == 100 + row)
+        toward = PLACES[row, 1] + config.model.radars[0].yaw
+        radial = found.mean[own, 0][:, [1, 3]] @ [np.cos(toward), np.sin(toward)]
+        expected = np.flatnonzero(share[row])
+        order = np.argsort(radial)
+        np.testing.assert_allclose(radial[order], gain * folds[row, expected], rtol=5e-3)
+        np.testing.assert_allclose(
+            found.mass[own][order], mass * share[row, expected], rtol=1e-2, atol=1e-6
+        )
+        assert found.mass[own].sum() == pytest.approx(mass, rel=1e-12)
+
+
+def test_folds_that_are_as_probable_as_the_least_are_kept(monkeypatch):
+    monkeypatch.setattr(newborn_module, "LEAST_FOLD", 0.5)
+    config = rated(12.0, 100.0)
+    # As far from the one fold as from the other.
+    found = born(config, Detections(PLACES[:1], None, range_rate=[50.0]))
+    np.testing.assert_array_equal(found.mass, 0.15)
+
+
+def test_newborns_whose_range_rates_are_improbable_are_born_all_the_same():
+    # Not one of their densities is above what doubles can hold.
+    config = rated(1.0, 0.0)
+    rates = np.array([0.5, 50.0, -80.0])
+    found = born(config, Detections(PLACES, None, range_rate=rates))
+    np.testing.assert_array_equal(found.origin, [100, 101, 102])
+    np.testing.assert_allclose(found.mass, 0.3, rtol=1e-12)
+
+
+def test_newborn_with_a_time_is_one_seen_then_where_it_was_before():
+    config = rated(12.0, 24.0, 0.5)
+    near = PLACES * [0.02, 1.0]
+    rate, times = np.array([3.0, np.nan, -9.0]), np.array([0.7, 3.0, -2.0])
+    then = born(config, Detections(near, None, range_rate=rate))
+    found = born(config, Detections(near, None, range_rate=rate, time_s=times))
+    np.testing.assert_array_equal(found.origin, then.origin)
+    np.testing.assert_allclose(found.mass, then.mass, rtol=1e-9)
+    for row, origin in enumerate(found.origin):
+        back = np.eye(5)
+        back[[0, 2], [1, 3]] = -times[origin - 100]
+        for mode in range(2):
+            np.testing.assert_allclose(found.mean[row, mode], back @ then.mean[row, mode])
+            expected = back @ then.covariance[row, mode] @ back.T
+            np.testing.assert_allclose(found.covariance[row, mode], expected, rtol=1e-9, atol=1e-9)
+
+
+# --- Amplitudes -----------------------------------------------------------------------------------
+
+
+def banded(low, high):
+    """Return a configuration with two classes, one in each band."""
+    kinds = {
+        f"{kind}.{name}": value
+        for kind, band in (("low", low), ("high", high))
+        for name, value in (
+            ("snr_band_db", band),
+            ("survival_probability", 1.0),
+            ("motions", ["cv"]),
+            ("mode_transition", [1.0]),
+        )
+    }
+    given = {
+        **BIRTHS,
+        "classes": ["low", "high"],
+        "detection_births.rates": [0.05, 0.02],
+        "amplitude": "memory",
+        "radar.detection_probability": 0.0,
+    }
+    return lone({**given, **kinds})
+
+
+def test_amplitude_tells_the_cells_of_a_class_and_not_its_probability():
+    # As strong as 11, 26 and 60 dB; the last ones are beyond all bands.
+    config = banded([5.0, 15.0], [12.0, 30.0])
+    dynamics = Dynamics(config.model)
+    amplitude, mass = np.array([5.0, 28.0, 1000.0, 1500.0]), np.array([[0.2, 0.3]] * 4)
+    seen = Detections(PLACES[[0, 1, 2, 0]], amplitude)
+    found = born(config, seen, mass)
+    np.testing.assert_array_equal(found.origin, [100, 101, 102, 103])
+    weight = found.weight.sum(axis=1)
+    by_class = weight @ dynamics.of_class
+    np.testing.assert_allclose(by_class[:2], mass[:2], rtol=1e-9)
+    np.testing.assert_allclose(by_class[2:, 1], 0.3, rtol=1e-9)
+    # The lower class's density of such a detection is zero in doubles, and so is what it is in all.
+    np.testing.assert_array_equal(by_class[2:, 0], 0.0)
+    power = np.exp(dynamics.cells.log_snr)
+    log_density = np.log(amplitude[:, None] / power) - amplitude[:, None] ** 2 / (2.0 * power)
+    own = dynamics.of_class[:, 1] > 0.0
+    share = np.exp(log_density[:, own] - log_density[:, own].max(axis=1, keepdims=True))
+    share /= share.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(weight[:, own], 0.3 * share, rtol=1e-6, atol=1e-12)

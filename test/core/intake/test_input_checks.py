@@ -1,0 +1,130 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from antennas import TurningRadar
+
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.engine import Step
+from phd_jdtc_ros.core.intake.input_checks import (
+    FIELD_DETECTIONS,
+    FIELD_REPORTS,
+    PATIENCE,
+    SECTOR_REPORTS,
+    ReportWatch,
+    ResultWatch,
+)
+from phd_jdtc_ros.core.types import Detections, Scan
+
+S = 1_000_000_000
+
+
+def at(azimuth):
+    azimuth = np.asarray(azimuth, dtype=float)
+    return Detections(np.stack([np.full(len(azimuth), 1000.0), azimuth], axis=1), None)
+
+
+def noticed(watch, reports):
+    return sum((watch.add(report) for report in reports), Counter())
+
+
+def uniform(count, size, low=-np.pi, high=np.pi):
+    rng = np.random.default_rng(2)
+    return [at(rng.uniform(low, high, size)) for _ in range(count)]
+
+
+def watch_of(**changes):
+    return resolve({f"radar_1.{name}": value for name, value in changes.items()}).watches()[0]
+
+
+@pytest.mark.parametrize("sectors", [4, 16])
+def test_sectors_that_are_not_configured_are_noticed(sectors):
+    radar = TurningRadar(sectors=sectors, plots=40 * sectors)
+    reports = [sent.detections for sent in radar.reports(2 * SECTOR_REPORTS // sectors + 1)]
+    assert noticed(watch_of(), reports)["sectors_not_configured"] > 0
+    configured = watch_of(rotation_s=4.0, sectors=sectors)
+    assert not noticed(configured, reports)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 20])
+def test_clutter_all_around_is_not_taken_for_sectors(size):
+    assert not noticed(watch_of(), uniform(500, size))
+
+
+def test_targets_in_one_direction_are_not_taken_for_sectors():
+    assert not noticed(ReportWatch(by_sectors=False), uniform(100, 20, 0.0, 1.0))
+
+
+def test_a_field_of_view_that_is_not_configured_is_noticed_once():
+    few = FIELD_REPORTS - 1
+    watch, reports = watch_of(), uniform(3 * FIELD_REPORTS, 10, -1.0, 1.0)
+    assert not noticed(watch, reports[:few])
+    assert noticed(watch, reports[few:]) == {"fov_not_configured": 1}
+    assert not noticed(watch_of(fov_deg=[-60.0, 60.0]), reports)
+    assert not noticed(watch_of(rotation_s=4.0), reports)
+
+
+def test_few_detections_say_nothing_of_the_field_of_view():
+    reports = uniform(FIELD_DETECTIONS - 1, 1, -1.0, 1.0)
+    assert not noticed(watch_of(), reports)
+
+
+FAR = {"rotation_s": 4.0, "max_range": 110e3, "clutter_max_range": 110e3}
+
+
+def test_slant_ranges_without_a_height_are_noticed_once_where_targets_fly_high():
+    watch = watch_of(**FAR)
+    assert not noticed(watch, [at([])])
+    assert noticed(watch, uniform(30, 10)) == {"slant_ranges": 1}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"fields.height": "height"},
+        {"fields.elevation": "elevation"},
+        {"message": "radar_scan"},
+        {"max_range": 30e3, "clutter_max_range": 30e3},
+        {"rotation_s": 2.0},
+    ],
+)
+def test_slant_ranges_are_no_matter_where_the_height_is_known_or_small(changes):
+    assert not noticed(watch_of(**{**FAR, **changes}), uniform(30, 10))
+
+
+def step(targets, due=True):
+    """Return a step with so many targets in the estimates that are due."""
+    return Step(((None,) * targets,) if due else (), (), np.zeros(2), {})
+
+
+def scans(count, size, interval_s=4.0, first=0):
+    return [Scan(round((first + k) * interval_s * S), (at(np.zeros(size)),)) for k in range(count)]
+
+
+def test_targets_are_overdue_after_scans_with_detections_and_again():
+    watch = ResultWatch(4.0)
+    overdue = [watch.stepped(scan, step(0)) for scan in scans(2 * PATIENCE, 5)]
+    assert np.flatnonzero(overdue).tolist() == [PATIENCE - 1, 2 * (PATIENCE - 1)]
+    assert watch.scans == 2 * PATIENCE
+
+
+def test_targets_are_not_overdue_without_detections_or_after_a_target():
+    watch = ResultWatch(4.0)
+    assert not any(watch.stepped(scan, step(0)) for scan in scans(3 * PATIENCE, 0))
+    overdue = [watch.stepped(scan, step(k == PATIENCE - 1)) for k, scan in enumerate(scans(50, 5))]
+    assert not any(overdue[:PATIENCE])
+    assert watch.scans == 50 - PATIENCE
+
+
+def test_slices_of_a_turn_are_not_counted_as_scans_of_a_turn():
+    watch = ResultWatch(4.0)
+    overdue = [watch.stepped(scan, step(0)) for scan in scans(PATIENCE * 16, 5, 0.25)]
+    assert sum(overdue) == 1
+
+
+def test_scans_without_estimates_that_are_due_say_nothing_of_targets():
+    watch = ResultWatch(4.0)
+    assert not any(watch.stepped(scan, step(0, due=False)) for scan in scans(3 * PATIENCE, 5))

@@ -1,0 +1,351 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Reports that come after their scan was closed: with rework nothing that follows shows it."""
+
+import itertools
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+import sweep
+from scenes import no_detections, short_scenario, small
+
+from phd_jdtc_ros.configuration.assembly import new_pipeline
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.intake.out_of_sequence import EARNED, SAVED, Budget
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.pipeline import LATE_REWORKED, Stepped
+from phd_jdtc_ros.core.types import Attributes, Estimates
+from phd_jdtc_ros.simulation.simulate import simulate
+
+ENGINES = pytest.mark.parametrize("engine", ["particles", "gaussian"])
+SCANS = [scan for _, scan in simulate(short_scenario(16), 0)]
+REPORTS = [
+    (radar, scan.stamp_ns, detections, None)
+    for scan in SCANS
+    for radar, detections in enumerate(scan.detections)
+]
+
+
+class Run:
+    """A pipeline and what came out of it, by stamp."""
+
+    def __init__(self, config):
+        self.pipeline = new_pipeline(config)
+        self.filtered, self.smoothed, self.stepped, self.refused = [], [], [], []
+        self.radars = len(config.inputs)
+
+    def feed(self, reports):
+        for report in reports:
+            events = self.pipeline.add(*report)
+            if isinstance(events, Rejection):
+                self.refused.append(events)
+            else:
+                self.take(events)
+        return self
+
+    def take(self, events):
+        for event in events:
+            if isinstance(event, Stepped):
+                self.stepped.append(event.scan.stamp_ns)
+                self.filtered += event.step.filtered
+                self.smoothed += event.step.smoothed
+            else:
+                self.smoothed += event.smoothed
+
+    def finished(self):
+        self.take(self.pipeline.flush())
+        return self
+
+    @property
+    def reworked(self):
+        counts = [self.pipeline.take_doubts(radar)[LATE_REWORKED] for radar in range(self.radars)]
+        return sum(counts)
+
+
+def late(reports, taken, by):
+    """Return reports of which those of some indices come after so many others."""
+    moved = [reports[index] for index in taken]
+    rest = [report for index, report in enumerate(reports) if index not in taken]
+    place = min(taken) + by
+    return [*rest[:place], *moved, *rest[place:]]
+
+
+def same(one, other, but=()):
+    """Whether estimates are the same, bit by bit, but for some columns."""
+    names = [each.name for each in fields(Estimates) if each.name not in (*but, "attributes")]
+    pairs = [(getattr(one, name), getattr(other, name)) for name in names]
+    if one.attributes is not None:
+        told = [each.name for each in fields(Attributes)]
+        pairs += [(getattr(one.attributes, n), getattr(other.attributes, n)) for n in told]
+    return all(
+        np.array_equal(mine, theirs, equal_nan=np.asarray(mine).dtype.kind == "f")
+        for mine, theirs in pairs
+    )
+
+
+def from_stamp(estimates, stamp_ns):
+    return {found.stamp_ns: found for found in estimates if found.stamp_ns > stamp_ns}
+
+
+def assert_as_if_in_time(run, whole, worked_in_ns, smoothed_ns, but=()):
+    """Check all filtered estimates after one stamp, and all smoothed ones after another."""
+    for one, other, after_ns in (
+        (run.filtered, whole.filtered, worked_in_ns),
+        (run.smoothed, whole.smoothed, smoothed_ns),
+    ):
+        ours, theirs = from_stamp(one, after_ns), from_stamp(other, after_ns)
+        assert ours.keys() == theirs.keys()
+        assert len(ours) > 3
+        assert all(same(ours[stamp_ns], theirs[stamp_ns], but) for stamp_ns in ours)
+
+
+def config(engine, given=None):
+    return small({"engine": engine, "lag": 4, "late_reports": "rework", **(given or {})})
+
+
+@ENGINES
+@pytest.mark.parametrize(
+    "taken", [[13], [12, 13]], ids=["completes a scan", "is a scan of its own"]
+)
+def test_a_late_report_changes_nothing_that_is_still_to_come(engine, taken):
+    run = Run(config(engine)).feed(late(REPORTS, taken, 5)).finished()
+    whole = Run(config(engine)).feed(REPORTS).finished()
+    assert (run.refused, run.reworked) == ([], len(taken))
+    # It is of scan 6 and comes with scan 9, before which scan 4 has been smoothed.
+    assert_as_if_in_time(run, whole, SCANS[8].stamp_ns, SCANS[5].stamp_ns)
+    for kind in (run.filtered, run.smoothed):
+        stamps = [found.stamp_ns for found in kind]
+        assert stamps == sorted(set(stamps))
+    assert [found.stamp_ns for found in run.smoothed] == [scan.stamp_ns for scan in SCANS]
+
+
+@ENGINES
+def test_without_the_rework_the_estimates_are_others(engine):
+    given = {"late_reports": "drop"}
+    run = Run(config(engine, given)).feed(late(REPORTS, [13], 5)).finished()
+    whole = Run(config(engine, given)).feed(REPORTS).finished()
+    assert run.refused == [Rejection.LATE]
+    (ours,), (theirs,) = (
+        [found for found in each.smoothed if found.stamp_ns == SCANS[7].stamp_ns]
+        for each in (run, whole)
+    )
+    assert not same(ours, theirs)
+
+
+@ENGINES
+def test_two_late_reports_are_worked_in_as_well_as_one(engine):
+    order = late(late(REPORTS, [10], 6), [19], 4)
+    run = Run(config(engine)).feed(order).finished()
+    whole = Run(config(engine)).feed(REPORTS).finished()
+    assert (run.refused, run.reworked) == ([], 2)
+    assert_as_if_in_time(run, whole, SCANS[11].stamp_ns, SCANS[8].stamp_ns)
+
+
+@ENGINES
+def test_a_late_report_at_the_end_is_in_what_was_held_back(engine):
+    order = late(REPORTS, [27], 5)
+    run = Run(config(engine)).feed(order).finished()
+    whole = Run(config(engine)).feed(REPORTS).finished()
+    assert order[-1] == REPORTS[27] or order[-2] == REPORTS[27]
+    ours, theirs = (from_stamp(each.smoothed, SCANS[12].stamp_ns) for each in (run, whole))
+    assert len(ours) == len(theirs) == 3
+    assert all(same(ours[stamp_ns], theirs[stamp_ns]) for stamp_ns in ours)
+
+
+def test_what_comes_too_late_or_twice_is_refused():
+    short = Run(config("gaussian", {"lag": 2})).feed(late(REPORTS, [13], 5)[:20])
+    # Scan 6 has been smoothed with scan 8.
+    assert short.refused == [Rejection.LATE]
+    run = Run(config("gaussian")).feed(REPORTS[:20]).feed([REPORTS[15]])
+    assert run.refused == [Rejection.DUPLICATE]
+    twice = Run(config("gaussian")).feed([*late(REPORTS, [15], 4)[:20], REPORTS[15]])
+    assert twice.refused == [Rejection.DUPLICATE]
+    assert twice.reworked == 1
+
+
+def test_a_report_before_the_first_scan_is_no_part_of_the_run():
+    run = Run(config("gaussian")).feed([*REPORTS[2:6], *REPORTS[:2]])
+    assert run.refused == [Rejection.LATE, Rejection.LATE]
+
+
+def test_a_burst_is_limited_and_counted():
+    between = [(1, stamp_ns + 1 + step, REPORTS[1][2], None) for step in range(100)
+               for stamp_ns in [SCANS[7].stamp_ns]]  # fmt: skip
+    run = Run(config("gaussian")).feed([*REPORTS[:20], *between])
+    window = 4
+    most = SAVED * (window + 1)
+    assert run.reworked < most
+    assert set(run.refused) == {Rejection.LATE_BURST}
+    assert len(run.refused) > 100 - most
+    # One rework for all of them, and the next scan is stepped.
+    run.feed(REPORTS[20:])
+    assert run.stepped == [scan.stamp_ns for scan in SCANS]
+
+
+def test_a_budget_is_earned_scan_by_scan():
+    budget = Budget()
+    assert not budget.spend(1)
+    for _ in range(3):
+        budget.earn(10)
+    assert not budget.spend(int(3 * EARNED) + 1)
+    assert budget.spend(int(3 * EARNED))
+    assert budget.saved == 0.0
+
+
+def test_every_late_report_in_a_row_costs_no_more_than_is_earned(monkeypatch):
+    # Radar 2 is two scans behind all the time, which reorder_scans is for.
+    run = Run(config("gaussian"))
+    steps = []
+    step = run.pipeline.engine.step
+    monkeypatch.setattr(run.pipeline.engine, "step", lambda scan: steps.append(scan) or step(scan))
+    order = sorted(REPORTS, key=lambda report: report[1] + report[0] * 13_000_000_000)
+    run.feed(order)
+    assert len(steps) <= (1.0 + EARNED) * len(run.stepped)
+    assert run.reworked + len(run.refused) > 8
+
+
+APPEARING = {
+    "births": [],
+    "detection_births.rates": [0.05, 0.05],
+    "detection_births.velocity_std": 150.0,
+    "detection_births.particles": 256,
+}
+
+
+@ENGINES
+def test_track_numbers_stay_when_targets_turn_out_to_be_born_earlier(engine):
+    # The first scan is empty. With the second, which is late, the targets are born there.
+    empty = [(radar, stamp_ns, no_detections(), None) for radar, stamp_ns, *_ in REPORTS[:2]]
+    order = late([*empty, *REPORTS[2:]], [2, 3], 4)
+    run = Run(config(engine, APPEARING)).feed(order[:6])
+    assert run.reworked == 0
+    before = run.filtered[-1]
+    labels = run.pipeline.engine.snapshot().facts["smoother"]["tracks"]["number"]
+    run.feed(order[6:10])
+    assert run.reworked == 2
+    after = run.filtered[-1]
+    kept = run.pipeline.engine.snapshot().facts["smoother"]["tracks"]["number"]
+    assert sorted(labels) != sorted(kept)
+    dt = (after.stamp_ns - before.stamp_ns) * 1e-9
+    expected = before.position + dt * before.velocity
+    apart = np.hypot(*(expected[:, None] - after.position).transpose(2, 0, 1))
+    nearest = apart.argmin(axis=1)
+    # Not of a target that is gone: there another one is nearest.
+    mutual = np.flatnonzero(apart.argmin(axis=0)[nearest] == np.arange(len(nearest)))
+    assert len(mutual) >= 2
+    numbers = after.track_id[nearest]
+    assert numbers[mutual].tolist() == before.track_id[mutual].tolist()
+    run.feed(order[10:]).finished()
+    # No number is used for two targets: those of one number are at one place.
+    places = {}
+    for found in sorted(run.filtered + run.smoothed, key=lambda found: found.stamp_ns):
+        for row, number in enumerate(found.track_id.tolist()):
+            places.setdefault(number, []).append((found.stamp_ns * 1e-9, found.position[row]))
+    for track in places.values():
+        for (t, place), (later_t, later) in itertools.pairwise(track):
+            assert np.hypot(*(later - place)) < 1000.0 + 150.0 * (later_t - t)
+
+
+def test_a_change_of_the_parameters_within_the_window_stays_where_it_was():
+    other = config("gaussian", {"cv.noise_density": 30.0})
+    runs = []
+    for order in (REPORTS, late(REPORTS, [13], 5)):
+        run = Run(config("gaussian"))
+        run.feed(order[:18])
+        run.pipeline.engine.retune(other.model, other.rule)
+        runs.append(run.feed(order[18:]).finished())
+    whole, run = runs
+    assert run.reworked == 1
+    assert_as_if_in_time(run, whole, SCANS[8].stamp_ns, SCANS[5].stamp_ns)
+
+
+@ENGINES
+def test_a_checkpoint_after_a_rework_is_one_of_the_timely_run(engine):
+    run, whole = Run(config(engine)), Run(config(engine))
+    run.feed(late(REPORTS, [13], 5)[:22])
+    whole.feed(REPORTS[:22])
+    assert run.reworked == 1
+    resumed = Run(config(engine))
+    snapshot = run.pipeline.engine.snapshot()
+    resumed.pipeline = new_pipeline(config(engine), lambda engine, _: engine.restore(snapshot))
+    resumed.feed(REPORTS[22:])
+    whole.feed(REPORTS[22:])
+    theirs = from_stamp(whole.filtered, SCANS[10].stamp_ns)
+    assert len(resumed.filtered) == 5
+    assert all(same(found, theirs[found.stamp_ns]) for found in resumed.filtered)
+
+
+@ENGINES
+def test_codes_and_heights_are_those_of_the_timely_run(engine):
+    given = {
+        f"{radar}.fields.{what}": what
+        for radar in ("radar_1", "radar_2")
+        for what in ("code", "height")
+    }
+    reports = [
+        (
+            radar,
+            stamp_ns,
+            replace(
+                found,
+                code=np.arange(len(found)) % 3,
+                height=1000.0 + 50.0 * np.arange(len(found)) % 200.0,
+            ),
+            None,
+        )
+        for radar, stamp_ns, found, _ in REPORTS
+    ]
+    run = Run(config(engine, given)).feed(late(reports, [13], 5)).finished()
+    whole = Run(config(engine, given)).feed(reports).finished()
+    assert run.reworked == 1
+    assert any(len(found) and (found.attributes.code >= 0).any() for found in whole.filtered)
+    # False tracks have taken numbers that they would not have had.
+    assert_as_if_in_time(run, whole, SCANS[8].stamp_ns, SCANS[5].stamp_ns, but=["track_id"])
+    pairs = {
+        pair
+        for mine, theirs in zip(run.smoothed[6:], whole.smoothed[6:], strict=True)
+        for pair in zip(mine.track_id.tolist(), theirs.track_id.tolist(), strict=True)
+    }
+    assert len(pairs) == len({mine for mine, _ in pairs}) == len({theirs for _, theirs in pairs})
+
+
+def test_rework_needs_a_lag():
+    with pytest.raises(ConfigError, match="late_reports: 'rework' given with lag 0"):
+        config("gaussian", {"lag": 0})
+
+
+TURNS = 6
+TURNING = {"late_reports": "rework", "lag_s": 2 * sweep.ROTATION_S, "radar.clutter_rate": 48.0}
+
+
+@pytest.mark.parametrize(
+    ("engine", "timed", "period_s"),
+    [
+        ("particles", True, 1.7),
+        ("particles", False, 1.7),
+        ("gaussian", True, 0.0),
+        ("gaussian", False, 1.7),
+    ],
+)
+def test_a_late_sector_changes_nothing_that_is_still_to_come(engine, timed, period_s):
+    given = {**TURNING, "engine": engine, "estimates_period_s": period_s}
+    reports = sweep.sector_reports(TURNS, timed)
+    # A sector of the fourth turn comes six sectors late.
+    index = 3 * sweep.SECTORS + 3
+    run = Run(sweep.configuration(given)).feed(late(reports, [index], 6)).finished()
+    whole = Run(sweep.configuration(given)).feed(reports).finished()
+    assert (run.refused, run.reworked) == ([], 1)
+    assert max(map(len, whole.smoothed)) == len(sweep.TARGETS)
+    assert_as_if_in_time(run, whole, reports[index + 6][1], reports[index - 1][1])
+
+
+def test_a_sector_that_comes_twice_or_before_all_is_refused():
+    reports = sweep.sector_reports(TURNS, timed=True)
+    run = Run(sweep.configuration({**TURNING, "engine": "gaussian"}))
+    run.feed(reports[:80]).feed([reports[76], reports[40]])
+    assert run.refused == [Rejection.DUPLICATE, Rejection.LATE]
+    run.feed(reports[80:])
+    assert run.reworked == 0
+    assert len(run.refused) == 2

@@ -1,0 +1,562 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from antennas import START_NS, TurningRadar, covered, degrees_off
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from phd_jdtc_ros.core.intake.scans import Rejection
+from phd_jdtc_ros.core.intake.sectors import coverage_of
+from phd_jdtc_ros.core.intake.turns import SLICES, Turns
+from phd_jdtc_ros.core.types import UNKNOWN_COVERAGE, Detections
+
+S = 1_000_000_000
+NONE = Detections(np.zeros((0, 2)), None)
+NONE_TIMED = Detections(np.zeros((0, 2)), None, np.zeros(0))
+
+
+def turns_of(radar, **changes):
+    given = {"compass": False, "reset_threshold_s": 3.0 * radar.rotation_s, **changes}
+    return Turns(radar.rotation_s, radar.sectors, **given)
+
+
+def fed(turns, reports, numbers=False):
+    """Return the pieces of each report."""
+    return [
+        turns.split(sent.stamp_ns, sent.detections, sent.sector if numbers else None)
+        for sent in reports
+    ]
+
+
+def emptied(sent):
+    nothing = NONE if sent.detections.time_s is None else NONE_TIMED
+    return replace(sent, detections=nothing)
+
+
+def absolute(stamp_ns, detections):
+    """Return range and absolute time (ns) of detections, in the order of ranges."""
+    time_s = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
+    rows = [
+        (distance, stamp_ns - START_NS + round(own * 1e9))
+        for distance, own in zip(detections.measurement[:, 0], time_s, strict=True)
+    ]
+    return sorted(rows)
+
+
+@pytest.mark.parametrize("rotation_s", [0.0, 4.0])
+def test_a_report_without_times_or_sectors_stays_as_it_is(rotation_s):
+    sent = TurningRadar(timed=False).reports(1)[0]
+    ((stamp_ns, piece),) = Turns(rotation_s).split(sent.stamp_ns, sent.detections)
+    assert stamp_ns == sent.stamp_ns
+    assert piece is sent.detections
+
+
+def test_a_radar_that_does_not_turn_keeps_its_reports_and_their_times():
+    sent = TurningRadar().reports(1)[0]
+    ((stamp_ns, piece),) = Turns().split(sent.stamp_ns, sent.detections)
+    assert stamp_ns == sent.stamp_ns
+    assert piece is sent.detections
+
+
+@pytest.mark.parametrize("clockwise", [False, True])
+@pytest.mark.parametrize("stamp_at", [0.0, 0.5, 1.0, 1.3, -0.5])
+@pytest.mark.parametrize("cut", [0.0, 3.0])
+def test_a_turn_becomes_slices_that_share_it(clockwise, stamp_at, cut):
+    radar = TurningRadar(clockwise=clockwise, stamp_at=stamp_at, cut=cut)
+    reports = radar.reports(5)
+    stamps = []
+    for turn, pieces in enumerate(fed(turns_of(radar), reports)):
+        assert len(pieces) == SLICES
+        assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.01
+        for stamp_ns, piece in pieces:
+            stamps.append((stamp_ns - START_NS) / S)
+            assert np.abs(piece.time_s).max(initial=0.0) < 4.0 / 2 / SLICES + 0.02
+            # It is where the antenna was then.
+            middle = radar.phase(piece.coverage.start + 0.5 * piece.coverage.width)
+            away = middle - cut - 2.0 * np.pi * stamps[-1] / 4.0
+            assert abs(np.remainder(away + np.pi, 2.0 * np.pi) - np.pi) < 0.05
+        assert 4.0 * turn - 0.1 < stamps[-SLICES] < stamps[-1] < 4.0 * (turn + 1) + 0.1
+    assert (np.diff(stamps) > 0.0).all()
+
+
+@st.composite
+def turning_radars(draw):
+    rotation_s = draw(st.sampled_from([1.0, 2.5, 4.0, 12.0]))
+    # A turn that is not cut has times, otherwise there is nothing to do.
+    sectors = draw(st.sampled_from([0, 2, 3, 4, 8, 16, 32]))
+    return TurningRadar(
+        rotation_s=rotation_s,
+        sectors=sectors,
+        clockwise=draw(st.booleans()),
+        # Halves of turns without times come in the same order whichever way the antenna turns.
+        timed=sectors <= 2 or draw(st.booleans()),
+        stamp_at=draw(st.floats(-0.5, 1.5)),
+        cut=draw(st.floats(0.0, 6.0)),
+        plots=draw(st.sampled_from([60, 150])),
+        noise=draw(st.sampled_from([0.001, 0.01])),
+        time_step_s=draw(st.sampled_from([0.0, 1.0 / 128.0])),
+    )
+
+
+@settings(deadline=None, max_examples=60)
+@given(radar=turning_radars(), seed=st.integers(0, 10**6), drift=st.floats(-0.03, 0.03))
+def test_what_the_antenna_passed_is_covered_once_and_little_else(radar, seed, drift):
+    rng = np.random.default_rng(seed)
+    # An antenna is heavy: from one turn to the next its speed changes by little.
+    lengths = radar.rotation_s * np.exp(drift + 0.003 * rng.standard_normal(5).cumsum())
+    reports = radar.reports(5, seed, lengths)
+    turns, last_ns = turns_of(radar), 0
+    off = []
+    for sent in reports:
+        pieces = turns.split(sent.stamp_ns, sent.detections)
+        off.append(degrees_off(sent, pieces))
+        for stamp_ns, piece in pieces:
+            assert stamp_ns > last_ns
+            last_ns = stamp_ns
+            assert not any(
+                array.flags.writeable
+                for array in (piece.measurement, piece.time_s)
+                if array is not None
+            )
+        found = sorted(row for stamp_ns, piece in pieces for row in absolute(stamp_ns, piece))
+        wanted = absolute(sent.stamp_ns, sent.detections)
+        assert [row[0] for row in found] == [row[0] for row in wanted]
+        if radar.timed:
+            np.testing.assert_allclose(
+                [row[1] for row in found], [row[1] for row in wanted], atol=2.0
+            )
+    # Two turns until the sectors' edges are known; few detections say little of them.
+    settled = off[2 * radar.per_turn :]
+    assert max(settled) < 30.0
+    assert np.mean(settled) < 15.0
+    assert not +turns.doubts
+
+
+@settings(deadline=None, max_examples=40)
+@given(radar=turning_radars(), seed=st.integers(0, 10**6))
+def test_split_gives_the_same_of_the_same_reports(radar, seed):
+    reports = radar.reports(2, seed)
+    one, other = fed(turns_of(radar), reports), fed(turns_of(radar), reports)
+    for pieces, again in zip(one, other, strict=True):
+        for (stamp_ns, piece), (stamp_again, piece_again) in zip(pieces, again, strict=True):
+            assert (stamp_ns, piece.coverage) == (stamp_again, piece_again.coverage)
+            np.testing.assert_array_equal(piece.measurement, piece_again.measurement)
+
+
+@pytest.mark.parametrize("few", [0, 1, 2])
+def test_turns_with_few_detections_go_on_with_the_phase_of_those_before(few):
+    radar = TurningRadar()
+    turns, reports = turns_of(radar), radar.reports(12)
+    before = fed(turns, reports[:4])[-1]
+    for turn, sent in enumerate(reports[4:]):
+        chosen = np.arange(len(sent.detections))[:few]
+        pieces = turns.split(sent.stamp_ns, sent.detections.take(chosen))
+        assert len(pieces) == SLICES
+        assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.01
+        for (stamp_ns, piece), (first_ns, first) in zip(pieces, before, strict=True):
+            assert abs((stamp_ns - first_ns) / S - 4.0 * (turn + 1)) < 0.05
+            assert abs(np.sin(0.5 * (piece.coverage.start - first.coverage.start))) < 0.02
+    assert not +turns.doubts
+
+
+def test_the_first_turns_with_few_detections_are_one_piece_of_all_that_is_seen():
+    radar = TurningRadar()
+    sent = radar.reports(1)[0]
+    few = sent.detections.take(np.array([3, 40]))
+    ((stamp_ns, piece),) = turns_of(radar).split(sent.stamp_ns, few)
+    assert (stamp_ns, piece.coverage) == (sent.stamp_ns, None)
+    np.testing.assert_array_equal(piece.time_s, few.time_s)
+
+
+@pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.25])
+def test_a_turn_that_changes_its_speed_is_followed(factor):
+    radar = TurningRadar()
+    lengths = [4.0, 4.0, 4.0, *[4.0 * factor] * 4]
+    turns = turns_of(radar)
+    for turn, pieces in enumerate(fed(turns, radar.reports(7, lengths=lengths))):
+        # In the first turns of another length that length is still being learned.
+        learning = turn in (3, 4)
+        assert abs(len(pieces) - SLICES) <= learning
+        assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < (0.05 if learning else 0.01)
+        longest = max(np.abs(piece.time_s).max(initial=0.0) for _, piece in pieces)
+        assert longest < 4.0 * max(factor, 1.0) / 2 / SLICES + 0.1
+    assert not +turns.doubts
+
+
+def test_turns_cut_by_time_and_not_by_azimuth_are_covered_as_they_are_passed():
+    # The antenna needs 3.9 s, the clouds come every 4 s: each is a little more than a turn.
+    whole = TurningRadar(rotation_s=3.9, plots=400).reports(12)
+    times = np.concatenate([(s.stamp_ns - START_NS) / S + s.detections.time_s for s in whole])
+    rows = np.concatenate([s.detections.measurement for s in whole])
+    turns, total = Turns(3.9), np.zeros(1)
+    for k in range(1, 11):
+        inside = (times >= 4.0 * (k - 1)) & (times < 4.0 * k)
+        cloud = Detections(rows[inside], None, times[inside] - 4.0 * k)
+        total = total + covered(turns.split(START_NS + 4 * k * S, cloud))
+    assert abs(total.mean() - 40.0 / 3.9) < 0.1
+    assert not +turns.doubts
+
+
+def test_a_duplicate_is_rejected_and_changes_nothing():
+    radar = TurningRadar()
+    reports = radar.reports(3)
+    turns, plain = turns_of(radar), turns_of(radar)
+    fed(turns, reports[:2])
+    assert turns.split(reports[1].stamp_ns, reports[1].detections) is Rejection.DUPLICATE
+    assert turns.split(reports[0].stamp_ns, reports[0].detections) is Rejection.LATE
+    fed(plain, reports[:2])
+    ours, others = fed(turns, reports[2:])[0], fed(plain, reports[2:])[0]
+    assert [stamp_ns for stamp_ns, _ in ours] == [stamp_ns for stamp_ns, _ in others]
+
+
+def test_a_jump_back_begins_a_new_run_that_is_cut_like_the_first():
+    radar = TurningRadar()
+    reports = radar.reports(6)
+    turns = turns_of(radar)
+    first, second = fed(turns, reports), fed(turns, reports)
+    for ours, others in zip(first, second, strict=True):
+        assert [stamp_ns for stamp_ns, _ in ours] == [stamp_ns for stamp_ns, _ in others]
+
+
+@pytest.mark.parametrize("sectors", [0, 4, 16])
+def test_lost_reports_are_counted_and_not_covered(sectors):
+    radar = TurningRadar(sectors=sectors, timed=True)
+    reports = radar.reports(8)
+    lost = 3 * radar.per_turn + 1 if sectors else 3
+    turns = turns_of(radar)
+    kept = [sent for k, sent in enumerate(reports) if k not in (lost, lost + 1)]
+    for sent, pieces in list(zip(kept, fed(turns, kept), strict=True))[2 * radar.per_turn :]:
+        assert degrees_off(sent, pieces) < 5.0
+    assert +turns.doubts == {"clouds_missing": 2}
+
+
+@pytest.mark.parametrize(
+    ("wrong_s", "counted"), [(4.0, ""), (-4.0, "detections_late"), (1.7, "times_disagree")]
+)
+def test_times_that_do_not_go_with_the_azimuth_are_kept_and_counted(wrong_s, counted):
+    radar = TurningRadar(noise=0.0005, time_step_s=0.0)
+    turns, reports = turns_of(radar), radar.reports(6)
+    fed(turns, reports[:3])
+    sent = reports[3]
+    chosen = np.arange(len(sent.detections))[::8]
+    time_s = sent.detections.time_s.copy()
+    time_s[chosen] += wrong_s
+    wrong = replace(sent.detections, time_s=time_s)
+    pieces = turns.split(sent.stamp_ns, wrong)
+    found = sorted(row for stamp_ns, piece in pieces for row in absolute(stamp_ns, piece))
+    wanted = absolute(sent.stamp_ns, wrong)
+    assert [row[0] for row in found] == [row[0] for row in wanted]
+    np.testing.assert_allclose([row[1] for row in found], [row[1] for row in wanted], atol=2.0)
+    # A time that is a turn off goes with its azimuth: nobody can tell, and nothing follows from it.
+    assert +turns.doubts == ({counted: len(chosen)} if counted else {})
+    for slices in [pieces, *fed(turns, reports[4:])]:
+        assert (np.abs(covered(slices) - 1.0) > 0.0).mean() < 0.01
+
+
+def test_times_in_any_order_make_no_difference():
+    radar = TurningRadar()
+    reports = radar.reports(3)
+    order = np.random.default_rng(1)
+    shuffled = [
+        replace(s, detections=s.detections.take(order.permutation(len(s.detections))))
+        for s in reports
+    ]
+    for ours, others in zip(
+        fed(turns_of(radar), reports), fed(turns_of(radar), shuffled), strict=True
+    ):
+        for (stamp_ns, piece), (other_ns, other) in zip(ours, others, strict=True):
+            assert abs(stamp_ns - other_ns) < 0.001 * S
+            assert sorted(piece.measurement[:, 0]) == sorted(other.measurement[:, 0])
+
+
+def test_two_antennas_back_to_back_are_not_cut_and_counted():
+    radar = TurningRadar()
+    turns = turns_of(radar)
+    for sent in radar.reports(5):
+        turned = sent.detections.measurement.copy()
+        turned[::2, 1] += np.pi
+        ((stamp_ns, piece),) = turns.split(
+            sent.stamp_ns, replace(sent.detections, measurement=turned)
+        )
+        assert (stamp_ns, piece.coverage) == (sent.stamp_ns, None)
+    assert turns.doubts["antenna_unclear"] == 5
+
+
+def test_an_antenna_that_stops_covers_only_where_it_points_and_is_found_again():
+    radar = TurningRadar()
+    turns = turns_of(radar)
+    reports = radar.reports(14)
+    fed(turns, reports[:4])
+    for sent in reports[4:8]:
+        still = sent.detections.measurement.copy()
+        still[:, 1] = 1.0 + 0.01 * np.sin(np.arange(len(still)))
+        pieces = turns.split(sent.stamp_ns, replace(sent.detections, measurement=still))
+        assert covered(pieces).mean() < 0.02
+    assert turns.doubts["antenna_unclear"] == 4
+    later = fed(turns, reports[8:])
+    for pieces in later[2:]:
+        assert len(pieces) == SLICES
+        assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.01
+
+
+def test_an_antenna_that_turns_the_other_way_is_found_again():
+    radar = TurningRadar()
+    turns = turns_of(radar)
+    fed(turns, radar.reports(4))
+    back = replace(radar, clockwise=True).reports(9)[4:]
+    for pieces in fed(turns, back)[2:]:
+        assert len(pieces) == SLICES
+        assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.02
+
+
+@pytest.mark.parametrize("compass", [False, True])
+@pytest.mark.parametrize("timed", [False, True])
+@pytest.mark.parametrize("sectors", [4, 16])
+def test_a_sector_covers_what_its_number_says(sectors, timed, compass):
+    # Numbers count in the direction of azimuths, from azimuth zero.
+    radar = TurningRadar(
+        sectors=sectors, timed=timed, clockwise=compass, cut=-0.5 * np.pi if compass else 0.0
+    )
+    turns = turns_of(radar, compass=compass)
+    reports = radar.reports(4)
+    for k, (sent, pieces) in enumerate(zip(reports, fed(turns, reports, True), strict=True)):
+        assert degrees_off(sent, pieces) < 1.5
+        if not timed:
+            ((stamp_ns, piece),) = pieces
+            assert stamp_ns == sent.stamp_ns
+            assert piece.coverage == coverage_of(sent.sector, sectors, compass)
+        elif k >= radar.per_turn:
+            assert len(pieces) == max(SLICES // sectors, 1)
+            longest = max(np.abs(piece.time_s).max(initial=0.0) for _, piece in pieces)
+            assert longest < 0.5 * 4.0 / SLICES + 0.03
+    assert not +turns.doubts
+
+
+@pytest.mark.parametrize("compass", [False, True])
+@pytest.mark.parametrize("timed", [False, True])
+def test_a_sector_of_a_misaligned_antenna_covers_where_it_truly_was(timed, compass):
+    # The antenna is 3 degrees clockwise of where it says, and its sectors with it.
+    bias = np.radians(3.0)
+    cut = -0.5 * np.pi + bias if compass else -bias
+    radar = TurningRadar(sectors=16, timed=timed, clockwise=compass, cut=cut)
+    reports = radar.reports(4)
+    off = {}
+    for told in (0.0, bias):
+        turns = turns_of(radar, compass=compass, azimuth_bias=told)
+        pairs = zip(reports, fed(turns, reports, True), strict=True)
+        off[told] = max(degrees_off(sent, pieces) for sent, pieces in pairs)
+    assert off[bias] < 1.5
+    assert off[0.0] > 5.0
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_empty_sectors_go_on_with_the_numbers(timed):
+    radar = TurningRadar(sectors=16, timed=timed, cut=0.0)
+    reports = [s if k % 3 else emptied(s) for k, s in enumerate(radar.reports(4))]
+    numbers = [sent.sector if len(sent.detections) else None for sent in reports]
+    turns = turns_of(radar)
+    for k, sent in enumerate(reports):
+        pieces = turns.split(sent.stamp_ns, sent.detections, numbers[k])
+        if k > 2:
+            assert degrees_off(sent, pieces) < 1.5
+    assert not +turns.doubts
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_empty_sectors_go_on_with_the_antenna(timed):
+    radar = TurningRadar(sectors=16, timed=timed, plots=150)
+    reports = radar.reports(6)
+    turns = turns_of(radar)
+    fed(turns, reports[:48])
+    for sent in reports[48:]:
+        pieces = turns.split(sent.stamp_ns, emptied(sent).detections)
+        assert degrees_off(sent, pieces) < 4.0
+    assert not +turns.doubts
+
+
+def test_an_empty_sector_covers_nothing_while_the_antenna_is_not_known():
+    turns = Turns(4.0, 16)
+    for k in range(20):
+        ((stamp_ns, piece),) = turns.split(START_NS + k * S // 4, NONE)
+        assert (stamp_ns, piece.coverage) == (START_NS + k * S // 4, UNKNOWN_COVERAGE)
+
+
+def test_the_first_sector_covers_nothing_and_keeps_its_detections():
+    radar = TurningRadar(sectors=8, timed=False, plots=150)
+    sent = radar.reports(1)[0]
+    ((stamp_ns, piece),) = turns_of(radar).split(sent.stamp_ns, sent.detections)
+    assert (stamp_ns, piece.coverage) == (sent.stamp_ns, UNKNOWN_COVERAGE)
+    np.testing.assert_array_equal(piece.measurement, sent.detections.measurement)
+
+
+@pytest.mark.parametrize("numbers", [False, True])
+@pytest.mark.parametrize("timed", [False, True])
+def test_a_repeated_sector_is_used_and_covers_nothing(timed, numbers):
+    radar = TurningRadar(sectors=16, timed=timed, cut=0.0, plots=150)
+    turns, reports = turns_of(radar), radar.reports(4)
+    fed(turns, reports[:37], numbers)
+    again = reports[36]
+    stamp_ns = again.stamp_ns + 20_000_000
+    sector = again.sector if numbers else None
+    ((_, piece),) = turns.split(stamp_ns, again.detections, sector)
+    assert piece.coverage == UNKNOWN_COVERAGE
+    assert len(piece) == len(again.detections)
+    assert +turns.doubts == {"sectors_repeated": 1}
+    for sent, pieces in zip(reports[37:], fed(turns, reports[37:], numbers), strict=True):
+        assert degrees_off(sent, pieces) < 5.0
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_overlapping_sectors_share_the_turn_between_them(timed):
+    radar = TurningRadar(sectors=16, timed=timed, plots=300)
+    reports = radar.reports(6)
+    turns, total = turns_of(radar), []
+    for before, sent in itertools.pairwise(reports):
+        # The last third of a report's detections comes with the next one.
+        count = len(before.detections)
+        late = before.detections.take(np.arange(count * 2 // 3, count))
+        joined = joined_at(sent, late, before)
+        pieces = turns.split(sent.stamp_ns, joined)
+        total.append(covered(pieces))
+    settled = np.sum(total[32:64], axis=0) / 2.0
+    assert abs(settled.mean() - 1.0) < 0.15
+    assert turns.doubts["antenna_unclear"] == 0
+
+
+def joined_at(sent, late, before):
+    """Return a report's detections with late ones of the report before."""
+    first = len(sent.detections) * 2 // 3
+    own = sent.detections.take(np.arange(first))
+    time_s = None
+    if own.time_s is not None:
+        earlier = late.time_s + (before.stamp_ns - sent.stamp_ns) / S
+        time_s = np.concatenate([earlier, own.time_s])
+    return Detections(np.concatenate([late.measurement, own.measurement]), None, time_s)
+
+
+def test_sector_numbers_that_count_from_one_are_noticed_and_not_believed():
+    radar = TurningRadar(sectors=16, timed=False, cut=0.0, plots=300)
+    turns = turns_of(radar)
+    reports = radar.reports(5)
+    for k, sent in enumerate(reports):
+        pieces = turns.split(sent.stamp_ns, sent.detections, (sent.sector + 8) % 16)
+        if k >= 32:
+            assert degrees_off(sent, pieces) < 4.0
+    assert turns.doubts["sector_numbers_wrong"] > 60
+
+
+@pytest.mark.parametrize("sectors", [0, 16])
+def test_detections_in_a_part_of_the_turn_alone_are_enough(sectors):
+    radar = TurningRadar(sectors=sectors, plots=40, seen=(0.4, 0.55))
+    turns = turns_of(radar)
+    reports = radar.reports(6)
+    for sent, pieces in list(zip(reports, fed(turns, reports), strict=True))[2 * radar.per_turn :]:
+        assert degrees_off(sent, pieces) < 16.0
+        inside = sum(len(piece) for _, piece in pieces)
+        assert inside == len(sent.detections)
+    assert not +turns.doubts
+
+
+def test_a_late_sector_without_times_keeps_its_stamp_for_the_grouper():
+    radar = TurningRadar(sectors=16, timed=False, cut=0.0)
+    turns, reports = turns_of(radar), radar.reports(2)
+    fed(turns, reports[:10], True)
+    ((stamp_ns, piece),) = turns.split(reports[8].stamp_ns, reports[8].detections, 8)
+    assert (stamp_ns, piece.coverage) == (reports[8].stamp_ns, coverage_of(8, 16, False))
+    ((_, piece),) = turns.split(reports[7].stamp_ns, reports[7].detections)
+    assert piece.coverage == UNKNOWN_COVERAGE
+
+
+def test_a_hundred_thousand_detections_are_cut_in_time():
+    radar = TurningRadar(plots=100_000)
+    turns = turns_of(radar)
+    for pieces in fed(turns, radar.reports(2)):
+        assert sum(len(piece) for _, piece in pieces) > 99_000
+        assert (np.abs(covered(pieces) - 1.0) > 0.0).mean() < 0.01
+
+
+def still(kind, rng):
+    """Return the detections of a cloud of a radar that does not turn, a second long."""
+    count = rng.poisson(12)
+    time_s = np.sort(rng.uniform(-1.0, 0.0, count))
+    azimuth = {
+        "all around": rng.uniform(-np.pi, np.pi, count),
+        "ahead": rng.uniform(-0.5, 0.5, count),
+        "at one place": 0.7 + 0.01 * rng.standard_normal(count),
+        # It swings from side to side, or looks from one side to the other again and again.
+        "scanning": 1.0 * np.sin(2.0 * np.pi * time_s),
+        "sweeping": 2.0 * time_s + 1.0,
+    }[kind]
+    return np.stack([np.full(count, 1e3), azimuth], axis=1), time_s
+
+
+@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("kind", ["all around", "ahead", "at one place", "scanning", "sweeping"])
+@pytest.mark.parametrize("interval_s", [0.1, 1.0, 1.7])
+def test_a_radar_that_does_not_turn_is_never_taken_for_one_that_does(kind, timed, interval_s):
+    turns, rng = Turns(), np.random.default_rng(4)
+    for k in range(400):
+        measurement, time_s = still(kind, rng)
+        report = Detections(measurement, None, interval_s * time_s if timed else None)
+        stamp_ns = START_NS + round(k * interval_s * 1e9)
+        assert turns.split(stamp_ns, report) == [(stamp_ns, report)]
+    assert turns.turn_s == 0.0
+    assert not +turns.doubts
+
+
+@pytest.mark.parametrize("ahead_s", [60.0, 12.0, 3.9])
+def test_a_time_far_ahead_does_not_keep_a_turn_from_being_found(ahead_s):
+    radar = TurningRadar(sectors=8, plots=80)
+    turns, reports = Turns(), radar.reports(6)
+    time_s = reports[0].detections.time_s.copy()
+    time_s[0] += ahead_s
+    wrong = replace(reports[0].detections, time_s=time_s)
+    turns.split(reports[0].stamp_ns, wrong)
+    fed(turns, reports[1:])
+    assert turns.turn_s == pytest.approx(4.0, rel=0.01)
+
+
+def test_a_late_detection_after_a_gap_does_not_make_the_gap_swept():
+    radar = TurningRadar(sectors=8, plots=80)
+    turns, reports = Turns(4.0, reset_threshold_s=12.0), radar.reports(12)
+    fed(turns, reports[:40])
+    # Four turns are lost, and one of their detections comes with what follows.
+    sent, lost = reports[76], reports[45].detections.take(np.array([0]))
+    late_s = lost.time_s + (reports[45].stamp_ns - sent.stamp_ns) / S
+    joined = Detections(
+        np.concatenate([sent.detections.measurement, lost.measurement]),
+        None,
+        np.concatenate([sent.detections.time_s, late_s]),
+    )
+    assert covered(turns.split(sent.stamp_ns, joined)).mean() < 1.3
+
+
+def test_the_first_slices_of_a_turn_that_was_found_follow_the_reports_before():
+    radar = TurningRadar(sectors=4, plots=80, stamp_at=3.0)
+    turns = Turns()
+    stamps = [stamp_ns for pieces in fed(turns, radar.reports(8)) for stamp_ns, _ in pieces]
+    assert turns.turn_s > 0.0
+    assert (np.diff(stamps) > 0).all()
+
+
+def test_a_report_out_of_order_does_not_stop_the_search_for_a_turn():
+    radar = TurningRadar(sectors=8, plots=80)
+    turns, reports = Turns(reset_threshold_s=12.0), radar.reports(6)
+    swapped = [each for pair in zip(reports[1::2], reports[::2], strict=True) for each in pair]
+    fed(turns, swapped)
+    assert turns.turn_s == pytest.approx(4.0, rel=0.01)
+
+
+@pytest.mark.parametrize("length_s", [0.7, 0.75, 0.8])
+def test_a_turn_is_looked_for_in_just_enough_time(length_s):
+    # The shortest turn takes half a second, of which one and a half are needed.
+    time_s = np.linspace(0.0, length_s, 40)
+    azimuth = np.remainder(2.0 * np.pi * time_s / 0.5 + np.pi, 2.0 * np.pi) - np.pi
+    turns, report = Turns(), Detections(np.stack([np.full(40, 1e3), azimuth], axis=1), None, time_s)
+    turns.split(START_NS, report)
+    assert turns.turn_s == (pytest.approx(0.5, rel=0.01) if length_s >= 0.75 else 0.0)

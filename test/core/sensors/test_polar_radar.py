@@ -1,0 +1,301 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+from scenes import intensity, small
+
+from phd_jdtc_ros.core import backend
+from phd_jdtc_ros.core.sensors.polar_radar import GATE_SIGMA, RadarModel, wrap_angle
+from phd_jdtc_ros.core.sensors.visibility import Visibility
+from phd_jdtc_ros.core.smc.correction import BERNOULLI
+from phd_jdtc_ros.core.smc.update import update
+from phd_jdtc_ros.core.targets import amplitude_density
+from phd_jdtc_ros.core.types import Coverage, Detections
+
+RADAR = RadarModel(
+    name="radar",
+    position=(1000.0, -500.0),
+    yaw=0.7,
+    range_std=300.0,
+    azimuth_std=np.radians(1.0),
+    visibility=Visibility(max_range=17e3),
+    clutter_rate=20.0,
+    clutter_max_range=15e3,
+    threshold=amplitude_density.threshold_for(1e-3),
+)
+
+
+@settings(deadline=None, max_examples=300)
+@given(angle=st.floats(-1e3, 1e3))
+@example(angle=np.pi)
+@example(angle=-np.pi)
+@example(angle=np.nextafter(np.pi, 4.0))
+@example(angle=np.nextafter(-np.pi, -4.0))
+def test_wrap_angle_lies_in_the_half_open_turn(angle):
+    wrapped = wrap_angle(np.array([angle]))[0]
+    assert -np.pi < wrapped <= np.pi
+
+
+@settings(deadline=None, max_examples=100)
+@given(angle=st.floats(-3.1, 3.1), turns=st.integers(-50, 50))
+def test_wrap_angle_undoes_whole_turns(angle, turns):
+    wrapped = wrap_angle(np.array([angle + turns * 2.0 * np.pi]))[0]
+    assert wrapped == pytest.approx(angle, abs=1e-12)
+
+
+@settings(deadline=None, max_examples=100)
+@given(x=st.floats(-2e4, 2e4), y=st.floats(-2e4, 2e4))
+def test_to_world_inverts_measure(x, y):
+    state = np.array([[x, 0.0, y, 0.0, 0.0]])
+    np.testing.assert_allclose(RADAR.to_world(RADAR.measure(state)), [[x, y]], rtol=0, atol=1e-8)
+
+
+def test_measure_counts_azimuth_counter_clockwise_from_the_sensor_axis():
+    radar = replace(RADAR, position=(0.0, 0.0), yaw=np.pi / 2)
+    state = np.array([[0.0, 0, 10.0, 0, 0], [10.0, 0, 0.0, 0, 0], [-3.0, 0, -4.0, 0, 0]])
+    expected = [[10.0, 0.0], [10.0, -np.pi / 2], [5.0, np.pi - np.arctan2(3.0, 4.0)]]
+    np.testing.assert_allclose(radar.measure(state), expected, atol=1e-12)
+
+
+def brute_pairs(radar, predicted, detections):
+    error = predicted[:, None, :] - detections.measurement[None, :, :]
+    turn = np.exp(1j * error[..., 1])
+    scaled = np.stack([error[..., 0], np.angle(turn)], axis=-1) / radar.noise_std
+    near = (scaled**2).sum(axis=-1) <= GATE_SIGMA**2
+    log_likelihood = -0.5 * (scaled**2).sum(axis=-1) - np.log(
+        2.0 * np.pi * radar.range_std * radar.azimuth_std
+    )
+    return {(n, m): log_likelihood[n, m] for n, m in np.argwhere(near)}
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    seed=st.integers(0, 10**6),
+    particles=st.integers(0, 40),
+    reports=st.integers(0, 25),
+    azimuth_std=st.sampled_from([0.001, 0.02, 0.3, 2.0]),
+    centre=st.sampled_from([0.0, np.pi, -np.pi]),
+)
+def test_gated_pairs_equal_brute_force(seed, particles, reports, azimuth_std, centre):
+    rng = np.random.default_rng(seed)
+    radar = replace(RADAR, azimuth_std=azimuth_std)
+
+    def draw(count):
+        azimuth = centre + rng.normal(0.0, 5.0 * azimuth_std, count)
+        return np.stack([rng.uniform(0.0, 5e3, count), wrap_angle(azimuth)], axis=1)
+
+    predicted, detections = draw(particles), Detections(draw(reports), None)
+    particle, detection, log_likelihood = radar.gated_pairs(predicted, detections)
+    expected = brute_pairs(radar, predicted, detections)
+    found = list(zip(particle.tolist(), detection.tolist(), strict=True))
+    assert len(found) == len(expected)
+    assert set(found) == set(expected)
+    np.testing.assert_allclose(
+        log_likelihood, [expected[pair] for pair in found], rtol=0, atol=1e-9
+    )
+
+
+def test_gated_pairs_are_the_same_bits_with_either_backend(monkeypatch):
+    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    rng = np.random.default_rng(8)
+    area = np.array([15e3, 2.0 * np.pi])
+    predicted = rng.uniform(0.0, 1.0, (5000, 2)) * area - [0.0, np.pi]
+    detections = Detections(rng.uniform(0.0, 1.0, (200, 2)) * area - [0.0, np.pi], None)
+    found = []
+    for name in ("numpy", "numba"):
+        with backend.using(name):
+            found.append(RADAR.gated_pairs(predicted, detections))
+
+    assert len(found[0][0]) > 5000
+    for plain, compiled in zip(*found, strict=True):
+        assert plain.dtype == compiled.dtype
+        np.testing.assert_array_equal(plain, compiled)
+
+
+def test_gated_pairs_reach_across_the_cut():
+    detections = Detections(np.array([[1000.0, np.pi - 0.001], [1000.0, -np.pi + 0.001]]), None)
+    predicted = np.array([[1000.0, np.pi - 0.001], [1000.0, -np.pi + 0.001]])
+    particle, detection, _ = RADAR.gated_pairs(predicted, detections)
+    assert sorted(zip(particle, detection, strict=True)) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+
+
+@pytest.mark.parametrize("turns", [-2, -1, 1, 3])
+def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
+    model = small().model
+    radar = model.radars[0]
+    rng = np.random.default_rng(3)
+    state = np.zeros((200, 5))
+    state[:, [0, 2]] = rng.normal([-9e3, 0.0], 300.0, (200, 2))  # on the cut
+    measurement = radar.measure(state[:5]).copy()
+    turned = measurement + np.array([0.0, turns * 2.0 * np.pi])
+    phd = intensity(state, np.full(200, 0.004), mode=rng.integers(0, 4, 200))
+    amplitudes = np.full(5, 20.0)
+    missed, _ = update(
+        phd, Detections(np.zeros((0, 2)), np.zeros(0)), radar, model, BERNOULLI, 6.0, rng
+    )
+    plain, _ = update(phd, Detections(measurement, amplitudes), radar, model, BERNOULLI, 6.0, rng)
+    shifted, _ = update(phd, Detections(turned, amplitudes), radar, model, BERNOULLI, 6.0, rng)
+    assert plain.weight.sum() > missed.weight.sum() + 0.1
+    np.testing.assert_allclose(shifted.weight, plain.weight, rtol=1e-9)
+
+
+def test_log_clutter_intensity_integrates_to_the_rate():
+    # Uniform over 2 pi x 15 km, times an amplitude density that integrates to one above tau.
+    detections = Detections(np.array([[5e3, 1.0]]), None)
+    area = 2.0 * np.pi * RADAR.clutter_max_range
+    assert np.exp(RADAR.log_clutter_intensity(detections))[0] * area == pytest.approx(20.0)
+
+
+def test_log_clutter_intensity_carries_the_truncated_amplitude_density():
+    measurement = np.full((3, 2), 1.0)
+    a = np.array([4.0, 5.0, 6.0])
+    plain = RADAR.log_clutter_intensity(Detections(measurement, None))
+    full = RADAR.log_clutter_intensity(Detections(measurement, a))
+    np.testing.assert_allclose(np.exp(full - plain), a * np.exp(-(a**2) / 2.0) / 1e-3, rtol=1e-9)
+
+
+def test_log_clutter_intensity_of_no_clutter_is_finite():
+    radar = replace(RADAR, clutter_rate=0.0)
+    detections = Detections(np.ones((1, 2)), np.array([250.0]))
+    assert np.isfinite(radar.log_clutter_intensity(detections)).all()
+
+
+def test_log_class_likelihood_is_the_untruncated_density():
+    classes = small().model.modes.classes
+    a = np.array([4.0, 20.0, 250.0])
+    likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), a), classes)
+    expected = [amplitude_density.log_target_density(a, c.snr_band) for c in classes]
+    np.testing.assert_array_equal(likelihood, expected)
+
+
+def test_log_class_likelihood_without_amplitudes_is_the_detection_probability():
+    classes = small().model.modes.classes
+    likelihood = RADAR.log_class_likelihood(Detections(np.ones((3, 2)), None), classes)
+    p_d = RADAR.class_detection_probability(classes)
+    assert likelihood.shape == (2, 3)
+    np.testing.assert_allclose(np.exp(likelihood), np.repeat(p_d[:, None], 3, axis=1))
+
+
+def test_class_detection_probability_is_lower_for_the_weaker_class():
+    strong, weak = RADAR.class_detection_probability(small().model.modes.classes)
+    assert 0.5 < weak < strong < 1.0
+
+
+# --- Detections with a time, a deviation and an amplitude of their own ----------------------------
+
+MOVING = np.array([[9e3, -200.0, 4e3, 150.0, 0.0], [5e3, 30.0, -3e3, 240.0, 0.0]])
+CLASSES = small().model.modes.classes
+
+
+def at(seconds):
+    state = MOVING.copy()
+    state[:, [0, 2]] += seconds * state[:, [1, 3]]
+    return state
+
+
+def test_measurement_rate_is_the_derivative_of_the_measurement():
+    difference = (RADAR.measure(at(1e-3)) - RADAR.measure(at(-1e-3))) / 2e-3
+    np.testing.assert_allclose(RADAR.measurement_rate(MOVING), difference, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("seconds", [-0.25, 0.0, 0.25])
+def test_gated_pairs_compares_a_detection_with_the_state_at_its_own_time(seconds):
+    precise = replace(RADAR, range_std=5.0, azimuth_std=np.radians(0.05))
+    offset = np.array([[3.0, 0.0], [0.0, np.radians(0.04)]])
+    then = Detections(precise.measure(at(seconds)) + offset, None, np.full(2, seconds))
+    particle, detection, found = precise.gated_pairs(
+        precise.measure(MOVING), then, precise.measurement_rate(MOVING)
+    )
+    now = Detections(precise.measure(MOVING) + offset, None)
+    _, _, expected = precise.gated_pairs(precise.measure(MOVING), now)
+    np.testing.assert_array_equal(particle, detection)
+    np.testing.assert_allclose(found, expected, atol=0.2)
+
+
+def test_gated_pairs_takes_each_detections_own_deviation():
+    far = RADAR.measure(MOVING) + np.array([900.0, 0.0])
+    std = np.tile(RADAR.noise_std, (2, 1))
+    std[1, 0] = 100.0
+    particle, _, found = RADAR.gated_pairs(
+        RADAR.measure(MOVING), Detections(far, None, noise_std=std)
+    )
+    assert particle.tolist() == [0]
+    assert found[0] == pytest.approx(
+        -0.5 * 3.0**2 - np.log(2.0 * np.pi * RADAR.range_std * RADAR.azimuth_std)
+    )
+
+
+def test_detection_noise_grows_with_the_range_where_the_driver_says_nothing():
+    radar = replace(RADAR, range_growth=0.01)
+    own = np.array([[np.nan, np.nan], [50.0, 0.01]])
+    found = radar.detection_noise(Detections(np.array([[10e3, 0.0]] * 2), None, noise_std=own))
+    np.testing.assert_allclose(found[0], [np.hypot(300.0, 100.0), RADAR.azimuth_std])
+    np.testing.assert_allclose(found[1], [50.0, 0.01])
+
+
+def test_unknown_amplitude_is_as_one_that_no_radar_reports():
+    place = np.array([[5e3, 0.0], [5e3, 0.0]])
+    some, none = Detections(place, np.array([20.0, np.nan])), Detections(place, None)
+    likelihood = RADAR.log_class_likelihood(some, CLASSES)
+    assert np.isfinite(likelihood).all()
+    expected = RADAR.log_class_likelihood(none, CLASSES)
+    np.testing.assert_array_equal(likelihood[:, 1], expected[:, 1])
+    assert (likelihood[:, 0] != expected[:, 0]).all()
+    clutter = RADAR.log_clutter_intensity(some)
+    assert clutter[1] == RADAR.log_clutter_intensity(none)[1]
+
+
+def test_given_detection_probability_takes_the_place_of_that_of_the_bands():
+    given = replace(
+        RADAR, visibility=replace(RADAR.visibility, ranges=(0.0,), probabilities=(0.5,))
+    )
+    report = Detections(np.array([[5e3, 0.0]]), np.array([20.0]))
+    difference = given.log_class_likelihood(report, CLASSES) - RADAR.log_class_likelihood(
+        report, CLASSES
+    )
+    expected = np.log(0.5 / RADAR.class_detection_probability(CLASSES))
+    np.testing.assert_allclose(difference[:, 0], expected)
+
+
+def test_missable_is_what_the_antenna_passed_of_the_field_of_view():
+    predicted = np.array([[5e3, 0.1], [5e3, 1.0], [20e3, 0.1]])
+    assert RADAR.missable(predicted, Coverage(0.0, 0.5)).tolist() == pytest.approx([1.0, 0.0, 0.0])
+    assert RADAR.missable(predicted, None).tolist() == [1.0, 1.0, 0.0]
+
+
+def test_linearised_is_the_measurement_and_its_derivative():
+    rng = np.random.default_rng(0)
+    position = rng.uniform(-12e3, 12e3, (40, 2))
+    measured, jacobian = RADAR.linearised(position)
+
+    def measure(places):
+        state = np.zeros((len(places), 5))
+        state[:, [0, 2]] = places
+        return RADAR.measure(state)
+
+    np.testing.assert_allclose(measured, measure(position), rtol=1e-12, atol=1e-12)
+    for axis in (0, 1):
+        away = np.zeros(2)
+        away[axis] = 0.1
+        apart = measure(position + away) - measure(position - away)
+        apart[:, 1] = wrap_angle(apart[:, 1])
+        np.testing.assert_allclose(jacobian[..., axis], apart / 0.2, rtol=1e-5, atol=1e-9)
+
+
+def test_linearised_keeps_leading_axes():
+    position = np.random.default_rng(1).uniform(-9e3, 9e3, (3, 4, 2))
+    measured, jacobian = RADAR.linearised(position)
+    flat, matrix = RADAR.linearised(position.reshape(-1, 2))
+    np.testing.assert_array_equal(measured, flat.reshape(3, 4, 2))
+    np.testing.assert_array_equal(jacobian, matrix.reshape(3, 4, 2, 2))
+
+
+def test_linearised_at_the_radar_is_finite():
+    measured, jacobian = RADAR.linearised(np.array([RADAR.position]))
+    assert np.isfinite(measured).all()
+    assert np.isfinite(jacobian).all()

@@ -1,0 +1,172 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lone import lone
+from scipy.stats import norm
+
+from phd_jdtc_ros.core.models import detection_birth
+from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel, Newborn
+from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.types import Detections
+
+RATED = {
+    "radar.fields.range_rate": "range_rate",
+    "radar.range_rate_std": 0.2,
+    "radar.range_std": 0.5,
+    "radar.azimuth_std_deg": 0.5,
+    "radar.fov_deg": [-60.0, 60.0],
+}
+CONFIG = lone({**RATED, "detection_births.rates": [0.1], "detection_births.velocity_std": 12.0})
+(RADAR,) = CONFIG.model.radars
+BIRTHS = DetectionBirthModel(np.array([0.1]), 12.0, 1e-3, 1 << 13)
+AMBIGUOUS = replace(RADAR, range_rate=RangeRateModel(0.2, 30.0), velocity=(4.0, -3.0))
+
+
+def test_wrapped_is_the_fold_nearest_to_zero():
+    model = RangeRateModel(0.1, 20.0)
+    np.testing.assert_allclose(model.wrapped(np.array([-33.0, -9.0, 9.0, 29.0])), [7, -9, 9, 9])
+    np.testing.assert_array_equal(RangeRateModel(0.1).wrapped(np.array([-3e3])), [-3e3])
+
+
+@pytest.mark.parametrize("std", [0.3, 6.0, 25.0])
+def test_folded_has_the_moments_of_all_folds(std):
+    model = RangeRateModel(0.1, 20.0)
+    error = np.array([0.0, 3.0, 9.5, -51.0])
+    innovation, spread, log_density = model.folded(error, np.full(4, std**2))
+    each = error + 20.0 * np.arange(-40, 41)[:, None]
+    density = norm.pdf(each, 0.0, std)
+    share = density / density.sum(axis=0)
+    mean = (share * each).sum(axis=0)
+    np.testing.assert_allclose(log_density, np.log(density.sum(axis=0)), atol=1e-3)
+    np.testing.assert_allclose(innovation, mean, atol=1e-2 * std)
+    np.testing.assert_allclose(spread, (share * (each - mean) ** 2).sum(axis=0), atol=0.02 * std**2)
+
+
+def test_log_density_of_an_unknown_range_rate_is_zero():
+    found = RangeRateModel(0.1, 20.0).log_density(np.array([np.nan, 0.0]), 0.01)
+    np.testing.assert_allclose(found, [0.0, norm.logpdf(0.0, 0.0, 0.1)])
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (15.0, -4.0)])
+def test_range_rate_is_the_change_of_the_range(velocity):
+    radar = replace(RADAR, velocity=velocity)
+    state = np.array([[540.0, -7.0, -280.0, 12.0, 0.0], [700.0, 20.0, 100.0, 3.0, 0.0]])
+    step = 1e-3
+    later = replace(radar, position=tuple(np.add(radar.position, np.multiply(step, velocity))))
+    moved = state.copy()
+    moved[:, [0, 2]] += step * state[:, [1, 3]]
+    expected = (later.measure(moved)[:, 0] - radar.measure(state)[:, 0]) / step
+    np.testing.assert_allclose(radar.range_rate_of(state), expected, atol=1e-2)
+
+
+def test_range_rate_at_a_time_of_its_own_is_that_from_where_the_target_is_then():
+    state = np.array([[540.0, -7.0, -280.0, 12.0, 0.0]])
+    moved = state.copy()
+    moved[:, [0, 2]] += 1.5 * state[:, [1, 3]]
+    found = RADAR.range_rate_of(state, np.array([1.5]))
+    np.testing.assert_allclose(found, RADAR.range_rate_of(moved))
+
+
+@pytest.mark.parametrize("model", [RangeRateModel(0.2, 30.0), RangeRateModel(0.2, 0.0, 80.0)])
+def test_intensities_of_clutter_and_births_sum_to_those_without_range_rates(model):
+    radar = replace(RADAR, range_rate=model, velocity=(4.0, -3.0), clutter_rate=7.0)
+    width = model.clutter_width
+    rate = (np.arange(4000) + 0.5) / 4000.0 * width - 0.5 * width
+    place = np.tile([100.0, 0.3], (4000, 1))
+    rated, plain = Detections(place, None, range_rate=rate), Detections(place[:1], None)
+    step = width / 4000.0
+    clutter = np.exp(radar.log_clutter_intensity(rated)).sum() * step
+    assert clutter == pytest.approx(np.exp(radar.log_clutter_intensity(plain))[0], rel=1e-9)
+    area = np.radians(120.0) * radar.clutter_max_range
+    assert clutter == pytest.approx(7.0 / area, rel=1e-9)
+    births = [
+        np.exp(BIRTHS.log_intensity(found, radar, CONFIG.model.modes, 6.0)).sum()
+        for found in (rated, plain)
+    ]
+    assert births[0] * step == pytest.approx(births[1], rel=2e-3)
+
+
+def test_intensities_of_detections_without_a_known_range_rate_are_those_without_any():
+    place = np.array([[100.0, 0.3]])
+    unknown = Detections(place, None, range_rate=np.array([np.nan]))
+    plain = Detections(place, None)
+    assert RADAR.log_clutter_intensity(unknown) == RADAR.log_clutter_intensity(plain)
+    modes = CONFIG.model.modes
+    found = [BIRTHS.log_intensity(one, RADAR, modes, 6.0) for one in (unknown, plain)]
+    np.testing.assert_array_equal(*found)
+
+
+def newborns(radar, *rates):
+    place = np.tile([60.0, 0.3], (len(rates), 1))
+    report = Detections(place, None, range_rate=np.array(rates))
+    return Newborn(radar, report, np.ones((len(rates), 1)))
+
+
+def drawn(found):
+    rng = np.random.default_rng(0)
+    modes = CONFIG.model.modes
+    return detection_birth.sample(found, BIRTHS, modes, BIRTHS.particles, rng)
+
+
+def parts_of(radar, state):
+    """Return velocities relative to the radar along the line of sight, and those across it."""
+    line = state[:, [0, 2]] - radar.position
+    line /= np.hypot(*line.T)[:, None]
+    return radar.range_rate_of(state), state[:, 3] * line[:, 0] - state[:, 1] * line[:, 1]
+
+
+def test_newborn_particles_have_the_range_rate_and_the_prior_across():
+    state, _, _, detection = drawn(newborns(RADAR, -9.0, np.nan))
+    along, across = parts_of(RADAR, state)
+    gain = 12.0**2 / (12.0**2 + 0.2**2)
+    assert along[detection == 0].mean() == pytest.approx(-9.0 * gain, abs=0.01)
+    assert along[detection == 0].std() == pytest.approx(0.2 * np.sqrt(gain), rel=0.03)
+    assert across[detection == 0].std() == pytest.approx(12.0, rel=0.03)
+    assert along[detection == 1].std() == pytest.approx(12.0, rel=0.03)
+
+
+def test_newborn_particles_take_folds_by_the_prior_of_the_velocity():
+    state, _, _, _ = drawn(newborns(AMBIGUOUS, 10.0))
+    along, _ = parts_of(AMBIGUOUS, state)
+    line = np.array([np.cos(0.3 + AMBIGUOUS.yaw), np.sin(0.3 + AMBIGUOUS.yaw)])
+    folds = 10.0 + 30.0 * np.arange(-3, 4)
+    density = norm.pdf(folds + line @ AMBIGUOUS.velocity, 0.0, np.hypot(12.0, 0.2))
+    fold = np.round((along - 10.0) / 30.0).astype(int)
+    assert np.abs(along - 10.0 - 30.0 * fold).max() < 2.0
+    share = np.bincount(fold + 3, minlength=7) / len(fold)
+    np.testing.assert_allclose(share, density / density.sum(), atol=0.01)
+
+
+@pytest.mark.parametrize("time_s", [None, np.array([0.4])])
+def test_intensity_of_newborns_is_the_density_of_their_sample(time_s):
+    found = newborns(AMBIGUOUS, 10.0)
+    found = replace(found, detections=replace(found.detections, time_s=time_s))
+    state, mode, _, _ = drawn(found)
+    intensity = detection_birth.intensity(found, BIRTHS, CONFIG.model.modes, state, mode)
+    # By Bayes' rule, prior times likelihood over posterior is the density of the range rate.
+    report = replace(found.detections, range_rate=None)
+    plain = Newborn(found.radar, report, found.mass)
+    prior = detection_birth.intensity(plain, BIRTHS, CONFIG.model.modes, state, mode)
+    row = np.arange(len(state)), np.zeros(len(state), dtype=int)
+    likelihood = np.exp(AMBIGUOUS.log_range_rate(state, found.detections, row))
+    near = np.flatnonzero(prior > 0.0)
+    evidence = prior[near] * likelihood[near] / intensity[near]
+    assert len(near) > 0.999 * len(state)
+    line = np.array([[np.cos(0.3 + AMBIGUOUS.yaw), np.sin(0.3 + AMBIGUOUS.yaw)]])
+    expected = np.exp(BIRTHS.log_range_rate(line, AMBIGUOUS.rates_of(found.detections), AMBIGUOUS))
+    np.testing.assert_allclose(evidence, expected[0], rtol=0.05)
+
+
+def test_detections_that_are_taken_keep_their_range_rates():
+    report = Detections(
+        np.ones((3, 2)), None, range_rate=np.arange(3.0), range_rate_std=np.arange(3.0) + 1.0
+    )
+    taken = report.take(np.array([2, 0]))
+    np.testing.assert_array_equal(taken.range_rate, [2.0, 0.0])
+    np.testing.assert_array_equal(taken.range_rate_std, [3.0, 1.0])
+    with pytest.raises(ValueError, match="range_rate"):
+        Detections(np.ones((3, 2)), None, range_rate=np.ones(2))

@@ -1,0 +1,337 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The gated, cached kernel against the equations written out in full."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import gaussian_cloud, intensity, predict, short_scenario, small
+
+from phd_jdtc_ros.configuration.engines import particle_filter
+from phd_jdtc_ros.core import backend
+from phd_jdtc_ros.core.smc.correction import BERNOULLI, POISSON
+from phd_jdtc_ros.core.smc.kernel import backward_kernel, kernel_thinning, spawn_intensity
+from phd_jdtc_ros.core.smc.particle_set import ParticleSet
+from phd_jdtc_ros.core.smc.resampling import resample
+from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_step
+from phd_jdtc_ros.core.smc.update import update_scan
+from phd_jdtc_ros.simulation.simulate import simulate
+
+SPARSE_BUDGET = {
+    "particles_per_target": 80,
+    "least_particles": 10,
+    "particles_per_birth": 16,
+    "spawn.particles_per_target": 30,
+}
+
+
+def gaussian(offset, covariance):
+    """Return the density of every row of `offset`."""
+    square = (offset * np.linalg.solve(covariance, offset.T).T).sum(axis=1)
+    _, log_determinant = np.linalg.slogdet(2.0 * np.pi * covariance)
+    return np.exp(-0.5 * (square + log_determinant))
+
+
+def dense_kernels(earlier, later, model, corrector, dt):
+    """Return K[q, s] and mu[q], without gates, caches or whitening."""
+    modes = model.modes
+    share = dt / modes.interval_s
+    switching, survival = modes.transition(dt), modes.survival(dt)
+    kernel = np.zeros((len(later), len(earlier)))
+    mu = np.zeros(len(later))
+    for q in range(len(later)):
+        mode = later.mode[q]
+        motion = modes.motions[mode]
+        support = list(motion.support)
+        offset = (later.state[q] - motion.mean(earlier.state, dt))[:, support]
+        moved = gaussian(offset, motion.noise_covariance(dt))
+        kernel[q] = survival[earlier.mode] * switching[earlier.mode, mode] * moved
+        beside = gaussian(offset, np.diag(model.spawn.std[support] ** 2))
+        spawned = share * model.spawn.rate * model.spawn.transition[earlier.mode, mode] * beside
+        born = sum(
+            share
+            * term.rate[mode]
+            * gaussian(
+                (later.state[q : q + 1] - term.mean)[:, support],
+                np.diag(term.std[support] ** 2),
+            )[0]
+            for term in model.births
+        )
+        if corrector.labelled:
+            kernel[q, earlier.origin != later.origin[q]] = 0.0
+            spawned, born = 0.0, 0.0
+        mu[q] = born + (earlier.weight * (kernel[q] + spawned)).sum()
+    return kernel, mu
+
+
+def stored_run(model, method, stamps_s, seed, start=None):
+    """Return the stored sets of a short run with unequal intervals, and those intervals."""
+    rng = np.random.default_rng(seed)
+    scans = [scan for _, scan in simulate(short_scenario(len(stamps_s)), seed)]
+    stored = [ParticleSet.empty(5) if start is None else start]
+    intervals = np.diff(stamps_s, prepend=-4.0)
+    for index, (scan, dt) in enumerate(zip(scans, intervals, strict=True)):
+        phd = predict(stored[-1], model, method.corrector, method.budget, dt, index, rng)
+        phd, _ = update_scan(phd, scan, model, method.corrector, dt, index, rng)
+        stored.append(resample(phd, model.modes, method.budget, rng))
+    return (stored[1:], intervals[1:]) if start is None else (stored, intervals)
+
+
+def wide_cloud():
+    """Return a set about the first target so dense that each later row has many ancestors."""
+    rng = np.random.default_rng(7)
+    mode = rng.integers(0, 4, 200)
+    before = [-10e3 - 4.0 * 36.0, 36.0, 10e3 + 4.0 * 44.0, -44.0, 0.0]
+    state = gaussian_cloud(rng, 200, before, [10.0, 2.0, 10.0, 2.0, 5e-3])
+    state[mode % 2 == 0, 4] = 0.0
+    return intensity(state, np.full(200, 0.005), mode=mode)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def every_partner():
+    """Keep all pairs, whatever their number; thinning is tested in test_kernel_thinning."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernel_thinning, "MOST", 1_000_000)
+        yield
+
+
+@pytest.fixture(scope="module", params=["reference", "much-spawn", "wide-cloud", "labelled"])
+def run(request):
+    given, start = {}, None
+    if request.param == "much-spawn":
+        given = {"spawn.rate": 0.2}
+    if request.param == "wide-cloud":
+        # Births inside the set, so that they explain a share of its rows.
+        given = {
+            "start_1.velocity": [36.0, -44.0],
+            "start_1.position_std": 20.0,
+            "start_1.velocity_std": 4.0,
+            "start_1.rates": [0.5, 0.5],
+        }
+        start = wide_cloud()
+    corrector = "bernoulli" if request.param == "labelled" else "poisson"
+    config = small({**SPARSE_BUDGET, "corrector": corrector, **given})
+    method = particle_filter(config)
+    # Scans do not come at exactly the nominal interval, here 4, 6, 5 and 6.5 s.
+    stamps_s = [0.0, 6.0, 11.0, 17.5]
+    stored, intervals = stored_run(config.model, method, stamps_s, seed=2, start=start)
+    links = [
+        backward_kernel.build(a, b, config.model, method.corrector, dt)
+        for a, b, dt in zip(stored[:-1], stored[1:], intervals, strict=True)
+    ]
+    dense = [
+        dense_kernels(a, b, config.model, method.corrector, dt)
+        for a, b, dt in zip(stored[:-1], stored[1:], intervals, strict=True)
+    ]
+    return (config.model, method.corrector), stored, intervals, links, dense
+
+
+def assert_weights_equal(found, expected):
+    """Total mass alone would hide wrong weights, as mu normalises itself: compare each."""
+    total = expected.sum()
+    matter = expected > 1e-9 * total
+    np.testing.assert_allclose(found[matter], expected[matter], rtol=1e-3)
+    assert np.abs(found - expected).sum() <= 1e-5 * total
+
+
+@pytest.mark.usefixtures("backend")
+def test_build_gives_the_dense_backward_sums(run):
+    _, stored, _, links, dense = run
+    for earlier, later, link, (kernel, mu) in zip(
+        stored[:-1], stored[1:], links, dense, strict=True
+    ):
+        assert link.orphans == 0
+        expected = kernel.T @ (later.weight / np.where(mu > 0.0, mu, np.inf))
+        found = link.ratio @ later.weight
+        assert_weights_equal(earlier.weight * found, earlier.weight * expected)
+
+
+@pytest.mark.parametrize("name", sorted(DEATH_TERMS))
+def test_backward_steps_equal_the_dense_equations(run, name):
+    _, stored, _, links, dense = run
+    found = expected = stored[-1].weight
+    for earlier, link, (kernel, mu) in zip(stored[-2::-1], links[::-1], dense[::-1], strict=True):
+        # Both from the same later weights, so that errors do not accumulate over steps.
+        backward = kernel.T @ (found / np.where(mu > 0.0, mu, np.inf))
+        parts = earlier.components.toarray()
+        death = 1.0 - link.survival
+        if name == "paper":
+            factor = np.ones(parts.shape[1])
+        else:
+            alive = np.minimum(parts.T @ backward, 1.0)
+            mass = np.maximum(parts.sum(axis=0), 1.0)
+            factor = (1.0 - alive) / (1.0 - parts.T @ link.survival / mass)
+        expected = earlier.poisson * (backward + death)
+        expected = expected + (parts * (backward[:, None] + np.outer(death, factor))).sum(axis=1)
+        smoothed = backward_step(earlier, link, found, DEATH_TERMS[name])
+        assert_weights_equal(smoothed.weight, expected)
+        found = smoothed.weight
+
+
+def test_build_ratio_times_mu_is_the_kernel(run):
+    # Compare the entries in which an earlier row explains more than a millionth of the later row;
+    # entries beyond the gate are smaller.
+    _, stored, _, links, dense = run
+    for earlier, link, (kernel, mu) in zip(stored[:-1], links, dense, strict=True):
+        expected = kernel * earlier.weight / np.where(mu > 0.0, mu, np.inf)[:, None]
+        found = link.ratio.toarray().T * earlier.weight
+        matter = expected > 1e-6
+        np.testing.assert_allclose(found[matter], expected[matter], rtol=1e-4)
+
+
+@pytest.mark.usefixtures("backend")
+def test_build_explains_each_later_row_once(run):
+    # sum_s w(s) K[q, s] / mu_q is the survivors' share of row q: never above one, and near one
+    # for the rows of targets, which no birth or spawn explains.
+    _, stored, _, links, _ = run
+    for earlier, link in zip(stored[:-1], links, strict=True):
+        share = link.ratio.T @ earlier.weight
+        assert share.max() <= 1.0 + 1e-9
+        assert np.median(share) > 0.5
+
+
+def test_build_survival_is_that_of_the_true_interval(run):
+    _, _, intervals, links, _ = run
+    for link, dt in zip(links, intervals, strict=True):
+        np.testing.assert_allclose(link.survival, 0.99 ** (dt / 6.0), rtol=1e-12)
+
+
+def test_build_spawn_stands_in_mu_and_not_in_the_numerator():
+    # A slow particle of the other class, which only a spawn explains.
+    model = replace(small({"spawn.rate": 0.5}).model, births=())
+    earlier = intensity([[0.0, 0.0, 0.0, 0.0, 0.0]], [1.0], mode=np.array([0]))
+    later = replace(earlier, mode=np.array([2]), parent=np.array([0]))
+    link = backward_kernel.build(earlier, later, model, POISSON, 6.0)
+    assert link.orphans == 0
+    assert link.ratio.toarray().tolist() == [[0.0]]
+
+
+def test_build_spawn_beyond_its_radius_is_within_the_tolerance(run, monkeypatch):
+    (model, corrector), stored, intervals, links, _ = run
+    with monkeypatch.context() as patch:
+        patch.setattr(spawn_intensity, "SPAWN_TOLERANCE", 1e-300)  # then every radius is the gate
+        exact = [
+            backward_kernel.build(a, b, model, corrector, dt)
+            for a, b, dt in zip(stored[:-1], stored[1:], intervals, strict=True)
+        ]
+    for link, full in zip(links, exact, strict=True):
+        assert link.ratio.nnz == full.ratio.nnz
+        left_out = link.ratio.toarray() / np.maximum(full.ratio.toarray(), 1e-300) - 1.0
+        assert left_out.max() <= spawn_intensity.SPAWN_TOLERANCE
+
+
+def test_build_bounds_spawned_mass_in_little_memory_however_narrow_the_spawn():
+    model = small({"spawn.rate": 0.5, "spawn.position_std": 1e-6}).model
+    state = [[0.0, 10.0, 0.0, 10.0, 0.0], [2e4, 10.0, 2e4, 10.0, 0.0]]
+    earlier = intensity(state, [1.0, 1.0])
+    later = intensity([model.modes.motions[0].mean(np.array(state), 6.0)[0]], [1.0])
+    link = backward_kernel.build(earlier, later, model, POISSON, 6.0)
+    assert link.ratio.nnz == 1
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.01])
+def test_build_gives_an_orphan_to_its_parent(rate):
+    model = replace(small({"spawn.rate": rate}).model, births=())
+    state = np.zeros((2, 5))
+    state[1, 0] = 100.0
+    earlier = intensity(state, [0.5, 0.25])
+    far = np.array([[4000.0, 0.0, 3000.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0]])
+    later = replace(intensity(far, [0.2, 0.4]), parent=np.array([1, 0]))
+    link = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
+    assert link.orphans == 1
+    backward = link.ratio @ later.weight
+    assert backward[1] * earlier.weight[1] == pytest.approx(0.2, rel=1e-9)
+
+
+def test_build_gives_all_orphans_to_their_parents():
+    model = replace(small().model, births=())
+    earlier = intensity(np.zeros((2, 5)), [0.5, 0.25])
+    far = np.array([[9000.0, 0.0, 8000.0, 0.0, 0.0], [-9e3, 0.0, 9e3, 0.0, 0.0]])
+    later = replace(intensity(far, [0.2, 0.4]), parent=np.array([1, 1]))
+    link = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
+    assert link.orphans == 2
+    np.testing.assert_allclose(link.ratio @ later.weight, [0.0, 0.6 / 0.25])
+
+
+def test_build_gives_orphans_among_many_rows_to_their_parents():
+    # Displaced rows keep only the pair with their parent; those of other rows must not change.
+    model = replace(small().model, births=())
+    rng = np.random.default_rng(5)
+    count = 3000
+    start = gaussian_cloud(rng, count, [0.0, 30.0, 0.0, -20.0, 0.0], [300.0, 5.0, 300.0, 5.0, 0.0])
+    earlier = intensity(start, rng.uniform(0.5, 1.5, count) / count)
+    parent = rng.integers(0, count, count)
+    moved = model.modes.motions[0].mean(start[parent], 6.0)
+    moved[:, :4] += rng.standard_normal((count, 4)) * [2.0, 1.0, 2.0, 1.0]
+    later = replace(intensity(moved, np.full(count, 1.0 / count)), parent=parent)
+    lost = np.sort(rng.choice(count, 40, replace=False))
+    far = moved.copy()
+    far[lost, 0] += 5000.0 * np.arange(1, 41)
+    plain = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
+    link = backward_kernel.build(earlier, replace(later, state=far), model, BERNOULLI, 6.0)
+    assert (plain.orphans, link.orphans) == (0, 40)
+    columns = link.ratio.tocsc()
+    for row in lost:
+        one = slice(columns.indptr[row], columns.indptr[row + 1])
+        assert columns.indices[one].tolist() == [parent[row]]
+        assert columns.data[one] * earlier.weight[parent[row]] == pytest.approx(1.0, rel=1e-12)
+    others = np.setdiff1d(np.arange(count), lost)
+    difference = abs(link.ratio.tocsc()[:, others] - plain.ratio.tocsc()[:, others])
+    assert difference.max() <= 1e-4 * plain.ratio.max()
+
+
+def test_build_leaves_a_birth_out_of_reach_without_a_parent():
+    model = small().model
+    earlier = intensity(np.zeros((1, 5)), [1.0])
+    later = intensity(model.births[0].mean[None], [0.3])
+    link = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
+    assert link.orphans == 0
+    assert (link.ratio @ later.weight).tolist() == [0.0]
+
+
+@pytest.mark.parametrize("spread", [1.0, 50.0, 20e3])
+def test_build_within_origins_does_not_depend_on_the_backend(spread, monkeypatch):
+    pytest.importorskip("numba", reason="numba is optional: pip install '.[fast]'")
+    # Sets from the size of one grid cell to far more than the largest grid; an origin of the later
+    # set without earlier rows, and one of the earlier set without later rows.
+    model = small().model
+    rng = np.random.default_rng(3)
+    mode = rng.integers(0, 4, 2000)
+    cloud = gaussian_cloud(rng, 2000, np.zeros(5), [spread, 2.0, spread, 2.0, 1e-3])
+    cloud[mode % 2 == 0, 4] = 0.0
+    weight = rng.uniform(0.5, 1.5, 2000)
+    earlier = intensity(cloud, weight, mode=mode, origin=rng.integers(0, 3, 2000))
+    parent = rng.permutation(2000)
+    moved = cloud[parent] + gaussian_cloud(rng, 2000, np.zeros(5), [8.0, 2.0, 8.0, 2.0, 1e-4])
+    moved[mode[parent] % 2 == 0, 4] = 0.0
+    origin = np.where(earlier.origin == 0, 3, earlier.origin)[parent]
+    later = intensity(moved, weight, mode=mode[parent], origin=origin)
+    links = {}
+    for name in ("numpy", "numba"):
+        with backend.using(name):
+            links[name] = backward_kernel.build(earlier, later, model, BERNOULLI, 6.0)
+
+    plain, compiled = (links[name].ratio.toarray() for name in ("numpy", "numba"))
+    assert np.count_nonzero(plain) > 1000
+    assert not plain[:, later.origin == 3].any()
+    assert not plain[earlier.origin == 0].any()
+    np.testing.assert_allclose(compiled, plain, rtol=1e-12, atol=0.0)
+
+
+@pytest.mark.usefixtures("backend")
+def test_build_from_an_empty_set_has_no_rows():
+    model = small().model
+    later = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
+    link = backward_kernel.build(ParticleSet.empty(5), later, model, BERNOULLI, 6.0)
+    assert link.ratio.shape == (0, 3)
+    assert len(link.ratio @ later.weight) == 0
+
+
+@pytest.mark.usefixtures("backend")
+def test_build_to_an_empty_set_leaves_nothing_alive():
+    model = small().model
+    earlier = intensity(np.zeros((3, 5)), [0.1, 0.1, 0.1])
+    link = backward_kernel.build(earlier, ParticleSet.empty(5), model, BERNOULLI, 6.0)
+    np.testing.assert_array_equal(link.ratio @ np.zeros(0), np.zeros(3))

@@ -1,0 +1,89 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import small
+from scipy.stats import norm
+
+from phd_jdtc_ros.core.state_space import OMEGA
+from phd_jdtc_ros.core.targets import birth
+
+MODEL = small({"start_1.turn_rate_std": 2e-3, "start_1.velocity": [10.0, -5.0]}).model
+TERM = MODEL.births[0]
+
+
+def test_sample_has_the_moments_of_the_term():
+    count = 4096
+    state, mode = birth.sample(TERM, MODEL.modes, count, np.random.default_rng(0))
+    turning = mode % 2 == 1
+    scaled = (state - TERM.mean) / TERM.std
+    # Quasi-random points are far better than independent ones, whose errors these are.
+    assert (np.abs(scaled[:, :4].mean(axis=0)) < 3.0 / np.sqrt(count)).all()
+    np.testing.assert_allclose(scaled[:, :4].std(axis=0), 1.0, atol=3.0 / np.sqrt(2 * count))
+    np.testing.assert_allclose(scaled[turning, OMEGA].std(), 1.0, atol=3.0 / np.sqrt(count))
+
+
+def test_sample_shares_modes_by_their_rates():
+    term = replace(TERM, rate=np.array([0.001, 0.0, 0.002, 0.005]))
+    _, mode = birth.sample(term, MODEL.modes, 1024, np.random.default_rng(0))
+    # One coordinate of a Sobol set of 1024 points is stratified to a point.
+    np.testing.assert_allclose(np.bincount(mode, minlength=4), [128, 0, 256, 640], atol=1)
+
+
+def test_sample_of_constant_velocity_has_no_turn_rate():
+    state, mode = birth.sample(TERM, MODEL.modes, 256, np.random.default_rng(0))
+    straight = mode % 2 == 0
+    np.testing.assert_array_equal(state[straight, OMEGA], 0.0)
+    assert (state[~straight, OMEGA] != 0.0).all()
+
+
+def test_sample_is_unbiased_over_its_random_shift():
+    # Two points only, so the shift alone must make the mean right.
+    rng = np.random.default_rng(3)
+    trials = 3000
+    mean = np.array(
+        [birth.sample(TERM, MODEL.modes, 2, rng)[0][:, 0].mean() for _ in range(trials)]
+    )
+    assert abs(mean.mean() - TERM.mean[0]) < 4.5 * mean.std() / np.sqrt(trials)
+
+
+def dense_intensity(terms, modes, state, mode):
+    total = np.zeros(len(state))
+    for term in terms:
+        for q in range(len(state)):
+            support = list(modes.motions[mode[q]].support)
+            density = norm.pdf(state[q, support], term.mean[support], term.std[support])
+            total[q] += term.rate[mode[q]] * density.prod()
+    return total
+
+
+def test_intensity_is_a_sum_of_gaussians_over_each_support():
+    rng = np.random.default_rng(1)
+    samples = [birth.sample(term, MODEL.modes, 32, rng) for term in MODEL.births]
+    state, mode = (np.concatenate(part) for part in zip(*samples, strict=True))
+    found = birth.intensity(MODEL.births, MODEL.modes, state, mode)
+    # Starts 2 and 3 are 2.5 sigma apart, so that terms add; the gate at 8 sigma costs 1e-14.
+    expected = dense_intensity(MODEL.births, MODEL.modes, state, mode)
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("dimension", range(5))
+def test_intensity_vanishes_far_from_every_term(dimension):
+    state = TERM.mean[None].copy()
+    state[0, dimension] += 9.0 * TERM.std[dimension]
+    assert birth.intensity((TERM,), MODEL.modes, state, np.array([1]))[0] == 0.0
+
+
+def test_intensity_without_terms_is_zero():
+    found = birth.intensity((), MODEL.modes, np.zeros((3, 5)), np.zeros(3, dtype=int))
+    np.testing.assert_array_equal(found, np.zeros(3))
+
+
+def test_intensity_is_zero_for_a_mode_that_is_not_born():
+    term = replace(TERM, rate=np.array([0.0, 0.0, 0.1, 0.1]))
+    state = np.repeat(TERM.mean[None], 4, axis=0)
+    found = birth.intensity((term,), MODEL.modes, state, np.arange(4))
+    np.testing.assert_array_equal(found > 0.0, [False, False, True, True])

@@ -1,0 +1,154 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from phd_jdtc_ros.core.state_space import OMEGA
+from phd_jdtc_ros.core.targets import motion
+from phd_jdtc_ros.core.targets.motion import ConstantVelocity, CoordinatedTurn
+
+CV = ConstantVelocity(1.3)
+CT = CoordinatedTurn(1.3, 1e-5)
+STATES = np.array(
+    [
+        [100.0, 30.0, -50.0, -10.0, 0.05],
+        [-8e3, -60.0, 9e3, 44.0, -0.3],
+        [0.0, 1.0, 0.0, 0.0, 1e-7],
+        [10.0, 36.0, 20.0, -44.0, 0.6],
+    ]
+)
+
+
+def turning(_, state):
+    _, vx, _, vy, omega = state
+    return [vx, -omega * vy, vy, omega * vx, 0.0]
+
+
+@pytest.mark.parametrize("dt", [0.1, 6.0, 20.0])
+@pytest.mark.parametrize("row", range(len(STATES)))
+def test_coordinated_turn_mean_solves_the_equations_of_motion(row, dt):
+    solution = solve_ivp(turning, (0.0, dt), STATES[row], rtol=1e-11, atol=1e-9)
+    moved = CT.mean(STATES[row : row + 1], dt)[0]
+    np.testing.assert_allclose(moved, solution.y[:, -1], rtol=1e-8, atol=1e-6)
+
+
+@pytest.mark.parametrize("omega", [0.0, 1e-300, 1e-12, -1e-12])
+def test_coordinated_turn_mean_tends_to_constant_velocity(omega):
+    state = STATES.copy()
+    state[:, OMEGA] = omega
+    expected = CV.mean(state, 6.0)
+    np.testing.assert_allclose(CT.mean(state, 6.0)[:, :4], expected[:, :4], rtol=1e-12, atol=1e-8)
+
+
+def test_coordinated_turn_mean_keeps_speed_and_turn_rate():
+    moved = CT.mean(STATES, 6.0)
+    speed = np.hypot(STATES[:, 1], STATES[:, 3])
+    np.testing.assert_allclose(np.hypot(moved[:, 1], moved[:, 3]), speed, rtol=1e-12)
+    np.testing.assert_array_equal(moved[:, OMEGA], STATES[:, OMEGA])
+
+
+def test_constant_velocity_mean_moves_straight_without_turn_rate():
+    moved = CV.mean(STATES, 6.0)
+    np.testing.assert_allclose(moved[:, [0, 2]], STATES[:, [0, 2]] + 6.0 * STATES[:, [1, 3]])
+    np.testing.assert_array_equal(moved[:, [1, 3]], STATES[:, [1, 3]])
+    np.testing.assert_array_equal(moved[:, OMEGA], 0.0)
+
+
+@pytest.mark.parametrize("model", [CV, CT])
+def test_mean_leaves_its_argument_alone(model):
+    before = STATES.copy()
+    model.mean(STATES, 6.0)
+    np.testing.assert_array_equal(STATES, before)
+
+
+@pytest.mark.parametrize("model", [CV, CT])
+@settings(deadline=None, max_examples=30)
+@given(first=st.floats(0.1, 10.0), second=st.floats(0.1, 10.0))
+def test_noise_covariance_over_two_intervals_is_that_of_their_sum(model, first, second):
+    # Without a turn F is linear, and F(b) Q(a) F(b)' + Q(b) = Q(a + b) is the semigroup law.
+    support = list(model.support)
+    unit = np.eye(5)
+    unit[:, OMEGA] = 0.0
+    step = model.mean(unit, second).T[np.ix_(support, support)]
+    if OMEGA in support:
+        step[OMEGA, OMEGA] = 1.0
+    chained = step @ model.noise_covariance(first) @ step.T + model.noise_covariance(second)
+    np.testing.assert_allclose(model.noise_covariance(first + second), chained, rtol=1e-10)
+
+
+@pytest.mark.parametrize("model", [CV, CT])
+@pytest.mark.parametrize("dt", [0.05, 6.0, 100.0])
+def test_whitener_makes_the_noise_white_by_an_upper_triangle(model, dt):
+    covariance = model.noise_covariance(dt)
+    matrix, log_determinant = motion.whitener(covariance)
+    np.testing.assert_allclose(
+        matrix @ covariance @ matrix.T, np.eye(len(covariance)), rtol=0, atol=1e-9
+    )
+    np.testing.assert_array_equal(matrix, np.triu(matrix))
+    sign, expected = np.linalg.slogdet(matrix)
+    assert sign == 1.0
+    assert log_determinant == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("model", [CV, CT])
+def test_sample_has_the_model_moments(model):
+    count = 40_000
+    support = list(model.support)
+    start = np.repeat(STATES[:1], count, axis=0)
+    drawn = motion.sample(model, start, 6.0, np.random.default_rng(1))
+    covariance = model.noise_covariance(6.0)
+    noise = (drawn - model.mean(start, 6.0))[:, support]
+    std = np.sqrt(np.diag(covariance))
+    # Standard errors: std/sqrt(N) of a mean and at most sqrt(2/N) std std' of a covariance.
+    assert np.all(np.abs(noise.mean(axis=0)) < 4.5 * std / np.sqrt(count))
+    error = np.abs(np.cov(noise.T) - covariance)
+    assert np.all(error < 4.5 * np.sqrt(2.0 / count) * np.outer(std, std))
+
+
+def test_sample_of_constant_velocity_has_no_turn_rate():
+    drawn = motion.sample(CV, STATES, 6.0, np.random.default_rng(1))
+    np.testing.assert_array_equal(drawn[:, OMEGA], 0.0)
+
+
+def central_differences(model, state, dt):
+    """Return the derivatives of a model's mean, shape (N, D, D)."""
+    columns = []
+    for axis, step in enumerate([1.0, 1e-2, 1.0, 1e-2, 1e-6]):
+        away = np.zeros(5)
+        away[axis] = step
+        apart = model.mean(state + away, dt) - model.mean(state - away, dt)
+        columns.append(apart / (2.0 * step))
+    return np.stack(columns, axis=2)
+
+
+@pytest.mark.parametrize("dt", [1e-3, 6.0, 20.0, np.array([0.5, 6.0, 12.0, 3.0])])
+@pytest.mark.parametrize("model", [CV, CT], ids=["cv", "ct"])
+def test_jacobian_is_the_derivative_of_the_mean(model, dt):
+    np.testing.assert_allclose(
+        model.jacobian(STATES, dt), central_differences(model, STATES, dt), rtol=1e-6, atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("omega", [0.0, 1e-12, -1e-9, 1.6e-5, -1.7e-5, 1e-4])
+def test_coordinated_turn_jacobian_is_the_derivative_about_straight_flight(omega):
+    state = np.array([[100.0, 230.0, -50.0, -110.0, omega]])
+    # 1.65e-5 rad/s times 6 s is where the series ends.
+    found = CT.jacobian(state, 6.0)
+    np.testing.assert_allclose(found, central_differences(CT, state, 6.0), rtol=1e-5, atol=1e-3)
+    # By half the square of the time, a turn moves a target across its velocity.
+    np.testing.assert_allclose(found[0, [0, 2], 4], [18.0 * 110.0, 18.0 * 230.0], rtol=3e-3)
+
+
+def test_jacobian_takes_an_interval_for_each_row():
+    dt = np.array([0.5, 6.0, 12.0, 3.0])
+    for model in (CV, CT):
+        found = model.jacobian(STATES, dt)
+        moved = model.mean(STATES, dt)
+        for row in range(len(STATES)):
+            alone = STATES[row : row + 1]
+            np.testing.assert_array_equal(found[row], model.jacobian(alone, dt[row])[0])
+            np.testing.assert_array_equal(moved[row], model.mean(alone, dt[row])[0])

@@ -1,0 +1,160 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import small
+
+from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
+from phd_jdtc_ros.core.tracks.common_stamp import (
+    Schedule,
+    at_stamp,
+    interpolated,
+    joined,
+    none,
+    predicted,
+)
+from phd_jdtc_ros.core.types import Estimates
+
+MODES = small().model.modes
+SECOND = 1_000_000_000
+TURNING = CoordinatedTurn(0.0, 0.0)
+
+
+def estimates(stamp_s, tracks, state=None, weight=0.9):
+    count = len(tracks)
+    if state is None:
+        state = np.tile([1000.0, 100.0, 2000.0, -50.0, 0.0], (count, 1))
+    return Estimates(
+        stamp_ns=round(stamp_s * SECOND),
+        lag=0,
+        state=state,
+        covariance=np.tile(np.diag([100.0, 4.0, 100.0, 4.0, 1e-6]), (count, 1, 1)),
+        weight=np.full(count, weight),
+        class_probability=np.tile([0.7, 0.3], (count, 1)),
+        class_id=np.zeros(count, dtype=np.int64),
+        track_id=np.array(tracks, dtype=np.int64),
+    )
+
+
+def moved(found, dt):
+    """Return the states where their turns take them, at their stamp."""
+    return replace(
+        found, stamp_ns=found.stamp_ns + round(dt * SECOND), state=TURNING.mean(found.state, dt)
+    )
+
+
+def predicted_from(found, stamp_ns):
+    return predicted(found, np.full(len(found), found.stamp_ns), stamp_ns, MODES)
+
+
+def between(before, after, stamp_ns):
+    times = tuple(np.full(len(part), part.stamp_ns) for part in (before, after))
+    return interpolated(before, after, times, stamp_ns)
+
+
+def test_schedule_without_a_period_has_no_stamps_of_its_own():
+    assert Schedule(0).between(0, 10 * SECOND) == []
+
+
+@pytest.mark.parametrize(
+    ("after", "before", "expected"),
+    [(0.5, 3.5, [1, 2, 3]), (1.0, 3.0, [1, 2]), (1.1, 1.9, []), (0.0, 1.0, [0])],
+)
+def test_schedule_has_the_multiples_from_one_scan_until_before_the_next(after, before, expected):
+    found = Schedule(SECOND).between(round(after * SECOND), round(before * SECOND))
+    assert found == [second * SECOND for second in expected]
+
+
+def test_predicted_follows_the_turn_and_grows_uncertain():
+    found = estimates(0.0, [1], np.array([[1000.0, 100.0, 2000.0, -50.0, 0.05]]))
+    later = predicted_from(found, 4 * SECOND)
+    np.testing.assert_allclose(later.state, TURNING.mean(found.state, 4.0))
+    # 10 m and 4 s of 2 m/s, and the noise on top; the turn rate adds next to nothing
+    assert 100.0 + 16.0 * 4.0 < later.covariance[0, 0, 0] < 250.0
+    assert later.weight[0] == pytest.approx(0.9 * 0.99 ** (4.0 / 6.0))
+    assert later.stamp_ns == 4 * SECOND
+
+
+def test_predicted_jacobian_is_that_of_a_straight_line_without_a_turn():
+    found = estimates(0.0, [1])
+    jacobian = np.eye(5)
+    jacobian[0, 1] = jacobian[2, 3] = 3.0
+    jacobian[0, 4], jacobian[1, 4] = -4.5 * -50.0, -3.0 * -50.0
+    jacobian[2, 4], jacobian[3, 4] = 4.5 * 100.0, 3.0 * 100.0
+    noise = np.zeros((5, 5))
+    for motion in MODES.classes[0].motions:
+        axes = np.ix_(motion.support, motion.support)
+        noise[axes] += motion.noise_covariance(3.0) / 2.0
+    expected = jacobian @ found.covariance[0] @ jacobian.T + noise
+    later = predicted_from(found, 3 * SECOND)
+    np.testing.assert_allclose(later.covariance[0], expected, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("turn_rate", [0.0, 0.03])
+def test_interpolated_is_on_the_path_between(turn_rate):
+    before = estimates(10.0, [1, 2], np.array([[0.0, 200.0, 50.0, 10.0, turn_rate]] * 2))
+    after = moved(before, 4.0)
+    found = between(before, after, 11 * SECOND)
+    expected = moved(before, 1.0)
+    # A cubic is off by the fourth derivative: v w^3 T^4 / 384
+    np.testing.assert_allclose(found.position, expected.position, atol=0.01)
+    np.testing.assert_allclose(found.velocity, expected.velocity, atol=0.05)
+
+
+def test_interpolated_at_either_end_is_that_end():
+    before = estimates(10.0, [1])
+    after = replace(moved(before, 4.0), weight=np.array([0.5]))
+    for end in (before, after):
+        found = between(before, after, end.stamp_ns)
+        np.testing.assert_allclose(found.state, end.state, atol=1e-9)
+        np.testing.assert_allclose(found.weight, end.weight)
+
+
+def test_at_stamp_takes_the_update_before_and_the_one_after_it():
+    first, second = estimates(10.0, [3, 5]), moved(estimates(10.0, [5]), 4.0)
+    found = at_stamp(*joined([first, second], 2), 12 * SECOND, 0.5, MODES)
+    assert found.track_id.tolist() == [3, 5]
+    np.testing.assert_allclose(found.position, moved(first, 2.0).position, atol=1e-6)
+    assert (found.stamp_ns, found.lag) == (12 * SECOND, 2)
+    # predicted, the covariance grows; interpolated, it does not
+    assert found.covariance[0, 0, 0] > found.covariance[1, 0, 0]
+
+
+def test_at_stamp_leaves_out_who_came_later_or_is_unlikely():
+    parts = [estimates(10.0, [1]), estimates(10.0, [2], weight=0.3), estimates(14.0, [7])]
+    assert at_stamp(*joined(parts, 0), 12 * SECOND, 0.5, MODES).track_id.tolist() == [1]
+
+
+def test_at_stamp_takes_unlabelled_targets_from_the_last_scan():
+    parts = [estimates(9.0, [0, 0, 0]), estimates(10.0, [0, 0]), estimates(14.0, [0])]
+    assert at_stamp(*joined(parts, 0), 12 * SECOND, 0.5, MODES).track_id.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("parts", [[], [estimates(10.0, [])]])
+def test_at_stamp_without_targets_has_all_columns(parts):
+    found = (
+        at_stamp(*joined(parts, 1), 12 * SECOND, 0.5, MODES)
+        if parts
+        else none(MODES, 12 * SECOND, 1)
+    )
+    assert (len(found), found.state.shape, found.class_probability.shape) == (0, (0, 5), (0, 2))
+
+
+def test_joined_is_in_the_order_of_the_tracks():
+    found, time_ns = joined([estimates(1.0, [4, 9]), estimates(2.0, [2])], 0)
+    assert found.track_id.tolist() == [2, 4, 9]
+    assert time_ns.tolist() == [2 * SECOND, SECOND, SECOND]
+
+
+def test_predicted_moves_every_target_from_its_own_time():
+    parts = [estimates(1.0, [1, 4]), estimates(2.0, [2]), estimates(5.0, [3])]
+    found = predicted(*joined(parts, 0), 5 * SECOND, MODES)
+    for part in parts:
+        own = np.isin(found.track_id, part.track_id)
+        alone = predicted_from(part, 5 * SECOND)
+        np.testing.assert_array_equal(found.state[own], alone.state)
+        np.testing.assert_allclose(found.covariance[own], alone.covariance)
+        np.testing.assert_array_equal(found.weight[own], alone.weight)

@@ -1,0 +1,489 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which tracks are reported, given their existence probabilities scan by scan."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import seen_with
+from sweep import configuration
+
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.engines import new_engine
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.snapshot import Snapshot
+from phd_jdtc_ros.core.tracks.confirmation import Records, TrackStates, missed_by_all
+from phd_jdtc_ros.core.tracks.reporting_rule import rule_of
+from phd_jdtc_ros.core.types import (
+    COASTING,
+    CONFIRMED,
+    TENTATIVE,
+    Coverage,
+    Detections,
+    Estimates,
+    Pose,
+    Scan,
+)
+from phd_jdtc_ros.simulation.scenario import paper_scenario
+from phd_jdtc_ros.simulation.simulate import simulate
+
+REFERENCE = resolve({})
+MODEL = REFERENCE.model
+SECOND = 1_000_000_000
+INTERVAL = 6 * SECOND
+# What a target of the second class, with detection probability 0.88, keeps that both radars miss.
+SURVIVAL = 0.99
+
+
+def scan_of(stamp_ns, model=MODEL):
+    empty = Detections(np.zeros((0, 2)), np.zeros(0))
+    return Scan(stamp_ns, tuple(empty for _ in model.radars))
+
+
+def estimates(stamp_ns, found, class_id=1, lag=0, model=MODEL):
+    """Return estimates at 5 km of {track: existence probability}."""
+    count, space = len(found), model.modes.space
+    state = np.tile(space.state((5e3, 0.0), (0.0, 0.0), 0.0), (count, 1))
+    return Estimates(
+        stamp_ns=stamp_ns,
+        lag=lag,
+        state=state,
+        covariance=np.zeros((count, len(space), len(space))),
+        weight=np.array([*found.values()], dtype=float),
+        class_probability=np.eye(len(model.modes.classes))[np.full(count, class_id)],
+        class_id=np.full(count, class_id),
+        track_id=np.array([*found], dtype=np.int64),
+    )
+
+
+class Tracks:
+    """Existence probabilities of one track after another, scan by scan."""
+
+    def __init__(self, model=MODEL, class_id=1, **thresholds):
+        self.states = TrackStates(rule_of(model, True, **thresholds))
+        self.model, self.class_id, self.index = model, class_id, 0
+
+    def add(self, **found):
+        """Report {tN: existence}; return the states of the reported tracks."""
+        self.index += 1
+        stamp_ns = self.index * INTERVAL
+        given = {int(name[1:]): weight for name, weight in found.items()}
+        every = estimates(stamp_ns, given, self.class_id, model=self.model)
+        above = np.flatnonzero(every.weight > self.states.rule.least)
+        every = replace(
+            every,
+            **{
+                name: getattr(every, name)[above]
+                for name in ("state", "covariance", "weight", "class_probability", "class_id")
+            },
+            track_id=every.track_id[above],
+            track_state=every.track_state[above],
+        )
+        touched = np.array([*given], dtype=np.int64) - 1
+        held = [(self.index - back) * INTERVAL for back in range(2)]
+        reported = self.states.filtered(
+            every, touched, held, scan_of(stamp_ns, self.model), self.model
+        )
+        self.states.note(reported)
+        return dict(zip(reported.track_id.tolist(), reported.track_state.tolist(), strict=True))
+
+
+def after_a_miss(existence, missed):
+    survived = SURVIVAL * existence
+    return survived * missed / (1.0 - survived * (1.0 - missed))
+
+
+def beyond(model):
+    """Return the model with radars that see too near to see a target, so that it is not missed."""
+    radars = [replace(r, visibility=replace(r.visibility, max_range=100.0)) for r in model.radars]
+    return replace(model, radars=tuple(radars))
+
+
+# Of a target of the second class, which both radars miss.
+MISSED = float(missed_by_all(estimates(0, {1: 1.0}), scan_of(0), MODEL)[0])
+KEPT = after_a_miss(0.9999, MISSED)
+
+
+def test_a_track_is_reported_from_its_confirmation_until_its_deletion():
+    tracks = Tracks(confirm=0.8, delete=0.3)
+    found = [tracks.add(t1=weight) for weight in (0.7, 0.79, 0.81, 0.9, 0.4, 0.31, 0.29, 0.5, 0.85)]
+    assert [list(states) for states in found] == [[], [], [1], [1], [1], [1], [], [], [1]]
+
+
+def test_hysteresis_is_of_each_track_by_itself():
+    tracks = Tracks(confirm=0.8, delete=0.3)
+    tracks.add(t1=0.9, t2=0.5)
+    assert tracks.add(t1=0.5, t2=0.5) == {1: COASTING}
+    assert tracks.add(t1=0.4, t2=0.9, t7=0.85) == {1: COASTING, 2: CONFIRMED, 7: CONFIRMED}
+
+
+def test_a_confirmed_track_is_coasting_while_scans_miss_it():
+    tracks = Tracks(confirm=0.6, delete=0.01)
+    missed = after_a_miss(0.999, MISSED)
+    weights = (0.9, 0.999, missed, 0.995, 0.999)
+    assert [tracks.add(t1=w).get(1) for w in weights] == [
+        CONFIRMED,
+        CONFIRMED,
+        COASTING,
+        CONFIRMED,
+        CONFIRMED,
+    ]
+
+
+def test_a_track_that_no_antenna_passes_is_coasting_after_a_turn():
+    tracks = Tracks(confirm=0.6, delete=0.3)
+    tracks.add(t1=0.999)
+    tracks.model = beyond(MODEL)
+    weights = 0.999 * SURVIVAL ** np.arange(1, 4)
+    assert [tracks.add(t1=w)[1] for w in weights] == [CONFIRMED, COASTING, COASTING]
+
+
+def test_a_derived_deletion_is_at_even_odds_where_no_radar_looks():
+    tracks = Tracks()
+    tracks.add(t1=0.999)
+    tracks.model = beyond(MODEL)
+    weights = SURVIVAL ** np.arange(1, 80)
+    assert sum(1 in tracks.add(t1=weight) for weight in weights) == np.sum(weights >= 0.5)
+
+
+def test_a_track_that_no_radar_can_see_is_reported_for_as_long_as_the_limit():
+    tracks = Tracks(coasting_scans=4.0)
+    tracks.add(t1=0.999)
+    tracks.model = beyond(MODEL)
+    weights = 0.999 * SURVIVAL ** np.arange(1, 8)
+    assert [1 in tracks.add(t1=weight) for weight in weights] == [True] * 4 + [False] * 3
+    tracks.model = MODEL
+    assert tracks.add(t1=0.999) == {1: CONFIRMED}
+    tracks.model = beyond(MODEL)
+    assert tracks.add(t1=0.999 * SURVIVAL) == {1: CONFIRMED}
+
+
+def test_a_limit_of_coasting_is_no_limit_where_radars_can_see_the_track():
+    tracks = Tracks(model=seen_with(MODEL, 0.3), coasting_scans=1.0)
+    tracks.add(t1=0.9999)
+    missed = float(missed_by_all(estimates(0, {1: 1.0}), scan_of(0), tracks.model)[0])
+    weights = [0.9999]
+    for _ in range(4):
+        weights.append(after_a_miss(weights[-1], missed))
+    assert weights[-1] > 0.7
+    assert [tracks.add(t1=weight)[1] for weight in weights[1:]] == [COASTING] * 4
+
+
+@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+@pytest.mark.parametrize(("hidden", "reported"), [(4, 4), (14, 10)])
+def test_a_target_that_comes_out_of_a_blind_sector_has_its_number(engine, hidden, reported):
+    # It flies past the radar, and after some scans behind something.
+    before, after = 8, 4
+    north = -2e3 + 240.0 * np.arange(before + hidden + after)
+    edges = north[[before - 1, before + hidden - 1]] + 120.0
+    radar = {
+        "detection_probability": 0.95,
+        "clutter_rate": 1.0,
+        "position": [0.0, 0.0],
+        "blind_sectors_deg": np.rad2deg(np.arctan2(edges, 8e3)).tolist(),
+    }
+    config = resolve(
+        {
+            "engine": engine,
+            "particles_per_target": 1500,
+            "radars": ["radar_1"],
+            "births": [],
+            "detection_births.rates": [0.05, 0.05],
+            "lag": 1,
+            **{f"radar_1.{name}": value for name, value in radar.items()},
+        }
+    )
+    of, space = new_engine(config), config.model.modes.space
+    (radar,) = config.model.radars
+    tracks = []
+    for index, place in enumerate(north):
+        measured = radar.measure(space.state((8e3, place), (0.0, 40.0), 0.0)[None])
+        measured = measured[radar.missable(measured, None) > 0.0]
+        seen = Detections(measured, np.full(len(measured), 60.0))
+        (found,) = of.step(Scan((index + 1) * INTERVAL, (seen,))).filtered
+        tracks.append(found.track_id.tolist())
+    (number,) = tracks[before - 1]
+    assert tracks[before : before + reported] == [[number]] * reported
+    assert tracks[before + reported : before + hidden] == [[]] * (hidden - reported)
+    assert tracks[before + hidden :] == [[number]] * after
+
+
+def test_a_track_that_was_never_missed_is_deleted_by_its_first_miss():
+    new, old = Tracks(), Tracks()
+    assert 0.55 < KEPT < 0.6
+    for _ in range(3):
+        new.add(t1=0.9999)
+    for _ in range(60):
+        old.add(t1=0.9999)
+    assert new.add(t1=KEPT) == {1: COASTING}
+    assert old.add(t1=KEPT) == {}
+
+
+def test_a_track_that_is_missed_again_and_again_coasts_for_longer():
+    tracks = Tracks()
+    for _ in range(6):
+        assert tracks.add(t1=0.9999) == {1: CONFIRMED}
+        assert tracks.add(t1=KEPT) == {1: COASTING}
+    usual = Tracks()
+    usual.add(t1=0.9999)
+    assert usual.add(t1=KEPT) == {1: COASTING}
+    # A second miss in a row, if an uncertain one.
+    twice = 3.0 * after_a_miss(KEPT, MISSED)
+    assert twice < 0.1
+    assert tracks.add(t1=twice) == {1: COASTING}
+    assert usual.add(t1=twice) == {}
+
+
+def test_no_record_keeps_a_track_that_hardly_exists():
+    tracks = Tracks()
+    for _ in range(20):
+        tracks.add(t1=0.9999)
+        tracks.add(t1=KEPT)
+    tracks.add(t1=KEPT)
+    assert tracks.add(t1=0.04) == {}
+
+
+def test_given_deletion_is_of_the_existence_probability_alone():
+    tracks = Tracks(delete=0.55)
+    for _ in range(60):
+        tracks.add(t1=0.9999)
+    assert tracks.add(t1=0.56) == {1: COASTING}
+    assert tracks.add(t1=0.54) == {}
+
+
+def test_unlabelled_estimates_are_reported_above_one_threshold():
+    config = resolve({"corrector": "poisson"})
+    assert not config.rule.labelled
+    assert config.rule.least == config.rule.least_smoothed == 0.5
+    given = resolve({"corrector": "poisson", "confirm_probability": 0.7, "delete_probability": 0.9})
+    assert given.rule.least == given.rule.least_smoothed == 0.7
+    assert (given.rule.delete == 0.7).all()
+    states = TrackStates(config.rule)
+    found = estimates(SECOND, {0: 0.6})
+    assert states.filtered(found, np.zeros(0), (), scan_of(SECOND), MODEL) is found
+    assert states.smoothed(found) is found
+    assert found.track_state.tolist() == [CONFIRMED]
+
+
+def test_smoothed_targets_are_reported_back_to_where_they_begin_to_exist():
+    tracks = Tracks(confirm=0.8, delete=0.3)
+    for weight in (0.2, 0.5, 0.9, 0.4, 0.2):
+        tracks.add(t1=weight, t2=0.5)
+    states = []
+    for index, weight in enumerate((0.25, 0.99, 0.99, 0.99, 0.99), start=1):
+        found = tracks.states.smoothed(estimates(index * INTERVAL, {1: weight, 2: 0.99}, lag=4))
+        states.append(dict(zip(found.track_id.tolist(), found.track_state.tolist(), strict=True)))
+    # The second track was never confirmed; the first was deleted with the last scan.
+    assert states == [{}, {1: TENTATIVE}, {1: CONFIRMED}, {1: COASTING}, {}]
+
+
+def test_track_of_another_turn_keeps_its_state_until_it_is_touched():
+    tracks = Tracks(confirm=0.8, delete=0.3)
+    tracks.add(t1=0.9, t2=0.9)
+    tracks.add(t2=0.5)
+    assert tracks.add(t1=0.5) == {1: COASTING}
+
+
+def test_target_at_the_edge_of_a_slice_is_not_missed_by_the_other_slice():
+    turning = tuple(replace(radar, rotation_s=48.0) for radar in MODEL.radars)
+    tracks = Tracks(replace(MODEL, radars=turning), confirm=0.6, delete=0.1)
+    missed = after_a_miss(0.999, MISSED)
+    tracks.add(t1=0.9)
+    tracks.add(t1=0.999)
+    # Six seconds later, and then half a turn of 48 s later.
+    assert tracks.add(t1=missed) == {1: CONFIRMED}
+    tracks.add(t1=missed - 0.01)
+    tracks.add(t1=missed - 0.02)
+    assert tracks.add(t1=missed - 0.03) == {1: COASTING}
+
+
+def test_states_forget_tracks_and_stamps_that_are_gone():
+    tracks = Tracks()
+    for number in range(1, 200):
+        tracks.add(**{f"t{number}": 0.9})
+        tracks.states.forget_before((tracks.index - 5) * INTERVAL)
+    assert len(tracks.states._records.label) <= 2
+    assert len(tracks.states._noted) == 6
+
+
+def held_by(tracks):
+    held = Snapshot(tracks.index * INTERVAL)
+    tracks.states.put(held)
+    return held
+
+
+def test_restored_states_go_on():
+    first, second = Tracks(), Tracks()
+    for weights in ((0.9, 0.2), (0.9999, 0.45), (KEPT, 0.45)):
+        first.add(t1=weights[0], t2=weights[1])
+    second.states.take(held_by(first))
+    second.index = first.index
+    for one, other in zip(first.states._records, second.states._records, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert first.add(t1=0.4, t2=0.45) == second.add(t1=0.4, t2=0.45)
+    stamp_ns = 2 * INTERVAL
+    ours, theirs = (
+        t.states.smoothed(estimates(stamp_ns, {1: 0.9, 2: 0.9})) for t in (first, second)
+    )
+    np.testing.assert_array_equal(ours.track_state, theirs.track_state)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("label", np.array([2, 1]), "must increase"),
+        ("label", np.array([1]), "different lengths"),
+        ("state", np.array([1, 3]), "outside"),
+        ("existence", np.array([np.nan, 1.0]), "not finite"),
+        ("factor", np.array([-1.0, 1.0]), "outside"),
+        ("detected_ns", np.array([-1, 1]), "outside"),
+    ],
+)
+def test_forged_states_are_refused(name, value, said):
+    tracks = Tracks()
+    tracks.add(t1=0.9, t2=0.9)
+    held = held_by(tracks)
+    held.arrays[f"tracks.{name}"] = value
+    with pytest.raises(ValueError, match=said):
+        Tracks().states.take(held)
+
+
+def test_records_are_of_the_tracks_in_the_order_of_their_labels():
+    first = Records.new(np.array([2, 9]), SECOND, np.array([0.1, 0.2]))
+    second = Records.new(np.array([5]), SECOND, np.array([0.3]))
+    assert first.joined(second).label.tolist() == [2, 5, 9]
+    assert first.joined(second).existence.tolist() == [0.1, 0.3, 0.2]
+
+
+def test_missed_by_all_counts_the_radars_that_reported_and_the_azimuths_they_passed():
+    one = float(missed_by_all(estimates(0, {1: 1.0}), replace_report(1, None), MODEL)[0])
+    assert one == pytest.approx(np.sqrt(MISSED))
+    behind = Detections(np.zeros((0, 2)), None, coverage=Coverage(0.5 * np.pi, np.pi))
+    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, behind), MODEL)[0] == one
+
+
+def test_missed_by_all_is_of_where_a_radar_that_moves_is_then():
+    far = Pose((5e3 + 2.0 * MODEL.radars[1].max_range, 0.0), 0.0)
+    away = Detections(np.zeros((0, 2)), None, pose=far)
+    one = float(missed_by_all(estimates(0, {1: 1.0}), replace_report(1, None), MODEL)[0])
+    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, away), MODEL)[0] == one
+    near = replace(away, pose=Pose((5e3, 100.0), 0.0))
+    assert missed_by_all(estimates(0, {1: 1.0}), replace_report(1, near), MODEL)[0] < one
+
+
+def replace_report(index, report):
+    scan = scan_of(0)
+    reports = list(scan.detections)
+    reports[index] = report
+    return Scan(0, tuple(reports))
+
+
+def test_parameter_of_earlier_versions_is_refused_with_those_that_replaced_it():
+    with pytest.raises(ConfigError, match="use confirm_probability and delete_probability"):
+        resolve({"existence_threshold": 0.6})
+
+
+@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+def test_engines_report_a_missed_target_as_coasting(engine):
+    config = resolve({"engine": engine, "particles_per_target": 1500, "least_particles": 100})
+    scans = [scan for _, scan in simulate(paper_scenario(config.model.radars), 3)[:12]]
+    scans[9] = scan_of(scans[9].stamp_ns)  # nothing is detected
+    of = new_engine(config)
+    states = []
+    for scan in scans:
+        (found,) = of.step(scan).filtered
+        states.append(dict(zip(found.track_id.tolist(), found.track_state.tolist(), strict=True)))
+    assert len(states[8]) == 3
+    assert set(states[8].values()) == {CONFIRMED}
+    # Those of high signal-to-noise ratio are never missed, so these are gone.
+    assert list(states[9].values()) == [COASTING]
+    assert states[9].keys() < states[8].keys()
+    (track,) = states[9]
+    assert states[10][track] == CONFIRMED
+
+
+def test_configuration_of_turning_radars_has_a_rule():
+    assert configuration().rule.labelled
+
+
+# One radar with a map of clutter; targets are born at detections, at up to 10 m/s.
+COAST = {
+    "radars": ["mast"],
+    "births": [],
+    "interval_s": 2.5,
+    "detection_births.rates": [0.02, 0.02],
+    "detection_births.velocity_std": 5.0,
+    "mast.clutter_map": True,
+    "mast.clutter_rate": 1.0,
+    "mast.clutter_map_speed": 2.5,
+}
+
+
+def moving(states, model, stamp_ns, speed, std):
+    """Return the state of a certain track with such a velocity, if it is reported."""
+    found = estimates(stamp_ns, {1: 0.999}, model=model)
+    state, covariance = found.state.copy(), found.covariance.copy()
+    axes = list(model.modes.space.velocity)
+    state[:, axes] = [speed, 0.0]
+    covariance[:, axes, axes] = std**2
+    found = replace(found, state=state, covariance=covariance)
+    reported = states.filtered(found, np.array([0]), [], scan_of(stamp_ns, model), model)
+    return reported.track_state.tolist()
+
+
+# Not yet known, tells that it moves, tells nothing again, rests, moves again.
+VELOCITIES = [(0.0, 5.0), (6.0, 2.0), (2.5, 4.0), (0.3, 0.5), (4.0, 0.5)]
+
+
+def states_by_scan(model):
+    """Return whether a track with these velocities is reported, scan by scan."""
+    states = TrackStates(rule_of(model, True))
+    return [
+        bool(moving(states, model, (index + 1) * SECOND, *velocity))
+        for index, velocity in enumerate(VELOCITIES)
+    ]
+
+
+def with_answers(model, answers):
+    """Return the model with a map of a quay at 5 km, of reflectors that answer every turn."""
+    (radar,) = model.radars
+    places = radar.clutter_map
+    azimuth = 2.0 * np.pi / places.grid.columns * (4 + np.arange(answers))
+    seen = np.stack([np.full(answers, 5e3), azimuth], axis=1)
+    for _ in range(4):
+        places = places.after(seen, radar.to_world(seen), np.ones(answers), 1.0)
+    return replace(model, radars=(replace(radar, clutter_map=places),))
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({}, [True, True, True, False, True]),
+        ({"mast.clutter_map": False}, [True] * 5),
+        ({"mast.clutter_map_speed": 0.0}, [True] * 5),
+    ],
+)
+def test_where_there_is_a_map_of_clutter_tracks_at_rest_are_not_reported(given, expected):
+    assert states_by_scan(resolve({**COAST, **given}).model) == expected
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [({}, [False, True, False, False, True]), ({"mast.clutter_map_speed": 0.0}, [True] * 5)],
+)
+def test_among_reflectors_only_tracks_are_reported_that_tell_that_they_move(given, expected):
+    model = resolve({**COAST, **given}).model
+    assert states_by_scan(with_answers(model, 5)) == expected
+    # One that answers beside it makes no quay.
+    alone = states_by_scan(model)
+    assert states_by_scan(with_answers(model, 1)) == alone
+
+
+def test_a_radar_that_does_not_see_a_place_says_nothing_of_its_neighbourhood():
+    near = with_answers(resolve(COAST).model, 5)
+    far = {"far.clutter_map": True, "far.position": [6e4, 0.0], "far.max_range": 2e4}
+    both = resolve({**COAST, **far, "radars": ["mast", "far"]}).model
+    both = replace(both, radars=(near.radars[0], both.radars[1]))
+    assert states_by_scan(both) == states_by_scan(near)

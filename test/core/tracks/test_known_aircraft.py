@@ -1,0 +1,192 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Aircraft that come back have their numbers again, where they may have flown."""
+
+import json
+
+import numpy as np
+import pytest
+from hard_turns import PERIOD_S, seen, tracker
+from held import stored_and_read
+
+from phd_jdtc_ros.core.tracks import known_aircraft
+from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
+from phd_jdtc_ros.core.tracks.track_numbers import TrackNumbers
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes, Estimates
+
+ENGINES = ("gaussian", "particles")
+REACH = Reach(kept_s=600.0, speed=300.0)
+SECOND = 10**9
+EXACT = np.array([5.0, np.radians(0.01)])
+
+
+def estimates(seconds, *targets):
+    """Return estimates of targets (label, address, x, state)."""
+    label, address, x, state = (np.array(column) for column in zip(*targets, strict=True))
+    count = len(label)
+    states = np.zeros((count, 5))
+    states[:, 0] = x
+    return Estimates(
+        stamp_ns=seconds * SECOND,
+        lag=0,
+        state=states,
+        covariance=np.tile(np.eye(5), (count, 1, 1)),
+        weight=np.full(count, 0.9),
+        class_probability=np.ones((count, 1)),
+        class_id=np.zeros(count, dtype=np.int64),
+        track_id=label,
+        track_state=state,
+        attributes=Attributes(
+            height=np.full((count, 2), np.nan),
+            height_covariance=np.full((count, 2, 2), np.nan),
+            code=np.full(count, UNKNOWN),
+            address=address,
+        ),
+    )
+
+
+def numbers(tracks, seconds, *targets):
+    return tracks.numbered(estimates(seconds, *targets), REACH).track_id.tolist()
+
+
+def test_address_that_comes_back_within_reach_has_its_number_again():
+    tracks = TrackNumbers()
+    assert numbers(tracks, 0, (5, 77, 0.0, CONFIRMED), (6, 78, 5e4, CONFIRMED)) == [1, 2]
+    tracks.forget_all_but([np.zeros(0, dtype=np.int64)])
+    assert numbers(tracks, 100, (30, 78, 6e4, CONFIRMED), (31, 77, 2e4, CONFIRMED)) == [2, 1]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "place"), [(10, MARGIN + 3001.0), (601, 0.0)], ids=["too far", "too late"]
+)
+def test_address_out_of_reach_is_of_another_aircraft(seconds, place):
+    tracks = TrackNumbers()
+    numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
+    assert numbers(tracks, seconds, (30, 77, place, CONFIRMED)) == [2]
+
+
+def test_number_is_not_given_again_without_an_address():
+    tracks = TrackNumbers()
+    numbers(tracks, 0, (5, UNKNOWN, 0.0, CONFIRMED))
+    assert numbers(tracks, 4, (30, UNKNOWN, 0.0, CONFIRMED)) == [2]
+
+
+def test_place_of_a_coasting_track_is_not_noted():
+    tracks = TrackNumbers()
+    numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
+    numbers(tracks, 10, (5, 77, 9e4, COASTING))
+    assert tracks.aircraft.seen == {1: LastSeen(77, 0, (0.0, 0.0), 0.0)}
+
+
+def test_two_tracks_that_come_to_one_address_are_the_older_one():
+    tracks = TrackNumbers()
+    numbers(tracks, 0, (5, 77, 0.0, CONFIRMED), (6, UNKNOWN, 20.0, CONFIRMED))
+    found = tracks.numbered(estimates(4, (5, 77, 0.0, COASTING), (6, 77, 20.0, CONFIRMED)), REACH)
+    assert found.track_id.tolist() == [1]
+    assert found.position[0, 0] == 20.0
+    assert numbers(tracks, 8, (6, 77, 40.0, CONFIRMED)) == [1]
+
+
+def test_track_that_coasts_elsewhere_is_not_reported_beside_its_aircraft():
+    tracks = TrackNumbers()
+    numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
+    numbers(tracks, 20, (5, 77, 4e3, COASTING))
+    found = tracks.numbered(estimates(24, (5, 77, 5e3, COASTING), (40, 77, -3e3, CONFIRMED)), REACH)
+    assert (found.track_id.tolist(), found.position[0, 0]) == ([1], -3e3)
+
+
+def test_two_aircraft_with_one_address_have_two_numbers():
+    tracks = TrackNumbers()
+    for seconds in range(0, 40, 4):
+        both = (5, 77, 0.0, CONFIRMED), (6, 77, 2e3, CONFIRMED)
+        assert numbers(tracks, seconds, *both) == [1, 2]
+
+
+def test_number_goes_back_to_an_aircraft_that_was_another():
+    tracks = TrackNumbers()
+    numbers(tracks, 0, (5, 77, 0.0, CONFIRMED))
+    assert numbers(tracks, 20, (5, 77, 4e3, COASTING), (40, 77, -3e3, CONFIRMED)) == [1]
+    assert numbers(tracks, 24, (5, 77, 5e3, CONFIRMED), (40, 77, -3e3, CONFIRMED)) == [1, 2]
+
+
+def test_aircraft_are_forgotten_after_their_time_and_beyond_the_most(monkeypatch):
+    monkeypatch.setattr(known_aircraft, "MOST_AIRCRAFT", 3)
+    tracks = TrackNumbers()
+    for index in range(5):
+        numbers(tracks, index, (10 + index, 100 + index, 1e4 * index, CONFIRMED))
+    assert list(tracks.aircraft.seen) == [3, 4, 5]
+    numbers(tracks, 604, (50, 300, 0.0, CONFIRMED))
+    assert list(tracks.aircraft.seen) == [5, 6]
+
+
+def test_stored_aircraft_are_the_same():
+    tracks = TrackNumbers()
+    numbers(tracks, 0, (5, 77, 12.5, CONFIRMED), (6, 78, 5e4, CONFIRMED))
+    facts = json.loads(json.dumps(tracks.facts))
+    again = KnownAircraft.of_facts(facts["aircraft"], facts["count"])
+    assert again == tracks.aircraft
+    assert again.number_of(78, (5e4, 0.0), 0, REACH) == 2
+
+
+@pytest.mark.parametrize(
+    ("fact", "text"),
+    [
+        ([9, 77, 0, 0.0, 0.0, 0.0], "tracks.aircraft: 9 given"),
+        ([1, 1 << 24, 0, 0.0, 0.0, 0.0], "tracks.aircraft.address"),
+        ([1, 77, -1, 0.0, 0.0, 0.0], "tracks.aircraft.stamp_ns"),
+        ([1, 77, 0, float("nan"), 0.0, 0.0], "tracks.aircraft: a number is not finite"),
+        ([1, 77, 0, 0.0, 0.0], "expected 3"),
+        ([1, 77, 0, "a", 0.0, 0.0], "expected floats"),
+    ],
+)
+def test_forged_aircraft_are_refused(fact, text):
+    with pytest.raises(ValueError, match=text):
+        KnownAircraft.of_facts([fact], 2)
+
+
+def crossing(hidden, address=77, seed=21, scans=40):
+    """Return scans of an aircraft that is out of sight for some of them, and turns meanwhile."""
+    rng = np.random.default_rng(seed)
+    position, found = np.array([[-2e4, 3e4]]), []
+    for index in range(scans):
+        velocity = np.array([150.0, 0.0]) if index < min(hidden) + 3 else np.array([0.0, -150.0])
+        position = position + PERIOD_S * velocity
+        place = position if index not in hidden else position[:0]
+        found.append(
+            seen(place, np.full(len(place), address), rng, (index + 1) * PERIOD_S, noise=EXACT)
+        )
+    return found
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_aircraft_out_of_sight_for_a_minute_has_its_number_again(engine):
+    one, given, smoothed = tracker(engine), [], set()
+    for step in map(one.step, crossing(range(12, 27))):
+        given += [set(found.track_id.tolist()) for found in step.filtered]
+        smoothed |= {number for found in step.smoothed for number in found.track_id.tolist()}
+    assert set() in given[14:27]
+    assert set.union(*given) == smoothed == {1}
+    assert given[-1] == {1}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_restored_engine_knows_aircraft_that_are_out_of_sight(engine):
+    scans = crossing(range(12, 27))
+    one, other = tracker(engine), tracker(engine)
+    for scan in scans[:24]:
+        one.step(scan)
+    other.restore(stored_and_read(one.snapshot()))
+    found = [other.step(scan).filtered[0].track_id.tolist() for scan in scans[24:]]
+    assert found[-1] == [1]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_gap_of_the_input_leaves_aircraft_their_numbers(engine):
+    scans = crossing(range(12, 27))
+    one = tracker(engine)
+    for scan in scans[:12]:
+        one.step(scan)
+    one.interrupt()
+    found = [one.step(scan).filtered[0].track_id.tolist() for scan in scans[27:]]
+    assert found[-1] == [1]

@@ -1,0 +1,54 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The way back over a window, with text for rows: who is told what by whom, in which order."""
+
+from phd_jdtc_ros.core.window.backward_pass import smoothed_sets
+from phd_jdtc_ros.core.window.entries import Entry, Source
+
+
+def smoothed(*entries):
+    """Return the smoothed sets, newest first; each has what it was told in brackets."""
+
+    def tell(later, link):
+        return f"{later} by {link}"
+
+    def hear(own, told):
+        parts = [f"{part.rows}:{part.part.start}-{part.part.stop} {part.message}" for part in told]
+        return f"{own}({'; '.join(parts)})"
+
+    return list(smoothed_sets(entries, tell, hear))
+
+
+def test_each_set_hears_of_the_smoothed_next_one_through_its_link():
+    first = Entry(10, "a")
+    second = Entry(20, "b", (Source(10, None, 3),), "ab")
+    third = Entry(30, "c", (Source(20, None, 2),), "bc")
+    b = "b(None:0-2 c by bc)"
+    assert smoothed(first, second, third) == ["c", b, f"a(None:0-3 {b} by ab)"]
+
+
+def test_sources_of_a_scan_hear_their_own_parts_of_one_message():
+    first, second = Entry(10, "a"), Entry(20, "b")
+    gone, some, every = Source(5, None, 4), Source(10, (1, 2), 2), Source(20, None, 7)
+    third = Entry(30, "c", (gone, some, every), "link")
+    assert smoothed(first, second, third) == [
+        "c",
+        "b(None:6-13 c by link)",
+        "a((1, 2):4-6 c by link)",
+    ]
+
+
+def test_set_hears_of_all_later_ones_that_continue_it_newest_first():
+    first = Entry(10, "a")
+    second = Entry(20, "b", (Source(10, (0,), 1),), "x")
+    third = Entry(30, "c", (Source(10, (1,), 1),), "y")
+    assert smoothed(first, second, third)[-1] == "a((1,):0-1 c by y; (0,):0-1 b by x)"
+
+
+def test_sets_without_a_link_or_with_sources_that_have_left_tell_nothing():
+    first = Entry(10, "a")
+    second = Entry(20, "b", (Source(10, None, 1),), None)
+    third = Entry(30, "c", (Source(5, None, 1),), "gone")
+    fourth = Entry(40, "d", (Source(20, None, 1),), "bd")
+    assert smoothed(first, second, third, fourth) == ["d", "c", "b(None:0-1 d by bd)", "a"]

@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import numpy as np
+
+from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.handover.restarts import KEPT_S, SERIES, TrackSeries
+
+NS = 10**9
+
+
+def estimates(stamp, tracks, speed=200.0):
+    """Return estimates of tracks by number, each its x."""
+    count = len(tracks)
+    state = np.zeros((count, 5))
+    state[:, 0], state[:, 1] = list(tracks.values()), speed
+    return Estimates(
+        stamp_ns=stamp * NS,
+        lag=0,
+        state=state,
+        covariance=np.tile(np.eye(5), (count, 1, 1)),
+        weight=np.ones(count),
+        class_probability=np.ones((count, 1)),
+        class_id=np.zeros(count, dtype=int),
+        track_id=np.array(list(tracks), dtype=int),
+    )
+
+
+def followed(*said):
+    """Return the numbers told apart of what is said, stamp by stamp, and the series."""
+    series, found = TrackSeries(), []
+    for stamp, tracks in said:
+        own = None if tracks is None else estimates(stamp, tracks)
+        series.take(stamp * NS, own)
+        found.append([] if own is None else series.apart(own).track_id.tolist())
+    return found, series
+
+
+def test_tracks_that_go_on_or_follow_each_other_are_of_one_series():
+    found, _ = followed(
+        (0, {1: 0.0, 2: 9e3}), (4, {1: 800.0, 3: 50e3}), (8, {}), (12, {4: 0.0}), (16, {4: 800.0})
+    )
+    assert found == [[1, 2], [1, 3], [], [4], [4]]
+
+
+def test_one_that_comes_back_beside_others_is_of_the_same_series():
+    found, _ = followed((0, {1: 0.0, 2: 9e3}), (4, {2: 9.8e3}), (8, {1: 1.6e3, 2: 10.6e3}))
+    assert found == [[1, 2], [2], [1, 2]]
+
+
+def test_numbers_that_begin_again_are_of_another_series():
+    found, series = followed(
+        (0, {1: 0.0, 2: 9e3}), (4, {}), (8, {1: -40e3}), (12, {1: -39e3, 2: 0.0})
+    )
+    assert found == [[1, 2], [], [SERIES + 1], [SERIES + 1, SERIES + 2]]
+    # What is smoothed is told apart by its stamp.
+    assert series.apart(estimates(0, {2: 9e3})).track_id.tolist() == [2]
+    assert series.apart(estimates(4, {1: -41e3})).track_id.tolist() == [SERIES + 1]
+
+
+def test_a_number_that_is_elsewhere_at_the_next_stamp_is_of_another_series():
+    found, _ = followed((0, {1: 0.0}), (4, {1: -40e3}), (8, {1: -39e3}))
+    assert found == [[1], [SERIES + 1], [SERIES + 1]]
+
+
+def test_one_target_that_gets_its_number_again_is_not_the_earlier_series():
+    found, _ = followed((0, {1: 0.0, 3: 20e3, 4: 40e3}), (4, {1: 0.8e3, 2: 20.8e3, 3: 40.8e3}))
+    assert found == [[1, 3, 4], [SERIES + 1, SERIES + 2, SERIES + 3]]
+
+
+def test_one_track_that_leaps_begins_no_series():
+    found, _ = followed((0, {1: 0.0, 2: 20e3, 3: 40e3}), (4, {1: 0.8e3, 2: 20.8e3, 3: 80e3}))
+    assert found == [[1, 2, 3], [1, 2, 3]]
+
+
+def test_a_fast_target_is_not_elsewhere():
+    found, _ = followed((0, {1: 0.0}), (60, {1: 12e3}))
+    assert found == [[1], [1]]
+
+
+def test_a_tracker_that_was_silent_for_a_moment_goes_on_and_after_long_it_does_not():
+    found, _ = followed((0, {1: 0.0}), (4, None), (8, {1: 1.6e3}))
+    assert found == [[1], [], [1]]
+    found, _ = followed((0, {1: 0.0}), (4, None), (64, None), (68, {1: 1.6e3}))
+    assert found == [[1], [], [], [SERIES + 1]]
+
+
+def test_earlier_series_are_forgotten_and_the_latest_one_is_not():
+    late = round(KEPT_S) + 100
+    found, series = followed((0, {1: 0.0}), (4, {}), (8, {1: -40e3}), (late, {1: -40e3}))
+    assert found[-1] == [SERIES + 1]
+    assert series.apart(estimates(late, {1: 0.0})).track_id.tolist() == [SERIES + 1]

@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import math
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from phd_jdtc_ros.core.types import Estimates
+from phd_jdtc_ros.handover.synchroniser import TARGETS_OF_A_STAMP, Gathering, Refused, too_many
+
+
+def at(stamp):
+    return Estimates(
+        stamp_ns=stamp * 10**9,
+        lag=0,
+        state=np.zeros((0, 5)),
+        covariance=np.zeros((0, 5, 5)),
+        weight=np.zeros(0),
+        class_probability=np.zeros((0, 1)),
+        class_id=np.zeros(0, dtype=int),
+        track_id=np.zeros(0, dtype=int),
+    )
+
+
+def add(gathering, tracker, stamp):
+    """Return what a report closes: stamps, with the trackers that are in each."""
+    closed = gathering.add(tracker, at(stamp))
+    if isinstance(closed, Refused):
+        return closed
+    return {next(iter(one.values())).stamp_ns // 10**9: sorted(one) for one in closed}
+
+
+def test_a_stamp_is_closed_once_all_have_reported_it_or_a_later_one():
+    gathering = Gathering(2, 100.0)
+    assert add(gathering, 0, 1) == {}
+    assert add(gathering, 0, 2) == {}
+    assert add(gathering, 1, 2) == {1: [0], 2: [0, 1]}
+
+
+def test_order_of_arrival_makes_no_difference():
+    reports = [(0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+    # Only that of one tracker's own reports is sure.
+    orders = [
+        order
+        for order in permutations(reports)
+        if all(order.index((k, 1)) < order.index((k, 2)) for k in (0, 1))
+    ]
+    assert len(orders) == 30
+    for order in orders:
+        gathering, closed = Gathering(3, 100.0), {}
+        for tracker, stamp in order:
+            closed |= add(gathering, tracker, stamp)
+        assert closed == {1: [0, 1], 2: [0, 1, 2]}
+
+
+def test_a_stamp_waits_for_a_tracker_until_the_newest_is_later_by_more_than_the_longest_delay():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 0)
+    add(gathering, 1, 0)
+    assert add(gathering, 0, 4) == {}
+    assert add(gathering, 0, 8) == {}
+    assert gathering.silent == set()
+    assert add(gathering, 0, 10) == {4: [0], 8: [0], 10: [0]}
+    assert gathering.silent == {1}
+    assert gathering.behind_s(1) == pytest.approx(10.0)
+    # From then on nothing waits for it, until it has caught up.
+    assert add(gathering, 0, 12) == {12: [0]}
+    assert add(gathering, 1, 11) is Refused.LATE
+    assert gathering.silent == set()
+    assert add(gathering, 0, 16) == {}
+    assert add(gathering, 1, 16) == {16: [0, 1]}
+
+
+def test_one_that_never_says_anything_is_waited_for_from_the_first_stamp_on():
+    gathering = Gathering(2, 5.0)
+    assert add(gathering, 0, 0) == {}
+    assert add(gathering, 0, 5) == {}
+    assert add(gathering, 0, 6) == {0: [0], 5: [0], 6: [0]}
+
+
+def test_a_recording_is_closed_in_the_end_at_the_latest():
+    gathering = Gathering(2, math.inf)
+    for stamp in (0, 1000):
+        assert add(gathering, 0, stamp) == {}
+    assert [sorted(one) for one in gathering.close_all()] == [[0], [0]]
+    assert add(gathering, 1, 1000) is Refused.LATE
+
+
+@pytest.mark.parametrize("period", [1, 6, 12])
+def test_trackers_with_long_periods_wait_for_each_other(period):
+    gathering = Gathering(3, 5.0)
+    for stamp in range(0, 10 * period, period):
+        assert add(gathering, stamp % 3, stamp) == {}
+        assert add(gathering, (stamp + 1) % 3, stamp) == {}
+        assert gathering.silent == set()
+        assert add(gathering, (stamp + 2) % 3, stamp) == {stamp: [0, 1, 2]}
+
+
+def test_one_with_a_long_period_that_says_nothing_more_is_silent_one_stamp_later():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 0)
+    add(gathering, 1, 0)
+    assert add(gathering, 0, 6) == {}
+    assert add(gathering, 0, 12) == {6: [0], 12: [0]}
+    assert gathering.silent == {1}
+
+
+def test_one_that_is_always_too_late_stays_silent():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 0)
+    for stamp in range(4, 40, 4):
+        add(gathering, 0, stamp)
+        add(gathering, 1, stamp - 8)
+        if stamp >= 12:
+            assert gathering.silent == {1}
+
+
+def test_a_stamp_that_is_far_ahead_does_not_stop_the_others():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 0)
+    add(gathering, 1, 0)
+    assert add(gathering, 0, 10**6) == {}
+    assert add(gathering, 1, 4) == {4: [1]}
+    assert add(gathering, 1, 8) == {8: [1]}
+
+
+def test_until_when_something_may_be_on_its_way_follows_the_trackers_own_interval():
+    gathering = Gathering(3, 5.0)
+    for stamp in (0, 6):
+        add(gathering, 0, stamp)
+    add(gathering, 1, 4)
+    assert gathering.expected_ns() == {0: 17e9, 1: 9e9}
+    assert gathering.expected_ns(10e9) == {0: 10e9, 1: 9e9}
+
+
+def test_what_comes_twice_is_refused_and_a_jump_back_is_known():
+    gathering = Gathering(2, 5.0)
+    add(gathering, 0, 4)
+    assert add(gathering, 0, 4) is Refused.DUPLICATE
+    add(gathering, 0, 8)
+    # It waits for the other one still.
+    assert add(gathering, 0, 4) is Refused.DUPLICATE
+    assert gathering.jumps_back(0, 3 * 10**9)
+    assert not gathering.jumps_back(1, 3 * 10**9)
+    assert not gathering.jumps_back(0, 8 * 10**9)
+
+
+def test_stamps_that_wait_are_bounded_in_number():
+    gathering = Gathering(2, 1e6, most_waiting=5)
+    closed = [add(gathering, 0, stamp) for stamp in range(1, 21)]
+    assert closed == [{}] * 5 + [{stamp: [0]} for stamp in range(1, 16)]
+    assert gathering.overflow == 15
+    assert add(gathering, 1, 3) is Refused.LATE
+    assert add(gathering, 1, 18) == {16: [0], 17: [0], 18: [0, 1]}
+
+
+def test_targets_that_wait_are_bounded_in_number():
+    crowd = np.zeros((3 * TARGETS_OF_A_STAMP, 5))
+    few, many = [at(1)], [at(1), at(2)]
+    crowded = replace(
+        at(1),
+        state=crowd,
+        covariance=np.zeros((len(crowd), 5, 5)),
+        weight=np.zeros(len(crowd)),
+        class_probability=np.ones((len(crowd), 1)),
+        class_id=np.zeros(len(crowd), dtype=int),
+        track_id=np.arange(len(crowd)),
+    )
+    assert not too_many([{0: own} for own in many], 2)
+    assert too_many([{0: own} for own in (*few, crowded)], 2)
+    # One stamp always may wait, whatever it says.
+    assert not too_many([{0: crowded}], 2)
+    assert not too_many([{0: crowded}] * 100, None)

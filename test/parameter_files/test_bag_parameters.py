@@ -1,0 +1,78 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The parameters beside a bag."""
+
+from pathlib import Path
+
+import pytest
+
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted(path.parent.name for path in ROOT.glob("bags/*/metadata.yaml"))
+# Of real data, with the profile for it.
+RECORDED = {"autoferry_2": "autoferry"}
+
+
+def test_there_are_thirteen_shipped_bags():
+    assert len(SHIPPED) == 13
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_bag_has_the_parameters_of_its_scenario_or_profile(name):
+    if name in RECORDED:
+        given = from_arguments.load(ROOT / "config" / f"{RECORDED[name]}.yaml")
+    else:
+        scenario = yaml_files.load(ROOT / "config" / "scenarios" / f"{name}.yaml")
+        given = from_arguments.scenario_parameters(scenario)
+    expected = tracker_params.config(given).values
+    found = bag_parameters.read(ROOT / "bags" / name)
+    assert tracker_params.config(found).values == expected
+    assert bag_parameters.read(ROOT / "bags" / name / f"{name}_0.mcap") == found
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"radars": ["y", "1e5", "012"], "ct.turn_noise_density": 1e-12},
+        {"births": [], "detection_births.rates": [1e-5, 1.0], "spawn.class_transition": []},
+        {"world_frame": "on", "radar_1.topic": "/a: b", "radar_2.fields.amplitude": "#"},
+    ],
+    ids=["defaults", "names like numbers", "empty lists", "text like other things"],
+)
+def test_what_is_written_is_read_as_it_was(tmp_path, given):
+    values = resolve(given).values
+    bag_parameters.write(tmp_path / bag_parameters.NAME, values)
+    assert resolve(bag_parameters.read(tmp_path)).values == values
+
+
+@pytest.mark.parametrize(("threshold", "expected"), [(0.97, 0.97), (0.0, 1e-9)])
+def test_one_threshold_of_an_earlier_version_confirms_and_deletes(tmp_path, threshold, expected):
+    bag_parameters.write(tmp_path / bag_parameters.NAME, resolve({"lag": 3}).values)
+    with (tmp_path / bag_parameters.NAME).open("a") as file:
+        file.write(f"    existence_threshold: {threshold}\n")
+    rule = resolve(bag_parameters.read(tmp_path)).rule
+    assert rule.confirm.tolist() == rule.delete.tolist() == [expected] * 2
+
+
+def test_a_node_takes_the_file_as_it_is(processes, peer, tmp_path):
+    path = tmp_path / "own.yaml"
+    bag_parameters.write(path, resolve({"classes": ["y", "1e5"]}).values, "/t2")
+    words = ("--ros-args", "-r", "__node:=t2", "--params-file", path)
+    tracker = processes.start("tracker", *words)
+    assert peer.spin_until(lambda: "tracking " in tracker.log.read_text())
+    assert "tracking 2 classes (y, 1e5) " in tracker.log.read_text()
+
+
+def test_bag_without_parameters_has_none(tmp_path):
+    assert bag_parameters.read(tmp_path) is None
+    assert bag_parameters.read(tmp_path / "none.mcap") is None
+
+
+def test_parameters_that_cannot_be_written_are_one_fault(tmp_path):
+    with pytest.raises(BagError, match="cannot be written: No such file"):
+        bag_parameters.write(tmp_path / "none" / "p.yaml", resolve({}).values)

@@ -1,0 +1,186 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import pytest
+
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.parameter_files import from_arguments
+
+NESTED = {"a": 1, "b": {"c": [1, 2], "d": {"e": "f"}}, "g.h": None}
+
+
+def write(path, text):
+    path.write_text(text)
+    return path
+
+
+def faults(read, *arguments):
+    with pytest.raises(ConfigError) as caught:
+        read(*arguments)
+    assert all("\n" not in fault for fault in caught.value.faults)
+    return list(caught.value.faults)
+
+
+def test_flatten_joins_names_with_dots():
+    expected = [("a", 1), ("b.c", [1, 2]), ("b.d.e", "f"), ("g.h", None)]
+    assert list(from_arguments.flatten(NESTED)) == expected
+
+
+def test_flatten_of_nothing_is_nothing():
+    assert list(from_arguments.flatten({})) == []
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        "/**",
+        "'**'",
+        "/*",
+        "tracker",
+        "/tracker",
+        "/**/tracker",
+        "/*/tracker",
+        "/north/tracker",
+        "north/tracker",
+        "/a/north/tracker",
+        "/a/*/tracker",
+        "/north/**",
+    ],
+)
+def test_load_reads_the_sections_that_apply_to_the_tracker(tmp_path, section):
+    text = f"{section}:\n  ros__parameters:\n    lag: 3\n    radar_1: {{range_std: 50.0}}\n"
+    found = from_arguments.load(write(tmp_path / "p.yaml", text))
+    assert found == {"lag": 3, "radar_1.range_std": 50.0}
+
+
+def test_load_takes_dotted_names_as_they_are(tmp_path):
+    text = "/**:\n  ros__parameters:\n    radar_1.range_std: 50.0\n"
+    assert from_arguments.load(write(tmp_path / "p.yaml", text)) == {"radar_1.range_std": 50.0}
+
+
+@pytest.mark.parametrize("first", ["tracker", "/**"])
+def test_load_lets_the_later_section_win_as_ros_does_and_skips_other_nodes(tmp_path, first):
+    sections = {
+        "tracker": "tracker: {ros__parameters: {lag: 2}}\n",
+        "/**": "/**: {ros__parameters: {lag: 1, seed: 7}}\n",
+    }
+    text = sections.pop(first) + "evaluator: {ros__parameters: {cutoff: 5.0}}\n"
+    found = from_arguments.load(write(tmp_path / "p.yaml", text + "".join(sections.values())))
+    assert found == {"lag": 1 if first == "tracker" else 2, "seed": 7}
+
+
+def test_load_reads_nested_namespaces(tmp_path):
+    text = "/a: {north: {tracker: {ros__parameters: {lag: 2}}}}\n"
+    assert from_arguments.load(write(tmp_path / "p.yaml", text)) == {"lag": 2}
+
+
+@pytest.mark.parametrize(
+    ("section", "applies"),
+    [
+        ("/**", True),
+        ("/**/tracker", True),
+        ("/*/tracker", True),
+        ("/north/**", True),
+        ("/north/*", True),
+        ("/*", False),
+        ("/south/**", False),
+        ("/north/trackers", False),
+        ("/*/*/tracker", False),
+    ],
+)
+def test_load_takes_what_fits_the_full_name_of_the_tracker(tmp_path, section, applies):
+    text = (
+        "/north/tracker: {ros__parameters: {seed: 1}}\n"
+        f"{section}: {{ros__parameters: {{lag: 2}}}}\n"
+    )
+    found = from_arguments.load(write(tmp_path / "p.yaml", text))
+    assert found == ({"seed": 1, "lag": 2} if applies else {"seed": 1})
+
+
+def test_load_refuses_a_file_of_several_trackers(tmp_path):
+    text = "".join(f"/{name}/tracker: {{ros__parameters: {{lag: 2}}}}\n" for name in "ba")
+    (fault,) = faults(from_arguments.load, write(tmp_path / "p.yaml", text))
+    assert fault == (
+        f"{tmp_path / 'p.yaml'}: has sections of several trackers, /a/tracker, /b/tracker: "
+        "must be one"
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "- 1\n", "text", "lag: 3\n", "tracker: {lag: 3}\n", "tracker: {ros__parameters: 3}\n"],
+)
+def test_load_refuses_a_file_without_parameters_of_the_tracker(tmp_path, text):
+    (fault,) = faults(from_arguments.load, write(tmp_path / "p.yaml", text))
+    assert fault.startswith(f"{tmp_path / 'p.yaml'}: has no ros__parameters under tracker, ")
+
+
+def test_load_refuses_what_it_cannot_read(tmp_path):
+    (missing,) = faults(from_arguments.load, tmp_path / "none.yaml")
+    assert missing == f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory"
+    (directory,) = faults(from_arguments.load, tmp_path)
+    assert directory == f"{tmp_path}: cannot be read: Is a directory"
+
+
+@pytest.mark.parametrize(
+    "content", [b"a: [1,", b"\xff\xfe", b"!!python/object:os.system {}", b"\t"]
+)
+def test_load_refuses_what_is_no_yaml(tmp_path, content):
+    path = tmp_path / "p.yaml"
+    path.write_bytes(content)
+    (fault,) = faults(from_arguments.load, path)
+    assert fault.startswith(f"{path}: is not YAML: ")
+
+
+def test_from_arguments_lets_the_last_one_win(tmp_path):
+    one = write(tmp_path / "1.yaml", "tracker: {ros__parameters: {lag: 1, seed: 1}}\n")
+    two = write(tmp_path / "2.yaml", "tracker: {ros__parameters: {lag: 2, lag_s: 2.5}}\n")
+    found = from_arguments.from_arguments([one, two], ["seed:=3", "seed:=4"])
+    assert found == {"lag": 2, "seed": 4, "lag_s": 2.5}
+
+
+@pytest.mark.parametrize(
+    ("assignment", "expected"),
+    [
+        ("a:=1", {"a": 1}),
+        ("a:=1.5", {"a": 1.5}),
+        ("a:=true", {"a": True}),
+        ("a:=text", {"a": "text"}),
+        ("a:='1'", {"a": "1"}),
+        ("a:=''", {"a": ""}),
+        ('a:=""', {"a": ""}),
+        ("a:=1e-6", {"a": 1e-6}),
+        ("a:=[1, 2.5]", {"a": [1, 2.5]}),
+        ("a.b:=/topic", {"a.b": "/topic"}),
+        ("a:=b:=c", {"a": "b:=c"}),
+    ],
+)
+def test_from_arguments_reads_values_as_yaml(assignment, expected):
+    assert from_arguments.from_arguments([], [assignment]) == expected
+
+
+@pytest.mark.parametrize("assignment", ["lag", "lag=3", "lag:3", ""])
+def test_from_arguments_refuses_what_is_no_assignment(assignment):
+    found = faults(from_arguments.from_arguments, [], [assignment])
+    assert found == [f"-p {assignment}: must be NAME:=VALUE"]
+
+
+def test_from_arguments_says_how_an_empty_string_is_quoted():
+    (fault,) = faults(from_arguments.from_arguments, [], ["radar_1.fields.amplitude:="])
+    assert fault.startswith("-p radar_1.fields.amplitude:=: must be NAME:=VALUE; ")
+    assert fault.endswith("""an empty string is -p "NAME:=''\"""")
+
+
+@pytest.mark.parametrize("assignment", ["lag:=[1,", "lag:={", "lag:=a: b: c", "lag:=\t"])
+def test_from_arguments_refuses_a_value_that_is_no_yaml(assignment):
+    (fault,) = faults(from_arguments.from_arguments, [], [assignment])
+    assert fault.startswith(f"-p {assignment}".rstrip())
+
+
+def test_from_arguments_lists_every_fault(tmp_path):
+    found = faults(from_arguments.from_arguments, [tmp_path / "none.yaml"], ["lag", "seed=1"])
+    assert found == [
+        f"{tmp_path / 'none.yaml'}: cannot be read: No such file or directory",
+        "-p lag: must be NAME:=VALUE",
+        "-p seed=1: must be NAME:=VALUE",
+    ]

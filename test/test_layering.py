@@ -1,0 +1,117 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the import contracts of `pyproject.toml`, which `make check` runs, do not say."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import phd_jdtc_ros.core
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "phd_jdtc_ros"
+CORE = sorted((PACKAGE / "core").rglob("*.py"))
+COMPILED = ("numba_loops", "compiled", "compiled_kernel")
+
+
+def module_of(path):
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts)
+
+
+def imported_modules(path):
+    """Return the absolute names that a file imports, each `from` name counted as a module too."""
+    package = list(path.relative_to(ROOT).with_suffix("").parts)[:-1]
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            names |= {f"{module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def test_imported_modules_resolve_relative_names():
+    # Guards the other tests: a parser that saw nothing would let everything pass.
+    names = imported_modules(PACKAGE / "core" / "smc" / "filter.py")
+    core = "phd_jdtc_ros.core"
+    assert {"numpy", f"{core}.types.Scan", f"{core}.smc.prediction.predict"} <= names
+
+
+def test_core_imports_only_numpy_scipy_and_itself():
+    faults = []
+    for path in CORE:
+        libraries = {"numpy", "scipy", "numba"} if path.stem in COMPILED else {"numpy", "scipy"}
+        for name in imported_modules(path):
+            root = name.split(".")[0]
+            own = name.startswith("phd_jdtc_ros.core.")
+            if not (own or root in sys.stdlib_module_names or root in libraries):
+                faults.append(f"{path.name} imports {name}")
+    assert faults == []
+
+
+def contracts():
+    """Return the import contracts by their names."""
+    tomllib = pytest.importorskip("tomllib", reason="Python 3.10 reads no TOML")
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    linter = tomllib.loads(text)["tool"]["importlinter"]
+    return {contract["name"]: contract for contract in linter["contracts"]}
+
+
+def test_every_part_of_the_project_has_a_layer():
+    # Those of the core are `exhaustive` by themselves, which needs a container.
+    layers = contracts()["The parts of the project import downwards"]["layers"]
+    placed = {name for layer in layers for name in layer.split(" | ")}
+    parts = {
+        f"phd_jdtc_ros.{path.stem}"
+        for path in PACKAGE.iterdir()
+        if path.suffix == ".py" or (path / "__init__.py").is_file()
+    }
+    assert parts - {"phd_jdtc_ros.__init__", "phd_jdtc_ros.__main__"} == placed - {"msg_adapters"}
+
+
+def test_front_door_of_the_core_names_every_room():
+    core = PACKAGE / "core"
+    packages = {path.parent.name for path in core.glob("*/__init__.py")}
+    rooms = packages | {path.stem for path in core.glob("*.py")} - {"__init__"}
+    assert rooms <= set(re.findall(r"\w+", phd_jdtc_ros.core.__doc__))
+
+
+def test_no_folder_has_more_than_a_screen_of_modules():
+    crowded = {
+        str(path.parent.relative_to(ROOT)) for path in CORE if len([*path.parent.glob("*.py")]) > 14
+    }
+    assert crowded == set()
+
+
+def test_only_motions_and_peers_know_the_layout_of_a_state():
+    layout = {f"phd_jdtc_ros.core.state_space.{axis}" for axis in ("X", "VX", "Y", "VY", "OMEGA")}
+    files = PACKAGE.rglob("*.py")
+    knowing = {module_of(path) for path in files if imported_modules(path) & layout}
+    assert knowing == {"phd_jdtc_ros.core.targets.motion", "phd_jdtc_ros.study.peers.conversion"}
+
+
+def test_core_loads_without_ros_and_without_numba():
+    script = (
+        "import importlib, pkgutil, sys\n"
+        "sys.modules['numba'] = None\n"
+        "import phd_jdtc_ros.core as core\n"
+        "names = [m.name for m in pkgutil.walk_packages(core.__path__, core.__name__ + '.')]\n"
+        f"names = [name for name in names if name.split('.')[-1] not in {COMPILED}]\n"
+        "for name in names: importlib.import_module(name)\n"
+        "assert len(names) > 40, names\n"
+        "print(*sorted({m.split('.')[0] for m in sys.modules}))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.split())
+    assert "numpy" in loaded
+    assert not loaded & {"rclpy", "sensor_msgs", "std_msgs", "msg_adapters"}

@@ -1,0 +1,46 @@
+# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+import pytest
+
+from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.quoting import LONGEST, LONGEST_WORD, short
+
+
+def test_short_leaves_what_people_write():
+    text = f"/{'a' * (LONGEST_WORD - 2)}: has no section for this node,\n  it has none"
+
+    assert short(text) == text
+
+
+def test_short_keeps_both_ends_of_a_long_word_and_all_others():
+    assert short(f"lag: {'1' * 2500}{'2' * 2500} given, must be a whole number") == (
+        f"lag: {'1' * 60} ... {'2' * 60} given, must be a whole number"
+    )
+
+
+def test_short_bounds_many_words():
+    found = short("a " * 100_000 + "z")
+
+    assert len(found) <= LONGEST + len(" ... ")
+    assert found.endswith("a z")
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"lag": "9" * 5000},
+        {"lag": 10**4000},
+        {"a" * 5000: 1},
+        {"radars": ["a" * 5000, "a" * 5000]},
+        {"radars": ["a" * 5000], f"{'a' * 5000}.topic": 1},
+        {"spawn.class_transition": "x" * 10**6},
+    ],
+)
+def test_faults_of_a_configuration_quote_a_part_of_long_values(given):
+    with pytest.raises(ConfigError) as caught:
+        resolve(given)
+
+    assert max(map(len, caught.value.faults)) < 600
+    assert max(map(len, str(caught.value).splitlines())) < 600
