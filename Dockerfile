@@ -1,5 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
 #
 # ROS 2 Jazzy with this package:  docker build -t phd_jdtc_ros .
 # docs/container.md says how it is used. The packages are those of package.xml, which a test compares.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The tracker's cost, measured against baselines: ``make bench``.
 
 Not part of the installed package. The data's path::

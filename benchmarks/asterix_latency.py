@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Latency from a radar's ASTERIX to tracks in ASTERIX, over UDP and DDS, in real time.
 
 The bridge and the tracker are processes of their own. The first turns are sent as fast as they are

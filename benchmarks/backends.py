@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The kinds of inner loops that are installed, by the names that tables show."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Other forms of the smoother, as baselines and as a reference: dense ones, and a k-d tree.
 
 The naive dense form and the k-d tree take the particles as a resampler returns them, with every

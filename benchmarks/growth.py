@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Growth of the smoother's cost with the particles per target, and with the targets."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The cost of late reports: of being ready for them, and of working one in."""
 
 from __future__ import annotations

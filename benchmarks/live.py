@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """End to end over DDS: the reference scenario, with the tracker node in a separate process."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The node's own cost: decoding, encoding and publishing a large scan.
 
 The tracker node itself runs in this process, with an engine that always finds the same 200 targets

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Stone Soup's PHD filters on the reference scenario's scans, compared with the tracker's step.
 
 The GM-PHD filter is the study's: tuned, gated, and with known birth places. Both of Stone Soup's

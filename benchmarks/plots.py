@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Pictures of growth: the smoother's cost against particles and targets, a step's of targets."""
 
 from __future__ import annotations

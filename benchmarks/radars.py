@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The radars' side of the live measurement: sends scans and receives the tracker's output."""
 
 from __future__ import annotations

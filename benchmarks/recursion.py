@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """An engine with the CPU time of every part of a step, and a window of particle sets."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What each way to build a backward kernel costs: why there are two searches and compiled loops."""
 
 from __future__ import annotations

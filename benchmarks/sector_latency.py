@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Latency of a turning radar's detections over DDS, in real time, with a cloud for every sector.
 
 The tracker node runs in a process of its own. The first turns are sent as fast as the tracker

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The smoother's cost against the other forms, and the error caused by its gate."""
 
 from __future__ import annotations

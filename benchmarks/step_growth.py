@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Growth of the whole step's cost with the targets, of both engines, and the memory they hold.
 
 The targets are as dense in every scene, see `scenes.configuration`.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The cost of a step and its parts, of both engines: the reference scenario and crowds."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Stone Soup's SMC-PHD filter on the reference scenario's scans, to measure its cost only.
 
 It consists of Stone Soup's own predictor, updater and resampler, with the reference configuration's

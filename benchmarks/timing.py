@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Timing that is robust on a busy machine: CPU time, interleaved rounds, medians."""
 
 from __future__ import annotations

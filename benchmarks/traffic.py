@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Air traffic seen by a turning radar, with the tracker's profile for it."""
 
 from __future__ import annotations

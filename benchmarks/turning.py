@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A radar that turns: latency by sectors over DDS, and the cost of a turn in two forms."""
 
 from __future__ import annotations

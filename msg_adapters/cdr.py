@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """CDR serialisation without rclpy, for messages of thousands of parts.
 
 rclpy needs about five microseconds to make a message object and one to send it, and the markers of

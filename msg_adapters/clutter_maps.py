@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Where clutter comes from: ``nav_msgs/OccupancyGrid``, whose values are a scale of densities.
 
 A value is 20 steps to a factor of ten: 0 for at most 0.01 false detections per turn and km^2, 100

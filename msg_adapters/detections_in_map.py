@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The detections of all radars in the world frame, as one point cloud for viewers.
 
 Drivers name and scale their fields as they like, and need a transform of their own each. Here every

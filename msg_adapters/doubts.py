@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Warnings of reports that are used but do not look as they are configured, live and offline."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The radars' frames as static transforms, ``tf2_msgs/TFMessage``.
 
 tf2_msgs is not part of every ROS installation, so the message is written as bytes (see `cdr`).

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Tracks as GeoJSON, RFC 7946, and as ``foxglove_msgs/GeoJSON``, which Foxglove's map panel shows.
 
 foxglove_msgs is not part of every ROS installation, so its class is passed in.

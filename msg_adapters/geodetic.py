@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Where on the earth estimates are: latitude, longitude, height, and course from true north."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a radar measures in space, to and from ranges and azimuths in the world's plane."""
 
 from __future__ import annotations

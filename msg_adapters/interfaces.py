@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a bag stores about message types: class, definition, type hash, reproducible bytes.
 
 Definitions and hashes are read from the installed interface packages, as rosbag2 does, so they

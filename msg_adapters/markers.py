@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Estimates as markers, sized to be legible on a map.
 
 There are three markers per target, so the message is written as bytes (see `cdr`).

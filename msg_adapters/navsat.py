@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Tracks as ``sensor_msgs/NavSatFix``, for viewers with a map of the earth."""
 
 from __future__ import annotations

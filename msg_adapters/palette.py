@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The colours of the classes, the same in markers, pages and pictures.
 
 Okabe and Ito's palette without black, which colour-blind readers can tell apart.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Any message object as plain CDR whose padding is zero.
 
 The middleware's own serialisation leaves padding uninitialised, so equal messages differ in their

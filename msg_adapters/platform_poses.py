@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The poses of what carries a radar: ``nav_msgs/Odometry`` or ``geometry_msgs/PoseStamped``."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The detections' own times, relative to the stamp and as a radar sends them."""
 
 from __future__ import annotations

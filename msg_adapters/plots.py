@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Figures as one number per message and topic, which is what plotting tools read.
 
 Such a message has no stamp: tools plot it at the time of its arrival.

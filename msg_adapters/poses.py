@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The poses of one class's estimates, written as bytes because there may be many (see `cdr`)."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Conversion of ``radar_msgs/RadarScan`` to and from `Detections`.
 
 radar_msgs is optional, and this module does not import it. A live tracker needs its message class;

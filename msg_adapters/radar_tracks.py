@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Estimates to ``radar_msgs/RadarTracks``.
 
 radar_msgs is not part of every ROS installation, so its classes are passed in.

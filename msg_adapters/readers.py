@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The messages of radars, by their name in a configuration: how they are read and written."""
 
 from __future__ import annotations

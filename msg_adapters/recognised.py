@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How a radar's clouds are to be read, as far as names and values of their fields tell."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Heights of estimates as messages with three axes have them, and as people read them."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Estimates to ``vision_msgs/Detection3DArray``.
 
 vision_msgs is not part of every ROS installation, so its classes are passed in.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Start one of the package's executables: ``python -m phd_jdtc_ros NAME [ARGUMENTS]``.
 
 ``ros2 run phd_jdtc_ros NAME`` comes here too.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Files of results: checked before the work that they are for, and written whole or not at all."""
 
 from __future__ import annotations

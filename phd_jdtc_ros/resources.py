@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Finds the package's data files, in the checkout or in the installed package."""
 
 from __future__ import annotations

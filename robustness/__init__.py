@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The package's behaviour under faults, on live nodes: ``make faults``, ``soak``, ``fuzz``.
 
 Not part of the installed package. The data's path::

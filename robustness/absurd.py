@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Numbers that are finite and absurd, in every numeric field of every message that is read.
 
 Python raises an error where the square of 1e300 is taken, and NumPy makes it infinite. Neither may

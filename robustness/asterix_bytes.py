@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Hostile ASTERIX: mutated datagrams and recordings are used or counted, and nothing else."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Faulty scans that a tracker must reject, or of which it must drop points."""
 
 from __future__ import annotations

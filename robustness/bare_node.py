@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A minimal rclpy node that answers every cloud with an empty one: the restart of any node."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Input that is made to swell: YAML, numbers and names must be refused soon, in a short line."""
 
 from __future__ import annotations

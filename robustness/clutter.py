@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A burst of false detections with births at detections: its cost and its effect on accuracy."""
 
 from __future__ import annotations

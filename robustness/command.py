@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The robustness tests as a command: measures, prints and writes figures."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Scans of very many detections, with births from detections: their cost, and what comes after.
 
 Every run is a process of its own (``python -m robustness.crowd ENGINE DETECTIONS AMPLITUDES

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Random input for the decoders and the bag reader: either decoded or refused with their errors."""
 
 from __future__ import annotations

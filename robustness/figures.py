@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A figure: the goal, the measured value, and whether the goal is reached."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A flood of large datagrams of tiny records, at the live bridge."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Forged checkpoints: right checksums, wrong contents. Each must be a cold start with a reason.
 
 The run is a process of its own (``python -m robustness.forgeries ENGINE``), so that its memory is

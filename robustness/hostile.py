@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Work that grows faster than what somebody sends: seams, repeated buffers, names, forged times.
 
 What uses memory is a process of its own (``python -m robustness.hostile SPREAD``), which prints

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The shipped profile that keeps Fast DDS on this machine, as the demo uses it."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Sectors that come late, are lost, or come late in a burst, to a tracker that works them in."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Faults of the poses of a radar that moves: missing, late, jumping, of another frame."""
 
 from __future__ import annotations

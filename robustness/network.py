@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A rogue peer on the network, in two network namespaces joined by a virtual cable."""
 
 from __future__ import annotations

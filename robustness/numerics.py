@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Scans at the edge of what numbers hold: hardly any noise or time, an hour's gap, range zero.
 
 A covariance that is not one must never leave an engine, and what it holds must be restorable.

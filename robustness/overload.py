@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """More scans than can be processed: losses must be counted, and memory must stay bounded."""
 
 from __future__ import annotations

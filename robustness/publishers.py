@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Publishers on a radar's topic: two at once, or a driver that is killed and restarted."""
 
 from __future__ import annotations

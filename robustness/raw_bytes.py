@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Mutated bytes on a radar's topic, beside a correct publisher."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A full disk and a read-only directory: recording must end, and tracking must go on."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """kill -9 and restart, stops by signals, and a second tracker of the same name."""
 
 from __future__ import annotations

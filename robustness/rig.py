@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The nodes under test as processes, in their own ROS domain, on this machine only."""
 
 from __future__ import annotations

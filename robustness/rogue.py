@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A rogue peer: ``python -m robustness.rogue SECONDS``, in another network namespace.
 
 It publishes clouds on the topic of a tracker's first radar and tries to change a parameter. At the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The reference scenario's scans as serialised clouds whose stamps can be set."""
 
 from __future__ import annotations

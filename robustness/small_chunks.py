@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Rewrites a bag with many small chunks, of which damage destroys only a few."""
 
 from __future__ import annotations

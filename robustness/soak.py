@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A day of scans through a live tracker, as fast as it processes them."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Faults of a radar that turns: what its detections say beside where they are, and its sectors."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A tracker that is killed and restarted from its checkpoint, against an uninterrupted one."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Mutation tests of the association, the correctors and the smoother, into out/mutants.
 
 mutmut changes one operator, number, name or argument at a time, and runs the unit tests of the

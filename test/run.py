@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Run all tests: each file of live ones in a pytest of its own, beside the others in two halves.
 
 Live tests wait for other processes most of the time, so several take hardly longer than one. Each

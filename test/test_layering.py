@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What the import contracts of `pyproject.toml`, which `make check` runs, do not say."""
 
 import ast

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A hook of mkdocs: a line ``::: PACKAGE`` becomes the package's docstring and a table of modules.
 
 The sources are parsed, not imported.

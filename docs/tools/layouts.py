@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Writes the layouts of Foxglove and Lichtblick in foxglove/: one a demo, and one of offline bags.
 
 Plots are by the time of receipt: a replay publishes stamps of its own time, years away from that of

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A hook of mkdocs: equations in LaTeX become MathML, which browsers draw without scripts or fonts.
 
 pymdownx.arithmatex marks ``$...$`` and ``$$...$$`` in a page; here the marked text is converted.

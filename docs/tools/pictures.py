@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The documentation's pictures from what is in ``out/``: ``make pictures``.
 
 A picture whose output is not there, or is of a quick run, is left as it is, and the command that

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A hook of mkdocs: tables that fit narrow columns.
 
 Every cell is given its column's heading, which ``site.css`` shows beside the cell where a table is

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The tracker in Python: tables of detections in, tables of tracks out; no ROS and no bags.
 
 ::

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The parameters of a tracker for tables: what is given, what was found, and what else is used."""
 
 from __future__ import annotations

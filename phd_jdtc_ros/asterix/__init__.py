@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """EUROCONTROL's ASTERIX: surveillance data as bytes, in and out. No ROS.
 
 In: `framing` (recordings; `pcap`) gives datagrams, `blocks` their data blocks, `records` where the

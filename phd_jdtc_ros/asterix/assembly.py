@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The messages of one radar to the reports that become clouds.
 
 There are two ways. Where sector crossings come, a report is a sector that the antenna passed, also

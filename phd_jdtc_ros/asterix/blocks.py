@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Datagrams to messages: data blocks, one after the other, and the records in them.
 
 A block whose length cannot be true ends its datagram, because nothing says where the next begins.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Times of day to times since the epoch.
 
 A message has no date. Its day is the one that brings it nearest to when it was received or, in a

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The plots of a sector or a slice as columns, in the conventions of the package's clouds."""
 
 from __future__ import annotations

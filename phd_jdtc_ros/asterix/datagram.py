@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A datagram of a recording or of the network, and what is wrong with a recording."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Recordings of ASTERIX to datagrams.
 
 Four kinds, recognised by their first bytes: data blocks one after the other; the same in the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What messages of radars say, category by category, in SI units.
 
 A record of a plot category becomes a `Plot`, one of a service category a `ServiceMessage`.

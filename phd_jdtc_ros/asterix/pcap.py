@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Network captures to datagrams: the UDP payloads of pcap and pcapng files.
 
 A parser of its own: of the libraries that are still kept, scapy brings a packet language of 20 MB

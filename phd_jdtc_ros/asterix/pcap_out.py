@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Datagrams to a capture: a pcap file of UDP over IPv4 on Ethernet, with microseconds."""
 
 from __future__ import annotations

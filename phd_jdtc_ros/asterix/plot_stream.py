@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Datagrams of several radars to the sectors, or slices of time, of each: the whole path in."""
 
 from __future__ import annotations

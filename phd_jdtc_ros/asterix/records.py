@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Records of plot and service categories to `messages`.
 
 Plots are of CAT048, CAT001 and CAT010, service messages of CAT034 and CAT002. A plot is left out,

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The plots of one radar to slices of time, each complete when no plot of it is expected any more.
 
 How late plots come is learned from the plots: from how far the radar's latest message is ahead of

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The items of ASTERIX categories, compiled from libasterix's specification for a fast walk.
 
 libasterix parses a record into objects of every bit, which takes half a millisecond. Here each

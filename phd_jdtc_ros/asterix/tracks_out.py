@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Tracks as CAT062, and the state of the tracker as CAT065."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The messages of an MCAP file piece by piece, unpacked within bounds.
 
 A piece is a chunk, or a run of messages that a recorder wrote without chunks. The mcap library

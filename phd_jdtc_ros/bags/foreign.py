@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a recording of another kind is, and the command that converts it.
 
 Read are MCAP files whose messages are CDR, as ROS 2 records them. Everything else is named, because

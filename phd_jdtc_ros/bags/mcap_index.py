@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What an MCAP file contains and where.
 
 The mcap library's reader trusts a file's summary without verifying its checksum, reads nothing from

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Reads an MCAP file record by record and salvages what is intact.
 
 After a record whose length cannot be right, the next chunk or message is searched for. A chunk is

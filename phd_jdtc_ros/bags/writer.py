@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Writes rosbag2 bags in MCAP, which rosbag2 accepts as its own."""
 
 from __future__ import annotations

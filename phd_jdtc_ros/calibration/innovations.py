@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Whether the configured noise is right: innovations against what the noise says of them.
 
 The innovation of a track is the difference of a detection and what was expected of it. Noise that

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The configuration: parameters are checked as a whole and turned into a tracker.
 
 The tables of parameters are in `parameters` and `radar_parameters`; what becomes of a radar's is in

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Checks of parameters against each other, beyond the allowed values of each.
 
 A check is a function of all values by dotted name that returns one line per fault.

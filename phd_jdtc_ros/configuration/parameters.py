@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The table of parameters: names, defaults, units and bounds.
 
 Parameters are flat dotted names with plain values, as in ROS. Four lists name the parts (`radars`,

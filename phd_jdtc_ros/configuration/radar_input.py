@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The layout of one radar's messages: topic, fields, units and conventions."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The part of a configuration that describes what was recorded: radars, classes and birth places.
 
 A tracker with another lag or another number of particles tracks the same recording differently. One

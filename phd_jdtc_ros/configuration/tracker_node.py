@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A live tracker's settings: the tracker's parameters and the node's own.
 
 All are checked together, when the tracker is configured and at every change from then on, by the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The tracker's mathematics, only what a scan passes: no ROS, no files, no parameters' names.
 
 The data's path, with the room of each step::

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Array types, and operations on arrays that several rooms of the core use."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Which inner loops are in use: those of NumPy, or those that numba compiles.
 
 A room of the core that has both kinds keeps the compiled ones in its module `compiled`, behind the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The interface of a tracking engine: a filter and a smoother that are stepped scan by scan."""
 
 from __future__ import annotations

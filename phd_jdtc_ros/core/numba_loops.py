@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How loops are compiled by numba, an optional dependency.
 
 Only this module and those of the rooms named `compiled` or `compiled_kernel` import numba. No

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The pipeline from reports to estimates, which the live node and the offline tracker share.
 
 Reports of turning radars are cut into slices, those of moving radars get the poses that they were

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A snapshot: an engine's state as plain arrays and numbers, to be stored and restored.
 
 A snapshot may come from a forged file: every value is checked against what the tracker itself could

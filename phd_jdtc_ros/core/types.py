@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Values that pass through the tracker: scans in, estimates out.
 
 Every type is frozen and its arrays are read-only, so a later stage can keep a value without a copy,

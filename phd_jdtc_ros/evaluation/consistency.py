@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Consistency of covariances: whether positions are as precise as the estimates say.
 
 The squared Mahalanobis distance of a target's true position from its estimate is chi-square

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The evaluation of a run: estimates are compared with the truth at their own stamps."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Squared Mahalanobis distances of estimates from the truth."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The table of metrics: value per scan, figure per run, heading, format and definition.
 
 `metrics.json`, the tables, the report's page, the evaluator's diagnostics, the Monte Carlo study

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """OSPA and GOSPA: miss distances between the true and the estimated positions of a scan."""
 
 from __future__ import annotations

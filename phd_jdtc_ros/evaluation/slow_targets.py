@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Targets that are too slow to be tracked by design, as ships at anchor, are not scored."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Surveillance measures of a whole run: OSPA(2) of tracks, confusion of classes, and gaps.
 
 An estimate belongs to a target if `metrics.assign` pairs them: closer than the cutoff, and each

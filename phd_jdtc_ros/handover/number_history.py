@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The numbers of the joint picture that each tracker's tracks had, by stamp."""
 
 from __future__ import annotations

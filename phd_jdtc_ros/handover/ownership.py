@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """One picture of several trackers that part an area, with numbers that stay at the seams.
 
 Where margins overlap, two trackers have a track of one target. Such tracks are found by their

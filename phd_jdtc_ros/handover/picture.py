@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """One picture of several trackers' filtered and smoothed estimates, as they come.
 
 Live and offline alike: estimates go in one by one, and come out joined, stamp by stamp. Filtered

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Tells the tracks of a tracker apart that began again with number 1.
 
 A tracker numbers its tracks from 1 after a cold start, a reset or a flush, while its stamps go on.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Gathers what several trackers say of one stamp, and decides when no more of it can come.
 
 Time is given by stamps, never by arrival: the same estimates are gathered in the same way however

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The tracker's parameters beside a recording: what its radars, classes and birth places are.
 
 They are a ROS parameter file in the bag's directory, so that a live tracker takes it as it is.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """ROS parameter files and ``name:=value`` arguments, for the executables that are not nodes."""
 
 from __future__ import annotations

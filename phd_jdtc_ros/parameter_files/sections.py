@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """ROS parameter files: their sections, and which of them are for a node.
 
 rclpy merges files silently: a file without a section for a node leaves it with its defaults. So the

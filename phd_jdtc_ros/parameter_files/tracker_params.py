@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Reads a live tracker's parameters for launch files and offline tools."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The one loader of all YAML that the package reads: parameter, scenario and study files, values.
 
 Words and numbers are told apart as ROS does it (rcl_yaml_param_parser), which differs from YAML

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The time axis of a run: time since its first stamp, in a unit that suits its length."""
 
 from __future__ import annotations

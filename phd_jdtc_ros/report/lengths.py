@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The unit of a run's maps, metres or kilometres, and short texts of lengths."""
 
 from __future__ import annotations

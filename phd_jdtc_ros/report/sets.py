@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The compared sets of a run as readers see them: which are shown, and by what names."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The style of all pictures: sizes, lines and markers of classes, and axes.
 
 Colour-blind readers can tell the palette's colours apart; lines and markers differ in grey too.

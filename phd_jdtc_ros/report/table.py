@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The scores of a run, as values for `metrics.json` and as tables for the terminal."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The tracks of a run as CSV, and as GeoJSON where it is known where on the earth they are."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The amplitudes of simulated clutter, and the block ``clutter`` of a scenario document.
 
 What is simulated need not be what the tracker assumes: that is its parameter `clutter_amplitude`.

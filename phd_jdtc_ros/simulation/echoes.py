@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Targets that give several detections in a scan, and the block ``echoes`` of a scenario document.
 
 To a radar of high resolution a vehicle is not a point: bumpers, wheels and corners answer apart.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Times in which targets are out of every radar's sight; the block ``gaps`` of a scenario.
 
 Hills, the cone above another radar's mast, a transponder that is switched off: the target flies on

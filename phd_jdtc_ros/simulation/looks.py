@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """When the beam of a radar that turns looks at targets, and what it would measure of them."""
 
 from __future__ import annotations

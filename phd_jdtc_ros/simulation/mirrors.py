@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What sends a target's replies to a radar by a detour; the block ``mirrors`` of a scenario.
 
 A hangar's wall lets an aircraft be seen twice in a turn: where it is, and as a false plot with its

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A ship that carries radars of a scenario; the document's block ``platform``."""
 
 from __future__ import annotations

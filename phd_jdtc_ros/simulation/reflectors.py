@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What answers a radar and is no target: quays, land, wind turbines; a scenario's ``reflectors``.
 
 They stay where they are in the world. Each radar that sees them reports them as false detections,

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Scenario files: checks a document as a whole and turns it into a `Scenario`."""
 
 from __future__ import annotations

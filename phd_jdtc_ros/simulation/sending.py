@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How and when radars send their plots over a network; the block ``sending`` of a scenario."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Simulates every radar's detections of a scenario's targets, among clutter."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Targets that answer with a code, an address and their height: ``transponders`` of a scenario.
 
 What answers is drawn by generators of their own, so that the plots of a seed are the same without

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Recordings of the Autoferry dataset: a radar and a lidar on a ferry, and two vessels' positions.
 
 Their detections are given as north and east of the ferry, and not turned with it. Here they are

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Scores of this package's tracker and of its peers on the Autoferry dataset.
 
 All get the radar's detections, each from where the ferry was; in one variant the tracker gets the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The goals of the study of hours: what tracks must be worth to a user who has set nothing."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Scores of what a user makes of a simulated hour of a radar that turns: tracks of its recording.
 
 Whoever tracks the recording chooses the plane and the clock of the tracks. So that only the tracks

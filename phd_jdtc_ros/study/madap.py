@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The MADAP benchmark of multi-radar trackers: its figures, and the results published in 1993.
 
 The published text (ECAC, Guidelines for the Application of the ECAC Radar Separation Minima, annex

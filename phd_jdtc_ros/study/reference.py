@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The model-matched reference: filter and smoother with known association.
 
 It runs one iterated extended Kalman filter per true target, with the tracker's motion model, radars

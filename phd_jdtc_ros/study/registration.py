@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The study of registration: what is found of known errors, and what the tracker gains by it.
 
 The tracker is run on radars without errors, on those with errors, and on these with what was found

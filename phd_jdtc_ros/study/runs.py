@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The input and output of a study's trackers: simulated runs, and estimates by lag."""
 
 from __future__ import annotations

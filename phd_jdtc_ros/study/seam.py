@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What is lost at the seam of two neighbouring trackers, against one tracker for the whole area.
 
 All trackers get the same plots of two radars. The area is parted by a line from south to north, and

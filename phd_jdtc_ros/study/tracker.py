@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The package's tracker on a simulated run: one filter, with several extractions and all lags.
 
 The filter does not depend on death term and extraction. Variants that differ only in these share

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Runs of radars whose antennas turn, and this package's tracker on them, through its pipeline.
 
 All trackers are scored at the end of each turn of the first radar that turns, with their estimates

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Recordings of ASTERIX to bags, and bags to ASTERIX. Without arguments: the node, with UDP."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The demo of an air traffic picture: ASTERIX in, ASTERIX out.
 
 A recording is sent by UDP as radars would send it, bridged, tracked and scored live. The tracks

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Recordings of ASTERIX to bags: clouds of each radar, and parameters for a tracker."""
 
 from __future__ import annotations

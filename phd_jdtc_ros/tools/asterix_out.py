@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Bags to ASTERIX: estimates as CAT062 and CAT065, or detections as CAT048 and CAT034."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The parameters of a tracker for the radars of a recording of ASTERIX, with what they are from.
 
 They are those of the profile for such radars, with what the recording says. A comment beside each

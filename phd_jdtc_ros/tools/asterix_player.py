@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Plays a recording of ASTERIX by UDP, as fast as a tracker behind a bridge answers.
 
 As `sensor_replay` in lock-step, with a bridge between: a sector is sent once the tracker has

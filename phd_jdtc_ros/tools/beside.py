@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Other studies that run beside a Monte Carlo study, so that no processor waits for them.
 
 They run one after the other, in a process of their own. What they print is kept until the Monte

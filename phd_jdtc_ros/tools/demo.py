@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The demo in one command: replay, track and evaluate over DDS, then write the report.
 
 The three nodes run as separate processes in their own ROS domain, on this machine only. The replay

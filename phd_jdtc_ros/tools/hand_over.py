@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Joins the estimates of trackers that part an area, with numbers that stay at the seams.
 
 The bags are those of `track_bag`, each with its tracker's region in the parameters beside it.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Simulated hours of radars as they are recorded, tracked the way a user does it, with nothing set.
 
 Each hour is written as ASTERIX, read by `asterix_bridge` and tracked by `track_bag`: as it is,

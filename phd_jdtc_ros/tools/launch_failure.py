@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How a launch ends with another status than 0, which it does for an exception alone."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Runs a Monte Carlo study: many seeded runs in parallel, with tables, figures and a summary."""
 
 from __future__ import annotations

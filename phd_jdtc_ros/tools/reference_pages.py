@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The documentation's pages of parameters and metrics, written from the tables in the code."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Finds the systematic errors of radars in a recording: range, azimuth and time.
 
 It links each radar's detections to tracks, finds the targets that several radars see, and prints

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The study of registration: known errors of one radar of three, found from twenty minutes."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Makes a self-contained HTML page and pictures of a bag with estimates."""
 
 from __future__ import annotations

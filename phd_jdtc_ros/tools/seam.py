@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What is lost at the seam of two neighbouring trackers, against one tracker for the whole area."""
 
 from __future__ import annotations

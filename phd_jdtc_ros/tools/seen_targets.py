@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How often a recording's true targets were detected: the truth of a detection probability."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What the turning radars of a scenario send: recordings of ASTERIX as real radars make them.
 
 Plots leave a radar by sectors, some time after the antenna has passed their end, in data blocks of

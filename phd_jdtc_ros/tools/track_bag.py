@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Offline tracking: reads a bag with detections and writes a bag with estimates.
 
 The detections take the same path as in the live node, so that the estimates are equal to the live

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Proposes a configuration from a recording: how the radars turn, their noise, detections, clutter.
 
 It reads some minutes of a bag, links detections to tracks, and prints what it found beside what is

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Proposals of `tune` beside what was simulated: the parameters beside a bag, and its truth."""
 
 from __future__ import annotations

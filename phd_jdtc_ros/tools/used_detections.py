@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How many of a recording's detections the tracker could use, and what the others failed by."""
 
 from __future__ import annotations

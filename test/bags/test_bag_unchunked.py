@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Bags whose messages are not in chunks, as rosbag2's preset `fastwrite` records them."""
 
 import random

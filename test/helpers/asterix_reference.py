@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Another decoder of ASTERIX, asterix_decoder, which tests compare with.
 
 `make test` installs it into a folder of its own, because it has the import name of libasterix. Its

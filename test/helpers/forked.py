@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Nodes as forks of a process that has imported them: importing takes most of a node's start."""
 
 import multiprocessing

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Aircraft that turn hard, seen by a radar that is less exact than it is configured to be."""
 
 import numpy as np

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The clouds of one radar to a live tracker, each when the one before is answered; and offline."""
 
 import numpy as np

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Two radars that send the reference scenario to a live tracker, and what it takes to start one."""
 
 from diagnostic_msgs.msg import DiagnosticArray

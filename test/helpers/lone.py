@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A target alone in the field of one radar, and Gaussian engines that know where it starts."""
 
 import numpy as np

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """An engine whose rows are no particles: one for each origin, with the scan that touched it."""
 
 from dataclasses import dataclass, field, replace

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Small MCAP files with topics of any type, known here or not."""
 
 from mcap.writer import Writer

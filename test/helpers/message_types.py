@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Message classes built after their public definitions, for packages that are not installed.
 
 Fields are checked as a ROS installation with `ROS_PYTHON_CHECK_FIELDS` does: an unknown name or a

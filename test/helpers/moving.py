@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A ship that goes in a circle and turns, its radar, and what the radar sees."""
 
 import numpy as np

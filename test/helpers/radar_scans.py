@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Serialised ``radar_msgs/RadarScan`` by an independent encoder, for what reads recorded bytes."""
 
 import numpy as np

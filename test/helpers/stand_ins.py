@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Message packages that are not on PyPI, as far as a node needs them to have their topics.
 
 Their types are those of other messages, which the middleware has. What is published is bytes, or

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Kalman filters and smoothers as textbooks have them, one target and one matrix at a time.
 
 They share nothing with the engine but the models' functions of motion and noise.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """An approach radar without amplitudes, whose plots have codes, and a tracker for it."""
 
 PERIOD_S = 4.0

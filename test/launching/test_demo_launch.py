@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The demo's launch file, run as `ros2 launch` runs it, where a ROS installation has launch."""
 
 import json

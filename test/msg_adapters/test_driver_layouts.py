@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Clouds laid out as the drivers of the documentation's examples do, read with those examples."""
 
 import re

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 from msg_adapters.palette import COLOURS, class_colour, class_rgb
 from phd_jdtc_ros.report import style
 

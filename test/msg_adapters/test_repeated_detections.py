@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A driver that repeats its buffer: each of a report's detections counts once."""
 
 from pathlib import Path

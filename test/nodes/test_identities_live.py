@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A live tracker whose radar reports codes, addresses and heights, over DDS."""
 
 import numpy as np

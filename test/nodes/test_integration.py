@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A managed tracker with three unlike radars, driven as a launch system would, against the truth.
 
 The radars have rates, phases, field names and conventions of their own; one reports decibels and

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A live tracker that learns where clutter comes from, over DDS, and the picture of it."""
 
 import numpy as np

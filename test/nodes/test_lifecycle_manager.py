@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The tracker under a lifecycle manager that works as nav2's does.
 
 The manager asks for a transition, and then for the state. After an activation it waits for a bond,

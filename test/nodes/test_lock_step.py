@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 from phd_jdtc_ros.nodes.replay.lock_step import GIVE_UP_S, MOST_OUTSTANDING, PATIENCE_S, LockStep
 
 S = 1_000_000_000

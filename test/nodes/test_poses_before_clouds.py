@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A tracker that is behind: poses and clouds of two ships have arrived when it goes on.
 
 By itself, because its node is in the process of the test, which has it in the graph for good.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Faults of the ROS arguments and of parameter files: one line each, and exit status 2."""
 
 import tempfile

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A live tracker and a radar on the round earth, over DDS; and the same clouds offline."""
 
 import json

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Every node starts with a clear answer to bad input and stops cleanly on a signal."""
 
 import signal

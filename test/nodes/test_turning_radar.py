@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A live tracker and a radar that turns, over DDS: by sectors, by turns, and misconfigured."""
 
 from dataclasses import replace

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Diagnostics of two sites, and the shipped analyzers of diagnostic_aggregator for them.
 
 The aggregator itself is in C++ and not on PyPI. What its GenericAnalyzer takes, and how it names

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Live tests wait for events, with a deadline, and never for a time, which a load may exceed."""
 
 import re

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Latitudes, longitudes and range rings beneath the page's picture."""
 
 from dataclasses import replace

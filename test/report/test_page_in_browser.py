@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The report's page in a real browser: it draws, moves, complains of nothing and loads nothing."""
 
 import re

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 import numpy as np
 import pytest
 from records import SCANS, estimates_of, record_of, stamp_ns, truth_of

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The shipped DDS profile keeps a rogue out and lets local traffic through."""
 
 from xml.etree import ElementTree

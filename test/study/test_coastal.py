@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The radar on the coast and on a ship: scenarios, bags, profile, and how the study scores them."""
 
 from pathlib import Path

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Identities make no more switches than none, in any shipped scene whose plots tell some."""
 
 from dataclasses import replace

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What the launch files work out; `test/launching` runs them where launch is installed."""
 
 from pathlib import Path

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Registration: the systematic errors of radars, by targets that several of them see.
 
     plots of each radar -> sensors (tracks of each) -> common (targets that several see)

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Which tracks of different radars are of one target.
 
 Tracks are compared at common times. The nearest ones are joined first, and two tracks of one radar

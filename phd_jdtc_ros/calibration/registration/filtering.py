@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The errors of all radars as constants beside the targets: one filter, and least squares.
 
 For given errors a target's plots are those of a nearly constant velocity, seen by several radars.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Watches a running tracker for systematic errors of its radars; it changes no estimate.
 
 A detection near one confirmed track, and near that alone, is compared with where the track was

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Which errors a recording tells, and which only relative to the reference radar.
 
 A time offset that is common to all radars can never be seen: everything has only happened later. A

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """One radar of a registration: its plots, linked to tracks, and what is assumed of its noise."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The systematic errors of all radars: common targets and errors are found in turn."""
 
 from __future__ import annotations

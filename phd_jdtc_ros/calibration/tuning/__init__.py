@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a recording says of the radar that made it: its turns, noise, detections and clutter.
 
     plots -> rotation -> start, then in turn: tracks <-> noise -> rates -> findings

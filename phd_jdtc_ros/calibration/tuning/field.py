@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Where a radar's plots are: how far it sees, and in which directions."""
 
 from __future__ import annotations

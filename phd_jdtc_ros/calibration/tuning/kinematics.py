@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Nearly constant velocity and polar measurements, for any number of Gaussians at once.
 
 The state is x, y, vx, vy in the frame of the radar's poses, metres and metres per second. Leading

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Measurement and process noise by the likelihood of tracks' innovations.
 
 A target keeps its velocity for most of the time and manoeuvres for some: two motions with white

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Findings as parameters of the tracker: what is proposed, how sure it is, and what is set now."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A first guess of noise and speeds: of several, the one that explains a recording best.
 
 They are compared on a part of the recording, and the best of them on all of it.

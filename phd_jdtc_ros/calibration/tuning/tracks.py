@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Plots linked to tracks: nearest neighbours, with the log likelihood ratio of every track.
 
 A track's score is that of its plots against clutter (Blackman and Popoli, Sec. 6.2); the sum over

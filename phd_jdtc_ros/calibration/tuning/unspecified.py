@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A tracker for a recording that nothing else is known of: one class, born at detections."""
 
 from __future__ import annotations

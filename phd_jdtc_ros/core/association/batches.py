@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Which clusters are summed exactly, and in which batches.
 
 One side of a cluster, in general the smaller one of its targets and its detections, is the columns

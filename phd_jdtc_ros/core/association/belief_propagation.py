@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Association probabilities by loopy belief propagation: linear in the edges of the graph.
 
 It always converges. If the graph has loops and both clutter and missed detections are improbable,

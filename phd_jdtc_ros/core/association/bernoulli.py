@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How one radar's detections are shared among targets, each of which is at most one.
 
 A target is described by weighted rows, particles or Gaussians, whose weights sum to its existence

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Clusters: the connected parts of the graph of targets and detections.
 
 The nodes of the graph are the targets, 0 to T - 1, and after them the detections, T to T + M - 1. A

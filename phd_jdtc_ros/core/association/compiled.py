@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The loops of `exact_marginals`, compiled by numba; see `core.numba_loops`.
 
 They add the same numbers in the same order as those of NumPy, and so return the same bits.

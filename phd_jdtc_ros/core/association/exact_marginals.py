@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Exact association probabilities in many small clusters at once.
 
 All matchings of a cluster's rows with its columns are summed by dynamic programming over the rows.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Marginal association probabilities of targets and detections.
 
 A target has at most one detection, and a detection at most one source. The cost of exact marginals

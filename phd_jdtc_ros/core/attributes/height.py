@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Heights of targets: a filter of its own for each, of the height and the climb rate.
 
 A height is known or not; where it is, it is Gaussian. A garbled height may be any, so that it

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Filtered heights of the last scans, and what later ones make of them.
 
 The filter of a height is linear and has two states, so that a Rauch-Tung-Striebel pass over a few

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Whose answer a detection is: codes and addresses as evidence, and beliefs about targets' own.
 
 A belief is a few candidates, the rest of all identities as one, and that the target has no

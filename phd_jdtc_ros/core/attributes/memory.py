@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What is known of each origin beside its state, and what that is worth in the association."""
 
 from __future__ import annotations

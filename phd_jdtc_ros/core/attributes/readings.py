@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Plots whose heights are missing or false, read at the height of each target that they may be of.
 
 Ranges over ground follow from slant ranges by heights. A plot without one is read at a supposed

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Storage of what is known of identities and heights in a snapshot, and its restoration.
 
 `snapshot` says why every value is checked.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """One unique identity, one target: who has it already, and who has it and is lost.
 
 Of a detection that shows such an identity, a target that has it speaks against a new target and

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """When each kind of sensor last saw a target: a primary radar, a secondary one, and Mode S.
 
 A detection may be of several kinds: of a combined radar, both its echo and its answer.

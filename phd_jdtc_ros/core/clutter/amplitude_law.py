@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The law of the amplitudes of clutter: noise, land or sea as configured, or as a radar learns it.
 
 A law is a density over all envelopes; a radar reports those above its threshold. What clutter of an

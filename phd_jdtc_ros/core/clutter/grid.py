@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The cells of a map of clutter: polar about a radar that stands, and square for one that moves."""
 
 from __future__ import annotations

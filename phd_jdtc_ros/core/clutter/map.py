@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Where a radar's clutter comes from: a map of cells, learned from what no target claims.
 
 Quays, wind turbines and land answer at the same place turn after turn. Only cells that clutter came

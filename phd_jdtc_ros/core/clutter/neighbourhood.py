@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How often the neighbourhood of a place answers, beside the place itself.
 
 Reflectors of a quay, of land or of a harbour lie side by side, and ships that move are mostly alone

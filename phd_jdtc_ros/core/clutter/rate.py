@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How much clutter a radar has: a rate learned from how many detections no target claims."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The engine of Gaussians: a mixture of hypotheses for each target, and its fixed-lag smoother.
 
 A labelled multi-Bernoulli filter with soft association, as the particle engine by default.

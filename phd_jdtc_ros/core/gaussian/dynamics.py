@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The motion modes of all classes, with those of classes that move alike only once.
 
 A hypothesis of the Gaussian engine has one Gaussian per motion mode, and weights over motion modes

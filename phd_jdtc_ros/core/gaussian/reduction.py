@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Reduction of each target's hypotheses: improbable ones are dropped, similar ones merged.
 
 Of those that are left, each probable motion mode then goes on as a hypothesis of its own.

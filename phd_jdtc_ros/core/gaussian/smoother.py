@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The backward step over the window: Gaussians, weights and hypotheses with hindsight."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Targets that are seen, by their identities, where no hypothesis has them: one more of each."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Arranges the targets of a window by how many of its later scans continue them.
 
 A radar that turns makes many small scans, each with the few targets that the antenna passed, and a

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The motion of a turning antenna: a line through azimuths against times of its detections.
 
 Every detection, true or false, is made where the antenna points. With every report the line is

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Up to which time the reports of a radar account for what its antenna passed.
 
 A stamp is somewhere in the time that its report is about, or beside it: at the end of a sector, in

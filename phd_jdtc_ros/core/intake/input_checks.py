@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Notices reports and results that do not go with the configuration.
 
 Nothing is rejected for it; who runs the tracker is told the likely cause.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What becomes of reports that come after their scan was closed: dropped, or worked in.
 
 To work a report in, the engine returns to what it held before the report's stamp, and the scans

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Holds back the reports of radars that move until their poses are known.
 
 A report waits for a pose at its stamp or after it, so that its own is interpolated, whichever of

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Where a moving platform was: its reported poses, checked, and interpolated to any time.
 
 Poses are compared by their stamps. Between two of them the platform moves straight on and turns

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Groups reports into scans by stamp, and decides when a scan is complete.
 
 Time is given by stamps, never by arrival. Reports of several radars with one stamp are one scan; a

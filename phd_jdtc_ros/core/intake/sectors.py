@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The sectors of a turn: their numbers and the azimuths that they cover.
 
 A radar that reports n sectors to a turn numbers them from 0 in the direction in which it counts

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The latest reports of a turning radar, so that one that comes late is cut in its place.
 
 What a report covers follows from those before it. With a late report the later ones are cut again,

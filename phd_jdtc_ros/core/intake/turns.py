@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Cuts the reports of a turning radar into slices, and says which azimuths each of them covers.
 
 A surveillance antenna turns in some seconds, and what it has not passed it has not missed. A report

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a detection's amplitude says of a target: three ways to use it.
 
 `Band` knows a class's signal-to-noise ratio only as an interval and forgets every amplitude at

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a filter learns of every radar's clutter from scan to scan.
 
 It learns from what no target claims. Births do not count as claims: while the law is wrong, each

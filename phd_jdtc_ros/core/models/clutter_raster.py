@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Maps of clutter as a picture: how many false detections come from where, in the world frame."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What explains a radar's detections beside the known targets: clutter and unknown targets."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Births at detections, for users who do not know where targets appear.
 
 Unknown targets are a uniform intensity in every radar's own coordinates. In the update this

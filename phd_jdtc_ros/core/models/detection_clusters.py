@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Detections that are close together as one: for radars that see a vehicle as several points.
 
 A target has at most one detection in the update; what it has beyond that looks like clutter, or

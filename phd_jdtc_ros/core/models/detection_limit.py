@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A bound on the work of one update: with too many detections, the detection threshold is raised.
 
 The cost of an update grows with the pairs of an engine's rows and detections within the gate. A

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a target may do beyond its motion models, and a radar be off by beyond its noise.
 
 A target that is known to be seen, by an identity that only it has, is where it is seen, however

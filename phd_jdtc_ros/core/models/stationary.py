@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Whether a target is at rest: what its velocity tells, whatever was likely beforehand.
 
 A newborn target's velocity has a broad distribution, so that it is probably fast although nothing

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Gating of targets whose gates differ in size: detections sorted by range in bands of azimuth."""
 
 from __future__ import annotations

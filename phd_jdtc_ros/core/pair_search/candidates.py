@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a search leaves to be tested, and the test.
 
 Searches look at two coordinates of the points; only the test looks at all of them.

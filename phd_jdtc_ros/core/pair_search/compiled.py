@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The inner loops of the searches, compiled by numba; see `core.numba_loops`."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The backward kernel between rows of one group, compiled by numba.
 
 For each group and motion, the points are sorted into a grid over the two axes in which they extend

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Gating of particles and detections, by lists of detections per cell of range and azimuth.
 
 Every detection is listed in all cells that its gate touches, so a particle is compared only with

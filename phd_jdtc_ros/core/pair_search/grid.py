@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Candidates within groups: every group's points are sorted into a grid of cells.
 
 Where both points of a pair must belong to one group, such as the origin of one target, there are

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Intervals of candidates, expanded in chunks.
 
 A search gives every query intervals of a sorted list. Expanding all of them at once would need

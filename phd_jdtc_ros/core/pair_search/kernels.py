@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The searches' inner loops: plain or compiled, whichever backend is in use.
 
 Both kinds of `near_pairs` and `near_detections` add the same numbers in the same order and so

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The searches' inner loop in NumPy; `compiled` has the same by numba."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Finds all pairs of points closer than a radius, by sort and sweep.
 
 Particles whitened by a kernel's noise are spread widely in two coordinates and over a few units in

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The systematic errors of a radar: what all its measurements are wrong by alike."""
 
 from __future__ import annotations

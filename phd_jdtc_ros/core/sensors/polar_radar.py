@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The polar radar: geometry, detection probability, clutter, and the gated likelihood.
 
 Range rates are in `range_rate`.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Range rates: their noise, their ambiguity, and what false detections have of them.
 
 A pulse-Doppler radar measures the range rate modulo the interval that its pulse repetition gives.

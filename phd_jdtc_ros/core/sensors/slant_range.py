@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The plots of a radar with a site: from slant ranges to places in the plane, whatever is known.
 
 And back, to read a plot of a missing or false height once more at the height of a target.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a radar can see: its field of view, and the probability to detect over range."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The WGS84 ellipsoid: places by latitude, longitude and height, and in Cartesian coordinates.
 
 Cartesian coordinates are earth-centred and earth-fixed, metres: x to latitude 0 and longitude 0, z

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The particle engine: a sequential Monte Carlo filter with a fixed-lag backward smoother.
 
 By default the filtered density is labelled multi-Bernoulli, with the origins as labels. With the

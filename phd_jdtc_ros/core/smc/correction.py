@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The two correctors: rules by which one radar's detections change the intensity.
 
 `BERNOULLI`, the default, is that of a labelled multi-Bernoulli filter. The particles of one origin

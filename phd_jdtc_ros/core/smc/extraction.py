@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Extraction of targets from an intensity: by component, or by clustering (Sec. IV-C, Step 6)."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The forward filter (Sec. IV-C, Steps 1 to 3): predict, update with every radar, resample."""
 
 from __future__ import annotations

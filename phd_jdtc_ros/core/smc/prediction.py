@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Prediction (Sec. IV-C, Step 1): survivors move, targets are spawned, targets are born."""
 
 from __future__ import annotations

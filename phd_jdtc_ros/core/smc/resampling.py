@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Systematic resampling within groups (Sec. IV-C, Step 3), to unique particles with a multiplicity.
 
 Contract: `within` returns the particles per target and the minimum per group that keep the whole

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The backward step (Sec. IV-C, Step 4) over cached transitions, with a choice of death terms."""
 
 from __future__ import annotations

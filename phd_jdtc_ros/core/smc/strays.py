@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Targets that are seen, by their identities, where none of their particles are: some more of them.
 
 They are drawn by importance sampling: positions from the detection, and velocities given these.

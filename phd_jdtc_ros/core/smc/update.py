@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The update (Sec. IV-C, Step 2): the detections of each radar correct the intensity in turn.
 
 The functions are pure. The posterior stays split into a Poisson part and Bernoulli components (see

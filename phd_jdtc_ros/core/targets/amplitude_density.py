@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Amplitude likelihoods of clutter, and of targets whose mean SNR is known only as an SNR band.
 
 The envelope a of a Rayleigh target of mean SNR d (linear) has density

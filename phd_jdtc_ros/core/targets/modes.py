@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The general mode: one flat index over all pairs of class and motion mode.
 
 The paper treats class and motion mode as one jump-Markov variable o = (c, r). With a flat index,

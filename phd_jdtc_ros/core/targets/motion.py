@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Motion models: the mean of the next state and the process noise.
 
 Every model has the same form, ``x' = mean(x, dt) + v``, ``v ~ N(0, Q(dt))``. The noise, and so the

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Sobol points: sets that fill the unit cube more evenly than independent points do.
 
 The points are those of `scipy.stats.qmc.Sobol` without scrambling, bit for bit. Importing that

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """When estimates go out, and how targets that were updated at different times get one stamp.
 
 A radar that turns updates every target at a time of its own. Filtered estimates are predicted from

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Which tracks are reported: tentative, confirmed and coasting ones.
 
 A track is confirmed when its existence probability passes one threshold, and stays reported until

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The aircraft that tracks have been of, by their addresses: so that one has one number.
 
 Number and address of every track are kept with its last place, for a while after its end. A track

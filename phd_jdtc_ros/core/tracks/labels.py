@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Numbers of origins: every scan has a block of them for its births and spawned targets."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The part of the world that a tracker is for, where several trackers part an area.
 
 A tracker takes in the detections of its core region and of a margin around it, and reports what is

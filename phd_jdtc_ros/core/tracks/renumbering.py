@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Which targets keep their track numbers when scans were stepped again with late reports.
 
 A label says in which scan a target was born, and where in it. Those of targets that are older than

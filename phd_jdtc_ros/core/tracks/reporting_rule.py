@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The existence probabilities at which tracks are confirmed and deleted: given, or derived.
 
 How much a missed detection says depends on how often the target is missed. A class's detection

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Track numbers: small, in the order in which tracks are first reported.
 
 A track of an aircraft that had a number before, by its address, has that number again; and of two

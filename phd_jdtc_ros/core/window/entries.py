@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What an engine keeps of one scan, and how it is linked to the scans before.
 
 A scan of a radar that turns updates the targets that the antenna passed, and leaves the others

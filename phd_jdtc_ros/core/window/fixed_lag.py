@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The part of an engine around its filter: the fixed-lag window, the schedule, track numbers."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What every forward filter keeps from scan to scan, whatever its rows are."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Which origins a scan touches: those that an antenna may have passed.
 
 The others are neither predicted nor linked for it, so that a scan of a sector costs what the

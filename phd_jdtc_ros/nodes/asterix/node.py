@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The live bridge: radars' UDP to clouds, estimates to UDP.
 
 A managed node. While it is active, a thread receives datagrams and wakes the node, which publishes

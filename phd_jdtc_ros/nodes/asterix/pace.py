@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A recording in the order in which it is played: truth, datagrams, and what these lead to."""
 
 from __future__ import annotations

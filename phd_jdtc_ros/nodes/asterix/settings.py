@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The bridge's parameters, of the node and of the offline tool, and what they describe."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The tracker's estimates as ASTERIX, predicted to the time of output."""
 
 from __future__ import annotations

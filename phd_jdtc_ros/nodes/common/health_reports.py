@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Publishes a node's health once a second, and logs what it warns of."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Says where messages of a type are published, for who listens on a topic that has none."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Topics that parameters name, with QoS that users can override with parameters."""
 
 from __future__ import annotations

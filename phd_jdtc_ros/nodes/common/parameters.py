@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """ROS parameters from the core's table: read the given ones, check them together, declare them."""
 
 from __future__ import annotations

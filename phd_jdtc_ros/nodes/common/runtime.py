@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Running one node: start, spin, stop, and the exit status.
 
 Signals only set a flag that the spin loop reads. So a stop never interrupts a scan, a second signal

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """For how long counts have not risen, by the wall clock; for warnings that stay for a while."""
 
 from __future__ import annotations

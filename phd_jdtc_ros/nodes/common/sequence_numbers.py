@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Counts a topic's lost messages by their sequence numbers, and notices several publishers.
 
 Every publisher numbers its own messages, and they arrive in order. A message does not name its

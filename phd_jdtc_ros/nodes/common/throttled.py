@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Warnings that are logged now and then, each subject by itself.
 
 rclpy throttles by the line of code, so that of several causes that share a line one is logged.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Asks a live tracker for its parameters, for nodes that compare or record them."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What of the truth and of the estimates arrived, and what of it could be scored."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Says so if a recording leaves out a radar, or its poses, that the tracker subscribes to."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Compares estimates with the truth, scan by scan, and reports at the end."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Joins the estimates of trackers that part an area, live, with numbers that stay at the seams."""
 
 from __future__ import annotations

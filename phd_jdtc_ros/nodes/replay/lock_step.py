@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Lock-step: a scan is published once the estimate of the previous scan has come back."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Plays a bag's detections, truth and other topics, at a rate or in lock-step with a tracker."""
 
 from __future__ import annotations

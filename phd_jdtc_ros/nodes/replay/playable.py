@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Selects which topics of a bag are played, and which of them make its scans."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The replay's parameters, and the command-line flags that set some of them."""
 
 from __future__ import annotations

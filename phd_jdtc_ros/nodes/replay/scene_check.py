@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Says so if the tracker that a bag is played to has other radars, classes or birth places."""
 
 from __future__ import annotations

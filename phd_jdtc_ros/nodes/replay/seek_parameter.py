@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Seeking by a parameter, because std_srvs has no service that takes a number."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A tracker's snapshot as a file: written atomically, and checked before it is used.
 
 The file is a magic line, the SHA-256 of the rest, and a numpy archive of arrays. The facts and the

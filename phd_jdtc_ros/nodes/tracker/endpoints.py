@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Publishers and subscriptions whose QoS users can override, with incompatibilities counted."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The health of the tracker's inputs, steps and outputs, as diagnostics.
 
 Ages are measured by the wall clock, because a radar whose driver has died sends no more stamps.

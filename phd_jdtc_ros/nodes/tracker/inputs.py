@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The subscriptions of the tracker, and what became of the messages of each input."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The live tracker: it decodes messages, feeds the pipeline, and publishes the estimates.
 
 A tracker node has one from its configuration to its clean-up.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """How busy the tracker is, by the wall clock.
 
 CPU time would say nothing on a machine whose other processes take the processor.

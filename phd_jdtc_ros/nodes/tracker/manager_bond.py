@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The bond to a lifecycle manager such as nav2's, which waits for one once a node is active.
 
 A bond is a pair of heartbeats: each side notices if the other one dies. It is that of the package

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Ensures that only one node has a name: the tracker claims its name and sees others' claims.
 
 ROS allows two nodes of one name; both then answer its services and publish on its topics. The claim

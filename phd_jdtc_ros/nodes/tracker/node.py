@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The live tracker: detections in, filtered and smoothed estimates out.
 
 A managed node. Its lifecycle and its parameters are here; the processing of scans is in `live`.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Whether radars agree with each other, as diagnostics: a status for each of several radars."""
 
 from __future__ import annotations

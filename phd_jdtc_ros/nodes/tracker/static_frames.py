@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The publisher of the radars' frames, so that viewers and recordings can place their clouds."""
 
 from __future__ import annotations

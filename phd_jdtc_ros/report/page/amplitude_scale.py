@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The page's colour scale of amplitudes: logarithmic, for light and for dark pages."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Code that the page's interactive charts share: their type, their axes, their colours.
 
 Charts are transparent and take the colours of text, rules and neutral lines from the page, which

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The page's interactive charts of a run, and notes on what its bag does not contain."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What was learned of where clutter comes from, beneath the page's picture."""
 
 from __future__ import annotations

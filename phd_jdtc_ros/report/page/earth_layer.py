@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Latitudes, longitudes and ranges of the radars, beneath the page's picture.
 
 They are computed, not loaded: the page shows no map tiles, and works without a network.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The estimates of a source as columns of whole numbers, one track after the other."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A run's report as one self-contained HTML page.
 
 The charts, their library, the numbers and the style sheet are part of the page, so the file can be

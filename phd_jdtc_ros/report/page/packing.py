@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Whole numbers of a page as few bytes: columns of differences, compressed, as base64."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The page's picture of the traffic: tracks with labels, trails, detections and truth by time.
 
 The page's script draws it. What changes with time are columns of whole numbers, tracks one after

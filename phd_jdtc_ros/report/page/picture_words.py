@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The elements around the page's picture: the controls and the list of tracks."""
 
 from __future__ import annotations

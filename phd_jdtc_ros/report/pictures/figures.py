@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The pictures of a run: pure functions from a record and its scores to figures.
 
 Maps have equal scales (`maps`); times are counted from the run's first stamp

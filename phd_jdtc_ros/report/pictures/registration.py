@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The residuals of radars before and after their registration: a column of axes per radar."""
 
 from __future__ import annotations

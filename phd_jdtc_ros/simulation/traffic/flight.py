@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Flights: targets whose legs are given in seconds, for radars that have no common scan."""
 
 from __future__ import annotations

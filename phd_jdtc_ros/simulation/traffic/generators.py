@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The blocks of a scenario document that stand for many targets: ``traffic``, ``manoeuvres``."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Random air traffic around an airfield: arrivals, departures, overflights, taxiing aircraft.
 
 The world is a plane: of climbs and descents the change of speed is simulated, not the height.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The pictures and tables of a Monte Carlo study: pure functions from its results.
 
 `charts` lists the pictures and writes them; `over_time` and `over_lag` draw them, and `rows` has

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Figures of the study's first variant of this package's tracker, over time."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Rows of axes over time: means over runs, with bands of their 95 % confidence intervals."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A study's summary as tables, for the terminal and in Markdown."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A Monte Carlo study: many seeded runs of several trackers on several scenarios, and their scores.
 
 The path of a study, with the module of each step::

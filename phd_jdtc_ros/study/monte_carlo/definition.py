@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The definition of a study: cases, the variants that are run on each, and goals."""
 
 from __future__ import annotations

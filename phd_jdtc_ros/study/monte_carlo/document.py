@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The study document: the content of a YAML file is checked as a whole and turned into a study."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Parallel execution of tasks, on processes of this machine or on a Dask cluster."""
 
 from __future__ import annotations

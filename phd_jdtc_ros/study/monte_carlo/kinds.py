@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The kinds of tracker that a study compares: module, availability and source files of each.
 
 A kind is a tracker with its settings. A peer with other gates and counts is another kind, with the

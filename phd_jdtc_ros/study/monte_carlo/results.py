@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The results of a study: all runs of each variant, their means over runs, and the goals."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The tasks of a study: their plan, their digests, and how one is run."""
 
 from __future__ import annotations

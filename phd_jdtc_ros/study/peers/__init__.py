@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Other trackers on the same detections: Stone Soup's GM-PHD, nearest neighbour (GNN) and JPDA.
 
 `plot_kalman`, for radars whose antennas turn, stands alone. All else here is about the others.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Converts radars, detections and states between this package and Stone Soup."""
 
 from __future__ import annotations

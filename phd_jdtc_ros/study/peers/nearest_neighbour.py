@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Global nearest neighbour tracking with a Rauch-Tung-Striebel smoother, in three variants."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A nearest-neighbour Kalman tracker for turning radars: what a user would write in an afternoon.
 
 Every plot is compared with the tracks at its own time: nearly constant velocity, converted

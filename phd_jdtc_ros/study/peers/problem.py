@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A run in Stone Soup's types: its scans, and the information that a tracker is given."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A running tracker's radars are compared with the tracks that others see too."""
 
 from dataclasses import replace

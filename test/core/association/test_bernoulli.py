@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The corrector of particles is tested in smc; here are the properties that other rows need."""
 
 import numpy as np

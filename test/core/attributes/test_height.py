@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Heights: the filter and its smoother against textbook matrices, one target at a time."""
 
 import numpy as np

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Plots of missing and false heights: pairs by each target's, and tracks that they leave alone."""
 
 import numpy as np

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Input that a radar should not send: estimates stay finite, and their covariances positive."""
 
 import numpy as np

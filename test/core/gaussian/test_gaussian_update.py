@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The update beside the association: what Gaussians are seen, located, born, kept and learned."""
 
 from dataclasses import replace

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """What a whole window says of each scan, against solutions that take all its scans at once."""
 
 from dataclasses import replace

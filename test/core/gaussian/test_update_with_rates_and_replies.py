@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The update with range rates and known attributes: which pairs count, and what they weigh."""
 
 from dataclasses import dataclass, replace

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A sector that never comes misses nobody; one that comes empty misses who is in it."""
 
 import numpy as np

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Reports that come after their scan was closed: with rework nothing that follows shows it."""
 
 import itertools

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Hours of a turning radar: whatever happens to it, no detection's time ever changes."""
 
 from dataclasses import dataclass

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The way back over a window, with text for rows: who is told what by whom, in which order."""
 
 from phd_jdtc_ros.core.window.backward_pass import smoothed_sets

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The loops over Gaussians, compiled by numba; see `core.numba_loops`.
 
 Each function does what the one of its name in `kalman`, `moments`, `gating` or `reduction` does,

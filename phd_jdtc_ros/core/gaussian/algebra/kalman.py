@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Prediction, iterated update and backward step of many Gaussians at once.
 
 Where numba is in use, the loops of `compiled` do most of this; they are equal up to rounding.

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The range rate in the update: what it tells of Gaussians that range and azimuth have updated.
 
 The noise of a range rate is independent of those of range and azimuth, so that it may come after

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Detections by class and signal-to-noise ratio: how probable they are, and their amplitudes."""
 
 from __future__ import annotations

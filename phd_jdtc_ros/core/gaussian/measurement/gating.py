@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Gating: which detections may be those of a hypothesis, and about how likely each is."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Where detections put the Gaussians of their pairs: by range and azimuth, then by range rate."""
 
 from __future__ import annotations

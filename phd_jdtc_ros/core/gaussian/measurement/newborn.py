@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Targets born at detections: their Gaussians, by range and azimuth, range rate and amplitude."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Weights of pairs of a hypothesis and a detection, and which of them count."""
 
 from __future__ import annotations

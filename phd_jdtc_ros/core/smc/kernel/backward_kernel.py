@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The backward kernel between two stored particle sets, built once per scan.
 
 The kernel K and its normaliser mu (Sec. IV-C, Step 4) do not depend on later scans. They are

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Thinning of the backward kernel's rows to a systematic selection of their entries.
 
 After a long interval nearly every particle of a set may descend from nearly every particle of the

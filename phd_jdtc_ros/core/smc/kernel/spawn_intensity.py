@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The intensity of spawned targets at the rows of a later particle set."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Dense groups of rows are parted before their pairs are searched.
 
 Where nearly every particle of an origin can come from nearly every other, a kernel's cost grows

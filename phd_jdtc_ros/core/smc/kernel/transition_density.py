@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The transition density of one particle set's rows to those of a later one, within a gate."""
 
 from __future__ import annotations

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Velocities of their own for the copies of a newborn target's particles.
 
 The scan of a birth at a known place tells where the target is and nothing of its velocity.

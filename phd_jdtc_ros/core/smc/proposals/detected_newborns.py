@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The velocities of targets born at a detection, drawn again once their next detection is known.
 
 A newborn target's velocity is known only by its prior. Where that is broad, next to none of its

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Where a scan's detections are in the world, and what they tell of velocities there.
 
 The proposals of `proposal`, `range_rate_proposal` and `detected_newborns` draw near them.

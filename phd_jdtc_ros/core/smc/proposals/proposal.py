@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Process noise that has seen the detections.
 
 A precise radar's detection is explained by next to none of the particles that were moved blindly:

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Process noise that has seen the detections and their range rates.
 
 A range rate is often more precise than what the process noise adds to a velocity in one scan. Of

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Positions and velocities of their own for the particles of a young target.
 
 Where the process noise is small, the particles of a target stay on the paths on which they were

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """The update of Gaussians with range rates, against sums over a dense set of states."""
 
 from dataclasses import replace

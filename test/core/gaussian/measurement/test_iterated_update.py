@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Pairs of Gaussians and detections: each is what one Gaussian alone is with one detection."""
 
 import numpy as np

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """Whether young targets with range rates are as uncertain as the engine of particles says."""
 
 import numpy as np

@@ -1,6 +1,3 @@
-# SPDX-FileCopyrightText: 2026 Seed a9b9ba5d maintainers
-# SPDX-License-Identifier: Apache-2.0
-
 """A bond with the interface of bondpy 4, that sends its heartbeats as text.
 
 It sends "ID alive" while it lasts, from a thread of its own, and "ID dead" at the end. It is formed
