@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..core.arrays import BoolArray, FloatArray, IntArray, wrap_angle
-from ..core.models.tracker_model import TrackerModel
-from ..core.sensors.polar_radar import RadarModel
-from ..core.targets.motion import MotionModel
-from ..core.types import Detections, Estimates, Scan
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray, wrap_angle
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.targets.motion import MotionModel
+from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
 # Innovations that medians are of, and the fewest that say that the noise is too large, or too
 # small, where few tracks are left, and which shows at once.

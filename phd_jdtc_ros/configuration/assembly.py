@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..core.engine import Engine
-from ..core.intake.input_checks import ResultWatch
-from ..core.intake.out_of_sequence import LATE_REPORTS
-from ..core.intake.turn_history import TurnHistory
-from ..core.pipeline import EVERYWHERE, Pipeline, _start_cold
+from phd_jdtc_ros.core.engine import Engine
+from phd_jdtc_ros.core.intake.input_checks import ResultWatch
+from phd_jdtc_ros.core.intake.out_of_sequence import LATE_REPORTS
+from phd_jdtc_ros.core.intake.turn_history import TurnHistory
+from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, _start_cold
+
 from .build import TrackerConfig
 from .engines import new_engine
 

@@ -14,28 +14,29 @@ from typing import Any
 
 import numpy as np
 
-from ..core.attributes.height import HeightModel
-from ..core.attributes.identity import ADDRESSES, CODES, IdentityModel
-from ..core.attributes.memory import AttributeModel
-from ..core.engine import Lag
-from ..core.intake.antenna import SHORTEST_S
-from ..core.intake.input_checks import ReportWatch
-from ..core.intake.poses import Platform
-from ..core.intake.scans import ScanGrouper
-from ..core.intake.turns import Turns
-from ..core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
-from ..core.models.detection_birth import DetectionBirthModel
-from ..core.models.tracker_model import TrackerModel
-from ..core.sensors.site import Plane
-from ..core.smc.correction import CORRECTORS
-from ..core.targets import amplitude_density
-from ..core.targets.birth import BirthTerm
-from ..core.targets.modes import ClassModel, ModeSpace
-from ..core.targets.motion import MOTIONS, MotionModel
-from ..core.targets.spawn import SpawnModel
-from ..core.tracks.common_stamp import Schedule
-from ..core.tracks.region import Region
-from ..core.tracks.reporting_rule import ReportingRule, rule_of
+from phd_jdtc_ros.core.attributes.height import HeightModel
+from phd_jdtc_ros.core.attributes.identity import ADDRESSES, CODES, IdentityModel
+from phd_jdtc_ros.core.attributes.memory import AttributeModel
+from phd_jdtc_ros.core.engine import Lag
+from phd_jdtc_ros.core.intake.antenna import SHORTEST_S
+from phd_jdtc_ros.core.intake.input_checks import ReportWatch
+from phd_jdtc_ros.core.intake.poses import Platform
+from phd_jdtc_ros.core.intake.scans import ScanGrouper
+from phd_jdtc_ros.core.intake.turns import Turns
+from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
+from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
+from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.site import Plane
+from phd_jdtc_ros.core.smc.correction import CORRECTORS
+from phd_jdtc_ros.core.targets import amplitude_density
+from phd_jdtc_ros.core.targets.birth import BirthTerm
+from phd_jdtc_ros.core.targets.modes import ClassModel, ModeSpace
+from phd_jdtc_ros.core.targets.motion import MOTIONS, MotionModel
+from phd_jdtc_ros.core.targets.spawn import SpawnModel
+from phd_jdtc_ros.core.tracks.common_stamp import Schedule
+from phd_jdtc_ros.core.tracks.region import Region
+from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule, rule_of
+
 from .checks import CHECKS, square
 from .parameters import BIRTH, MOTION, REPLACED, schema
 from .radar_build import platform_of, radar_input, radar_model, site_of, watch_of

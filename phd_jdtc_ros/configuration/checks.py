@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from ..core.arrays import FloatArray
-from ..core.sensors import wgs84
-from ..core.sensors.site import MOST_FROM_ORIGIN
-from ..core.targets import amplitude_density
-from ..core.targets.modes import markov_generator
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors import wgs84
+from phd_jdtc_ros.core.sensors.site import MOST_FROM_ORIGIN
+from phd_jdtc_ros.core.targets import amplitude_density
+from phd_jdtc_ros.core.targets.modes import markov_generator
+
 from .parameters import GROUPS, REFERENCE, TOP
 from .radar_parameters import RADAR
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..core import backend
-from ..core.engine import Engine
-from ..core.gaussian.engine import GaussianEngine
-from ..core.gaussian.filter import GaussianFilter
-from ..core.gaussian.reduction import Bounds
-from ..core.smc.correction import CORRECTORS
-from ..core.smc.engine import ParticleEngine
-from ..core.smc.extraction import EXTRACTIONS
-from ..core.smc.filter import ParticleFilter
-from ..core.smc.resampling import ParticleBudget
-from ..core.smc.smoother import DEATH_TERMS
+from phd_jdtc_ros.core import backend
+from phd_jdtc_ros.core.engine import Engine
+from phd_jdtc_ros.core.gaussian.engine import GaussianEngine
+from phd_jdtc_ros.core.gaussian.filter import GaussianFilter
+from phd_jdtc_ros.core.gaussian.reduction import Bounds
+from phd_jdtc_ros.core.smc.correction import CORRECTORS
+from phd_jdtc_ros.core.smc.engine import ParticleEngine
+from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
+from phd_jdtc_ros.core.smc.filter import ParticleFilter
+from phd_jdtc_ros.core.smc.resampling import ParticleBudget
+from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
+
 from .build import TrackerConfig
 from .schema import ConfigError
 

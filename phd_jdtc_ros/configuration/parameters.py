@@ -12,10 +12,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ..core.smc.correction import CORRECTORS
-from ..core.smc.extraction import EXTRACTIONS
-from ..core.smc.smoother import DEATH_TERMS
-from ..core.targets.motion import MOTIONS
+from phd_jdtc_ros.core.smc.correction import CORRECTORS
+from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
+from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
+from phd_jdtc_ros.core.targets.motion import MOTIONS
+
 from .radar_parameters import RADAR
 from .schema import SMALL, Parameter, Value
 

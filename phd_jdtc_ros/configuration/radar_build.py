@@ -8,20 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from ..core.clutter.amplitude_law import ClutterAmplitude, Learned, LogNormal, Rayleigh
-from ..core.clutter.grid import GroundGrid, PolarGrid
-from ..core.clutter.map import ClutterMap
-from ..core.clutter.rate import START_RATE, ClutterCount
-from ..core.intake.input_checks import FAR, SLOW_TURN, ReportWatch
-from ..core.intake.poses import Mount, Platform, PoseTrack
-from ..core.sensors.bias import RadarBias
-from ..core.sensors.polar_radar import RadarModel
-from ..core.sensors.range_rate import RangeRateModel
-from ..core.sensors.site import Plane, Site
-from ..core.sensors.slant_range import HeightReading
-from ..core.sensors.visibility import TURN_TOLERANCE, Visibility
-from ..core.targets import amplitude_density
-from ..core.types import FULL_TURN, Coverage
+from phd_jdtc_ros.core.clutter.amplitude_law import ClutterAmplitude, Learned, LogNormal, Rayleigh
+from phd_jdtc_ros.core.clutter.grid import GroundGrid, PolarGrid
+from phd_jdtc_ros.core.clutter.map import ClutterMap
+from phd_jdtc_ros.core.clutter.rate import START_RATE, ClutterCount
+from phd_jdtc_ros.core.intake.input_checks import FAR, SLOW_TURN, ReportWatch
+from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
+from phd_jdtc_ros.core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.site import Plane, Site
+from phd_jdtc_ros.core.sensors.slant_range import HeightReading
+from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
+from phd_jdtc_ros.core.targets import amplitude_density
+from phd_jdtc_ros.core.types import FULL_TURN, Coverage
+
 from .checks import FIXED, name_or
 from .radar_input import RadarInput
 from .radar_parameters import AUTO, RADAR

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..core.sensors.bias import NO_BIAS, RadarBias
-from ..core.sensors.site import Site
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.site import Site
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ..core.clutter.rate import START_RATE
+from phd_jdtc_ros.core.clutter.rate import START_RATE
+
 from .schema import SMALL, Parameter
 
 # The clutter rate of a radar that learns it.

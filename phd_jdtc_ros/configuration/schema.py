@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..quoting import short
+from phd_jdtc_ros.quoting import short
 
 Value: TypeAlias = "bool | int | float | str | list[float] | list[str]"
 INFINITY = math.inf

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray
+
 from .totals import Totals
 from .track_ages import NO_AGE
 

@@ -8,7 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..core.types import FILTERED, SMOOTHED, SOURCES
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES
+
 from .limits import LONG_GAP_S, OSPA2_WINDOW
 from .metric_table import CLASS_ACCURACY, FALSE_PER_SCAN, IDENTITY_SWITCHES, reduction
 from .run_scores import RunScores

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray
 
 
 def mahalanobis2(error: FloatArray, covariance: FloatArray | None) -> FloatArray:

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ..core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray
+
 from . import consistency
 from .limits import LONG_GAP_S, NEAR, OSPA2_WINDOW
 from .totals import Totals, ratio

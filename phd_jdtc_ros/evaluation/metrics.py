@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from ..core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ..core.arrays import FloatArray, IntArray
-from ..core.types import COASTING, Estimates, Truth
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.types import COASTING, Estimates, Truth
+
 from .identity import IdentitySwitches
 from .limits import OSPA2_WINDOW
 from .mahalanobis import mahalanobis2

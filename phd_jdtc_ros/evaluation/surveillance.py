@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+
 from .limits import LONG_GAP_S
 from .metrics import Ospa, ospa_of_distances
 

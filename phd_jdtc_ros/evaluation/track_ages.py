@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..core.arrays import IntArray
+from phd_jdtc_ros.core.arrays import IntArray
 
 # An age that is not known.
 NO_AGE = -1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.types import Estimates
+from phd_jdtc_ros.core.types import Estimates
 
 # Targets of one stamp at most: work and memory grow with them, and with the stamps that wait.
 MOST_TARGETS = 10_000

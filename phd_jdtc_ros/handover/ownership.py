@@ -14,11 +14,11 @@ from itertools import combinations
 
 import numpy as np
 
-from ..core.arrays import FloatArray
-from ..core.tracks.common_stamp import chosen, joined
-from ..core.tracks.region import Region
-from ..core.tracks.renumbering import matched
-from ..core.types import Attributes, Estimates
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.tracks.common_stamp import chosen, joined
+from phd_jdtc_ros.core.tracks.region import Region
+from phd_jdtc_ros.core.tracks.renumbering import matched
+from phd_jdtc_ros.core.types import Attributes, Estimates
 
 # Tracks are of one target once they have been near each other for so many stamps in a row, and no
 # longer once they have been apart for so many.

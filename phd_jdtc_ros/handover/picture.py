@@ -16,8 +16,9 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ..core.tracks.region import Region
-from ..core.types import FILTERED, SMOOTHED, SOURCES, Estimates
+from phd_jdtc_ros.core.tracks.region import Region
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
+
 from .number_history import Numbers
 from .ownership import Handover
 from .restarts import SeriesOfAll

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..core.types import Estimates
+from phd_jdtc_ros.core.types import Estimates
+
 from .ownership import REACH
 from .synchroniser import Gathered
 

@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from ..core.types import Estimates
+from phd_jdtc_ros.core.types import Estimates
 
 # Those of one stamp, by the index of their tracker.
 Gathered = Mapping[int, Estimates]

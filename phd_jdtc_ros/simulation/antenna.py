@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arrays import FloatArray
-from ..core.types import FULL_TURN
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.types import FULL_TURN
 
 # Each leaves at most the share of the wobble of the error that the one before left.
 STEPS = 12

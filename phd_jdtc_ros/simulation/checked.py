@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..configuration.schema import Parameter
+from phd_jdtc_ros.configuration.schema import Parameter
 
 PLACE = Parameter("", [0.0, 0.0], "Latitude and longitude, degrees.", -180.0, 360.0, length=2)
 

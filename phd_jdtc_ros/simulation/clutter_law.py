@@ -12,11 +12,12 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from ..configuration.schema import Parameter
-from ..core.arrays import FloatArray
-from ..core.clutter.amplitude_law import DB, level_db
-from ..core.sensors.polar_radar import RadarModel
-from ..core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_from_db
+from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.clutter.amplitude_law import DB, level_db
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_from_db
+
 from .checked import mapping, take
 
 LAW = Parameter("law", "rayleigh", "Law.", choices=("rayleigh", "log_normal", "uniform"))

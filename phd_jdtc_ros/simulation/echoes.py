@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..configuration.schema import SMALL, Parameter
-from ..core.arrays import FloatArray, IntArray
-from ..core.sensors.polar_radar import RadarModel
-from ..core.state_space import StateSpace
+from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.state_space import StateSpace
+
 from .checked import mapping, names_of, take
 
 ECHOES = (

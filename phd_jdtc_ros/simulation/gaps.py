@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..configuration.schema import SMALL, Parameter
-from ..core.arrays import FloatArray
+from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.core.arrays import FloatArray
+
 from .checked import mapping, names_of, take
 from .traffic.flight import Flight
 

@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..configuration.radar_input import RadarInput
-from ..core.arrays import FloatArray, IntArray
-from ..core.sensors.polar_radar import RadarModel, wrap_angle
-from ..core.sensors.slant_range import LEAST
+from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.sensors.slant_range import LEAST
+
 from .antenna import Antenna
 from .platform import MovingPlatform
 from .scenario import Scenario

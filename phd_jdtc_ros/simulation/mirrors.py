@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..configuration.schema import SMALL, Parameter
-from ..core.arrays import FloatArray
-from ..core.sensors.polar_radar import RadarModel
-from ..core.types import FULL_TURN
+from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.types import FULL_TURN
+
 from .checked import mappings, take
 
 MIRRORS = (

@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from ..configuration.schema import Parameter
-from ..core.arrays import FloatArray
-from ..core.sensors.polar_radar import RadarModel
-from ..core.state_space import PLANAR
-from ..core.types import Pose
+from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.state_space import PLANAR
+from phd_jdtc_ros.core.types import Pose
+
 from .checked import mapping, take
 from .traffic.flight import Flight
 

@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..configuration.schema import Parameter
-from ..core.arrays import FloatArray
-from ..core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+
 from .checked import mappings, take
 from .clutter_law import NOISE, ClutterLaw, law_of
 from .noise import with_noise

@@ -10,13 +10,14 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from ..configuration.schema import ConfigError
-from ..core.arrays import FloatArray, IntArray
-from ..core.sensors.bias import NO_BIAS, RadarBias
-from ..core.sensors.polar_radar import RadarModel
-from ..core.targets.amplitude_density import snr_from_db
-from ..core.targets.motion import CoordinatedTurn
-from ..core.types import UNKNOWN, Detections, Pose, Truth
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
+from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
+from phd_jdtc_ros.core.types import UNKNOWN, Detections, Pose, Truth
+
 from .antenna import Antenna, usual_antenna
 from .clutter_law import NOISE, ClutterLaw
 from .echoes import Echoes

@@ -6,10 +6,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..configuration.schema import SMALL, ConfigError, Parameter
-from ..core.sensors.bias import NO_BIAS, RadarBias
-from ..core.sensors.polar_radar import RadarModel
-from ..core.targets.amplitude_density import snr_from_db
+from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
+
 from . import clutter_law, echoes, gaps
 from .antenna import Antenna, usual_antenna
 from .checked import mapping, mappings, names_of, place, take

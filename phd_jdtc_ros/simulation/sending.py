@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..configuration.schema import Parameter
-from ..core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+
 from .checked import mapping, names_of, take
 
 SENDING = (

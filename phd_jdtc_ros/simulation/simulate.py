@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from ..core.arrays import FloatArray, IntArray
-from ..core.sensors.polar_radar import RadarModel
-from ..core.types import FULL_TURN, Detections, Scan, Truth
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
+
 from .clutter_law import NOISE, ClutterLaw
 from .echoes import Echoes
 from .noise import polar, with_noise

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..configuration.schema import Parameter
-from ..core.arrays import FloatArray, IntArray
-from ..core.types import UNKNOWN, Detections
+from phd_jdtc_ros.configuration.schema import Parameter
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.types import UNKNOWN, Detections
+
 from .checked import mapping, names_of, take
 from .traffic.flight import Flight
 

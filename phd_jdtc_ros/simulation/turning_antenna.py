@@ -21,12 +21,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..configuration.radar_input import RadarInput
-from ..configuration.schema import ConfigError
-from ..core.arrays import FloatArray, IntArray
-from ..core.sensors.polar_radar import wrap_angle
-from ..core.sensors.slant_range import HeightReading, over_ground
-from ..core.types import FULL_TURN, UNKNOWN, Coverage, Detections
+from phd_jdtc_ros.configuration.radar_input import RadarInput
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.sensors.slant_range import HeightReading, over_ground
+from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
+
 from .antenna import Antenna
 from .looks import looks, looks_beside, passes
 from .scenario import Scenario, truth_at

@@ -15,10 +15,9 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.nodes.asterix import settings
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
 from phd_jdtc_ros.quoting import short
 
-from ..parameter_files import from_arguments, tracker_params
 from . import asterix_in, asterix_out, asterix_parameters, command
 
 NAME = "asterix_bridge"

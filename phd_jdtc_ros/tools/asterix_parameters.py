@@ -22,8 +22,8 @@ from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.core.sensors.site import MOST_FROM_ORIGIN
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.nodes.asterix import settings
+from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_params
 
-from ..parameter_files import from_arguments, proposed_file, tracker_params
 from . import recorded_plots
 
 # The profile of trackers of such radars, and the name of the radar in it.

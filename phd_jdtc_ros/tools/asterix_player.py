@@ -31,8 +31,8 @@ from phd_jdtc_ros.nodes.asterix.settings import Bridge
 from phd_jdtc_ros.nodes.common import arguments, runtime
 from phd_jdtc_ros.nodes.replay.lock_step import GIVE_UP_S
 from phd_jdtc_ros.nodes.replay.progress_line import ProgressLine
+from phd_jdtc_ros.parameter_files import tracker_params
 
-from ..parameter_files import tracker_params
 from . import asterix_out, command
 
 NAME = "asterix_player"

@@ -22,11 +22,10 @@ from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.types import Pose
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.study import autoferry, autoferry_scores
 from phd_jdtc_ros.study.autoferry import SENSORS, Look, Recording
 
-from ..parameter_files import from_arguments
 from . import command
 
 PROFILE = Path("config/autoferry.yaml")

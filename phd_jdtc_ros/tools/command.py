@@ -14,10 +14,8 @@ from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError
 from phd_jdtc_ros.exit_status import INTERRUPTED, USAGE, fail
-from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
 from phd_jdtc_ros.quoting import short
-
-from ..parameter_files import from_arguments, tracker_params
 
 # Default cut-off c (metres) and order p of OSPA.
 CUTOFF, ORDER = 1000.0, 2.0

@@ -26,10 +26,9 @@ from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
 from phd_jdtc_ros.report.pictures import figures
 
-from ..parameter_files import from_arguments, tracker_params
 from . import asterix_demo, command, comparison, report
 from .demo_nodes import (
     FINISH_S,

@@ -29,13 +29,12 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import SOURCES, Estimates
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.study import hour_goals, hours
 from phd_jdtc_ros.study.hour_goals import AS_IS, NO_IDENTITIES, TUNED, Tracked
 from phd_jdtc_ros.study.hours import Hour, Reader, Scores
 
-from ..parameter_files import from_arguments, tracker_params
 from . import command, registration, simulated_asterix
 
 # The scenarios, and what their recordings are: a capture has times of receipt.

@@ -11,9 +11,7 @@ from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, USAGE
 from phd_jdtc_ros.nodes.replay import replay_parameters
-from phd_jdtc_ros.parameter_files import bag_parameters
-
-from ..parameter_files import tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 
 _BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
 

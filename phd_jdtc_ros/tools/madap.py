@@ -16,14 +16,13 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import yaml_files
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 from phd_jdtc_ros.study import madap, turning
 from phd_jdtc_ros.study.peers.plot_kalman import follow
 
-from ..parameter_files import from_arguments
 from . import command
 
 SCENARIO = Path("config/scenarios/madap.yaml")

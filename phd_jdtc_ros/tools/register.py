@@ -27,10 +27,14 @@ from phd_jdtc_ros.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.bias import RadarBias
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import (
+    bag_parameters,
+    from_arguments,
+    proposed_file,
+    tracker_params,
+)
 from phd_jdtc_ros.report.pictures import registration as picture
 
-from ..parameter_files import from_arguments, proposed_file, tracker_params
 from . import command, recorded_plots, registered_table
 from .recorded_plots import Recorded
 from .tune import SECONDS as TUNED_SECONDS

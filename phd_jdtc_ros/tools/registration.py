@@ -17,11 +17,10 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import yaml_files
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.study import registration
 
-from ..parameter_files import from_arguments
 from . import command
 
 SCENARIO = Path("config/scenarios/three_biased_radars.yaml")

@@ -14,13 +14,12 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.pictures import figures
 from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import metrics, score_tables
 
-from ..parameter_files import tracker_params
 from . import command
 
 PAGE = "report.html"

@@ -14,10 +14,9 @@ from rich.table import Table
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
-from phd_jdtc_ros.parameter_files import yaml_files
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.study import seam
 
-from ..parameter_files import from_arguments
 from . import command
 
 # Its parameters: two radars that turn, and their tracker.

@@ -24,9 +24,13 @@ from phd_jdtc_ros.calibration.tuning.proposal import Row
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.parameters import schema
 from phd_jdtc_ros.exit_status import OK, ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import (
+    bag_parameters,
+    from_arguments,
+    proposed_file,
+    tracker_params,
+)
 
-from ..parameter_files import from_arguments, proposed_file, tracker_params
 from . import command, recorded_plots, tuned_truth
 from .recorded_plots import Recorded
 

@@ -16,9 +16,8 @@ from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.exit_status import OK
-from phd_jdtc_ros.parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 
-from ..parameter_files import tracker_params
 from . import recorded_plots, seen_targets
 
 # Of the table, in characters: a line for each radar.

@@ -12,8 +12,9 @@ from itertools import combinations
 
 import numpy as np
 
-from ...core.arrays import FloatArray
-from ...core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.bias import RadarBias
+
 from .sensors import Sensor
 
 # Tracks are compared every so many looks of the slowest radar, at so many times at most and at

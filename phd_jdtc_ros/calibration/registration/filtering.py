@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray
+
 from ..tuning import kinematics
 from .sequences import BoolArray, Sequences
 

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.arrays import FloatArray, IntArray
-from ...core.sensors.polar_radar import RadarModel, wrap_angle
-from ...core.types import CONFIRMED, Detections, Estimates, Scan
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.types import CONFIRMED, Detections, Estimates, Scan
 
 # Residuals that a mean is of, and the fewest that say something.
 MEMORY, LEAST = 400, 60

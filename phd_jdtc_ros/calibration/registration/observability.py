@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray
+
 from .common import Target
 from .filtering import KINDS
 from .sensors import RegistrationError, Sensor

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...core.arrays import FloatArray
-from ...core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.bias import RadarBias
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...core.arrays import FloatArray, IntArray
-from ...core.sensors.bias import RadarBias
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.sensors.bias import RadarBias
+
 from .common import Target
 from .sensors import Sensor
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import FloatArray
-from ...core.sensors.bias import NO_BIAS, RadarBias
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
+
 from ..tuning import kinematics
 from .common import Target, common_targets
 from .filtering import KINDS, UNITS, Course, Pass, filtered, smoothed

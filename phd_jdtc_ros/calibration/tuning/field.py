@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import IntArray
-from ...core.intake.sectors import smallest_arc
-from ...core.types import FULL_TURN
+from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.intake.sectors import smallest_arc
+from phd_jdtc_ros.core.types import FULL_TURN
+
 from .plots import Plots
 
 # Azimuths are not a field of view if no part of a turn of this width is without plots, radians.

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+
 from .field import Field, elsewhere, field_of
 from .levels import Levels, levels, log_ratio
 from .noise import Noise, fitted

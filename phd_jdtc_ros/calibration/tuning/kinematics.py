@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray
 
 # At its own position a radar measures no azimuth; divisions by the range are bounded at this one.
 LEAST_RANGE = 1.0

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import FloatArray, IntArray
-from ...core.clutter.amplitude_law import level_db
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.clutter.amplitude_law import level_db
+
 from .plots import Plots
 from .tracks import Tracks
 

@@ -20,7 +20,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
-from ...core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+
 from . import kinematics
 from .plots import Plots
 from .tracks import GATE, Deviations, Tracks

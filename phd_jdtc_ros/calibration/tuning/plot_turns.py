@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ...core.intake.antenna import SHORTEST_S, Antenna, AntennaTrack
-from ...core.types import FULL_TURN
+from phd_jdtc_ros.core.intake.antenna import SHORTEST_S, Antenna, AntennaTrack
+from phd_jdtc_ros.core.types import FULL_TURN
 
 # The antenna is followed from so many plots to the next, seconds apart at least.
 PLOTS, PERIOD_S = 12, 1.0

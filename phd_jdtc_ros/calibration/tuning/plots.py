@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.arrays import FloatArray, IntArray
-from ...core.types import Detections
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.types import Detections
 
 # More of them say no more, and take their time.
 MOST_PLOTS = 15_000

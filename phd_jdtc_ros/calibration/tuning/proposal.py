@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ...configuration.radar_parameters import AUTO
-from ...configuration.schema import Value
+from phd_jdtc_ros.configuration.radar_parameters import AUTO
+from phd_jdtc_ros.configuration.schema import Value
+
 from .findings import MOST_LAND, Findings
 
 # A given table of the detection probability stays if it is as near as this to what it spans.

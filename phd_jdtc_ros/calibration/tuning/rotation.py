@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.arrays import IntArray
-from ...core.intake.antenna import SHORTEST_S
-from ...core.intake.sectors import smallest_arc
-from ...core.types import FULL_TURN
+from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.intake.antenna import SHORTEST_S
+from phd_jdtc_ros.core.intake.sectors import smallest_arc
+from phd_jdtc_ros.core.types import FULL_TURN
+
 from .plot_turns import PlotTurns
 from .plots import Plots
 

@@ -30,8 +30,8 @@ from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.udp import Receiver
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import faults_of
+from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
-from ...parameter_files.sections import ParameterFile
 from ..common import arguments, offers, overridable, parameters, runtime, transitions
 from ..common.health_reports import HealthReports
 from ..common.runtime import WARNING_PERIOD_S

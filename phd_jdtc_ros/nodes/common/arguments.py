@@ -9,10 +9,8 @@ from rclpy.utilities import remove_ros_args
 
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import ArgumentParser, fail
-from phd_jdtc_ros.parameter_files import yaml_files
-
-from ...parameter_files import sections
-from ...parameter_files.sections import ParameterFile
+from phd_jdtc_ros.parameter_files import sections, yaml_files
+from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 _EXAMPLES = "--ros-args -p NAME:=VALUE, --params-file FILE, -r FROM:=TO, -r __ns:=/NAME"
 # What rcl calls an argument that it cannot parse, and what the argument must be.

@@ -14,10 +14,8 @@ import rclpy
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter
-
-from ...configuration.schema import check
-from ...parameter_files.sections import ParameterFile
+from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check
+from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 # Parameters that rclpy declares for itself.
 _OWN = ("use_sim_time", "start_type_description_service")

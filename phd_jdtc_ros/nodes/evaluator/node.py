@@ -40,9 +40,9 @@ from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.scan_scores import PointSet, ScanScore
 from phd_jdtc_ros.exit_status import FAILED, OK
+from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.report.table import metrics, score_tables
 
-from ...parameter_files.sections import ParameterFile
 from ..common import arguments, overridable, parameters, runtime
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.tracker_parameters import TrackerParameters

@@ -16,8 +16,7 @@ from rclpy.subscription import Subscription
 from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-
-from ...parameter_files import bag_parameters
+from phd_jdtc_ros.parameter_files import bag_parameters
 
 # Deep enough that a burst waits in the queue instead of being lost.
 INPUT_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)

@@ -19,8 +19,8 @@ from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 from phd_jdtc_ros.handover import checks
 from phd_jdtc_ros.handover.picture import Joint, JointPicture
 from phd_jdtc_ros.handover.synchroniser import Refused
+from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
-from ...parameter_files.sections import ParameterFile
 from ..common import arguments, offers, overridable, parameters, runtime
 from ..common.health_reports import HealthReports
 from ..common.runtime import WARNING_PERIOD_S

@@ -21,8 +21,8 @@ from msg_adapters import names, stamps
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
+from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
-from ...parameter_files.sections import ParameterFile
 from ..common import arguments, parameters, runtime
 from . import playable, replay_parameters, scene_check, seek_parameter
 from .bag_clock import BagClock

@@ -12,8 +12,8 @@ from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
+from phd_jdtc_ros.parameter_files import bag_parameters
 
-from ...parameter_files import bag_parameters
 from ..common.tracker_parameters import TrackerParameters
 
 

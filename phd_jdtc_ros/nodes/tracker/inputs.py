@@ -17,10 +17,10 @@ from msg_adapters.readers import Reader, reader_of
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
 
-from ...configuration.tracker_node import Settings
 from ..common import overridable
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.throttled import ThrottledWarnings

@@ -23,13 +23,13 @@ from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import Drift, RegistrationMonitor
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
 from phd_jdtc_ros.core.types import SMOOTHED
 
-from ...configuration.tracker_node import Settings
 from . import registration_health
 from .checkpoint import Checkpoints
 from .health import WARNING_MEMORY_S, InputHealth, OutputHealth, Rhythm, StepHealth

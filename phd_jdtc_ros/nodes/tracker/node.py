@@ -18,11 +18,11 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, names
+from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import USAGE, faults_of
+from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
-from ...configuration import tracker_node
-from ...parameter_files.sections import ParameterFile
 from ..common import arguments, parameters, runtime, transitions
 from ..common.status_log import StatusLog
 from . import endpoints, manager_bond

@@ -35,10 +35,10 @@ from msg_adapters import (
 )
 from msg_adapters.tracks import Waypoint
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.engine import Engine, Step
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Scan
 
-from ...configuration.tracker_node import Settings
 from . import endpoints
 from .health import OutputHealth
 

@@ -8,8 +8,8 @@ from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters import frames, names
 from msg_adapters.frames import Mounting
+from phd_jdtc_ros.configuration.tracker_node import Settings
 
-from ...configuration.tracker_node import Settings
 from . import endpoints
 
 

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from ...core.arrays import FloatArray, IntArray
-from ...core.state_space import PLANAR
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.state_space import PLANAR
 
 # Ends of legs are sums of durations, so that the last one may miss a scan's time by rounding.
 ROUNDING_S = 1e-6

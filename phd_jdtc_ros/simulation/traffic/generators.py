@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from itertools import cycle
 from typing import Any
 
-from ...configuration.schema import SMALL, Parameter
-from ...core.targets.amplitude_density import snr_from_db
+from phd_jdtc_ros.configuration.schema import SMALL, Parameter
+from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
+
 from ..checked import names_of, take
 from .flight import Flight, Leg
 from .geodesy import METRES_PER_NM, MPS_PER_KT, STANDARD_GRAVITY, east_north
