@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from phd_jdtc_ros.nodes.asterix.turning import PlotTurns
 
 from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.asterix import pcap_out, plots_out
@@ -29,6 +28,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.configuration.schema import ConfigError
 from phd_jdtc_ros.core.handover import Handover
 from phd_jdtc_ros.core.pipeline import Stepped, new_pipeline
+from phd_jdtc_ros.core.plot_turns import PlotTurns
 from phd_jdtc_ros.core.region import Region
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.nodes.asterix import settings
