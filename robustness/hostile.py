@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from phd_jdtc_ros.nodes.asterix.turning import PlotTurns
 
 from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.asterix import pcap_out, plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Stepped
