@@ -15,6 +15,7 @@ from rclpy.qos import (
     ReliabilityPolicy,
     qos_check_compatible,
 )
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64
 
 from msg_adapters import diagnostics, names
@@ -102,6 +103,9 @@ class Live:
         self.peer = peer
         topics = (names.OSPA, names.cardinality(), names.DIAGNOSTICS)
         self.heard = {topic: peer.collect(DiagnosticArray, topic) for topic in topics}
+        # Their width is the number of targets.
+        clouds = {path.partition(".")[0] for path in SERIES} - self.heard.keys()
+        self.heard |= {topic: peer.collect(PointCloud2, topic) for topic in clouds}
         self.numbers = {topic: peer.collect(Float64, topic) for topic in NUMBERS}
 
     def publishers(self, topic):
