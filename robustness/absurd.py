@@ -27,6 +27,7 @@ from msg_adapters import (
     truth,
 )
 from msg_adapters.errors import RejectedMessageError
+from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.tracks_out import Source
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
@@ -297,7 +298,7 @@ def _hand_over(cloud: PointCloud2) -> None:
 def _to_asterix(cloud: PointCloud2) -> None:
     """Send a spoiled cloud's tracks as ASTERIX, with places on the earth and without."""
     for plane in (None, SystemPlane([50.0, 8.0, 100.0])):
-        output = TrackOutput(Source(1, 2), plane, 30.0)
+        output = TrackOutput(Source(1, 2), plane, 30.0, CallSigns())
         for each in (cloud, estimates.to_msg(_estimates(START_NS + NS), "map")):
             output.take(each)
             for ahead_s in (0, 1):

@@ -31,7 +31,8 @@ def test_report_of_untracked_detections_says_that_there_are_no_estimates(short_b
 
     text = (tmp_path / "report.html").read_text()
     assert "There are no estimates in this bag" in text
-    assert re.findall(r'<div id="(\w+)"', text) == ["map", "numbers"]
+    assert '<canvas id="map"' in text
+    assert re.findall(r'<div id="(\w+)"', text)[-1] == "numbers"
 
 
 def test_report_refuses_a_missing_bag(tmp_path, capsys):
@@ -122,5 +123,5 @@ def test_report_has_the_configured_names_of_the_classes(tracked, tmp_path):
     page = (tmp_path / "report.html").read_text()
     for name in names:
         assert f">{name}</th>" in page
-        assert f'"smoothed, {name}"' in page
+        assert f'"{name}"' in page
     assert "class 0" not in page
