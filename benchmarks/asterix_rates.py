@@ -102,8 +102,8 @@ def _to_plots(datagrams: list[bytes]) -> int:
 
 
 def _to_clouds(datagrams: list[bytes]) -> int:
-    from phd_jdtc_ros.nodes.asterix import clouds
-    from phd_jdtc_ros.nodes.asterix.settings import Amplitudes
+    from phd_jdtc_ros.asterix_bridge import clouds
+    from phd_jdtc_ros.asterix_bridge.settings import Amplitudes
 
     stream, amplitudes, count = PlotStream({}), Amplitudes("any", -100.0), 0
     for data in datagrams:

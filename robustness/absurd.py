@@ -29,6 +29,7 @@ from msg_adapters import (
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.intake.scans import Rejection
@@ -47,7 +48,6 @@ from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.evaluation.evaluation import Evaluation, PointSet
 from phd_jdtc_ros.handover import checks
 from phd_jdtc_ros.handover.picture import JointPicture
-from phd_jdtc_ros.nodes.asterix.tracks import TrackOutput
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines

@@ -21,6 +21,7 @@ from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
 from phd_jdtc_ros.asterix import pcap_out, plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
+from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
 from phd_jdtc_ros.configuration.assembly import new_pipeline
@@ -29,7 +30,6 @@ from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.handover.ownership import Handover
-from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.tools import asterix_in
 

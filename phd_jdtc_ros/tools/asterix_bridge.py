@@ -10,11 +10,11 @@ from pathlib import Path
 
 from msg_adapters import names
 from phd_jdtc_ros import resources
+from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
 from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
-from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
 from phd_jdtc_ros.quoting import short
 

@@ -14,11 +14,11 @@ from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.datagram import RecordingError
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
+from phd_jdtc_ros.asterix_bridge import clouds, settings
+from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
-from phd_jdtc_ros.nodes.asterix import clouds, settings
-from phd_jdtc_ros.nodes.asterix.settings import Bridge
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 from . import asterix_parameters

@@ -19,6 +19,8 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.asterix import plots_out
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import COMBINED, DAY, NONE, PRIMARY, Plot
+from phd_jdtc_ros.asterix_bridge import clouds, settings
+from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.arrays import FloatArray
@@ -26,8 +28,6 @@ from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.sensors.slant_range import supposed_height
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
-from phd_jdtc_ros.nodes.asterix import clouds, settings
-from phd_jdtc_ros.nodes.asterix.settings import Bridge
 
 # SAC of radars that have no name in the bridge's parameters; their SIC is their place, from 1.
 OWN_SAC = 1

@@ -16,12 +16,12 @@ import numpy as np
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.asterix.plot_stream import RadarState
+from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.core.sensors.site import MOST_FROM_ORIGIN
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.nodes.asterix import settings
 from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_params
 
 from . import recorded_plots

@@ -23,11 +23,11 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, names
 from phd_jdtc_ros.asterix import records, udp
+from phd_jdtc_ros.asterix_bridge import pace, settings
+from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
-from phd_jdtc_ros.nodes.asterix import pace, settings
-from phd_jdtc_ros.nodes.asterix.settings import Bridge
 from phd_jdtc_ros.nodes.common import arguments, runtime
 from phd_jdtc_ros.nodes.replay.lock_step import GIVE_UP_S
 from phd_jdtc_ros.nodes.replay.progress_line import ProgressLine

@@ -22,9 +22,8 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
-from phd_jdtc_ros.handover import checks
+from phd_jdtc_ros.handover import checks, settings
 from phd_jdtc_ros.handover.picture import JointPicture
-from phd_jdtc_ros.nodes.hand_over import settings
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.record import Record

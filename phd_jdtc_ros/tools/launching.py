@@ -10,8 +10,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import OK, USAGE
-from phd_jdtc_ros.nodes.replay import replay_parameters
-from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
+from phd_jdtc_ros.parameter_files import bag_parameters, sensor_replay, tracker_params
 
 _BOOLEANS = {"true": True, "True": True, "1": True, "false": False, "False": False, "0": False}
 
@@ -59,7 +58,7 @@ def rate(text: str) -> float:
         given: float | str = float(text)
     except ValueError:
         given = text
-    return replay_parameters.rate(given)
+    return sensor_replay.rate(given)
 
 
 def full_namespace(pushed: str | None, given: str) -> str:

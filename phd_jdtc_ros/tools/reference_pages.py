@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.parameters import BIRTH, CLASS, MOTION, TOP
 from phd_jdtc_ros.configuration.radar_parameters import RADAR
@@ -18,10 +19,8 @@ from phd_jdtc_ros.evaluation.metric_table import (
     PUBLISHED,
     TERMS,
 )
-from phd_jdtc_ros.nodes.asterix import settings as bridge
-from phd_jdtc_ros.nodes.evaluator import node
-from phd_jdtc_ros.nodes.hand_over import settings as hand_over
-from phd_jdtc_ros.nodes.replay import replay_parameters
+from phd_jdtc_ros.handover import settings as hand_over
+from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
 from phd_jdtc_ros.study.monte_carlo.definition import OSPA_AFTER_5
 
 # --- parameters -----------------------------------------------------------------------------------
@@ -54,9 +53,9 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         "sensor_replay",
         "The flags `--rate`, `--start`, `--duration`, `--loop` and `--start-paused` and the "
         "positional argument set the corresponding parameters.",
-        replay_parameters.TABLE,
+        sensor_replay.TABLE,
     ),
-    ("evaluator", "", node.TABLE),
+    ("evaluator", "", evaluator.TABLE),
     (
         "asterix_bridge",
         "The offline tool has those of what it does.",

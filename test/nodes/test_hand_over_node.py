@@ -16,7 +16,7 @@ from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections, Estimates
-from phd_jdtc_ros.nodes.hand_over import settings
+from phd_jdtc_ros.handover import settings
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 NS = 10**9

@@ -15,11 +15,11 @@ from phd_jdtc_ros import Tracker
 from phd_jdtc_ros.__main__ import EXECUTABLES
 from phd_jdtc_ros.api.parameters import RECOGNISED
 from phd_jdtc_ros.api.tables import table_of
+from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.nodes.asterix import settings
-from phd_jdtc_ros.nodes.hand_over import settings as hand_over
+from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.parameter_files import from_arguments
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.simulation.sending import Sending

@@ -28,6 +28,8 @@ from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
 from phd_jdtc_ros.asterix.udp import Receiver
+from phd_jdtc_ros.asterix_bridge import clouds, settings
+from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.exit_status import faults_of
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
@@ -37,8 +39,7 @@ from ..common.health_reports import HealthReports
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.seen import Seen
 from ..common.throttled import ThrottledWarnings
-from . import clouds, health, settings
-from .tracks import TrackOutput
+from . import health
 
 DEPTH = 50
 INPUT_DEPTH = 10

@@ -6,7 +6,6 @@ import sys
 import tempfile
 from array import array
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -132,46 +131,6 @@ def same(given: Any, value: Any) -> bool:
             return False
         return len(found) == len(value) and all(map(same, found, value))
     return isinstance(given, bool) == isinstance(value, bool) and bool(given == value)
-
-
-def with_members(
-    top: Iterable[Parameter],
-    group: str,
-    members: Iterable[Parameter],
-    given: Mapping[str, Any],
-) -> dict[str, Parameter]:
-    """Return a table with what each name of a list has of its own.
-
-    Parameters
-    ----------
-    top : iterable of Parameter
-        Those of all, the list among them.
-    group : str
-        Which of them is the list of names.
-    members : iterable of Parameter
-        What each name has, as ``NAME.PARAMETER``. What is not given of one that is in `top` too is
-        as for all.
-    given : mapping of dotted name to value
-
-    Raises
-    ------
-    ConfigError
-        If the list cannot be one of names: nothing can be said of the rest then.
-    """
-    table = {parameter.name: parameter for parameter in top}
-    listed = table[group]
-    found = listed.coerce(given.get(group, listed.default))
-    if not isinstance(found, list):
-        raise ConfigError([f"{group}: {given[group]!r} given, must be {listed.allowed}"])
-    own = {}
-    for parameter in members:
-        of_all = table.get(parameter.name, parameter)
-        shared = of_all.coerce(given.get(parameter.name, of_all.default))
-        default = of_all.default if shared is None else shared
-        for name in found:
-            full = f"{name}.{parameter.name}"
-            own[full] = replace(parameter, name=full, default=default)
-    return table | own
 
 
 def resolve(

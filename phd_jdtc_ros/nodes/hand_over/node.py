@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from msg_adapters import estimates, names
 from msg_adapters.errors import RejectedMessageError, quoted
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
-from phd_jdtc_ros.handover import checks
+from phd_jdtc_ros.handover import checks, settings
 from phd_jdtc_ros.handover.picture import Joint, JointPicture
 from phd_jdtc_ros.handover.synchroniser import Refused
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
@@ -26,7 +26,7 @@ from ..common.health_reports import HealthReports
 from ..common.runtime import WARNING_PERIOD_S
 from ..common.seen import Seen
 from ..common.throttled import ThrottledWarnings
-from . import health, settings
+from . import health
 
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
 # Stamps that may wait for another tracker: ten minutes, the longest delay, at two a second.

@@ -21,15 +21,16 @@ from msg_adapters import names, stamps
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
+from phd_jdtc_ros.parameter_files import sensor_replay
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
+from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 
 from ..common import arguments, parameters, runtime
-from . import playable, replay_parameters, scene_check, seek_parameter
+from . import playable, scene_check, seek_parameter
 from .bag_clock import BagClock
 from .lock_step import GIVE_UP_S, LockStep
 from .playback import Group, Playback
 from .progress_line import ProgressLine
-from .replay_parameters import SEEK
 
 OUTPUT_QOS = QoSProfile(depth=50, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED_QOS = QoSProfile(
@@ -62,8 +63,8 @@ class SensorReplay(Node):
 
     def __init__(self, flags: dict[str, Any], files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("sensor_replay")
-        self._values = parameters.resolve(self, replay_parameters.AT_THE_START, flags, files)
-        replay_parameters.check(self._values)
+        self._values = parameters.resolve(self, sensor_replay.AT_THE_START, flags, files)
+        sensor_replay.check(self._values)
         self.exit_status: int | None = None
         path = resources.bag(self._values["bag"])
         bag = BagReader(path)
@@ -338,5 +339,5 @@ def _done(response: Trigger.Response, text: str) -> Trigger.Response:
 def main(argv: Sequence[str]) -> int:
     """Run the replay node."""
     others, files = arguments.split("sensor_replay", argv)
-    flags = replay_parameters.flags(others)
+    flags = sensor_replay.flags(others)
     return runtime.run("sensor_replay", lambda: SensorReplay(flags, files), argv)

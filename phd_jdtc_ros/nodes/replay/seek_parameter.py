@@ -9,7 +9,7 @@ import rclpy
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 
-from .replay_parameters import SEEK
+from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 
 
 def declare(node: Node, fault: Callable[[Any], str], go_to: Callable[[float], None]) -> None:

@@ -9,8 +9,8 @@ from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import NONE
 from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.nodes.asterix.tracks import TrackOutput
 
 NS = 10**9
 T0 = 20_779 * 86_400 * NS

@@ -15,10 +15,9 @@ from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.tracks_out import Source
 from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check
+from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, with_members
 from phd_jdtc_ros.earth import SystemPlane
 
-from ..common.parameters import with_members
 from .tracks import TrackOutput
 
 # What each radar may have of its own; the same without a radar's name is for all.

@@ -8,10 +8,8 @@ from itertools import combinations
 from typing import Any
 
 from msg_adapters import names
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check
+from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, with_members
 from phd_jdtc_ros.core.tracks.region import Region
-
-from ..common.parameters import with_members
 
 # How far beyond a seam a target changes over unless that is given, in the smallest margin.
 HYSTERESIS = 0.2

@@ -1,0 +1,1 @@
+"""What the node and the offline tool of the ASTERIX bridge share: settings, clouds and tracks."""
