@@ -123,7 +123,7 @@ coverage: $(VENV)/.ready-test
 	$(RUN) -m coverage run test/run.py
 	$(RUN) -m coverage combine --quiet
 	$(RUN) -m coverage report --fail-under=90
-	$(RUN) -m coverage report --include='phd_jdtc_ros/core/*,msg_adapters/*' --fail-under=95
+	$(RUN) -m coverage report --include='phd_jdtc_ros/c*/*,phd_jdtc_ros/evaluation/*,phd_jdtc_ros/simulation/*,msg_adapters/*' --fail-under=95
 
 $(VENV)/.ready-mutants: $(VENV)/.ready-test
 	@echo "installing what mutation tests need into $(VENV) ..."

@@ -22,7 +22,10 @@ LIVE = {"processes", "executables", "peer", "demo"}
 # What is tested there needs no nodes, so that run.py looks for no live tests in them.
 NEVER_LIVE = {
     Path(__file__).parent / folder
-    for folder in ("api", "asterix", "bags", "core", "msg_adapters", "report")
+    for folder in (
+        *("api", "asterix", "bags", "calibration", "configuration", "core", "evaluation"),
+        *("handover", "msg_adapters", "report", "simulation"),
+    )
 }
 
 

@@ -34,7 +34,7 @@ GOAL = 0.9
 LIMIT_S = 900.0
 CHILDREN = 2
 # How modules turn to compiled loops, which do not run here.
-COMPILED = re.compile(r"if loops := backend\.compiled\(\"\w+\"\):$", re.MULTILINE)
+COMPILED = re.compile(r"if loops := backend\.compiled\(\"[\w.]+\"\):$", re.MULTILINE)
 NOT_KILLED = ("survived", "no tests", "not checked", "suspicious", "skipped")
 
 

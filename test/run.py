@@ -36,7 +36,11 @@ LONGEST = (
 HALF = ("test/core", "test/study")
 # Most of all tests, of which none is live: conftest.py refuses them there.
 NEVER_LIVE = [
-    f"test/{folder}" for folder in ("api", "asterix", "bags", "core", "msg_adapters", "report")
+    f"test/{folder}"
+    for folder in (
+        *("api", "asterix", "bags", "calibration", "configuration", "core", "evaluation"),
+        *("handover", "msg_adapters", "report", "simulation"),
+    )
 ]
 # Some hundred processes import the same files: what one has compiled serves the others.
 ENVIRONMENT = {name: os.environ[name] for name in os.environ if name != "PYTHONDONTWRITEBYTECODE"}

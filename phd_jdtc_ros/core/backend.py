@@ -36,7 +36,7 @@ def resolved(wanted: str) -> str:
     if wanted == NUMPY:
         return NUMPY
     try:
-        importlib.import_module(f"{__package__}.compiled")
+        importlib.import_module(f"{__package__}.numba_loops")
     except ImportError:
         if wanted == NUMBA:
             raise

@@ -2,7 +2,7 @@
 
 import pytest
 from mcap.reader import make_reader
-from test_bag import chunked, made, outcome, write
+from small_bags import chunked, made, outcome, write
 
 from phd_jdtc_ros.bags import chunks, salvage
 from phd_jdtc_ros.bags.reader import BagReader

@@ -8,7 +8,7 @@ from mcap.opcode import Opcode
 from mcap.records import Message
 from mcap.writer import IndexType, Writer
 from samples import STAMP_NS
-from test_bag import MARKERS, RADAR, SECOND, TOPICS, made, outcome, write
+from small_bags import MARKERS, RADAR, SECOND, TOPICS, made, outcome, write
 
 from msg_adapters import interfaces, names
 from phd_jdtc_ros.bags import reader as bag_module

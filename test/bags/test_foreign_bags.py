@@ -15,7 +15,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 from rosbags.convert.converter import convert
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.typesys import Stores, get_typestore
-from test_bag import RADAR, chunked, made, outcome, write
+from small_bags import RADAR, chunked, made, outcome, write
 
 from msg_adapters import detections as detections_adapter
 from msg_adapters import interfaces, names

@@ -1,6 +1,8 @@
 """Two radars that send the reference scenario to a live tracker, and what it takes to start one."""
 
 from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import detections
@@ -58,3 +60,9 @@ class Radars:
         before = len(self.health)
         assert self.peer.spin_until(lambda: len(self.health) > before + 1)
         return next(s for s in self.health[-1].status if s.name == f"/tracker: radar_{radar}")
+
+
+def change(peer, transition):
+    """Ask the tracker for a transition of its lifecycle; return whether it was made."""
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return peer.call(ChangeState, "/tracker/change_state", request).success

@@ -7,8 +7,8 @@ import time
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState, GetState
-from live_radars import FAST, RELIABLE, SCANS, Radars
+from lifecycle_msgs.srv import GetState
+from live_radars import FAST, RELIABLE, SCANS, Radars, change
 from nav_msgs.msg import Odometry, Path
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import (
@@ -56,11 +56,6 @@ def wait_for_level(group, name, level):
         return group.health[-1].status if group.health else ()
 
     return group.peer.spin_until(reached)
-
-
-def change(peer, transition):
-    request = ChangeState.Request(transition=Transition(id=transition))
-    return peer.call(ChangeState, "/tracker/change_state", request).success
 
 
 def state(peer):

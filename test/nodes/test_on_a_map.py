@@ -5,11 +5,10 @@ import pytest
 import stand_ins
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
-from live_radars import FAST, RELIABLE, SCANS, Radars
+from live_radars import FAST, RELIABLE, SCANS, Radars, change
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2
-from test_managed_tracker import change
 
 from msg_adapters import detections, names, point_cloud, stamps, truth
 from phd_jdtc_ros.bags.reader import BagReader

@@ -227,7 +227,7 @@ def _clusters(mixture: Mixture, distance: float) -> IntArray:
     if not len(free):
         return into
     mean, covariance = _across_modes(mixture)
-    if loops := backend.compiled("gaussian"):
+    if loops := backend.compiled("gaussian.algebra"):
         sound, into[:] = loops.clusters(target, mean, covariance, distance)
         if sound:
             return into

@@ -169,7 +169,7 @@ def _fit(later: Later) -> FloatArray:
     of, to = moves.pairs
     if len(of) == later.mean.shape[1]:
         return np.ones_like(moves.change)
-    if loops := backend.compiled("gaussian"):
+    if loops := backend.compiled("gaussian.algebra"):
         log_density = loops.log_densities(
             *map(np.ascontiguousarray, (later.mean, moves.mean, moves.precision)),
             *map(np.ascontiguousarray, (moves.log_determinant, to)),
@@ -201,7 +201,7 @@ def _blended(
     `joint` has the weights of the pairs, (H, K), and `died` those of no later mode, (H, R).
     """
     of, to = later.moves.pairs
-    if loops := backend.compiled("gaussian"):
+    if loops := backend.compiled("gaussian.algebra"):
         every: tuple[FloatArray, FloatArray] = loops.blended(
             *map(np.ascontiguousarray, (own.mean, own.covariance, joint, died, of, to)),
             *map(np.ascontiguousarray, (*later.moves.backward, later.mean, later.covariance)),

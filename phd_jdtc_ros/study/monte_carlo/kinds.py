@@ -64,8 +64,9 @@ def sources_of(kind: str) -> list[Path]:
     package = Path(__file__).parents[2]
     study = package / "study"
     tracker = study / _module_name(kind)
+    folders = ("calibration", "configuration", "core", "evaluation", "simulation")
     return [
-        *sorted((package / "core").rglob("*.py")),
+        *sorted(path for name in folders for path in (package / name).rglob("*.py")),
         study / "runs.py",
         study / "turning.py",
         study / "monte_carlo" / "scores.py",

@@ -82,7 +82,7 @@ def backward(
     Rauch, Tung and Striebel, "Maximum likelihood estimates of linear dynamic systems", AIAA
     Journal 3(8), 1965: the gain is P F' P_predicted^-1.
     """
-    if loops := backend.compiled("gaussian"):
+    if loops := backend.compiled("gaussian.algebra"):
         every = np.broadcast_to(unsupported, mean.shape)
         parts = (mean, covariance, later_mean, later, cross, every)
         sound, precision, *found = loops.backward(
@@ -161,7 +161,7 @@ def located(
     Bell and Cathey, "The iterated Kalman filter update as a Gauss-Newton method", IEEE
     Transactions on Automatic Control 38(2), 1993.
     """
-    if loops := backend.compiled("gaussian"):
+    if loops := backend.compiled("gaussian.algebra"):
         pose = (*radar.position, np.cos(radar.yaw), np.sin(radar.yaw))
         return Located(
             *loops.located(
@@ -215,7 +215,7 @@ def updated(
     """Return the means and covariances of Gaussians after what `located` found of them."""
     later: FloatArray
     spread: FloatArray
-    if loops := backend.compiled("gaussian"):
+    if loops := backend.compiled("gaussian.algebra"):
         later, spread = loops.updated(
             *(flat(mean, 1), flat(covariance, 2), _place_and_speed(radar)),
             *(found.jacobian, found.weighted, found.inverse, _times(time_s, len(mean))),

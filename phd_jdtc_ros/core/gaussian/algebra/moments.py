@@ -25,7 +25,7 @@ def matched(
     mean : array of shape (N, J, D)
     covariance : array of shape (N, J, D, D)
     """
-    if loops := backend.compiled("gaussian"):
+    if loops := backend.compiled("gaussian.algebra"):
         found: tuple[FloatArray, FloatArray] = loops.matched(
             *(np.ascontiguousarray(part) for part in (share, mean, covariance))
         )
@@ -59,7 +59,7 @@ def merged(
     """
     if len(first) == len(mean):
         return mean, covariance
-    if loops := backend.compiled("gaussian"):
+    if loops := backend.compiled("gaussian.algebra"):
         found: tuple[FloatArray, FloatArray] = loops.merged(
             *(np.ascontiguousarray(part) for part in (share, mean, covariance)), first
         )

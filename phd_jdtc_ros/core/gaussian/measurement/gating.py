@@ -60,7 +60,7 @@ def gated(
     if times is not None:
         rate = radar.measurement_rate(mixture.mean.reshape(-1, mixture.mean.shape[2]))
         rate = rate.reshape(expected.measured.shape)
-    if loops := backend.compiled("gaussian"):
+    if loops := backend.compiled("gaussian.algebra"):
         size, measured = len(detections), np.ascontiguousarray(expected.measured)
         found: tuple[IntArray, IntArray, FloatArray] = loops.gated(
             *(row, column, measured, np.zeros_like(measured) if rate is None else rate),

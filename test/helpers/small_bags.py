@@ -1,0 +1,64 @@
+"""Small recordings, and what reading them gives."""
+
+from marker_messages import marker_array, pose_array
+from mcap.writer import CompressionType
+from samples import FRAME, STAMP_NS, detections, estimates, truth
+
+from msg_adapters import detections as detections_adapter
+from msg_adapters import interfaces, names
+from msg_adapters import truth as truth_adapter
+from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.bags.writer import BagWriter, Topic
+from robustness.small_chunks import rewritten
+
+RADAR = names.detections("radar_1")
+POSES = names.poses("filtered", 0)
+MARKERS = "/tracker/markers"
+TOPICS = (
+    Topic(RADAR, names.CLOUD, depth=50),
+    Topic(names.TRUTH, names.CLOUD, depth=50),
+    Topic(POSES, names.POSES),
+    Topic(MARKERS, names.MARKERS, depth=1, transient_local=True),
+)
+SECOND = 1_000_000_000
+
+
+def made():
+    """Return (topic, message, log time) of a small recording, in order of time."""
+    entries = []
+    for index in range(6):
+        cloud = detections_adapter.to_msg(detections(), STAMP_NS + index, FRAME)
+        entries.append((RADAR, cloud, STAMP_NS + 2 * index * SECOND))
+        targets = truth_adapter.to_msg(truth(index), "map")
+        entries.append((names.TRUTH, targets, STAMP_NS + (2 * index + 1) * SECOND))
+    end = STAMP_NS + 20 * SECOND
+    entries.append((POSES, pose_array(estimates(), 0, "map"), end))
+    entries.append((MARKERS, marker_array(estimates(), "map", ("a", "b")), end + 1))
+    return entries
+
+
+def write(directory, entries, topics=TOPICS):
+    with BagWriter(directory) as bag:
+        for topic in topics:
+            bag.add_topic(topic)
+        for topic, message, log_time in entries:
+            data = message if isinstance(message, bytes) else interfaces.encode(message)
+            bag.write(topic, data, log_time)
+    return directory
+
+
+def chunked(directory, source, chunk_size=300, compression=CompressionType.NONE):
+    directory.mkdir()
+    return rewritten(source, directory / "small_0.mcap", compression, chunk_size)
+
+
+def outcome(path):
+    """Return what was yielded until the end or the error, and the error."""
+    found = []
+    try:
+        for entry in BagReader(path).messages():
+            found.append(entry)
+    except BagError as error:
+        return found, error
+    return found, None
