@@ -198,7 +198,8 @@ def _columns(cloud: PointCloud2) -> dict[str, npt.NDArray[Any]]:
         found[name] = np.where(known, found[name], math.nan)
     for name, numbers in _IDENTITIES.items():
         column = found.get(name, np.full(size, identities.NONE)).astype(np.float64)
-        found[name], _ = identities.read(column, np.ones(size, dtype=bool), numbers)
+        known_numbers, _ = identities.read(column, np.ones(size, dtype=bool), numbers)
+        found[name] = np.asarray(known_numbers)
     labelled = found["track_id"] > 0
     return {name: column[labelled] for name, column in found.items()}
 

@@ -8,6 +8,8 @@ from .schema import SMALL, Parameter
 
 # The clutter rate of a radar that learns it.
 AUTO = "auto"
+# nav_msgs/Odometry and geometry_msgs/PoseStamped.
+POSE_MESSAGES = ("odometry", "pose_stamped")
 RADAR = (
     Parameter(
         "message",
@@ -49,7 +51,7 @@ RADAR = (
         "odometry",
         "Message type of the poses' topic. odometry: nav_msgs/Odometry; pose_stamped: "
         "geometry_msgs/PoseStamped.",
-        choices=("odometry", "pose_stamped"),
+        choices=POSE_MESSAGES,
     ),
     Parameter(
         "pose_yaw",

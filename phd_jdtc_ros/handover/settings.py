@@ -118,10 +118,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     if faults:
         raise ConfigError(faults)
     trackers = tuple(values["trackers"])
-    regions = tuple(
-        Region(*values[f"{name}.region"], margin=values[f"{name}.region_margin"])
-        for name in trackers
-    )
+    regions = tuple(_region(values, name) for name in trackers)
     faults = region_faults([f"{name}." for name in trackers], regions)
     if faults:
         raise ConfigError(faults)
@@ -184,6 +181,11 @@ def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]
 
 def _node(values: Mapping[str, Any], name: str) -> str:
     return values[f"{name}.node"] or f"/{name}{names.TRACKER}"
+
+
+def _region(values: Mapping[str, Any], name: str) -> Region:
+    x_min, y_min, x_max, y_max = values[f"{name}.region"]
+    return Region(x_min, y_min, x_max, y_max, values[f"{name}.region_margin"])
 
 
 def _faults(values: Mapping[str, Any]) -> list[str]:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from msg_adapters import (
-    names,
-    platform_poses,
-)
+from msg_adapters import names
 from phd_jdtc_ros.configuration.parameters import MOST_CLASSES
+from phd_jdtc_ros.configuration.radar_parameters import POSE_MESSAGES
 from phd_jdtc_ros.configuration.schema import SMALL, Parameter
 
 TABLE = (
@@ -52,7 +50,7 @@ TABLE = (
         "odometry",
         "Message type of pose_topics. odometry: nav_msgs/Odometry; pose_stamped: "
         "geometry_msgs/PoseStamped.",
-        choices=tuple(platform_poses.TYPES),
+        choices=POSE_MESSAGES,
     ),
     Parameter(
         "exit_after_scans",
