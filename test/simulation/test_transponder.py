@@ -13,7 +13,7 @@ from phd_jdtc_ros.simulation.scenario import truth_after
 from phd_jdtc_ros.simulation.simulate import simulate, simulate_with_sources
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 NAMES = ("code", "address", "height")
 
 

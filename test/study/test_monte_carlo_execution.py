@@ -1,39 +1,13 @@
 import os
-import signal
-import time
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from fatal_tasks import alone, die_of_one, die_once
 
 from phd_jdtc_ros.study import monte_carlo
 from phd_jdtc_ros.study.monte_carlo import Outcome, execution
 from phd_jdtc_ros.study.monte_carlo.tasks import perform
-
-
-def die_once(marker, task):
-    """Kill the process at the first task of seed 1."""
-    if task.seed == 1 and not marker.exists():
-        marker.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return Outcome(task)
-
-
-def die_of_one(seed, task):
-    if task.seed == seed:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return Outcome(task)
-
-
-def alone(active, task):
-    """Return an error if another task is running."""
-    try:
-        active.touch(exist_ok=False)
-    except FileExistsError:
-        return Outcome(task, error="another task is running")
-    time.sleep(0.05)
-    active.unlink()
-    return Outcome(task)
 
 
 def many(tasks, count):

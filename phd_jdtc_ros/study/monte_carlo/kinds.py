@@ -67,6 +67,7 @@ def sources_of(kind: str) -> list[Path]:
     folders = ("calibration", "configuration", "core", "evaluation", "simulation")
     return [
         *sorted(path for name in folders for path in (package / name).rglob("*.py")),
+        package / "quoting.py",
         study / "runs.py",
         study / "turning.py",
         study / "monte_carlo" / "scores.py",
