@@ -122,7 +122,10 @@ def air_picture():
 
 def said_by(opened, script):
     """Return what a script says of the drawn page of `air_picture`, as the page's title."""
-    then = f"setTimeout(() => {{ document.title = (() => {{ {script} }})(); }}, 4000);"
+    then = (
+        'const waiting = setInterval(() => { if (!document.querySelector("#tracks tr")) return;'
+        f"clearInterval(waiting); document.title = (() => {{ {script} }})(); }}, 100);"
+    )
     dom, console = opened(air_picture(), at=f"#scan={SCANS}", then=then)
     assert console == []
     return re.search("<title>(.*?)</title>", dom)[1]
