@@ -33,7 +33,10 @@ LONGEST = (
     "test/nodes/test_asterix_bridge_node.py",
 )
 # Two halves that take about as long as each other.
-HALF = ("test/core", "test/study")
+HALF = (
+    *("test/calibration", "test/configuration", "test/core", "test/evaluation", "test/handover"),
+    *("test/simulation", "test/study"),
+)
 # Most of all tests, of which none is live: conftest.py refuses them there.
 NEVER_LIVE = [
     f"test/{folder}"
@@ -97,7 +100,7 @@ def others(arguments):
     if arguments:  # which may name files of both halves
         return {"all that is not live": arguments}
     return {
-        f"not live, in {' and '.join(HALF)}": HALF,
+        "not live, the core, what is around it and the study": HALF,
         "not live, elsewhere": [f"--ignore={folder}" for folder in HALF],
     }
 
