@@ -8,14 +8,14 @@ from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.intake.input_checks import ResultWatch
 from phd_jdtc_ros.core.intake.out_of_sequence import LATE_REPORTS
 from phd_jdtc_ros.core.intake.turn_history import TurnHistory
-from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, _start_cold
+from phd_jdtc_ros.core.pipeline import EVERYWHERE, Pipeline, start_cold
 
 from .build import TrackerConfig
 from .engines import new_engine
 
 
 def new_pipeline(
-    config: TrackerConfig, begin: Callable[[Engine, int], None] = _start_cold
+    config: TrackerConfig, begin: Callable[[Engine, int], None] = start_cold
 ) -> Pipeline:
     """Return a pipeline with a new engine; `begin` is that of `Pipeline`."""
     engine, turns, platforms = new_engine(config), config.turns(), config.platforms()

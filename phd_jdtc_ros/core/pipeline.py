@@ -72,7 +72,7 @@ EVERYWHERE = Everywhere()
 Event: TypeAlias = "Stepped | RunEnded"
 
 
-def _start_cold(engine: Engine, stamp_ns: int) -> None:
+def start_cold(engine: Engine, stamp_ns: int) -> None:
     """Leave the engine in its initial state."""
 
 
@@ -113,7 +113,7 @@ class Pipeline:
         self,
         grouper: ScanGrouper,
         engine: Engine,
-        begin: Callable[[Engine, int], None] = _start_cold,
+        begin: Callable[[Engine, int], None] = start_cold,
         turns: Sequence[Turns] = (),
         watches: Sequence[ReportWatch] = (),
         results: ResultWatch | None = None,

@@ -10,8 +10,6 @@ from phd_jdtc_ros.core.arrays import IntArray
 
 # An age that is not known.
 NO_AGE = -1
-
-
 # Scans after which the number of a track that is no longer reported is forgotten.
 FORGOTTEN = 10
 

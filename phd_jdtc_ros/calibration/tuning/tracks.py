@@ -35,8 +35,6 @@ SETTLED = 3
 IMPROBABLE, LEAST_MISSES, MOST_MISSES = 0.005, 3, 6
 # Tentative tracks end at the second miss in a row.
 TENTATIVE_MISSES = 1
-
-
 _LOG_MOTION = np.log([1.0 - MANOEUVRES, MANOEUVRES])
 
 
