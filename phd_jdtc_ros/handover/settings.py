@@ -1,4 +1,4 @@
-"""The parameters of the hand-over, and what they describe."""
+"""Checks the parameters of the hand-over, and builds its settings."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from msg_adapters import names
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, with_members
 from phd_jdtc_ros.core.tracks.region import Region
 
-# How far beyond a seam a target changes over unless that is given, in the smallest margin.
+# Default distance beyond a seam at which a target changes over, as a share of the smallest margin.
 HYSTERESIS = 0.2
 SMOOTHED_WAIT_S = 8.0
-# Bound of all waiting, seconds.
+# Upper bound of every waiting time, seconds.
 LONGEST_S = 600.0
-# Each pair of them is compared, here and at every stamp.
+# Upper bound of the trackers, because each pair of them is compared at every stamp.
 MOST_TRACKERS = 50
 
 TRACKER = (
@@ -65,7 +65,7 @@ TABLE = (
 
 @dataclass(frozen=True)
 class Settings:
-    """What is joined, as parameters describe it.
+    """The settings of the hand-over.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Settings:
         All parameters.
     table : dict of name to Parameter
     names : tuple of str
-        Of the trackers.
+        Names of the trackers.
     nodes : tuple of str
         Full names of their nodes.
     regions : tuple of Region
@@ -93,7 +93,7 @@ class Settings:
         return names.estimates(source, self.nodes[tracker])
 
     def origin(self, tracker: int) -> tuple[str, str]:
-        """Return the parameter that the name of a tracker's node comes from, and its value."""
+        """Return the parameter that names a tracker's node, and its value."""
         name = self.names[tracker]
         node = self.values[f"{name}.node"]
         return (f"{name}.node", node) if node else ("trackers", name)
@@ -109,7 +109,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     Raises
     ------
     ConfigError
-        With every fault.
+        It lists every fault.
     """
     table = with_members(TABLE, "trackers", TRACKER, given)
     values, faults = check(table.values(), given)
@@ -133,7 +133,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
 
 
 def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hysteresis") -> float:
-    """Return how far beyond a seam a target changes over, metres.
+    """Return the distance beyond a seam at which a target changes over, metres.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hyst
     given : float or None
         None for `HYSTERESIS` of the smallest margin.
     name : str
-        Of the parameter or the option.
+        Name of the parameter or the option, for the error.
 
     Raises
     ------
@@ -156,12 +156,12 @@ def hysteresis(regions: Sequence[Region], given: float | None, name: str = "hyst
 
 
 def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]:
-    """Return what is wrong with regions that are to part an area.
+    """Return the faults of adjacent regions.
 
     Parameters
     ----------
     owners : sequence of str
-        What stands before the name of the parameter of each.
+        Prefix of each region's parameter names.
     regions : sequence of Region
     """
     faults = [
