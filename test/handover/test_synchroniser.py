@@ -4,22 +4,13 @@ from itertools import permutations
 
 import numpy as np
 import pytest
+from estimate_sets import of_tracks
 
-from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.handover.synchroniser import TARGETS_OF_A_STAMP, Gathering, Refused, too_many
 
 
 def at(stamp):
-    return Estimates(
-        stamp_ns=stamp * 10**9,
-        lag=0,
-        state=np.zeros((0, 5)),
-        covariance=np.zeros((0, 5, 5)),
-        weight=np.zeros(0),
-        class_probability=np.zeros((0, 1)),
-        class_id=np.zeros(0, dtype=int),
-        track_id=np.zeros(0, dtype=int),
-    )
+    return of_tracks({}, stamp_ns=stamp * 10**9)
 
 
 def add(gathering, tracker, stamp):

@@ -2,6 +2,7 @@
 
 import json
 
+import estimate_sets
 import numpy as np
 import pytest
 from hard_turns import PERIOD_S, seen, tracker
@@ -10,7 +11,7 @@ from held import stored_and_read
 from phd_jdtc_ros.core.tracks import known_aircraft
 from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
 from phd_jdtc_ros.core.tracks.track_numbers import TrackNumbers
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes, Estimates
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 
 ENGINES = ("gaussian", "particles")
 REACH = Reach(kept_s=600.0, speed=300.0)
@@ -22,24 +23,15 @@ def estimates(seconds, *targets):
     """Return estimates of targets (label, address, x, state)."""
     label, address, x, state = (np.array(column) for column in zip(*targets, strict=True))
     count = len(label)
-    states = np.zeros((count, 5))
-    states[:, 0] = x
-    return Estimates(
+    unknown = np.full(count, UNKNOWN)
+    height = np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan)
+    return estimate_sets.estimates(
+        estimate_sets.states(np.column_stack([x, 0.0 * x])),
+        weight=0.9,
         stamp_ns=seconds * SECOND,
-        lag=0,
-        state=states,
-        covariance=np.tile(np.eye(5), (count, 1, 1)),
-        weight=np.full(count, 0.9),
-        class_probability=np.ones((count, 1)),
-        class_id=np.zeros(count, dtype=np.int64),
         track_id=label,
         track_state=state,
-        attributes=Attributes(
-            height=np.full((count, 2), np.nan),
-            height_covariance=np.full((count, 2, 2), np.nan),
-            code=np.full(count, UNKNOWN),
-            address=address,
-        ),
+        attributes=Attributes(*height, unknown, address),
     )
 
 
