@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import estimate_sets
 import numpy as np
 import pytest
 from scenes import seen_with
@@ -19,7 +20,6 @@ from phd_jdtc_ros.core.types import (
     TENTATIVE,
     Coverage,
     Detections,
-    Estimates,
     Pose,
     Scan,
 )
@@ -42,13 +42,12 @@ def scan_of(stamp_ns, model=MODEL):
 def estimates(stamp_ns, found, class_id=1, lag=0, model=MODEL):
     """Return estimates at 5 km of {track: existence probability}."""
     count, space = len(found), model.modes.space
-    state = np.tile(space.state((5e3, 0.0), (0.0, 0.0), 0.0), (count, 1))
-    return Estimates(
+    return estimate_sets.estimates(
+        np.tile(space.state((5e3, 0.0), (0.0, 0.0), 0.0), (count, 1)),
+        np.zeros((len(space), len(space))),
+        np.array([*found.values()], dtype=float),
         stamp_ns=stamp_ns,
         lag=lag,
-        state=state,
-        covariance=np.zeros((count, len(space), len(space))),
-        weight=np.array([*found.values()], dtype=float),
         class_probability=np.eye(len(model.modes.classes))[np.full(count, class_id)],
         class_id=np.full(count, class_id),
         track_id=np.array([*found], dtype=np.int64),
