@@ -6,14 +6,13 @@ import estimate_sets
 import numpy as np
 import pytest
 from hard_turns import PERIOD_S, seen, tracker
-from held import stored_and_read
+from runs import ENGINES, stepped, stored_and_read
 
 from phd_jdtc_ros.core.tracks import known_aircraft
 from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
 from phd_jdtc_ros.core.tracks.track_numbers import TrackNumbers
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 
-ENGINES = ("gaussian", "particles")
 REACH = Reach(kept_s=600.0, speed=300.0)
 SECOND = 10**9
 EXACT = np.array([5.0, np.radians(0.01)])
@@ -163,19 +162,15 @@ def test_aircraft_out_of_sight_for_a_minute_has_its_number_again(engine):
 def test_restored_engine_knows_aircraft_that_are_out_of_sight(engine):
     scans = crossing(range(12, 27))
     one, other = tracker(engine), tracker(engine)
-    for scan in scans[:24]:
-        one.step(scan)
+    stepped(one, scans[:24])
     other.restore(stored_and_read(one.snapshot()))
-    found = [other.step(scan).filtered[0].track_id.tolist() for scan in scans[24:]]
-    assert found[-1] == [1]
+    assert stepped(other, scans[24:])[0][-1].track_id.tolist() == [1]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_gap_of_the_input_leaves_aircraft_their_numbers(engine):
     scans = crossing(range(12, 27))
     one = tracker(engine)
-    for scan in scans[:12]:
-        one.step(scan)
+    stepped(one, scans[:12])
     one.interrupt()
-    found = [one.step(scan).filtered[0].track_id.tolist() for scan in scans[27:]]
-    assert found[-1] == [1]
+    assert stepped(one, scans[27:])[0][-1].track_id.tolist() == [1]
