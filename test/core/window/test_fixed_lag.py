@@ -33,25 +33,6 @@ def whole(index):
     return Scan((index + 1) * SECOND, (Detections(np.zeros((0, 2)), None),))
 
 
-def test_filtered_estimates_are_of_the_last_scan_that_touched_each_target():
-    filtered, _ = stepped_through(engine(), 0, 9)
-    by_track = dict(zip(filtered[-1].track_id, filtered[-1].weight, strict=True))
-    # Scan 0 began all four; the antenna then came by the others, one after the other.
-    # What is predicted from an earlier scan may have died since.
-    assert sorted(by_track.values()) == pytest.approx([6.0, 7.0, 8.0, 9.0], rel=1e-2)
-    assert {len(estimates) for estimates in filtered} == {4}
-
-
-def test_smoothed_estimates_have_heard_of_the_scans_within_the_lag():
-    _, smoothed = stepped_through(engine(lag=4), 0, 12)
-    assert [estimates.stamp_ns for estimates in smoothed] == [n * SECOND for n in range(1, 9)]
-    # Each of the four later scans passes another target, and none is known of farther ahead.
-    assert sorted(smoothed[0].weight) == [2.0, 3.0, 4.0, 5.0]
-    for index, estimates in enumerate(smoothed):
-        assert len(estimates) == 4
-        assert estimates.weight.max() <= index + 5.0
-
-
 def test_filtered_estimates_are_of_targets_above_the_threshold():
     filtered, _ = stepped_through(engine(threshold=7.5), 0, 9)
     # Of 6, 7, 8 and 9, when their scans touched them.
