@@ -6,7 +6,6 @@ import estimate_sets
 import numpy as np
 import pytest
 from scenes import seen_with
-from sweep import configuration
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -398,10 +397,6 @@ def test_engines_report_a_missed_target_as_coasting(engine):
     assert states[9].keys() < states[8].keys()
     (track,) = states[9]
     assert states[10][track] == CONFIRMED
-
-
-def test_configuration_of_turning_radars_has_a_rule():
-    assert configuration().rule.labelled
 
 
 # One radar with a map of clutter; targets are born at detections, at up to 10 m/s.
