@@ -92,13 +92,9 @@ def test_detection_is_a_tracks_if_it_is_beyond_doubt(measurements, coverage, see
 
 
 def test_detections_between_two_tracks_are_of_neither():
-    two = replace(
-        STILL,
-        state=STILL.state[[0, 0]] + np.array([[0.0] * 5, [600.0] + [0.0] * 4]),
-        covariance=np.zeros((2, 5, 5)),
-        weight=np.ones(2),
-        class_probability=np.ones((2, 2)) / 2.0,
-        class_id=np.zeros(2, int),
+    two = estimates(
+        STILL.state[[0, 0]] + np.array([[0.0] * 5, [600.0] + [0.0] * 4]),
+        np.zeros((5, 5)),
         track_id=np.array([1, 2]),
         track_state=np.ones(2, int),
     )
