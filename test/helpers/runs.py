@@ -41,6 +41,14 @@ def stored_and_read(snapshot):
     return found
 
 
+def assert_same(ours, theirs):
+    """Assert that two snapshots are the same, bit by bit."""
+    assert (ours.stamp_ns, ours.facts) == (theirs.stamp_ns, theirs.facts)
+    assert ours.arrays.keys() == theirs.arrays.keys()
+    for name, array in ours.arrays.items():
+        np.testing.assert_array_equal(array, theirs.arrays[name])
+
+
 def restored_after(stop, new, scans, same=equal):
     """Check that an engine that is restored in the middle goes on as one that never stopped.
 
