@@ -214,12 +214,6 @@ def test_records_before_a_malformed_one_and_other_blocks_are_used():
     assert sum(counts.values()) == 1
 
 
-def test_other_categories_are_counted():
-    found, counts = read(b"\xff\x00\x05ab" + b"\x3e\x00\x05ab" + made.plots(made.plot(1.0, 5.0)))
-    assert len(found) == 1
-    assert counts == {"other_category": 2}
-
-
 def test_a_block_of_empty_records_is_refused_at_once():
     found, counts = read(b"\x30\xff\xff" + bytes(65_532))
     assert (found, counts) == ([], {"empty_record": 1})

@@ -4,6 +4,7 @@ import socket
 import time
 
 import asterix_records as made
+import estimate_sets
 import numpy as np
 import pytest
 import yaml
@@ -20,7 +21,7 @@ from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import flatten
-from phd_jdtc_ros.core.types import SOURCES, Estimates
+from phd_jdtc_ros.core.types import SOURCES
 
 pytestmark = pytest.mark.live
 
@@ -317,16 +318,7 @@ def test_tracks_are_of_one_radar_until_another_is_heard(unicast, peer):
     topic = "/tracker/filtered/estimates"
     publisher = peer.node.create_publisher(PointCloud2, topic, 10)
     assert peer.spin_until(lambda: publisher.get_subscription_count() > 0)
-    found = Estimates(
-        10**9,
-        0,
-        np.zeros((1, 5)),
-        np.eye(5)[None],
-        np.ones(1),
-        np.ones((1, 1)),
-        np.zeros(1, dtype=np.int64),
-        np.ones(1, dtype=np.int64),
-    )
+    found = estimate_sets.of_tracks({1: (0.0, 0.0)}, variance=np.ones(5), stamp_ns=10**9)
     said = []
     for sic in (2, 3):
         unicast.send(made.turns(1, start_s=today_s(), sic=sic))

@@ -1,5 +1,6 @@
 """The live hand-over between trackers that part an area, over DDS."""
 
+import estimate_sets
 import numpy as np
 import pytest
 import tower
@@ -15,7 +16,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Detections
 from phd_jdtc_ros.handover import settings
 from phd_jdtc_ros.parameter_files import bag_parameters
 
@@ -224,19 +225,14 @@ def test_numbers_stay_those_of_their_aircraft_where_a_tracker_is_flushed(process
 
 def said(stamp, rows, classes=1, frame="map", covariance=None):
     """Return the cloud of a tracker's estimates: (number, x) of what flies east."""
-    state = np.zeros((len(rows), 5))
-    state[:, 0], state[:, 1] = [row[1] for row in rows], 200.0
     if covariance is None:
         covariance = np.diag(np.array([50.0, 5.0, 50.0, 5.0, 1e-3]) ** 2)
-    found = Estimates(
+    found = estimate_sets.estimates(
+        estimate_sets.states([(x, 0.0) for _, x in rows], (200.0, 0.0)),
+        covariance,
         stamp_ns=stamp * NS,
-        lag=0,
-        state=state,
-        covariance=np.tile(covariance, (len(rows), 1, 1)),
-        weight=np.ones(len(rows)),
         class_probability=np.full((len(rows), classes), 1.0 / classes),
-        class_id=np.zeros(len(rows), dtype=int),
-        track_id=np.array([row[0] for row in rows]),
+        track_id=np.array([number for number, _ in rows]),
     )
     return estimates.to_msg(found, frame)
 

@@ -1,26 +1,13 @@
 from dataclasses import replace
 
-import numpy as np
+from estimate_sets import of_tracks
 
-from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.nodes.tracker.outputs import UNSEEN_SCANS, Trails
 
 
 def found(scan, **x_of_track):
     """Return a scan's estimates: track number and x, as ``t3=10.0``."""
-    size = len(x_of_track)
-    state = np.zeros((size, 5))
-    state[:, 0] = list(x_of_track.values())
-    return Estimates(
-        stamp_ns=scan,
-        lag=0,
-        state=state,
-        covariance=np.zeros((size, 5, 5)),
-        weight=np.ones(size),
-        class_probability=np.ones((size, 1)),
-        class_id=np.zeros(size),
-        track_id=np.array([int(name[1:]) for name in x_of_track], dtype=int),
-    )
+    return of_tracks({int(name[1:]): (x, 0.0) for name, x in x_of_track.items()}, stamp_ns=scan)
 
 
 def shape(trails):

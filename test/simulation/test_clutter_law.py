@@ -5,7 +5,6 @@ import pytest
 from sweep import configuration
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.amplitude_law import LogNormal, Rayleigh, level_db
 from phd_jdtc_ros.core.targets.amplitude_density import threshold_for
 from phd_jdtc_ros.simulation import scenario_file
@@ -82,35 +81,6 @@ def test_a_scenario_file_gives_every_radar_its_law():
     one = {"clutter": {"radar_2": {"law": "rayleigh", "level_db": 10.0}}}
     assert scenario_file.resolve(one, RADARS).clutter == (NOISE, RayleighClutter(10.0))
     assert [scenario_file.resolve({}, RADARS).law(radar) for radar in (0, 1)] == [NOISE, NOISE]
-
-
-@pytest.mark.parametrize(
-    ("given", "fault"),
-    [
-        ([1], "clutter: must be a mapping"),
-        ({"mast": UNIFORM}, "clutter.mast: must be one of the radars, radar_1, radar_2"),
-        ({"radar_1": 3}, "clutter.radar_1: must be a mapping"),
-        ({"radar_1": {}}, "clutter.radar_1.law: missing, must be one of rayleigh, log_normal, "),
-        ({"radar_1": {"law": "k"}}, "clutter.radar_1.law: 'k' given, must be one of rayleigh, "),
-        ({"radar_1": {**UNIFORM, "std_db": 1.0}}, "clutter.radar_1.std_db: unknown key"),
-        ({"radar_1": {"law": "log_normal", "level_db": 1.0}}, "clutter.radar_1.std_db: missing, "),
-        (
-            {"radar_1": {**UNIFORM, "highest_db": 8.0}},
-            "clutter.radar_1.highest_db: 8 given, must be above lowest_db and the radar's "
-            "threshold, 10.0 dB",
-        ),
-        (
-            {"radar_1": {"law": "uniform", "lowest_db": -9.0, "highest_db": 8.0}},
-            "clutter.radar_1.highest_db: 8 given, must be above lowest_db and the radar's "
-            "threshold, 8.4 dB",
-        ),
-    ],
-)
-def test_a_wrong_law_is_a_fault(given, fault):
-    with pytest.raises(ConfigError) as caught:
-        scenario_file.resolve({"clutter": given}, RADARS)
-    assert len(caught.value.faults) == 1
-    assert caught.value.faults[0].startswith(fault)
 
 
 def test_radars_that_turn_have_clutter_of_their_law_too():

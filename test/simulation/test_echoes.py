@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from lone import lone
 
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Truth
@@ -98,21 +97,3 @@ def test_echoes_of_a_scenario_file_are_those_of_its_radars():
     scenario = scenario_file.resolve(document(given), (RADAR,))
     assert scenario.echoes == (Echoes(0.2, 1, 1.2, 0.5),)
     assert scenario_file.resolve({"scans": 2, "targets": []}, (RADAR,)).echoes == ()
-
-
-@pytest.mark.parametrize(
-    ("echoes", "text"),
-    [
-        ({"other": {}}, "echoes.other: must be one of the radars, radar"),
-        ({"radar": {"probability": 2.0}}, "echoes.radar.probability: 2.0 given"),
-        ({"radar": {"sideways": 2.0}}, "echoes.radar.sideways: unknown key"),
-    ],
-)
-def test_faulty_echoes_are_refused(echoes, text):
-    with pytest.raises(ConfigError, match=text):
-        scenario_file.resolve(document(echoes), (RADAR,))
-
-
-def test_echoes_of_a_radar_that_turns_are_refused():
-    with pytest.raises(ConfigError, match=r"echoes\.radar: given, must not be"):
-        scenario_file.resolve(document({"radar": {}}), (replace(RADAR, rotation_s=2.0),))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.amplitude_law import level_db
 from phd_jdtc_ros.core.intake.poses import Mount
 from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
@@ -159,42 +158,3 @@ def test_a_ship_that_stops_keeps_its_heading():
     legs = [{"duration_s": 10.0, "acceleration": -1.0}, {"duration_s": 10.0}]
     found, _ = scene(platform={**SHIP, "legs": legs})
     assert found.platform.pose(15.0).yaw == pytest.approx(math.atan2(8.0, 6.0))
-
-
-@pytest.mark.parametrize(
-    ("changes", "fault"),
-    [
-        ({"reflectors": [{**QUAY, "points": [1.0]}]}, r"reflectors\[0\].points: must be x and y"),
-        ({"reflectors": [{**QUAY, "points": []}]}, r"reflectors\[0\].points: must be x and y"),
-        ({"reflectors": [{**QUAY, "high": 1}]}, r"reflectors\[0\].high: unknown key"),
-        (
-            {"reflectors": [{**QUAY, "spacing": 0.01}]},
-            r"reflectors\[0\].spacing: 0.01 given, must be at least 0.2",
-        ),
-        (
-            {"reflectors": [{**QUAY, "detection_probability": 1.5}]},
-            r"reflectors\[0\].detection_probability: 1.5 given",
-        ),
-        (
-            {"reflectors": [{**QUAY, "amplitude": {"law": "gamma"}}]},
-            r"reflectors\[0\].amplitude.law: 'gamma' given",
-        ),
-        ({"platform": {**SHIP, "radars": ["bow"]}}, "platform.radars: 'bow' given, must be some"),
-        ({"platform": {**SHIP, "radars": []}}, "platform.radars: none given"),
-        ({"platform": {**SHIP, "legs": []}}, "platform.legs: none given"),
-        (
-            {"platform": {**SHIP, "legs": [{"duration_s": 20.0, "acceleration": -1.0}]}},
-            "platform.legs: a speed of -10 m/s",
-        ),
-    ],
-)
-def test_faults_of_reflectors_and_platforms_are_named(changes, fault):
-    with pytest.raises(ConfigError, match=fault):
-        scene(**changes)
-
-
-def test_radars_with_range_rates_are_not_simulated_on_a_platform():
-    rates = {"mast.fields.range_rate": "range_rate", "mast.pose": "/ship/odometry"}
-    scene(radar=rates)
-    with pytest.raises(ConfigError, match=r"platform\.radars: 'mast' has range rates"):
-        scene(radar=rates, platform=SHIP)

@@ -2,6 +2,7 @@ import itertools
 import shutil
 
 import asterix_records as made
+import estimate_sets
 import numpy as np
 import pytest
 from asterix_reference import decoded, value
@@ -11,7 +12,7 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.core.types import SOURCES, Detections, Estimates
+from phd_jdtc_ros.core.types import SOURCES, Detections
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 
@@ -328,19 +329,12 @@ def with_estimates(by_sector):
             bag.add_topic(Topic(names.estimates(source), names.CLOUD))
         for time_s in range(1000, 1044, 4):
             since_s = time_s - 1000.0
-            state = [
-                [x + vx * since_s + 2.0, vx, y + vy * since_s, vy, 0.0]
-                for x, y, vx, vy in TRUE.values()
-            ]
-            found = Estimates(
-                time_s * 10**9,
-                0,
-                np.array(state),
-                np.tile(np.diag([900.0, 4.0, 400.0, 1.0, 1e-6]), (2, 1, 1)),
-                np.ones(2),
-                np.ones((2, 1)),
-                np.zeros(2, dtype=np.int64),
-                np.array([*TRUE]),
+            true = np.array([*TRUE.values()])
+            found = estimate_sets.estimates(
+                estimate_sets.states(true[:, :2] + since_s * true[:, 2:] + [2.0, 0.0], true[:, 2:]),
+                np.diag([900.0, 4.0, 400.0, 1.0, 1e-6]),
+                stamp_ns=time_s * 10**9,
+                track_id=np.array([*TRUE]),
             )
             data = interfaces.encode(estimates.to_msg(found, "map"))
             for source in SOURCES:

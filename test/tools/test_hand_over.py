@@ -2,13 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from estimate_sets import of_tracks
 
 from msg_adapters import estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 REGIONS = {"west": [-100e3, -100e3, 0.0, 100e3], "east": [0.0, -100e3, 100e3, 100e3]}
@@ -23,21 +24,13 @@ def x_at(stamp):
 
 def tracks(stamp, lag, rows):
     """Return estimates of (number, x, y) that fly east."""
-    count = len(rows)
-    state = np.zeros((count, 5))
-    if count:
-        state[:, [0, 2]] = [row[1:] for row in rows]
-        state[:, 1] = SPEED
-    deviations = np.array([50.0, 5.0, 50.0, 5.0, 1e-3])
-    return Estimates(
+    return of_tracks(
+        {number: place for number, *place in rows},
+        (SPEED, 0.0),
+        (2500.0, 25.0, 2500.0, 25.0, 1e-6),
         stamp_ns=stamp * 10**9,
         lag=lag,
-        state=state,
-        covariance=np.tile(np.diag(deviations**2), (count, 1, 1)),
-        weight=np.ones(count),
-        class_probability=np.tile([1.0, 0.0], (count, 1)),
-        class_id=np.zeros(count, dtype=int),
-        track_id=np.array([row[0] for row in rows], dtype=int),
+        class_probability=np.tile([1.0, 0.0], (len(rows), 1)),
     )
 
 

@@ -55,14 +55,10 @@ def test_simulate_says_what_it_wrote(simulate, capsys):
     assert capsys.readouterr() == (f"{out}: 8 scans, 2 radars, seed 3\n", "")
 
 
-def test_simulate_without_a_scenario_writes_the_reference_one(simulate, same_files):
-    status, out = simulate(out="paper_scenario", scenario=None)
-    assert status == 0
-    assert same_files(out, SHIPPED)
-
-
-def test_simulate_of_the_shipped_scenario_file_writes_the_shipped_bag(simulate, same_files):
-    scenario = ROOT / "config" / "scenarios" / "paper_scenario.yaml"
+@pytest.mark.parametrize("scenario", [None, ROOT / "config" / "scenarios" / "paper_scenario.yaml"])
+def test_simulate_without_a_scenario_or_of_the_shipped_one_writes_the_shipped_bag(
+    simulate, same_files, scenario
+):
     status, out = simulate(out="paper_scenario", scenario=scenario)
     assert status == 0
     assert same_files(out, SHIPPED)

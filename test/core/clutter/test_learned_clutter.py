@@ -1,18 +1,16 @@
 """Clutter that is higher than noise, and that stays where it is, with both engines."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from held import equal, stored_and_read
+from runs import ENGINES, copied, equal, restored_after
 from scenes import small
 from sweep import configuration
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.amplitude_law import CELLS, MEMORY, Learned
-from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Pose, Scan
 from phd_jdtc_ros.core.window.clutter_snapshot import NAME
 from phd_jdtc_ros.evaluation.metrics import assign
@@ -20,7 +18,6 @@ from phd_jdtc_ros.simulation.clutter_law import NOISE, LogNormalClutter, Uniform
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import false_detections, simulate
 
-ENGINES = ("particles", "gaussian")
 # Targets are born at detections; three false detections a scan and radar.
 ANYWHERE = {
     "births": [],
@@ -113,13 +110,7 @@ def test_a_run_that_is_reset_learns_again(engine):
 @pytest.mark.parametrize("stop", [0, 1, 8])
 def test_restored_engine_goes_on_with_what_it_has_learned_bit_by_bit(engine, stop):
     run = [scan for _, scan in scans(LOUD, 12)]
-    first, second = engine_of(engine), engine_of(engine)
-    for scan in run[:stop]:
-        first.step(scan)
-    second.restore(stored_and_read(first.snapshot()))
-    for scan in run[stop:]:
-        one, other = first.step(scan), second.step(scan)
-        assert equal(one.filtered[0], other.filtered[0])
+    first, second = restored_after(stop, lambda: engine_of(engine), run)
     for name, law in first.forward.clutter.laws.items():
         np.testing.assert_array_equal(second.forward.clutter.laws[name].count, law.count)
 
@@ -128,8 +119,7 @@ def stored(engine):
     tracker = engine_of(engine)
     for _, scan in scans(LOUD, 4):
         tracker.step(scan)
-    held = tracker.snapshot()
-    return Snapshot(held.stamp_ns, dict(held.arrays), json.loads(json.dumps(held.facts)))
+    return copied(tracker.snapshot())
 
 
 def test_noise_stores_nothing_of_clutter():
@@ -311,25 +301,17 @@ def followed(engine, count, poses=None, course=(START, VELOCITY), **given):
     return np.array(quay), np.array(ships)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", [*ENGINES, "gaussian on a ship that turns"])
 def test_a_quay_becomes_no_targets_and_hides_no_ships(engine):
-    plain, _ = followed(engine, 10)
+    engine, _, moves = engine.partition(" ")
+    poses = [Pose((10.0 * turn, -4.0 * turn), 0.03 * turn) for turn in range(50)] if moves else None
+    given = {"mast.pose": "/ship/odometry"} if moves else {}
+    plain, _ = followed(engine, 10, poses, **given)
     assert plain[-1] > 15
-    quay, ships = followed(engine, 50, **MAPPED)
+    quay, ships = followed(engine, 50, poses, **given, **MAPPED)
     assert quay[20:].max() <= 1
     assert quay[30:].max() == 0
     # Each is detected in nine turns of ten.
-    assert ships[5:].mean() > 2.85
-
-
-def test_a_quay_becomes_no_targets_of_a_ship_that_turns():
-    poses = [Pose((10.0 * turn, -4.0 * turn), 0.03 * turn) for turn in range(50)]
-    moving = {"mast.pose": "/ship/odometry"}
-    plain, _ = followed("gaussian", 10, poses, **moving)
-    assert plain[-1] > 15
-    quay, ships = followed("gaussian", 50, poses, **moving, **MAPPED)
-    assert quay[20:].max() <= 1
-    assert quay[30:].max() == 0
     assert ships[5:].mean() > 2.85
 
 
@@ -368,19 +350,11 @@ def test_targets_at_rest_stay_if_they_may():
 @pytest.mark.parametrize("engine", ENGINES)
 def test_restored_engine_goes_on_with_its_map_bit_by_bit(engine):
     given = {**HARBOUR, **MAPPED, "engine": engine, "detection_births.particles": 64}
-    first, second = new_engine(small(given)), new_engine(small(given))
     run = [scan for _, scan in harbour(10, 3)]
-    for scan in run[:6]:
-        first.step(scan)
-    second.restore(stored_and_read(first.snapshot()))
-    for scan in run[6:]:
-        one, other = first.step(scan), second.step(scan)
-        assert equal(one.filtered[0], other.filtered[0])
-    ours, theirs = first.forward.clutter.maps["mast"], second.forward.clutter.maps["mast"]
-    np.testing.assert_array_equal(ours.cell, theirs.cell)
-    np.testing.assert_array_equal(ours.count, theirs.count)
-    np.testing.assert_array_equal(ours.recent, theirs.recent)
-    assert ours.recent_turns == theirs.recent_turns
+    both = restored_after(6, lambda: new_engine(small(given)), run)
+    ours, theirs = (each.forward.clutter.maps["mast"] for each in both)
+    for name in ("cell", "count", "recent", "recent_turns"):
+        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
 
 
 def mapped(**given):
@@ -422,10 +396,8 @@ MAP_FORGERIES = {
 @pytest.mark.parametrize("name", MAP_FORGERIES)
 def test_a_map_of_another_radar_or_place_is_refused_with_the_reason(name, map_stored):
     change, reason = MAP_FORGERIES[name]
-    facts = json.loads(json.dumps(map_stored.facts))
-    held = Snapshot(map_stored.stamp_ns, dict(map_stored.arrays), facts)
+    held, tracker = copied(map_stored), mapped()
     change(held)
-    tracker = mapped()
     with pytest.raises(ValueError, match=reason):
         tracker.restore(held)
     assert tracker.forward.clutter.maps == {}

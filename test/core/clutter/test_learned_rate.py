@@ -1,11 +1,10 @@
 """A clutter rate that is learned from what no target claims, with both engines."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from held import equal, stored_and_read
+from runs import ENGINES, copied, restored_after
 from scenes import small
 from sweep import configuration
 
@@ -14,13 +13,11 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.rate import MEMORY_TURNS, START_RATE, ClutterCount
 from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
-from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 
-ENGINES = ("particles", "gaussian")
 # Five times less and five times more than what the tracker begins with.
 RATES = (START_RATE / 5.0, 5.0 * START_RATE)
 
@@ -133,13 +130,7 @@ def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular()
 @pytest.mark.parametrize("stop", [0, 1, 8])
 def test_restored_engine_goes_on_with_its_rate_bit_by_bit(engine, stop):
     run = [scan for _, scan in run_of(4.0, 12)]
-    first, second = engine_of(engine), engine_of(engine)
-    for scan in run[:stop]:
-        first.step(scan)
-    second.restore(stored_and_read(first.snapshot()))
-    for scan in run[stop:]:
-        one, other = first.step(scan), second.step(scan)
-        assert equal(one.filtered[0], other.filtered[0])
+    first, second = restored_after(stop, lambda: engine_of(engine), run)
     assert learned(first) == learned(second)
 
 
@@ -177,10 +168,10 @@ def held():
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_forged_rate_is_refused_with_the_reason(name, held):
     forged, reason = FORGERIES[name]
-    facts = {**json.loads(json.dumps(held.facts)), "clutter_rate": forged}
-    tracker = engine_of("gaussian")
+    snapshot, tracker = copied(held), engine_of("gaussian")
+    snapshot.facts["clutter_rate"] = forged
     with pytest.raises(ValueError, match=reason):
-        tracker.restore(Snapshot(held.stamp_ns, dict(held.arrays), facts))
+        tracker.restore(snapshot)
     assert learned(tracker) == {}
 
 

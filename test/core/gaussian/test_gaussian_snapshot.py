@@ -1,12 +1,9 @@
-import json
-
 import numpy as np
 import pytest
-from held import equal, stored_and_read
+from runs import copied, stepped
 from scenes import short_scenario, small
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.simulation.simulate import simulate
 
 SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
@@ -17,40 +14,12 @@ def gaussian(given=None):
     return new_engine(small({"engine": "gaussian", "lag": 2, **(given or {})}))
 
 
-BIRTHS = {"births": [], "detection_births.rates": [0.1, 0.1]}
-
-
-@pytest.mark.parametrize("given", [{}, {"amplitude": "memory"}, {"spawn.rate": 0.0, **BIRTHS}])
-@pytest.mark.parametrize("lag", [0, 3])
-@pytest.mark.parametrize("stop", [0, 1, 6])
-def test_restored_engine_goes_on_as_if_it_had_never_stopped_bit_by_bit(given, lag, stop):
-    given = {"lag": lag, **given}
-    first, second = gaussian(given), gaussian(given)
-    for scan in SCANS[:stop]:
-        first.step(scan)
-    second.restore(stored_and_read(first.snapshot()))
-    for scan in SCANS[stop:]:
-        one, other = first.step(scan), second.step(scan)
-        assert equal(one.filtered[0], other.filtered[0])
-        assert len(one.smoothed) == len(other.smoothed)
-        assert all(equal(a, b) for a, b in zip(one.smoothed, other.smoothed, strict=True))
-        np.testing.assert_array_equal(one.class_mass, other.class_mass)
-    assert all(equal(a, b) for a, b in zip(first.flush(), second.flush(), strict=True))
-
-
 @pytest.fixture(scope="module")
 def stored():
     """The arrays and facts of an engine in mid run, as a snapshot to copy."""
     engine = gaussian()
-    for scan in SCANS[:6]:
-        engine.step(scan)
+    stepped(engine, SCANS[:6])
     return engine.snapshot()
-
-
-def copied(snapshot):
-    return Snapshot(
-        snapshot.stamp_ns, dict(snapshot.arrays), json.loads(json.dumps(snapshot.facts))
-    )
 
 
 def put(name, value, at=0):
@@ -238,16 +207,3 @@ def sound(found):
     scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
     correlation = found.covariance / scale[:, :, None] / scale[:, None, :]
     assert np.linalg.eigvalsh(correlation).min(initial=0.0) > -1e-6
-
-
-def test_snapshot_is_not_changed_by_what_the_engine_does_later():
-    engine = gaussian()
-    for scan in SCANS[:4]:
-        engine.step(scan)
-    snapshot = engine.snapshot()
-    before = stored_and_read(snapshot)
-    for scan in SCANS[4:]:
-        engine.step(scan)
-    assert snapshot.facts == before.facts
-    for name, array in snapshot.arrays.items():
-        np.testing.assert_array_equal(array, before.arrays[name])

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from runs import ENGINES
 from scenes import small
 from scipy.stats import norm
 
@@ -188,7 +189,6 @@ def test_tracker_finds_targets_without_known_birth_places():
     assert distance.min(axis=0).max() < 600.0
 
 
-ENGINES = ["particles", "gaussian"]
 HIDDEN = {"min_range": 3e4, "max_range": 5e4}
 
 

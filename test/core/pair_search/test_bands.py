@@ -84,9 +84,3 @@ def test_in_boxes_finds_what_is_on_an_edge_in_range():
 def test_in_boxes_does_not_mix_up_ranges_of_neighbouring_bands():
     # The largest range that a box may have, and one that is empty.
     check([[0.0, np.inf], [7e3, 6e3]], [0.5, 0.5], [0.01, 0.01], [[1e3, 0.5], [1e3, 0.52]])
-
-
-@pytest.mark.parametrize(("boxes", "detections"), [(0, 0), (0, 4), (4, 0)])
-def test_in_boxes_of_nothing_is_nothing(boxes, detections):
-    rng = np.random.default_rng(0)
-    assert check(*random_case(rng, boxes, detections, 0.1)) == 0

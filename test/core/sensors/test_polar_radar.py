@@ -114,13 +114,6 @@ def test_gated_pairs_are_the_same_bits_with_either_backend(monkeypatch):
         np.testing.assert_array_equal(plain, compiled)
 
 
-def test_gated_pairs_reach_across_the_cut():
-    detections = Detections(np.array([[1000.0, np.pi - 0.001], [1000.0, -np.pi + 0.001]]), None)
-    predicted = np.array([[1000.0, np.pi - 0.001], [1000.0, -np.pi + 0.001]])
-    particle, detection, _ = RADAR.gated_pairs(predicted, detections)
-    assert sorted(zip(particle, detection, strict=True)) == [(0, 0), (0, 1), (1, 0), (1, 1)]
-
-
 @pytest.mark.parametrize("turns", [-2, -1, 1, 3])
 def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
     model = small().model

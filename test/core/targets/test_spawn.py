@@ -69,8 +69,3 @@ def test_spawn_founds_an_origin_a_parent_where_origins_are_targets():
     named = {(phd.origin[p], o) for p, o in zip(predicted.parent[spawned], own, strict=True)}
     assert len(named) == 2
     assert not set(own) & set(predicted.origin[~spawned])
-
-
-def test_spawn_arrays_are_read_only():
-    with pytest.raises(ValueError, match="read-only"):
-        MODEL.spawn.transition[0, 0] = 1.0

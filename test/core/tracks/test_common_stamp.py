@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import estimate_sets
 import numpy as np
 import pytest
 from scenes import small
@@ -13,7 +14,6 @@ from phd_jdtc_ros.core.tracks.common_stamp import (
     none,
     predicted,
 )
-from phd_jdtc_ros.core.types import Estimates
 
 MODES = small().model.modes
 SECOND = 1_000_000_000
@@ -24,14 +24,12 @@ def estimates(stamp_s, tracks, state=None, weight=0.9):
     count = len(tracks)
     if state is None:
         state = np.tile([1000.0, 100.0, 2000.0, -50.0, 0.0], (count, 1))
-    return Estimates(
+    return estimate_sets.estimates(
+        state,
+        np.diag([100.0, 4.0, 100.0, 4.0, 1e-6]),
+        weight,
         stamp_ns=round(stamp_s * SECOND),
-        lag=0,
-        state=state,
-        covariance=np.tile(np.diag([100.0, 4.0, 100.0, 4.0, 1e-6]), (count, 1, 1)),
-        weight=np.full(count, weight),
         class_probability=np.tile([0.7, 0.3], (count, 1)),
-        class_id=np.zeros(count, dtype=np.int64),
         track_id=np.array(tracks, dtype=np.int64),
     )
 

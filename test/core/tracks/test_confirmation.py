@@ -2,10 +2,10 @@
 
 from dataclasses import replace
 
+import estimate_sets
 import numpy as np
 import pytest
 from scenes import seen_with
-from sweep import configuration
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
@@ -19,7 +19,6 @@ from phd_jdtc_ros.core.types import (
     TENTATIVE,
     Coverage,
     Detections,
-    Estimates,
     Pose,
     Scan,
 )
@@ -42,13 +41,12 @@ def scan_of(stamp_ns, model=MODEL):
 def estimates(stamp_ns, found, class_id=1, lag=0, model=MODEL):
     """Return estimates at 5 km of {track: existence probability}."""
     count, space = len(found), model.modes.space
-    state = np.tile(space.state((5e3, 0.0), (0.0, 0.0), 0.0), (count, 1))
-    return Estimates(
+    return estimate_sets.estimates(
+        np.tile(space.state((5e3, 0.0), (0.0, 0.0), 0.0), (count, 1)),
+        np.zeros((len(space), len(space))),
+        np.array([*found.values()], dtype=float),
         stamp_ns=stamp_ns,
         lag=lag,
-        state=state,
-        covariance=np.zeros((count, len(space), len(space))),
-        weight=np.array([*found.values()], dtype=float),
         class_probability=np.eye(len(model.modes.classes))[np.full(count, class_id)],
         class_id=np.full(count, class_id),
         track_id=np.array([*found], dtype=np.int64),
@@ -399,10 +397,6 @@ def test_engines_report_a_missed_target_as_coasting(engine):
     assert states[9].keys() < states[8].keys()
     (track,) = states[9]
     assert states[10][track] == CONFIRMED
-
-
-def test_configuration_of_turning_radars_has_a_rule():
-    assert configuration().rule.labelled
 
 
 # One radar with a map of clutter; targets are born at detections, at up to 10 m/s.

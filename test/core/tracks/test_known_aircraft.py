@@ -2,17 +2,17 @@
 
 import json
 
+import estimate_sets
 import numpy as np
 import pytest
 from hard_turns import PERIOD_S, seen, tracker
-from held import stored_and_read
+from runs import ENGINES, stepped, stored_and_read
 
 from phd_jdtc_ros.core.tracks import known_aircraft
 from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
 from phd_jdtc_ros.core.tracks.track_numbers import TrackNumbers
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes, Estimates
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes
 
-ENGINES = ("gaussian", "particles")
 REACH = Reach(kept_s=600.0, speed=300.0)
 SECOND = 10**9
 EXACT = np.array([5.0, np.radians(0.01)])
@@ -22,24 +22,15 @@ def estimates(seconds, *targets):
     """Return estimates of targets (label, address, x, state)."""
     label, address, x, state = (np.array(column) for column in zip(*targets, strict=True))
     count = len(label)
-    states = np.zeros((count, 5))
-    states[:, 0] = x
-    return Estimates(
+    unknown = np.full(count, UNKNOWN)
+    height = np.full((count, 2), np.nan), np.full((count, 2, 2), np.nan)
+    return estimate_sets.estimates(
+        estimate_sets.states(np.column_stack([x, 0.0 * x])),
+        weight=0.9,
         stamp_ns=seconds * SECOND,
-        lag=0,
-        state=states,
-        covariance=np.tile(np.eye(5), (count, 1, 1)),
-        weight=np.full(count, 0.9),
-        class_probability=np.ones((count, 1)),
-        class_id=np.zeros(count, dtype=np.int64),
         track_id=label,
         track_state=state,
-        attributes=Attributes(
-            height=np.full((count, 2), np.nan),
-            height_covariance=np.full((count, 2, 2), np.nan),
-            code=np.full(count, UNKNOWN),
-            address=address,
-        ),
+        attributes=Attributes(*height, unknown, address),
     )
 
 
@@ -171,19 +162,15 @@ def test_aircraft_out_of_sight_for_a_minute_has_its_number_again(engine):
 def test_restored_engine_knows_aircraft_that_are_out_of_sight(engine):
     scans = crossing(range(12, 27))
     one, other = tracker(engine), tracker(engine)
-    for scan in scans[:24]:
-        one.step(scan)
+    stepped(one, scans[:24])
     other.restore(stored_and_read(one.snapshot()))
-    found = [other.step(scan).filtered[0].track_id.tolist() for scan in scans[24:]]
-    assert found[-1] == [1]
+    assert stepped(other, scans[24:])[0][-1].track_id.tolist() == [1]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_gap_of_the_input_leaves_aircraft_their_numbers(engine):
     scans = crossing(range(12, 27))
     one = tracker(engine)
-    for scan in scans[:12]:
-        one.step(scan)
+    stepped(one, scans[:12])
     one.interrupt()
-    found = [one.step(scan).filtered[0].track_id.tolist() for scan in scans[27:]]
-    assert found[-1] == [1]
+    assert stepped(one, scans[27:])[0][-1].track_id.tolist() == [1]
