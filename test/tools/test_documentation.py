@@ -41,9 +41,12 @@ JOINED = [(name, text) for name, text in EXAMPLES if name.startswith("docs/nodes
 EXAMPLES = [example for example in EXAMPLES if example not in [*SCENES, *BRIDGES, *JOINED]]
 
 
-def test_the_radar_page_has_its_examples():
+@pytest.mark.parametrize(
+    ("page", "examples"), [("connect_your_radar", 1), ("kinds_of_radar", 4), ("drivers", 2)]
+)
+def test_pages_on_radars_have_their_examples(page, examples):
     names = [name for name, _ in EXAMPLES]
-    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 7
+    assert sum(name.startswith(f"docs/{page}.md") for name in names) == examples
 
 
 @pytest.mark.parametrize(("name", "text"), EXAMPLES, ids=[name for name, _ in EXAMPLES])
@@ -301,7 +304,7 @@ def test_time_of_a_scan_is_that_of_the_performance_page():
 
 
 def test_detection_probabilities_without_amplitudes_are_those_of_the_radar_page():
-    page = (ROOT / "docs" / "connect_your_radar.md").read_text()
+    page = (ROOT / "docs" / "kinds_of_radar.md").read_text()
     rows = re.findall(r"^\| (?:prob|lower end)[^|]* \|(.+)\|$", page, re.MULTILINE)
     probabilities, bands = ([float(cell) for cell in row.split("|")] for row in rows)
 
