@@ -79,7 +79,7 @@ def _axes() -> tuple[Figure, Axes]:
 
 def _lines(axes: Axes, rows: Sequence[Sequence[str]], labels: Mapping[str, str]) -> None:
     """Draw the rows that have a label, over the numbers of the first row."""
-    sizes = [float(heading) for heading in rows[0][1:]]
+    sizes = [float(heading.removeprefix("lag ")) for heading in rows[0][1:]]
     drawn = {row[0]: [NUMBER.match(cell) for cell in row[1:]] for row in rows[1:]}
     ends = []
     for (name, label), colour in zip(labels.items(), LINES, strict=False):

@@ -3,7 +3,7 @@
 A table stands between ``<!-- table: {...} -->`` and ``<!-- end -->``. The braces say what it has:
 
 - ``{ospa: [CASE], variants: [...], lags: [...]}``: means with 95 % intervals, by lag;
-- ``{ospa: [CASE, CASE ...], ...}``: a column for each case, with its lags divided by strokes;
+- ``{ospa: [CASE, CASE ...], ...}``: a column for each case, with its lags divided by slashes;
 - ``{figures: [KEY ...], cases: [...], variants: [...], lags: [...]}``: a column for each metric;
 - ``{bench: TITLE}``: the table of that title that ``make bench`` prints.
 
@@ -16,6 +16,7 @@ import json
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -68,16 +69,15 @@ def _table(shown: Mapping[str, Any], summaries: Mapping[str, Any]) -> str:
 
 def study_rows(shown: Mapping[str, Any], cases: Mapping[str, Any]) -> list[list[str]]:
     """Return the cells of a study's table, headings and rule first."""
-    of_metrics = "figures" in shown
-    rows = list(_metric_rows(shown, cases) if of_metrics else _ospa_rows(shown, cases))
-    names = 3 if of_metrics else 1
+    rows = list((_metric_rows if "figures" in shown else _ospa_rows)(shown, cases))
+    names = len(_names(shown)) if "figures" in shown else 1
     return [rows[0], [*["---"] * names, *["---:"] * (len(rows[0]) - names)], *rows[1:]]
 
 
 def _ospa_rows(shown: Mapping[str, Any], cases: Mapping[str, Any]) -> Iterator[list[str]]:
     named, lags = shown["ospa"], [str(lag) for lag in shown["lags"]]
     alone = len(named) == 1
-    yield ["variant", *(lags if alone else named)]
+    yield ["variant", *([f"lag {lag}" for lag in lags] if alone else named)]
     for variant in shown["variants"]:
         of_cases = [_ospas(cases[case], variant, lags) for case in named]
         if not any(any(cells) for cells in of_cases):
@@ -99,19 +99,24 @@ def _interval(mean: Mapping[str, Any]) -> str:
     return f"{mean['mean']:.1f}" + (f" ± {bounds[1] - mean['mean']:.1f}" if bounds else "")
 
 
+def _names(shown: Mapping[str, Any]) -> list[str]:
+    """Return what a row of a table of metrics is named by; what all rows share is left out."""
+    several = {"case": len(shown["cases"]) > 1, "variant": True, "lag": len(shown["lags"]) > 1}
+    return [name for name, is_shown in several.items() if is_shown]
+
+
 def _metric_rows(shown: Mapping[str, Any], cases: Mapping[str, Any]) -> Iterator[list[str]]:
-    metrics = [METRICS[key] for key in shown["figures"]]
-    yield ["case", "variant", "lag", *(metric.heading for metric in metrics)]
-    for case in shown["cases"]:
-        for variant in shown["variants"]:
-            for lag in map(str, shown["lags"]):
-                found = cases[case][variant]["lags"][lag]["all"]
-                means = [found.get(metric.key) for metric in metrics]
-                texts = [
-                    ABSENT if mean is None else metric.text(mean["mean"])
-                    for metric, mean in zip(metrics, means, strict=True)
-                ]
-                yield [case, variant, lag, *texts]
+    metrics, names = [METRICS[key] for key in shown["figures"]], _names(shown)
+    yield [*names, *(metric.heading for metric in metrics)]
+    for case, variant, lag in product(shown["cases"], shown["variants"], map(str, shown["lags"])):
+        found = cases[case][variant]["lags"][lag]["all"]
+        means = [found.get(metric.key) for metric in metrics]
+        texts = [
+            ABSENT if mean is None else metric.text(mean["mean"])
+            for metric, mean in zip(metrics, means, strict=True)
+        ]
+        row = {"case": case, "variant": variant, "lag": lag}
+        yield [*(row[name] for name in names), *texts]
 
 
 def main() -> int:
