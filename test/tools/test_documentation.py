@@ -433,6 +433,22 @@ def test_every_folder_of_the_source_is_on_a_page():
     assert sorted(described) == sorted({*packages} - {"phd_jdtc_ros"})
 
 
+def test_drawing_of_the_house_has_the_parts_of_the_contract():
+    text = (ROOT / "pyproject.toml").read_text()
+    layers = re.search(r"^layers = \[\n(.*?)^\]", text, re.DOTALL | re.MULTILINE)[1]
+    parts = {name.removeprefix("phd_jdtc_ros.") for name in re.findall(r"[\w.]+", layers)}
+    drawn = re.findall(r">(\w+)</text>", (ROOT / "docs" / "images" / "house.svg").read_text())
+    packages = {p for p in parts if (ROOT / "phd_jdtc_ros" / p).is_dir()} | {
+        "msg_adapters",
+        "earth",
+    }
+
+    assert packages <= parts
+    assert packages <= {*drawn}
+    rooms = {path.name for path in (ROOT / "phd_jdtc_ros" / "core").iterdir() if path.is_dir()}
+    assert {*drawn} - packages <= rooms
+
+
 def test_hooks_of_ruff_are_of_the_version_that_make_check_runs():
     hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
     (ruff,) = [repo for repo in hooks if repo["repo"].endswith("/ruff-pre-commit")]
