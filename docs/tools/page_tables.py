@@ -7,7 +7,8 @@ A table stands between ``<!-- table: {...} -->`` and ``<!-- end -->``. The brace
 - ``{figures: [KEY ...], cases: [...], variants: [...], lags: [...]}``: a column for each metric;
 - ``{bench: TITLE}``: the table of that title that ``make bench`` prints.
 
-A table whose run is not in out/study or out/bench, or lacks one of its rows, is left as it is.
+A table whose run is not in out/study or out/bench, was a quick one, or lacks one of its rows, is
+left as it is.
 """
 
 from __future__ import annotations
@@ -121,11 +122,12 @@ def _metric_rows(shown: Mapping[str, Any], cases: Mapping[str, Any]) -> Iterator
 
 def main() -> int:
     """Fill the tables of both pages; say which stay as they are."""
-    summaries = {
+    found = {
         name: json.loads((ROOT / path).read_text())
         for name, path in SUMMARIES.items()
         if (ROOT / path).exists()
     }
+    summaries = {name: summary for name, summary in found.items() if not summary.get("quick")}
     for name in PAGES:
         path = ROOT / "docs" / name
         text, missing = filled(path.read_text(encoding="utf-8"), summaries)

@@ -57,6 +57,17 @@ def test_filled_leaves_a_table_whose_run_is_missing(summaries, lacking):
     assert line.endswith(f"for want of '{lacking}'")
 
 
+def test_filled_has_the_table_of_the_benchmark_with_that_title():
+    times = {"particles [NumPy]": {"median_ms": 20.0}, "GM-PHD": {"median_ms": 40.0}}
+    title = "a scan of the reference scenario, both radars"
+    page = f"<!-- table: {{bench: '{title}'}} -->\nold\n<!-- end -->\n"
+
+    text, missing = page_tables.filled(page, {"bench": {"peers": times, "figures": []}})
+
+    assert missing == []
+    assert "\n| GM-PHD | 40 ms | 2 |\n<!-- end -->\n" in text
+
+
 def test_study_rows_have_a_column_for_each_of_several_cases():
     shown = {"ospa": ["one", "two"], "variants": ["ours", "theirs"], "lags": [0]}
 
