@@ -20,9 +20,9 @@ NUMBER = re.compile(r"[\d.]+")
 LINES = (COLOURS[1], COLOURS[2], COLOURS[0], INK)
 # The rows of the tables that are drawn, and what they are called at the lines' ends.
 CORRECTIONS = {
-    "as printed": "as printed",
+    "as printed": "paper, as printed",
     "PHD, corrected death term": "PHD filter, corrected",
-    "particles": "labelled filter",
+    "particles, motion of the paper": "labelled filter",
     "reference": "association known",
 }
 STEPS = {
