@@ -38,7 +38,7 @@ help:
 	@echo "make fuzz    random input for decoders, bags and the live tracker, into out/fuzz;"
 	@echo "             ENGINE=gaussian for the other engine"
 	@echo "make docs    the documentation as a site, into out/docs"
-	@echo "make pictures  the documentation's pictures again, of the demo and of what else is in out/"
+	@echo "make pictures  the documentation's tables and pictures again, of the demo, out/study and out/bench"
 	@echo "make test    run the tests"
 	@echo "make coverage  the same, with the lines that they run: 90 % of all, 95 % of core and adapters"
 	@echo "make mutants  mutation tests of the association, the correctors and the smoothers, into"
@@ -113,6 +113,7 @@ docs: $(VENV)/.ready-study
 	@echo "out/docs/index.html; with its search: python3 -m http.server -d out/docs"
 
 pictures: demo
+	@$(RUN) docs/tools/page_tables.py
 	@$(RUN) docs/tools/pictures.py
 
 test: $(VENV)/.ready-test

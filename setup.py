@@ -28,7 +28,7 @@ ROS_WHEELS = ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"]
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
+    version="1.0.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "msg_adapters"]),
     package_data={f"{PACKAGE}.report.page": ["page.*", "*.js"]},
     data_files=[

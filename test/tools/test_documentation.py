@@ -8,6 +8,7 @@ from pathlib import Path
 
 import crossing
 import numpy as np
+import page_tables
 import pytest
 import yaml
 
@@ -21,10 +22,10 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.parameter_files import from_arguments
+from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.simulation.sending import Sending
-from phd_jdtc_ros.tools import recorded_plots
+from phd_jdtc_ros.tools import comparison, recorded_plots
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -47,9 +48,12 @@ RESOLVED = {
 EXAMPLES = [example for example in EXAMPLES if example not in SCENES]
 
 
-def test_the_radar_page_has_its_examples():
+@pytest.mark.parametrize(
+    ("page", "examples"), [("connect_your_radar", 1), ("kinds_of_radar", 4), ("drivers", 2)]
+)
+def test_pages_on_radars_have_their_examples(page, examples):
     names = [name for name, _ in EXAMPLES]
-    assert sum(name.startswith("docs/connect_your_radar.md") for name in names) == 7
+    assert sum(name.startswith(f"docs/{page}.md") for name in names) == examples
 
 
 @pytest.mark.parametrize(("name", "text"), EXAMPLES, ids=[name for name, _ in EXAMPLES])
@@ -215,25 +219,41 @@ def test_readmes_python_example_prints_four_tracks_to_their_end(capsys):
     assert float(re.search(r"^OSPA ([\d.]+) m$", printed, re.MULTILINE)[1]) < 80.0
 
 
-def test_readmes_accuracies_are_the_studys():
-    readme, study = README.read_text(), (ROOT / "docs" / "study.md").read_text()
-    table = readme.split("## How accurate it is")[1].split("\n\n")[2]
-    figures = re.findall(r"[\d.]+ ± [\d.]+", table)
+@pytest.mark.parametrize("engine", ["particles", "gaussian"])
+def test_readmes_table_has_the_scores_of_the_shipped_bag(tmp_path, engine):
+    (row,) = re.findall(rf"^\| {engine}, \w+ \|(.+)\|$", README.read_text(), re.MULTILINE)
+    bag = ROOT / "bags" / "paper_scenario"
+    config = resolve({**bag_parameters.read(bag), "engine": engine}, SystemPlane)
 
-    assert len(figures) == 10
-    assert [figure for figure in figures if f"| {figure} |" not in study] == []
+    found = comparison.scores(bag, config, tmp_path / "bag")
+
+    ospa = [f"{found[source]['all']['ospa']:.1f} m" for source in ("filtered", "smoothed")]
+    shares = [f"{found['reduction']:.0%}", f"{found['class_accuracy']:.1%}"]
+    assert [cell.strip() for cell in row.split("|")] == [
+        *ospa,
+        *(share.replace("%", " %") for share in shares),
+    ]
 
 
 def test_time_of_a_scan_is_that_of_the_performance_page():
     performance = (ROOT / "docs" / "performance.md").read_text()
-    step = re.search(r"^\| step((?: \| [\d.]+)+) \|$", performance, re.MULTILINE)[1]
-    four, _, _, _, many, compiled = (float(ms) for ms in step.split(" | ")[1:])
-    few, of_many = f"{four:.0f} ms", f"{many:.0f} ms, or {compiled:.0f} ms with numba"
-    intro = performance.split("## ")[0]
+    steps = {
+        shown["bench"].split(",")[1].split()[-1]: dict(zip(cells[0][1:], cells[1][1:], strict=True))
+        for shown, cells in page_tables.specified(performance)
+        if shown["bench"].startswith("the whole step, engine")
+    }
+    few, many, compiled = (
+        {engine: f"{float(ms[column]):.0f}" for engine, ms in steps.items()}
+        for column in ("4 targets, NumPy", "200 targets, NumPy", "200 targets, numba")
+    )
+    intro = " ".join(performance.split("## ")[0].split())
 
-    assert f"takes {few} of\none core" in intro
-    assert f"take {of_many}" in intro
-    assert f"takes {few} of one core" in " ".join(README.read_text().split())
+    assert f"takes {few['particles']} ms of one core, filter" in intro
+    assert f"take {many['particles']} ms, or {compiled['particles']} ms with numba" in intro
+    gaussian = [times["gaussian"] for times in (few, many, compiled)]
+    assert "`engine: gaussian` it is {} ms, and {} or {} ms".format(*gaussian) in intro
+    sentence = f"takes {few['particles']} ms of one core with particles and {gaussian[0]} ms"
+    assert sentence in " ".join(README.read_text().split())
     # What was measured once, with one command, is on that page only.
     for name in ("tracker", "sensor_replay"):
         text = (ROOT / "docs" / "nodes" / f"{name}.md").read_text()
@@ -242,7 +262,7 @@ def test_time_of_a_scan_is_that_of_the_performance_page():
 
 
 def test_detection_probabilities_without_amplitudes_are_those_of_the_radar_page():
-    page = (ROOT / "docs" / "connect_your_radar.md").read_text()
+    page = (ROOT / "docs" / "kinds_of_radar.md").read_text()
     rows = re.findall(r"^\| (?:prob|lower end)[^|]* \|(.+)\|$", page, re.MULTILINE)
     probabilities, bands = ([float(cell) for cell in row.split("|")] for row in rows)
 
@@ -366,6 +386,22 @@ def test_every_folder_of_the_source_is_on_a_page():
     assert sorted(described) == sorted({*packages} - {"phd_jdtc_ros"})
 
 
+def test_drawing_of_the_house_has_the_parts_of_the_contract():
+    text = (ROOT / "pyproject.toml").read_text()
+    layers = re.search(r"^layers = \[\n(.*?)^\]", text, re.DOTALL | re.MULTILINE)[1]
+    parts = {name.removeprefix("phd_jdtc_ros.") for name in re.findall(r"[\w.]+", layers)}
+    drawn = re.findall(r">(\w+)</text>", (ROOT / "docs" / "images" / "house.svg").read_text())
+    packages = {p for p in parts if (ROOT / "phd_jdtc_ros" / p).is_dir()} | {
+        "msg_adapters",
+        "earth",
+    }
+
+    assert packages <= parts
+    assert packages <= {*drawn}
+    rooms = {path.name for path in (ROOT / "phd_jdtc_ros" / "core").iterdir() if path.is_dir()}
+    assert {*drawn} - packages <= rooms
+
+
 def test_citation_agrees_with_the_package():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
     manifest = (ROOT / "package.xml").read_text()
@@ -379,11 +415,24 @@ def test_citation_agrees_with_the_package():
     )
 
 
-def test_workflow_runs_what_a_change_must_pass():
-    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text())["jobs"]
-    commands = [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
+def commands_of(workflow):
+    """Return the commands that a workflow's jobs run."""
+    jobs = yaml.safe_load((ROOT / ".github" / "workflows" / workflow).read_text())["jobs"]
+    return [step["run"] for job in jobs.values() for step in job["steps"] if "run" in step]
 
+
+def test_workflow_runs_what_a_change_must_pass():
     container = ["docker build -t phd_jdtc_ros .", "docker run --rm phd_jdtc_ros"]
-    assert commands == [".ci/run", "make test", "make docs", *container]
+    speed = ["make setup", ".venv/bin/python -m benchmarks.gate HEAD~1"]
+    assert commands_of("ci.yml") == [".ci/run", "make test", "make docs", *container, *speed]
     page = (ROOT / "docs" / "container.md").read_text()
     assert all(f"    {command}\n" in page for command in container)
+
+
+def test_release_has_the_wheel_and_the_site():
+    commands = " ".join(commands_of("release.yml"))
+    manifest = (ROOT / "package.xml").read_text()
+
+    assert f"<version>{phd_jdtc_ros.__version__}</version>" in manifest
+    assert "<version>$GITHUB_REF_NAME</version>" in commands
+    assert commands.index("make docs") < commands.index("pip wheel") < commands.index("gh release")
