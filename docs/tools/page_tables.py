@@ -7,7 +7,7 @@ A table stands between ``<!-- table: {...} -->`` and ``<!-- end -->``. The brace
 - ``{figures: [KEY ...], cases: [...], variants: [...], lags: [...]}``: a column for each metric;
 - ``{bench: TITLE}``: the table of that title that ``make bench`` prints.
 
-A table whose run is not in out/study or out/bench, was a quick one, or lacks one of its rows, is
+A table whose run is not in out/study or out/bench, was a short one, or lacks one of its rows, is
 left as it is.
 """
 
@@ -33,6 +33,8 @@ PAGES = ("study.md", "performance.md")
 SUMMARIES = {"study": "out/study/summary.json", "bench": "out/bench/summary.json"}
 TABLE = re.compile(r"(?<=<!-- table: )(\{.*?\})( -->\n)(.*?)(?=<!-- end -->)", re.DOTALL)
 ABSENT = ""
+# Variants with fewer runs are not published.
+FEWEST_RUNS = 10
 
 
 def specified(page: str) -> Iterator[tuple[dict[str, Any], list[list[str]]]]:
@@ -87,8 +89,15 @@ def _ospa_rows(shown: Mapping[str, Any], cases: Mapping[str, Any]) -> Iterator[l
 
 
 def _ospas(variants: Mapping[str, Any], name: str, lags: Sequence[str]) -> list[str]:
-    of_lags = variants.get(name, {}).get("lags", {})
+    of_lags = _published(variants, name) if name in variants else {}
     return [_interval(of_lags[lag]["all"]["ospa"]) if lag in of_lags else ABSENT for lag in lags]
+
+
+def _published(variants: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """Return a variant's lags; a KeyError says if it has too few runs."""
+    if variants[name]["runs"] < FEWEST_RUNS:
+        raise KeyError(f"more than {variants[name]['runs']} runs of {name}")
+    return variants[name]["lags"]
 
 
 def _joined(cells: Sequence[str]) -> str:
@@ -110,7 +119,7 @@ def _metric_rows(shown: Mapping[str, Any], cases: Mapping[str, Any]) -> Iterator
     metrics, names = [METRICS[key] for key in shown["figures"]], _names(shown)
     yield [*names, *(metric.heading for metric in metrics)]
     for case, variant, lag in product(shown["cases"], shown["variants"], map(str, shown["lags"])):
-        found = cases[case][variant]["lags"][lag]["all"]
+        found = _published(cases[case], variant)[lag]["all"]
         means = [found.get(metric.key) for metric in metrics]
         texts = [
             ABSENT if mean is None else metric.text(mean["mean"])

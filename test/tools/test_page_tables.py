@@ -21,10 +21,13 @@ def figures(mean):
 
 
 SUMMARY = {
-    "one": {"ours": {"lags": {"0": figures(90.0), "5": figures(50.04)}}},
+    "one": {"ours": {"runs": 20, "lags": {"0": figures(90.0), "5": figures(50.04)}}},
     "two": {
-        "ours": {"lags": {"0": figures(80.0), "5": figures(40.0)}},
-        "theirs": {"lags": {"0": {"all": {"ospa": {"mean": 70.0, "interval_95": None}}}}},
+        "ours": {"runs": 20, "lags": {"0": figures(80.0), "5": figures(40.0)}},
+        "theirs": {
+            "runs": 20,
+            "lags": {"0": {"all": {"ospa": {"mean": 70.0, "interval_95": None}}}},
+        },
     },
 }
 PAGE = """Before.
@@ -48,7 +51,12 @@ def test_filled_replaces_the_rows_of_a_table_and_nothing_else():
 
 @pytest.mark.parametrize(
     ("summaries", "lacking"),
-    [({}, "study"), ({"study": {"cases": {}}}, "one"), ({"study": {"cases": {"one": {}}}}, "ours")],
+    [
+        ({}, "study"),
+        ({"study": {"cases": {}}}, "one"),
+        ({"study": {"cases": {"one": {}}}}, "ours"),
+        ({"study": {"cases": {"one": {"ours": {"runs": 2}}}}}, "more than 2 runs of ours"),
+    ],
 )
 def test_filled_leaves_a_table_whose_run_is_missing(summaries, lacking):
     text, (line,) = page_tables.filled(PAGE, summaries)
@@ -103,7 +111,7 @@ def test_tables_of_the_study_have_the_rows_and_columns_that_they_name(shown, cel
 
 def _of_lags(shown):
     metrics = {key: {"mean": 1.0, "interval_95": None} for key in shown.get("figures", ["ospa"])}
-    return {"lags": {str(lag): {"all": metrics} for lag in shown["lags"]}}
+    return {"runs": 20, "lags": {str(lag): {"all": metrics} for lag in shown["lags"]}}
 
 
 def test_equal_figures_of_the_study_stand_in_all_its_tables_alike():
