@@ -14,12 +14,7 @@ EXECUTABLES = (
     "register",
     "report",
     "monte_carlo",
-    "madap",
-    "registration",
-    "hours",
-    "seam",
     "hand_over",
-    "autoferry",
     "demo",
 )
 

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.slant_range import Ground
 from phd_jdtc_ros.core.types import Detections, Estimates, Truth
@@ -42,10 +42,9 @@ from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
 from phd_jdtc_ros.simulation.looks import looks, slant
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import Report, answered_plots, plot_times
-
-from .peers.plot_kalman import follow
-from .runs import TAXIING
-from .turning import turn_ends
+from phd_jdtc_ros.study.peers.plot_kalman import follow
+from phd_jdtc_ros.study.runs import TAXIING
+from phd_jdtc_ros.study.turning import turn_ends
 
 # An estimate within this distance of its target has found it, metres.
 FOUND_M = 500.0
@@ -105,7 +104,7 @@ class Reader:
 
     def ground(
         self, distance: FloatArray, azimuth: FloatArray, height: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, BoolArray]:
         """Return ranges and azimuths over ground, (M, 2), and which of them are possible, (M,).
 
         Parameters
@@ -221,7 +220,8 @@ def tracks(
     zero_ns = hour.scenario.start_ns + round(later_s * 1e9)
     stamp_s = np.array([(each.stamp_ns - zero_ns) * 1e-9 for each in ordered])
     times_s, points = [], []
-    nothing = PointSet(np.zeros((0, 2)), *(np.zeros(0, dtype=np.int64) for _ in range(2)))
+    none = np.zeros(0, dtype=np.int64)
+    nothing = PointSet(np.zeros((0, 2)), none, none)
     for end_s in hour.ends_s.tolist():
         row = int(np.argmin(np.abs(stamp_s - end_s))) if len(stamp_s) else 0
         there = len(stamp_s) > 0 and abs(stamp_s[row] - end_s) <= 0.5 * hour.rotation_s
@@ -333,7 +333,7 @@ class _Sums:
         )
 
 
-def _without(own: PointSet, position: FloatArray, unscored: FloatArray) -> PointSet:
+def _without(own: PointSet, position: FloatArray, unscored: BoolArray) -> PointSet:
     """Return the tracks but those of targets that are not scored."""
     target, track = assign(position, own.position, TAXIING.near)
     return own.only(np.delete(np.arange(len(own)), track[unscored[target]]))

@@ -8,10 +8,10 @@ from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
 from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.simulation.scenario import truth_after
 from phd_jdtc_ros.simulation.transponder import Transponders
-from phd_jdtc_ros.study import hours
-from phd_jdtc_ros.study.hour_goals import AS_IS, NO_IDENTITIES, TUNED, Tracked, goals_of
-from phd_jdtc_ros.study.hours import FOUND_M, Hour, Reader, Scores
-from phd_jdtc_ros.tools.hours import hour_of
+from studies.hours import hour as hours
+from studies.hours.goals import AS_IS, NO_IDENTITIES, TUNED, goals_of
+from studies.hours.hour import FOUND_M, Hour, Reader, Scores
+from studies.hours.study import hour_of
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +166,8 @@ def tracked(found, rms, false=0.1, switches=2, status=0):
     own = Scores(1000, found, found, rms, false, switches, 0, 0)
     peer = Scores(1000, 0.99, 0.99, 40.0, 0.5, 10, 0, 0)
     smoothed = own._replace(rms=0.5 * rms)
-    return Tracked(status, 1.0, {FILTERED: own, SMOOTHED: smoothed}, peer)
+    scores = {FILTERED: own._asdict(), SMOOTHED: smoothed._asdict()}
+    return {"status": status, "scores": scores, "plot_kalman": peer._asdict()}
 
 
 def reached(ways, hour="approach_hour"):
@@ -201,4 +202,6 @@ def test_goals_compare_tracks_with_the_plot_kalman_tracker():
 
 
 def test_goals_without_tracks_are_the_exit_statuses():
-    assert reached({AS_IS: Tracked(2, 0.0, None, None)}) == {"exit status, nothing set": False}
+    assert reached({AS_IS: {"status": 2, "scores": {}, "plot_kalman": None}}) == {
+        "exit status, nothing set": False
+    }

@@ -7,26 +7,38 @@ targets, by assignment, within `CUTOFF`, at the end of each turn of the first ra
 
 from __future__ import annotations
 
+import argparse
+import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from rich.table import Table
 
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.calibration.registration.filtering import KINDS
 from phd_jdtc_ros.calibration.registration.result import Registration
-from phd_jdtc_ros.calibration.registration.sensors import sensor
+from phd_jdtc_ros.calibration.registration.sensors import RegistrationError, sensor
 from phd_jdtc_ros.calibration.registration.solution import registered
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.radar_build import bias_parameters
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
+from phd_jdtc_ros.study import turning
 
-from . import turning
+from .runner import Figures, Goal, Study, StudyError, goal, table
 
+SCENARIO = Path("config/scenarios/three_biased_radars.yaml")
+# The tracker needs much more time than the registration: it runs on the first seconds only.
+TRACKED_S = 150.0
 # An estimate farther from its target than this is not its, metres.
 CUTOFF = 1000.0
 # Tracks are being started, seconds.
@@ -44,14 +56,14 @@ UNBIASED, BIASED, CORRECTED = RUNS = "no errors", "with errors", "registered"
 
 
 class Row(NamedTuple):
-    """An error of a radar: true, found, and its deviation; NaN where it is not told."""
+    """An error of a radar: true, found, and its deviation; None where it is not observable."""
 
     radar: str
     error: str
     unit: str
     true: float
     found: float
-    std: float
+    std: float | None
 
 
 def registration_of(scenario: Scenario, config: TrackerConfig, seed: int) -> Registration:
@@ -76,8 +88,9 @@ def rows_of(scenario: Scenario, found: Registration) -> list[Row]:
     for index, each in enumerate(found.radars):
         true = scenario.bias(index)
         for kind, std, (name, unit, scale, _) in zip(KINDS, each.std, ERRORS, strict=True):
-            values = (0.0 + scale * getattr(bias, kind) for bias in (true, each.bias))
-            rows.append(Row(each.name, name, unit, *values, abs(scale) * float(std)))
+            exact, seen = (0.0 + scale * getattr(bias, kind) for bias in (true, each.bias))
+            known = None if math.isnan(std) else abs(scale) * float(std)
+            rows.append(Row(each.name, name, unit, exact, seen, known))
     return rows
 
 
@@ -116,26 +129,84 @@ def _rms(scenario: Scenario, config: TrackerConfig, seed: int) -> dict[str, floa
     return errors
 
 
-def goals_of(
-    rows: Sequence[Row], errors: Mapping[str, Mapping[str, float]]
-) -> list[dict[str, object]]:
-    """Return the goals as in a study's summary: the largest error of any radar, and the gain."""
-    figures = []
+def goals_of(rows: Sequence[Row], errors: Mapping[str, Mapping[str, float]]) -> list[Goal]:
+    """Return the goals: the largest error of any radar, and what the tracker gains."""
+    goals = []
     for name, unit, _, bound in ERRORS:
-        if bound is None:
-            continue
-        off = [abs(row.found - row.true) for row in rows if row.error == name]
-        figures.append((f"registration: {name}, {unit}", max(off), bound))
+        if bound is not None:
+            off = [abs(row.found - row.true) for row in rows if row.error == name]
+            goals.append(goal(f"registration: {name}, {unit}", max(off), bound))
     for source in SOURCES:
         ratio = errors[CORRECTED][source] / errors[UNBIASED][source]
-        figures.append((f"registration: RMS {source}, to no errors", ratio, MOST_RATIO))
-    return [
-        {
-            "name": name,
-            "value": value,
-            "goal": bound,
-            "at_most": True,
-            "reached": bool(value <= bound),
-        }
-        for name, value, bound in figures
+        goals.append(goal(f"registration: RMS {source}, to no errors", ratio, MOST_RATIO))
+    return goals
+
+
+def run(
+    document: Mapping[str, Any], seed: int, seconds: float | None, tracked_s: float = TRACKED_S
+) -> Figures:
+    """Return the errors of every radar and those of the tracker.
+
+    Parameters
+    ----------
+    document : mapping
+        Content of a scenario file.
+    seed : int
+        Of the plots and of the tracker.
+    seconds, tracked_s : float
+        First part of the scenario that is used, None for all of it, and that the tracker runs on.
+
+    Raises
+    ------
+    StudyError
+        If the errors are not observable in the plots.
+    """
+    parameters = from_arguments.scenario_parameters(document)
+    config = resolve(parameters)
+    whole = scenario_file.resolve(document, config.model.radars)
+    begin = time.process_time()
+    try:
+        found = registration_of(whole if seconds is None else whole.until(seconds), config, seed)
+    except RegistrationError as error:
+        raise StudyError(str(error)) from error
+    spent_s = time.process_time() - begin
+    return {
+        "errors": [row._asdict() for row in rows_of(whole, found)],
+        "rms_m": errors_of_tracks(whole.until(tracked_s), parameters, found, seed),
+        "registration_cpu_s": spent_s,
+    }
+
+
+def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
+    document = yaml_files.load(resources.find(SCENARIO))
+    return run(document, seed, arguments.minutes and 60.0 * arguments.minutes)
+
+
+def tables(found: Figures) -> list[Table | str]:
+    """Return the tables of the radars' errors and of the tracker's."""
+    errors = []
+    for row in (Row(**each) for each in found["errors"]):
+        cells = ("reference", "") if row.std is None else (f"{row.found:.4f}", f"{row.std:.2g}")
+        errors.append((row.radar, f"{row.error}, {row.unit}", f"{row.true:.3g}", *cells))
+    tracks = [
+        (name, *(f"{of_run[source]:.1f}" for source in SOURCES))
+        for name, of_run in found["rms_m"].items()
     ]
+    return [
+        table(
+            *("registration: systematic errors", "radar", "error", "true", "found", "+-"),
+            rows=errors,
+        ),
+        table("registration: RMS position error, m", "radars", *SOURCES, rows=tracks),
+    ]
+
+
+STUDY = Study(
+    name="registration",
+    purpose="Known errors of one radar of three, found in twenty minutes of plots.",
+    measure=_measure,
+    tables=tables,
+    goals=lambda found: goals_of([Row(**each) for each in found["errors"]], found["rms_m"]),
+    least_minutes=3.0,
+    joins_summary=True,
+)

@@ -1,17 +1,14 @@
 """The study of registration, smaller: its figures, goals and summary."""
 
-import json
 from dataclasses import replace
 
 import biased
 import pytest
 from rich.console import Console
 
-from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
-from phd_jdtc_ros.study import registration as study
-from phd_jdtc_ros.study.registration import BIASED, CORRECTED, RUNS, UNBIASED, Row
-from phd_jdtc_ros.tools import registration
+from studies import registration
+from studies.registration import BIASED, CORRECTED, RUNS, UNBIASED, Row
 
 # The tracker runs for so long.
 TRACKED_S = 80.0
@@ -24,7 +21,7 @@ def found():
     document["parameters"] |= {"lag_s": 0.0, "lag": 0}
     for name in ("west", "east", "south"):
         document["parameters"][name]["clutter_rate"] = 1.0
-    return registration.run(document, seed=7, tracked_s=TRACKED_S)
+    return registration.run(document, 7, None, TRACKED_S)
 
 
 def test_the_tracker_gains_by_what_is_found(found):
@@ -41,15 +38,13 @@ def test_the_tracker_gains_by_what_is_found(found):
     assert rows["south", "range bias"]["true"] == 0.0
 
 
-def test_the_tables_show_every_error_and_goal(found):
+def test_the_tables_show_every_error_and_run(found):
     console = Console(record=True, width=120)
     for table in registration.tables(found):
         console.print(table)
     text = console.export_text()
     assert text.count("east") == text.count("south") == 4
     assert text.count("reference") == 1
-    for goal in found["goals"]:
-        assert goal["name"] in text
     for name in RUNS:
         assert name in text
 
@@ -65,7 +60,7 @@ def test_goals_are_of_the_radar_that_is_worst():
         UNBIASED: {"filtered": 50.0, "smoothed": 30.0},
         CORRECTED: {"filtered": 52.0, "smoothed": 33.0},
     }
-    goals = {goal["name"]: goal for goal in study.goals_of(rows, errors)}
+    goals = {goal["name"]: goal for goal in registration.goals_of(rows, errors)}
     assert len(goals) == 5
     assert all(name.startswith("registration: ") for name in goals)
     of_range = goals["registration: range bias, m"]
@@ -74,20 +69,6 @@ def test_goals_are_of_the_radar_that_is_worst():
     assert goals["registration: time offset, s"]["goal"] == 0.05
     assert goals["registration: RMS filtered, to no errors"]["reached"]
     assert not goals["registration: RMS smoothed, to no errors"]["reached"]
-
-
-def test_goals_are_put_among_those_of_the_study_and_replace_their_own(tmp_path):
-    path = tmp_path / "summary.json"
-    mine = {"name": "registration: x", "value": 1.0, "goal": 2.0, "at_most": True, "reached": True}
-    registration.merge(path, [mine])
-    assert json.loads(path.read_text())["goals"] == [mine]
-    path.write_text(json.dumps({"p": 2, "cases": {"a": 1}, "goals": [{"name": "filter"}]}))
-    registration.merge(path, [mine])
-    registration.merge(path, [{**mine, "value": 3.0, "reached": False}])
-    summary = json.loads(path.read_text())
-    assert summary["cases"] == {"a": 1}
-    assert [goal["name"] for goal in summary["goals"]] == ["filter", "registration: x"]
-    assert summary["goals"][1]["value"] == 3.0
 
 
 def test_a_part_of_a_scenario_has_the_targets_until_then():
@@ -99,15 +80,3 @@ def test_a_part_of_a_scenario_has_the_targets_until_then():
     assert len(starts) < len(scene.flights)
     assert part.bias(1) == scene.bias(1) != NO_BIAS
     assert replace(scene, biases=()).bias(1) == NO_BIAS
-
-
-@pytest.mark.parametrize(
-    ("arguments", "reason"),
-    [
-        (("--seed", "-1"), "--seed: -1 given, must be at least 0"),
-        (("--minutes", "1"), "--minutes: 1.0 given, must be at least 3"),
-    ],
-)
-def test_wrong_arguments_are_refused(arguments, reason, capsys):
-    assert run("registration", list(arguments)) == 2
-    assert reason in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Simulated hours of radars as they are recorded, tracked the way a user does it, with nothing set.
+"""The hours on the way of a user.
 
 Each hour is written as ASTERIX, read by `asterix_bridge` and tracked by `track_bag`: as it is,
 without codes and addresses, and with what `tune` proposes. Beside it is a plot Kalman tracker.
@@ -6,40 +6,42 @@ without codes and addresses, and with what `tune` proposes. Beside it is a plot 
 
 from __future__ import annotations
 
-import json
+import argparse
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from msg_adapters import estimates, ground_ranges, interfaces, names
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import output_files, resources
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import SOURCES, Estimates
-from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
+from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
 from phd_jdtc_ros.simulation import scenario_file, sending
-from phd_jdtc_ros.study import hour_goals, hours
-from phd_jdtc_ros.study.hour_goals import AS_IS, NO_IDENTITIES, TUNED, Tracked
-from phd_jdtc_ros.study.hours import Hour, Reader, Scores
+from phd_jdtc_ros.tools import simulated_asterix
 
-from . import command, registration, simulated_asterix
+from ..runner import Figures, Study, table
+from . import hour as hours
+from .goals import AS_IS, NO_IDENTITIES, TUNED, goals_of
+from .hour import Hour, Reader, Scores
 
 # The scenarios, and what their recordings are: a capture has times of receipt.
 RECORDINGS = {"approach_hour": "recording.ast", "en_route_hour": "recording.pcap"}
-SHORTEST_MIN = 2.0
+# Nothing is scored before.
+LEAST_MINUTES = 2.0
+PEER = "plot_kalman"
 
 
 class Run(NamedTuple):
@@ -172,7 +174,7 @@ def _estimates(bag: BagReader, source: str) -> list[Estimates]:
     ]
 
 
-def measured(name: str, minutes: float | None, seed: int, work: Path) -> dict[str, Tracked]:
+def measured(name: str, minutes: float | None, seed: int, work: Path) -> Figures:
     """Return what each way to track an hour makes of it; all files are written into `work`."""
     hour, config, document = hour_of(name, minutes, seed)
     work.mkdir(parents=True, exist_ok=True)
@@ -180,117 +182,113 @@ def measured(name: str, minutes: float | None, seed: int, work: Path) -> dict[st
     record(hour, config, document, recording)
     found = {}
     for way, (tracked, runs) in path_of_user(recording, work).items():
-        status = max(each.status for each in runs)
         (work / f"{way}.txt").write_text("\n".join(each.text for each in runs), encoding="utf-8")
-        own = scored(hour, tracked) if tracked.is_dir() else None
-        found[way] = Tracked(status, runs[-1].cpu_s, *(own or (None, None)))
+        found[way] = {
+            "status": max(each.status for each in runs),
+            "cpu_s": runs[-1].cpu_s,
+            **_figures(*(scored(hour, tracked) if tracked.is_dir() else ({}, None))),
+        }
     return found
 
 
-def table(title: str, rows: Mapping[str, Scores | None]) -> Table:
-    """Return the scores of several tracks of an hour."""
-    head = "found, %", "from 1st plot, %", "RMS, m", "false a turn", "switches", "renumbered"
-    shown = Table(title=title, title_justify="left")
-    shown.add_column("tracks", no_wrap=True)
-    for name in head:
-        shown.add_column(name, justify="right")
-    for name, row in rows.items():
-        if row is None:
-            shown.add_row(name, "none")
-            continue
-        shown.add_row(
-            name,
-            f"{100.0 * row.found:.2f}",
-            f"{100.0 * row.found_from_first:.2f}",
-            f"{row.rms:.1f}",
-            f"{row.false_a_turn:.3f}",
-            str(row.switches),
-            f"{row.renumbered} of {row.returned}",
-        )
-    return shown
+def _figures(by_source: Mapping[str, Scores], peer: Scores | None) -> Figures:
+    scores = {source: each._asdict() for source, each in by_source.items()}
+    return {"scores": scores, PEER: peer._asdict() if peer else None}
 
 
-def _goals_table(goals: Sequence[Mapping[str, Any]]) -> Table:
-    shown = Table(title="goals", title_justify="left")
-    for name in ("name", "value", "goal", "reached"):
-        shown.add_column(name)
-    for goal in goals:
-        bound = f"{'at most' if goal['at_most'] else 'at least'} {goal['goal']:.4g}"
-        reached = "yes" if goal["reached"] else "no"
-        shown.add_row(goal["name"], f"{goal['value']:.4g}", bound, reached)
-    return shown
-
-
-def main(argv: Sequence[str]) -> int:
-    """Run the study, or score a bag."""
-    parser = ArgumentParser("hours", description=__doc__)
+def _add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--hour", action="append", choices=[*RECORDINGS], default=[], help="only this one"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the plots (%(default)s)")
-    parser.add_argument("--minutes", type=float, help="the first of the hours only")
-    parser.add_argument("--out", type=Path, default=Path("out/study"), help="%(default)s")
     parser.add_argument("--keep", type=Path, help="new directory of recordings and bags; kept")
-    parser.add_argument(
-        "--score",
-        type=Path,
-        metavar="BAG",
-        help="nothing is run: scores of what track_bag wrote of the --hour of this seed",
-    )
-    arguments = parser.parse_args(argv)
-    if arguments.score is not None and len(arguments.hour) != 1:
-        parser.error(f"--score: {len(arguments.hour)} --hour given, must be one")
-
-    def work() -> int:
-        if arguments.seed < 0:
-            raise ConfigError([f"--seed: {arguments.seed} given, must be at least 0"])
-        if arguments.minutes is not None and not arguments.minutes >= SHORTEST_MIN:
-            raise ConfigError(
-                [f"--minutes: {arguments.minutes} given, must be at least {SHORTEST_MIN:g}"]
-            )
-        if arguments.keep is not None and arguments.keep.exists():
-            raise BagError(f"{arguments.keep}: already exists, is not overwritten")
-        console = Console()
-        if arguments.score is not None:
-            hour, _, _ = hour_of(arguments.hour[0], arguments.minutes, arguments.seed)
-            by_source, peer = scored(hour, arguments.score)
-            console.print(table(arguments.hour[0], {**by_source, "plot Kalman": peer}))
-            return OK
-        with tempfile.TemporaryDirectory() as temporary:
-            place = arguments.keep or Path(temporary)
-            return _study(arguments.hour or [*RECORDINGS], arguments, place, console)
-
-    return command.guarded("hours", work)
 
 
-def _study(chosen: Sequence[str], arguments: Any, place: Path, console: Console) -> int:
-    """Run the study of some hours, and write and show what was found."""
-    found = {
-        name: measured(name, arguments.minutes, arguments.seed, place / name) for name in chosen
-    }
-    goals = [goal for name, ways in found.items() for goal in hour_goals.goals_of(name, ways)]
-    for name, ways in found.items():
-        console.print(table(name, _rows(ways)))
-        cpu = ", ".join(f"{way} {each.cpu_s:.1f} s" for way, each in ways.items())
-        console.print(f"CPU time of track_bag: {cpu}", markup=False, highlight=False)
-    console.print(_goals_table(goals))
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    path = arguments.out / "hours.json"
-    values = {name: {way: each.figures() for way, each in w.items()} for name, w in found.items()}
-    text = json.dumps(
-        {"seed": arguments.seed, "hours": values, "goals": goals}, indent=2, allow_nan=False
-    )
-    output_files.write(path, text + "\n")
-    registration.merge(arguments.out / registration.SUMMARY, goals)
-    console.print(f"results: {path}", soft_wrap=True, markup=False, highlight=False)
-    return OK if all(each.scores for ways in found.values() for each in ways.values()) else FAILED
+def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
+    keep: Path | None = arguments.keep
+    if keep is not None:
+        keep = keep if arguments.runs == 1 else keep / str(seed)
+        if keep.exists():
+            raise BagError(f"{keep}: already exists, is not overwritten")
+    with tempfile.TemporaryDirectory() as temporary:
+        place = keep or Path(temporary)
+        return {
+            "hours": {
+                name: measured(name, arguments.minutes, seed, place / name)
+                for name in arguments.hour or RECORDINGS
+            }
+        }
 
 
-def _rows(ways: Mapping[str, Tracked]) -> dict[str, Scores | None]:
-    """Return the scores of an hour by way and source, and of the plot Kalman tracker."""
-    rows: dict[str, Scores | None] = {}
-    for way, each in ways.items():
-        for source in SOURCES:
-            rows[f"{way}, {source}"] = each.scores[source] if each.scores else None
-    rows["plot Kalman"] = ways[AS_IS].peer
-    return rows
+def _tables(found: Figures) -> list[Table | str]:
+    shown: list[Table | str] = []
+    for name, ways in found["hours"].items():
+        rows = {
+            f"{way}, {source}": each["scores"].get(source)
+            for way, each in ways.items()
+            for source in SOURCES
+        }
+        cpu = ", ".join(f"{way} {each['cpu_s']:.1f} s" for way, each in ways.items())
+        shown += [
+            _scores_table(name, {**rows, "plot Kalman": ways[AS_IS][PEER]}),
+            f"CPU time of track_bag: {cpu}",
+        ]
+    return shown
+
+
+def _scores_table(title: str, rows: Mapping[str, Mapping[str, float] | None]) -> Table:
+    """Return the scores of several tracks of an hour."""
+    cells = [
+        (name, "none", *[""] * 5)
+        if row is None
+        else (
+            name,
+            f"{100.0 * row['found']:.2f}",
+            f"{100.0 * row['found_from_first']:.2f}",
+            f"{row['rms']:.1f}",
+            f"{row['false_a_turn']:.3f}",
+            f"{row['switches']:g}",
+            f"{row['renumbered']:g} of {row['returned']:g}",
+        )
+        for name, row in rows.items()
+    ]
+    head = "found, %", "from 1st plot, %", "RMS, m", "false a turn", "switches", "renumbered"
+    return table(title, "tracks", *head, rows=cells)
+
+
+STUDY = Study(
+    name="hours",
+    purpose="Simulated hours of a radar's ASTERIX, tracked the way a user does, with nothing set.",
+    measure=_measure,
+    tables=_tables,
+    goals=lambda found: [
+        goal for name, ways in found["hours"].items() for goal in goals_of(name, ways)
+    ],
+    complete=lambda found: all(
+        w["scores"] for ways in found["hours"].values() for w in ways.values()
+    ),
+    least_minutes=LEAST_MINUTES,
+    joins_summary=True,
+    add_arguments=_add_arguments,
+)
+
+
+def _add_bag_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("bag", type=Path, help="what track_bag wrote of the hour of this seed")
+    parser.add_argument("--hour", choices=[*RECORDINGS], required=True)
+
+
+def _measure_bag(arguments: argparse.Namespace, seed: int) -> Figures:
+    hour, _, _ = hour_of(arguments.hour, arguments.minutes, seed)
+    return {"hour": arguments.hour, **_figures(*scored(hour, arguments.bag))}
+
+
+OF_BAG = Study(
+    name="hour_of_bag",
+    purpose="Scores of a bag that track_bag wrote of a simulated hour.",
+    measure=_measure_bag,
+    tables=lambda found: [
+        _scores_table(found["hour"], {**found["scores"], "plot Kalman": found[PEER]})
+    ],
+    least_minutes=LEAST_MINUTES,
+    add_arguments=_add_bag_arguments,
+)

@@ -35,11 +35,12 @@ from phd_jdtc_ros.evaluation.metrics import gospa
 from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
 from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.study.peers import gnn, jpda
+from phd_jdtc_ros.study.peers.settings import TrackSettings
+from phd_jdtc_ros.study.runs import SimulatedRun
 
-from .autoferry import Recording
-from .peers import gnn, jpda
-from .peers.settings import TrackSettings
-from .runs import SimulatedRun
+from ..runner import Goal, goal
+from .recording import Recording
 
 CUTOFF, ORDER = 50.0, 2.0
 # Of the mean over all scenarios, to that of the better peer.
@@ -93,6 +94,12 @@ class Score:
             name: None if isinstance(value, float) and math.isnan(value) else value
             for name, value in asdict(self).items()
         }
+
+    @staticmethod
+    def of_json(given: Mapping[str, Any]) -> Score:
+        """Return the scores of `as_json`."""
+        rms = math.nan if given["position_rms"] is None else given["position_rms"]
+        return Score(**{**given, "position_rms": rms})
 
 
 def scans_of(recording: Recording, sensors: Sequence[str] = ("radar",)) -> list[Scan]:
@@ -153,7 +160,7 @@ def peer_problem(parameters: Mapping[str, Any]) -> tuple[int, TrackerModel, floa
     config = resolve(parameters)
     of_motions = tuple(f"{name}." for name in config.values["motions"])
     given = {name: value for name, value in parameters.items() if not name.startswith(of_motions)}
-    classes = {}
+    classes: dict[str, Any] = {}
     for name in config.values["classes"]:
         classes |= {f"{name}.motions": ["straight"], f"{name}.mode_transition": [1.0]}
     one = {"motions": ["straight"], "straight.noise_density": PEER_NOISE_DENSITY}
@@ -233,7 +240,7 @@ def means(scores: Sequence[Score]) -> dict[tuple[str, str], dict[str, float]]:
     return found
 
 
-def goals_of(scores: Sequence[Score]) -> list[dict[str, Any]]:
+def goals_of(scores: Sequence[Score]) -> list[Goal]:
     """Return the ratios of each engine's GOSPA to the better peer's, of the same source."""
     of_tracker = means(scores)
     goals = []
@@ -241,13 +248,5 @@ def goals_of(scores: Sequence[Score]) -> list[dict[str, Any]]:
         for source, bound in GOALS.items():
             better = min(of_tracker[peer, source]["gospa"] for peer in PEERS)
             ratio = of_tracker[engine, source]["gospa"] / better
-            goals.append(
-                {
-                    "name": f"GOSPA {source}, {engine}, to the better peer's",
-                    "value": ratio,
-                    "goal": bound,
-                    "at_most": True,
-                    "reached": ratio <= bound,
-                }
-            )
+            goals.append(goal(f"GOSPA {source}, {engine}, to the better peer's", ratio, bound))
     return goals

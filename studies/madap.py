@@ -7,17 +7,33 @@ figures are computed; the assumptions made here are those of `errors_of` and `fi
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from rich.table import Table
 
+from phd_jdtc_ros import resources
+from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
-from phd_jdtc_ros.core.types import Truth
+from phd_jdtc_ros.core.types import SOURCES, Truth
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
+from phd_jdtc_ros.simulation import scenario_file
+from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.simulation.traffic.geodesy import METRES_PER_NM, MPS_PER_KT
+from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
+from phd_jdtc_ros.study import turning
+from phd_jdtc_ros.study.peers.plot_kalman import follow
+
+from .runner import Figures, Goal, Study, goal, table
+
+SCENARIO = Path("config/scenarios/madap.yaml")
+PEER = "plot Kalman"
 
 # A track further from its flight than this is not its, NM.
 CUTOFF_NM = 5.0
@@ -179,25 +195,65 @@ def figures_of(errors: Errors) -> dict[str, float | None]:
         }
 
 
-def goals_of(found: Mapping[str, Mapping[str, float | None]]) -> list[dict[str, object]]:
-    """Return the goals of trackers' figures as in a study's summary, by tracker and figure."""
-    goals = []
-    for tracker, figures in found.items():
-        for figure in FIGURES:
-            value, bound = figures[figure.name], figure.multi_radar
-            if not figure.goal or bound is None:
-                continue
-            at_most = figure.goal == "at_most"
-            reached = None
-            if value is not None:
-                reached = value <= bound if at_most else value >= bound
-            goals.append(
-                {
-                    "name": f"{figure.name}, {tracker}",
-                    "value": value,
-                    "goal": bound,
-                    "at_most": at_most,
-                    "reached": reached,
-                }
-            )
-    return goals
+def goals_of(found: Mapping[str, Mapping[str, float | None]]) -> list[Goal]:
+    """Return the goals of trackers' figures, by tracker and figure."""
+    return [
+        goal(
+            f"{figure.name}, {tracker}",
+            figures[figure.name],
+            figure.multi_radar,
+            figure.goal == "at_most",
+        )
+        for tracker, figures in found.items()
+        for figure in FIGURES
+        if figure.goal and figure.multi_radar is not None
+    ]
+
+
+def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
+    """Return the figures by tracker, and the CPU time."""
+    document = dict(yaml_files.load(resources.find(SCENARIO)))
+    given = from_arguments.scenario_parameters(document)
+    given |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
+    config = resolve({**given, "seed": seed})
+    scenario = scenario_file.resolve(document, config.model.radars)
+    if arguments.minutes is not None:
+        scenario = scenario.until(60.0 * arguments.minutes)
+    truth = [truth_at(scenario, scan) for scan in range(scenario.scans)]
+    stamps = [targets.stamp_ns for targets in truth]
+    found, spent_s = turning.estimates_of(scenario, config, seed)
+    points: dict[str, Sequence[PointSet]] = {
+        source: turning.at_stamps(found[source], stamps, 2.0 * scenario.interval_s)
+        for source in SOURCES
+    }
+    reports = simulate_reports(scenario, config.inputs, seed)
+    points[PEER] = follow(reports, scenario.radars, stamps)
+    figures = {name: figures_of(errors_of(truth, of_one)) for name, of_one in points.items()}
+    return {"figures": figures, "cpu_per_update_ms": 1e3 * spent_s / scenario.scans}
+
+
+def _tables(found: Figures) -> list[Table | str]:
+    figures: Mapping[str, Mapping[str, Any]] = found["figures"]
+    rows = []
+    for figure in FIGURES:
+        values = [figure.multi_radar, figure.single_radar]
+        values += [of_one[figure.name] for of_one in figures.values()]
+        cells = ["-" if v is None else f"{v:{figure.form}} {figure.unit}".rstrip() for v in values]
+        rows.append((figure.name, *cells))
+    heading = "MADAP benchmark, manoeuvring flights"
+    return [
+        table(heading, "figure", "published", "one radar", *figures, rows=rows),
+        f"CPU per update of all tracks: {found['cpu_per_update_ms']:.0f} ms",
+    ]
+
+
+STUDY = Study(
+    name="madap",
+    purpose="The MADAP benchmark of multi-radar trackers: our figures beside the published ones.",
+    measure=_measure,
+    tables=_tables,
+    goals=lambda found: goals_of({source: found["figures"][source] for source in SOURCES}),
+    # Tracks are not scored before the second minute.
+    least_minutes=2.0,
+    has_parameters=True,
+)

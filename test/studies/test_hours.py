@@ -5,8 +5,9 @@ import json
 import pytest
 
 from phd_jdtc_ros.exit_status import FAILED, OK, USAGE
-from phd_jdtc_ros.study.hour_goals import WAYS
-from phd_jdtc_ros.tools import hours
+from studies.command import main
+from studies.hours import study
+from studies.hours.goals import WAYS
 
 SHORT = ["--minutes", "3", "--hour", "en_route_hour"]
 
@@ -16,7 +17,7 @@ def ran(tmp_path_factory):
     """Return the exit status of the study of some minutes, and its directories."""
     place = tmp_path_factory.mktemp("hours")
     out, kept = place / "out", place / "kept"
-    status = hours.main([*SHORT, "--out", str(out), "--keep", str(kept)])
+    status = main(["hours", *SHORT, "--out", str(out), "--keep", str(kept)])
     return status, out, kept
 
 
@@ -37,7 +38,7 @@ def test_hours_writes_figures_and_goals(ran):
 def test_hours_scores_a_bag_as_the_study_did(ran, capsys):
     _, out, kept = ran
     tracked = kept / "en_route_hour" / "out"
-    assert hours.main([*SHORT, "--score", str(tracked)]) == OK
+    assert main(["hour_of_bag", str(tracked), *SHORT, "--out", str(out)]) == OK
     shown = capsys.readouterr().out
     peer = json.loads((out / "hours.json").read_text())
     peer = peer["hours"]["en_route_hour"]["nothing set"]["plot_kalman"]
@@ -49,9 +50,9 @@ def test_hours_fails_where_a_recording_gives_no_tracks(tmp_path, monkeypatch):
     def nothing(hour, config, document, path):
         path.write_bytes(b"no ASTERIX")
 
-    monkeypatch.setattr(hours, "record", nothing)
+    monkeypatch.setattr(study, "record", nothing)
     out = tmp_path / "out"
-    assert hours.main([*SHORT, "--out", str(out)]) == FAILED
+    assert main(["hours", *SHORT, "--out", str(out)]) == FAILED
     (goal,) = json.loads((out / "hours.json").read_text())["goals"]
     assert (goal["name"], goal["reached"]) == ("en_route_hour: exit status, nothing set", False)
 
@@ -65,12 +66,5 @@ def test_hours_fails_where_a_recording_gives_no_tracks(tmp_path, monkeypatch):
     ],
 )
 def test_hours_names_what_is_wrong(given, fault, capsys):
-    assert hours.main([*SHORT[2:], *given]) == USAGE
+    assert main(["hours", *SHORT[2:], *given]) == USAGE
     assert fault in capsys.readouterr().err
-
-
-def test_hours_scores_one_hour_only(capsys):
-    with pytest.raises(SystemExit) as ended:
-        hours.main(["--score", "bag"])
-    assert ended.value.code == USAGE
-    assert "--score: 0 --hour given, must be one" in capsys.readouterr().err

@@ -1,21 +1,17 @@
-"""The Autoferry dataset: bags of its scenarios, and our figures beside those of other trackers."""
+"""Bags of the dataset's scenarios, and the recording of a bag."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
 from msg_adapters import interfaces, names, platform_poses, truth
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros import output_files, resources
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
@@ -23,10 +19,11 @@ from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.types import Pose
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
-from phd_jdtc_ros.study import autoferry, autoferry_scores
-from phd_jdtc_ros.study.autoferry import SENSORS, Look, Recording
+from phd_jdtc_ros.parameter_files.sections import BAG_PARAMETERS
+from phd_jdtc_ros.tools import command
 
-from . import command
+from . import recording as dataset
+from .recording import SENSORS, Look, Recording
 
 PROFILE = Path("config/autoferry.yaml")
 SHIPPED = resources.PROFILE_BAGS["autoferry"]
@@ -70,7 +67,7 @@ def write_bag(directory: Path, recording: Recording, config: TrackerConfig) -> N
         bag.add_topic(Topic(names.TRUTH, names.CLOUD, DEPTH))
         for stamp_ns, topic, data in _messages(recording, config):
             bag.write(topic, data, stamp_ns)
-    bag_parameters.write(directory / bag_parameters.NAME, config.values)
+    bag_parameters.write(directory / BAG_PARAMETERS, config.values)
 
 
 def _messages(recording: Recording, config: TrackerConfig) -> Iterator[tuple[int, str, bytes]]:
@@ -123,96 +120,43 @@ def of_bag(path: Path) -> Recording:
     return Recording(scenario, tuple(looks), {k: np.array(v) for k, v in targets.items()})
 
 
-def table(scores: Sequence[autoferry_scores.Score]) -> Table:
-    """Return the figures of all trackers, a row for each and its source."""
-    numbers = list(dict.fromkeys(score.scenario for score in scores))
-    title = "Autoferry: mean GOSPA in metres (c = 50 m, p = 2) by scenario"
-    # Narrow enough for a terminal of 80 columns.
-    found = Table(title=title, box=SIMPLE_HEAD, padding=0)
-    found.add_column("tracker", no_wrap=True)
-    for name in (*map(str, numbers), "mean", "missed", "false", "RMS"):
-        found.add_column(name, justify="right")
-    for (tracker, source), mean in autoferry_scores.means(scores).items():
-        rows = [each for each in scores if (each.tracker, each.source) == (tracker, source)]
-        cells = [f"{each.gospa:.1f}" for each in rows]
-        cells += [f"{mean['gospa']:.1f}", f"{mean['missed']:.2f}", f"{mean['false']:.2f}"]
-        found.add_row(f"{tracker}, {source}", *cells, f"{mean['position_rms']:.1f}")
-    return found
-
-
-def _figures(recordings: Sequence[Recording], out: Path) -> None:
-    """Print the figures of all trackers, and write them."""
-    scores = []
-    for recording in recordings:
-        with_lidar = parameters(lidar=True) if recording.of("lidar") else None
-        scores += autoferry_scores.scores_of(recording, parameters(lidar=False), with_lidar)
-    judged = autoferry_scores.goals_of(scores)
-    document = {"scores": [score.as_json() for score in scores], "goals": judged}
-    out.mkdir(parents=True, exist_ok=True)
-    path = out / "autoferry.json"
-    output_files.write(path, json.dumps(document, indent=2, allow_nan=False) + "\n")
-    console = Console()
-    console.print(table(scores))
-    for goal in judged:
-        verdict = "reached" if goal["reached"] else "not reached"
-        console.print(f"{goal['name']}: {goal['value']:.2f} (goal {goal['goal']:.2f}, {verdict})")
-    console.print(f"results: {path}", soft_wrap=True, markup=False, highlight=False)
-
-
-def _write_bags(recordings: Sequence[Recording], out: Path, lidar: bool) -> None:
-    config = resolve(parameters(lidar))
-    for recording in recordings:
-        directory = out / f"autoferry_{recording.scenario}{'_lidar' if lidar else ''}"
-        write_bag(directory, recording, config)
-        counts = ", ".join(f"{len(recording.of(s.name))} of the {s.name}" for s in config.inputs)
-        print(f"{directory}: scans {counts}")
-
-
-def main(argv: Sequence[str]) -> int:
-    """Run the tool."""
-    parser = ArgumentParser("autoferry", description=__doc__)
-    parser.add_argument(
-        "directory",
-        type=Path,
-        nargs="?",
-        help="the dataset's radar and lidar parts, CSV; --figures alone are of the shipped bag",
-    )
-    parser.add_argument(
-        "--out", type=Path, help="directory of the bags; with --figures of the results, out/study"
-    )
+def add_dataset_arguments(parser: ArgumentParser, **directory: Any) -> None:
+    """Add the arguments that select scenarios of the dataset."""
+    parser.add_argument("directory", type=Path, help="the dataset's CSV", **directory)
     parser.add_argument(
         "--scenario", type=int, action="append", default=[], metavar="NUMBER", help="only this one"
     )
-    parser.add_argument("--lidar", action="store_true", help="bags with the lidar's detections too")
-    parser.add_argument(
-        "--figures", action="store_true", help="track, score and compare; needs Stone Soup"
-    )
+
+
+def selected(arguments: argparse.Namespace) -> list[Recording]:
+    """Return the recordings of a directory that the arguments select."""
+    directory: Path = arguments.directory
+    try:
+        numbers = arguments.scenario or dataset.scenarios_in(directory)
+        return [dataset.read(directory, number) for number in numbers]
+    except dataset.RecordingError as error:
+        raise BagError(str(error)) from error
+
+
+def main(argv: Sequence[str]) -> int:
+    """Write bags of the scenarios of the dataset, with parameters and truth."""
+    parser = ArgumentParser("studies autoferry_bags", description=main.__doc__)
+    add_dataset_arguments(parser)
+    parser.add_argument("--lidar", action="store_true", help="the lidar's detections too")
+    parser.add_argument("--out", type=Path, required=True, help="directory of the bags")
     arguments = parser.parse_args(argv)
 
     def work() -> int:
-        recordings = _recordings(arguments)
-        if arguments.figures:
-            try:
-                _figures(recordings, arguments.out or Path("out/study"))
-            except ImportError as error:
-                raise BagError(f"--figures: {error}") from error
-            return OK
-        if arguments.out is None:
-            raise BagError("--out: must be the directory of the new bags")
-        _write_bags(recordings, arguments.out, arguments.lidar)
+        lidar: bool = arguments.lidar
+        config = resolve(parameters(lidar))
+        for recording in selected(arguments):
+            name = f"autoferry_{recording.scenario}{'_lidar' if lidar else ''}"
+            directory = arguments.out / name
+            write_bag(directory, recording, config)
+            counts = (
+                f"{len(recording.of(each.name))} of the {each.name}" for each in config.inputs
+            )
+            print(f"{directory}: scans {', '.join(counts)}")
         return OK
 
-    return command.guarded("autoferry", work)
-
-
-def _recordings(arguments: argparse.Namespace) -> list[Recording]:
-    directory: Path | None = arguments.directory
-    if directory is None:
-        if not arguments.figures or arguments.scenario:
-            raise BagError("directory: must be that of the dataset's CSV")
-        return [of_bag(resources.bag(SHIPPED))]
-    try:
-        numbers = arguments.scenario or autoferry.scenarios_in(directory)
-        return [autoferry.read(directory, number) for number in numbers]
-    except autoferry.RecordingError as error:
-        raise BagError(str(error)) from error
+    return command.guarded("autoferry_bags", work)

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.evaluation.scan_scores import PointSet
@@ -15,7 +14,8 @@ from phd_jdtc_ros.parameter_files import yaml_files
 from phd_jdtc_ros.parameter_files.from_arguments import scenario_parameters
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
-from phd_jdtc_ros.study.madap import FIGURES, SETTLING_S, errors_of, figures_of, goals_of
+from studies.command import main
+from studies.madap import FIGURES, SETTLING_S, errors_of, figures_of, goals_of
 
 ROOT = Path(__file__).parents[2]
 NM, KT = 1852.0, 1852.0 / 3600.0
@@ -127,7 +127,7 @@ def test_the_command_prints_our_figures_beside_the_published_ones(tmp_path, caps
     monkeypatch.setenv("COLUMNS", "160")
     arguments = ["--minutes", "3", "--out", str(tmp_path), "--seed", "2"]
     arguments += ["-p", "particles_per_target:=100", "-p", "detection_births.particles:=256"]
-    assert run("madap", arguments) == 0
+    assert main(["madap", *arguments]) == 0
     text = capsys.readouterr().out
     assert "published" in text
     assert "0.060 NM" in text
@@ -140,11 +140,11 @@ def test_the_command_prints_our_figures_beside_the_published_ones(tmp_path, caps
 @pytest.mark.parametrize(
     ("arguments", "fault"),
     [
-        (["--minutes", "1"], "--minutes: 1.0 given, must be above 1"),
+        (["--minutes", "1"], "--minutes: 1.0 given, must be at least 2"),
         (["--seed", "-1"], "--seed: -1 given, must be at least 0"),
         (["-p", "lag:=-1"], "lag: -1 given, must be "),
     ],
 )
 def test_the_command_refuses_wrong_arguments(arguments, fault, tmp_path, capsys):
-    assert run("madap", [*arguments, "--out", str(tmp_path)]) == 2
+    assert main(["madap", *arguments, "--out", str(tmp_path)]) == 2
     assert capsys.readouterr().err.startswith(f"madap: {fault}")

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from phd_jdtc_ros.study import autoferry, autoferry_scores
-from phd_jdtc_ros.tools import autoferry as tool
+from studies.autoferry import bags
+from studies.autoferry import recording as autoferry
+from studies.autoferry import scores as autoferry_scores
 
 DETECTIONS = """\
 scan,sensor,time,own_north,own_east,north,east
@@ -116,7 +117,7 @@ def test_all_trackers_are_scored_on_the_same_scans(tmp_path):
     head, head_truth = DETECTIONS.splitlines()[0], TRUTH.splitlines()[0]
     (tmp_path / "scenario1_detections.csv").write_text("\n".join([head, *rows]))
     (tmp_path / "scenario1_truth.csv").write_text("\n".join([head_truth, *truth]))
-    scores = autoferry_scores.scores_of(autoferry.read(tmp_path, 1), tool.parameters(lidar=False))
+    scores = autoferry_scores.scores_of(autoferry.read(tmp_path, 1), bags.parameters(lidar=False))
     assert {(each.tracker, each.source) for each in scores} == {
         (tracker, source)
         for tracker in ("particles", "gaussian", "GNN", "JPDA")

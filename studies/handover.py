@@ -6,12 +6,16 @@ aircraft cross it in both directions, straight or turning, or fly along it.
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.table import Table
 
+from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.tracks.common_stamp import chosen, joined
@@ -21,11 +25,15 @@ from phd_jdtc_ros.evaluation.identity import IdentitySwitches
 from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa
 from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
 from phd_jdtc_ros.handover.ownership import Handover
+from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.study.turning import estimates_of
 
-from .turning import estimates_of
+from .runner import Figures, Study, table
 
+# Its parameters: two radars that turn, and their tracker.
+SCENARIO = Path("config/scenarios/two_terminal_radars.yaml")
 # Where the area is parted, metres east, and how far it reaches.
 SEAM, FAR = 12.5e3, 150e3
 # The overlap on each side, metres: what is proposed, and one in which an aircraft is for two turns.
@@ -198,3 +206,45 @@ def scored(scenario: Scenario, found: Sequence[Estimates]) -> Scores:
 
 def _near(position: Any) -> Any:
     return np.abs(position[:, 0] - SEAM) <= NEAR
+
+
+def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
+    """Return the scores by way of tracking, and the CPU time of each tracker."""
+    parameters = from_arguments.scenario_parameters(yaml_files.load(resources.find(SCENARIO)))
+    parameters |= {"engine": "gaussian", "least_mode": 1.0}
+    parameters |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
+    found, spent_s = run(parameters, seed)
+    return {"scores": {name: asdict(own) for name, own in found.items()}, "cpu_s": spent_s}
+
+
+def _tables(found: Figures) -> list[Table | str]:
+    columns = {
+        "gospa": ("GOSPA", ".0f", " m"),
+        "ospa": ("OSPA", ".0f", " m"),
+        "switches": ("identity switches", ".1f", ""),
+        "missing": ("missing", ".2f", ""),
+        "duplicated": ("duplicated", ".2f", ""),
+    }
+    rows = [
+        (name, *(f"{own[key]:{form}}{unit}" for key, (_, form, unit) in columns.items()))
+        for name, own in found["scores"].items()
+    ]
+    headings = (heading for heading, _, _ in columns.values())
+    spent = ", ".join(f"{name} {seconds:.1f} s" for name, seconds in found["cpu_s"].items())
+    return [
+        table(f"within {NEAR / 1e3:g} km of the seam", "trackers", *headings, rows=rows),
+        "missing and duplicated: reports per aircraft, one every 4 s",
+        f"runs of {DURATION_S:g} s; CPU: {spent}",
+    ]
+
+
+STUDY = Study(
+    name="handover",
+    purpose="What is lost where two trackers divide an area, against one tracker for all of it.",
+    measure=_measure,
+    tables=_tables,
+    # Not the seeds with which the parts of the hand-over were set.
+    seed=11,
+    runs=2,
+    has_parameters=True,
+)

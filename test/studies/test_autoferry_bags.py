@@ -6,12 +6,12 @@ import pytest
 
 from msg_adapters import names
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.report import load
 from phd_jdtc_ros.tools import track_bag
+from studies.command import main
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ROOT / "bags" / "autoferry_2"
@@ -33,7 +33,7 @@ def dataset(tmp_path):
 
 
 def test_autoferry_writes_a_bag_that_is_tracked(dataset, tmp_path):
-    assert run("autoferry", [str(dataset), "--out", str(tmp_path / "bags")]) == 0
+    assert main(["autoferry_bags", str(dataset), "--out", str(tmp_path / "bags")]) == 0
     bag = tmp_path / "bags" / "autoferry_9"
     counts = BagReader(bag).counts
     assert counts == {"/radar/detections": 10, ODOMETRY: 20, names.TRUTH: 10}
@@ -46,7 +46,7 @@ def test_autoferry_writes_a_bag_that_is_tracked(dataset, tmp_path):
 
 def test_autoferry_writes_the_lidar_too_where_asked(dataset, tmp_path):
     given = [str(dataset), "--scenario", "9", "--lidar", "--out", str(tmp_path / "bags")]
-    assert run("autoferry", given) == 0
+    assert main(["autoferry_bags", *given]) == 0
     bag = tmp_path / "bags" / "autoferry_9_lidar"
     assert BagReader(bag).counts["/lidar/detections"] == 10
     config = resolve(bag_parameters.read(bag))
@@ -57,7 +57,7 @@ def test_autoferry_writes_the_lidar_too_where_asked(dataset, tmp_path):
 
 def test_autoferry_writes_equal_bytes(dataset, tmp_path):
     for name in ("one", "other"):
-        assert run("autoferry", [str(dataset), "--out", str(tmp_path / name)]) == 0
+        assert main(["autoferry_bags", str(dataset), "--out", str(tmp_path / name)]) == 0
     one, other = (
         (tmp_path / name / "autoferry_9" / "autoferry_9_0.mcap").read_bytes()
         for name in ("one", "other")
@@ -68,15 +68,14 @@ def test_autoferry_writes_equal_bytes(dataset, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["nowhere", "--out", "bags"], "nowhere: no scenarioNUMBER_detections.csv in it"),
-        (["--out", "bags"], "directory: must be that of the dataset's CSV"),
-        (["DATASET"], "--out: must be the directory of the new bags"),
-        (["DATASET", "--scenario", "4", "--out", "bags"], "scenario4_detections.csv: cannot be"),
+        (["autoferry_bags", "nowhere", "--out", "bags"], "no scenarioNUMBER_detections.csv in it"),
+        (["autoferry", "--scenario", "4"], "directory: must be that of the dataset's CSV"),
+        (["autoferry", "DATASET", "--scenario", "4"], "scenario4_detections.csv: cannot be"),
     ],
 )
 def test_autoferry_says_what_is_missing(dataset, capsys, arguments, expected):
     given = [str(dataset) if argument == "DATASET" else argument for argument in arguments]
-    assert run("autoferry", given) == 2
+    assert main(given) == 2
     assert expected in capsys.readouterr().err
 
 
@@ -89,7 +88,7 @@ def test_the_shipped_recording_has_the_profiles_parameters():
 
 def test_figures_of_the_shipped_recording_need_no_dataset(tmp_path, capsys):
     pytest.importorskip("stonesoup")
-    assert run("autoferry", ["--figures", "--out", str(tmp_path)]) == 0
+    assert main(["autoferry", "--out", str(tmp_path)]) == 0
     found = json.loads((tmp_path / "autoferry.json").read_text())
     by_key = {(each["tracker"], each["source"]): each for each in found["scores"]}
     assert len(by_key) == 8
