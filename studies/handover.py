@@ -21,9 +21,9 @@ from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 from phd_jdtc_ros.core.tracks.common_stamp import chosen, joined
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, Estimates
-from phd_jdtc_ros.evaluation.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints
 from phd_jdtc_ros.evaluation.metrics import assign, gospa, ospa
-from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
 from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after

@@ -30,10 +30,9 @@ from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
-from phd_jdtc_ros.evaluation.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import gospa
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.study.peers import gnn, jpda
 from phd_jdtc_ros.study.peers.settings import TrackSettings

@@ -35,10 +35,9 @@ from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.slant_range import Ground
 from phd_jdtc_ros.core.types import Detections, Estimates, Truth
-from phd_jdtc_ros.evaluation.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
+from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
-from phd_jdtc_ros.evaluation.surveillance import LabelledPoints
 from phd_jdtc_ros.simulation.looks import looks, slant
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import Report, answered_plots, plot_times

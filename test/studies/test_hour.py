@@ -5,7 +5,7 @@ import pytest
 
 from msg_adapters import ground_ranges
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.simulation.scenario import truth_after
 from phd_jdtc_ros.simulation.transponder import Transponders
 from studies.hours import hour as hours

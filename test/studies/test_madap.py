@@ -9,7 +9,7 @@ import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.types import Truth
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.parameter_files import yaml_files
 from phd_jdtc_ros.parameter_files.from_arguments import scenario_parameters
 from phd_jdtc_ros.simulation import scenario_file

@@ -17,7 +17,7 @@ from msg_adapters.palette import class_colour
 from msg_adapters.vertical import FLIGHT_LEVEL
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from ..lengths import places_of

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 from plotly.graph_objects import Figure, Scatter
 
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES, Truth
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import ALL
-from phd_jdtc_ros.evaluation.surveillance import BoolArray
 
 from ..clock import Clock
 from ..lengths import metres_text

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
-from .metrics import assign
-from .surveillance import BoolArray, LabelledPoints
+from phd_jdtc_ros.core.arrays import BoolArray
+
+from ..accumulator import TRACKS, LabelAccumulator, Metric, Values, if_any
+from ..comparison import LabelledPoints, PairedScan
+from ..metrics import assign, distances
 
 
 class IdentitySwitches:
@@ -71,7 +73,7 @@ class IdentitySwitches:
     ) -> list[tuple[int, int]]:
         """Return the pairs (target, track) of a scan: former partners first, then the nearest."""
         targets, tracks = truth.label.tolist(), estimate.label.tolist()
-        near = cdist(truth.position, estimate.position) < self._cutoff
+        near = distances(truth.position, estimate.position) < self._cutoff
         column_of = {track: column for column, track in enumerate(tracks)}
         kept = {
             row: column_of[track]
@@ -86,3 +88,51 @@ class IdentitySwitches:
         found = assign(truth.position[rows], estimate.position[columns], self._cutoff)
         free = [(rows[r], columns[c]) for r, c in zip(*(f.tolist() for f in found), strict=True)]
         return [(targets[row], tracks[column]) for row, column in [*kept.items(), *free]]
+
+
+class Switches(LabelAccumulator):
+    """The identity switches of a scan, of all pairs and without new ones of tracks that coast."""
+
+    names = ("identity_switches", "seen_switches")
+    metrics = (
+        Metric(
+            "identity_switches",
+            "identity switches",
+            "",
+            ".0f",
+            if_any("n_est", lambda run: run.sum("identity_switches")),
+            "Number over the run of targets that are paired with another track id than before, "
+            "and of track ids that pass to another target: a broken track counts one, two "
+            "swapped tracks count two. A target and a track stay a pair while both exist, closer "
+            "than c; the others are paired by position. It needs track ids of all targets and "
+            "estimates.",
+            TRACKS,
+            headline=True,
+        ),
+        Metric(
+            "seen_switches",
+            "identity switches, seen",
+            "",
+            ".0f",
+            if_any("n_est", lambda run: run.sum("seen_switches")),
+            "The same without new pairs of tracks that coast: they had no detection, keep their "
+            "targets, and get no others. A track that coasts on for a turn after its target has "
+            "landed is so no track of one that takes off beside it. Tracks whose state is not "
+            "known do not coast.",
+            TRACKS,
+        ),
+    )
+
+    def __init__(self, cutoff: float, order: float) -> None:
+        super().__init__(cutoff, order)
+        self._all, self._seen = IdentitySwitches(cutoff), IdentitySwitches(cutoff)
+
+    def clear(self) -> None:
+        """Forget all partners."""
+        self._all.clear()
+        self._seen.clear()
+
+    def add(self, truth: LabelledPoints, estimate: LabelledPoints, scan: PairedScan) -> Values:
+        """Return both numbers."""
+        seen = self._seen.add(truth, estimate, scan.estimate.coasting)
+        return self._all.add(truth, estimate), seen

@@ -1,26 +1,22 @@
-"""Surveillance measures of a whole run: OSPA(2) of tracks, confusion of classes, and gaps.
-
-An estimate belongs to a target if `metrics.assign` pairs them: closer than the cutoff, and each
-with at most one other. Scans are added in order. Only a window of labelled positions and the last
-paired stamp of each existing target are kept.
-"""
+"""OSPA(2): the distance of tracks from the tracks of targets over the newest scans."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
 
-from .limits import LONG_GAP_S
-from .metrics import Ospa, ospa_of_distances
+from ..accumulator import TRACKS, LabelAccumulator, Metric, Values, if_any
+from ..comparison import LabelledPoints, PairedScan
+from ..metrics import Ospa, ospa_of_distances
+from ..totals import ratio
 
-BoolArray = npt.NDArray[np.bool_]
+# Scans of an OSPA(2) window: one minute of a radar with a turn of 6 s.
+OSPA2_WINDOW = 10
 
 
 @dataclass(frozen=True)
@@ -130,21 +126,6 @@ def ospa2(
     return ospa_of_distances(track_distances(truth, estimate, cutoff, track_order), cutoff, order)
 
 
-class LabelledPoints(NamedTuple):
-    """The positions of one scan with their labels.
-
-    Parameters
-    ----------
-    label : int array of shape (T,)
-        Label of each position's track; 0 for none.
-    position : array of shape (T, 2)
-        Metres.
-    """
-
-    label: IntArray
-    position: FloatArray
-
-
 class TrackWindow:
     """The labelled positions of the newest scans, for an OSPA(2) distance over a sliding window.
 
@@ -180,119 +161,35 @@ class TrackWindow:
         return ospa2(truth, estimate, cutoff, order, track_order)
 
 
-def confusion_matrix(
-    pairs: tuple[IntArray, IntArray], truth: IntArray, estimate: IntArray, classes: int
-) -> IntArray:
-    """Return the number of targets of one scan by true and by estimated class.
+class Ospa2OfRun(LabelAccumulator):
+    """The OSPA(2) distance over the window."""
 
-    Parameters
-    ----------
-    pairs : tuple of two int arrays of shape (P,)
-        As of `metrics.assign`, by position alone.
-    truth : int array of shape (T,)
-        Classes of the targets.
-    estimate : int array of shape (E,)
-        Classes of the estimates.
-    classes : int
-        C; targets and estimates of other classes than 0 to C - 1 are left out.
+    names = ("ospa2",)
+    metrics = (
+        Metric(
+            "ospa2",
+            "OSPA(2)",
+            "m",
+            ".1f",
+            if_any("n_est", lambda run: ratio(run.sum("ospa2"), run.scans)),
+            "OSPA distance between the tracks and the targets' tracks over the last "
+            f"{OSPA2_WINDOW} scans, its mean over the scans. The distance of two tracks is the "
+            "mean over the scans in which at least one exists, with c if only one does, so that "
+            "short, broken and swapped tracks count. It needs track ids of all targets and "
+            "estimates.",
+            TRACKS,
+        ),
+    )
 
-    Returns
-    -------
-    int array of shape (C + 1, C + 1)
-        [true class, estimated class]. The last column counts missed targets, the last row false
-        estimates. The matrix of a run is the sum over its scans.
-    """
-    row, column = pairs
-    missed, false = np.delete(truth, row), np.delete(estimate, column)
-    true = np.concatenate([truth[row], missed, np.full(len(false), classes)])
-    estimated = np.concatenate([estimate[column], np.full(len(missed), classes), false])
-    counted = (true <= classes) & (estimated <= classes)
-    matrix = np.zeros((classes + 1, classes + 1), dtype=np.int64)
-    np.add.at(matrix, (true[counted], estimated[counted]), 1)
-    return matrix
+    def __init__(self, cutoff: float, order: float) -> None:
+        super().__init__(cutoff, order)
+        self._window = TrackWindow(OSPA2_WINDOW)
 
+    def clear(self) -> None:
+        """Forget all scans."""
+        self._window.clear()
 
-class Gap(NamedTuple):
-    """A time in which a target had no estimate.
-
-    Parameters
-    ----------
-    class_id : int
-        Class of the target.
-    duration_s : float
-        From the previous estimate, or else the target's first stamp, to the next estimate, or else
-        its last stamp.
-    missed : int
-        Scans without an estimate.
-    """
-
-    class_id: int
-    duration_s: float
-    missed: int
-
-    @property
-    def is_long(self) -> bool:
-        """Whether it lasts longer than `LONG_GAP_S`."""
-        return self.duration_s > LONG_GAP_S
-
-
-@dataclass
-class _Continuity:
-    """When an existing target was last paired with an estimate, and the missed scans since."""
-
-    class_id: int
-    paired_ns: int
-    newest_ns: int
-    missed: int = 0
-
-    def gap(self, end_ns: int) -> Gap:
-        return Gap(self.class_id, (end_ns - self.paired_ns) * 1e-9, self.missed)
-
-
-class GapFinder:
-    """Finds the gaps of targets, scan by scan; nothing is kept of targets that no longer exist.
-
-    References
-    ----------
-    The detection requirements of the evaluation tool COMPASS (github.com/hpuhr/COMPASS) are also
-    based on the time between updates, with the ends of the reference in place of missing updates.
-    """
-
-    def __init__(self) -> None:
-        self._targets: dict[int, _Continuity] = {}
-        self._newest_ns: int | None = None
-
-    def add(
-        self, stamp_ns: int, track_id: IntArray, class_id: IntArray, found: BoolArray
-    ) -> list[Gap]:
-        """Add the next scan; return the gaps that ended with an estimate or with their target.
-
-        Parameters
-        ----------
-        stamp_ns : int
-            If it is earlier than that of the previous scan, all targets end.
-        track_id, class_id : int arrays of shape (T,)
-            Of the targets that exist; every track_id is distinct.
-        found : bool array of shape (T,)
-            Whether each target is paired with an estimate.
-        """
-        back = self._newest_ns is not None and stamp_ns < self._newest_ns
-        self._newest_ns = stamp_ns
-        existing = set() if back else set(track_id.tolist())
-        gone = [self._targets.pop(label) for label in list(self._targets) if label not in existing]
-        ended = [target.gap(target.newest_ns) for target in gone if target.missed]
-        rows = zip(track_id.tolist(), class_id.tolist(), found.tolist(), strict=True)
-        for label, number, paired in rows:
-            target = self._targets.setdefault(label, _Continuity(number, stamp_ns, stamp_ns))
-            target.newest_ns = stamp_ns
-            if not paired:
-                target.missed += 1
-                continue
-            if target.missed:
-                ended.append(target.gap(stamp_ns))
-            target.paired_ns, target.missed = stamp_ns, 0
-        return ended
-
-    def under_way(self) -> list[Gap]:
-        """Return the open gaps, as if all targets ended with the newest scan."""
-        return [target.gap(target.newest_ns) for target in self._targets.values() if target.missed]
+    def add(self, truth: LabelledPoints, estimate: LabelledPoints, scan: PairedScan) -> Values:
+        """Return the distance over the newest scans."""
+        self._window.add(truth, estimate)
+        return (self._window.ospa2(self.cutoff, self.order).distance,)
