@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.simulation import gaps
-from phd_jdtc_ros.simulation.gaps import Gap
 from phd_jdtc_ros.simulation.scenario import Scenario
+from phd_jdtc_ros.simulation.traffic import gaps
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg
+from phd_jdtc_ros.simulation.traffic.gaps import Gap
 
 
 def flight(speed, length_s, start_s=100.0):

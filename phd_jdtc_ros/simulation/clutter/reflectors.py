@@ -19,9 +19,9 @@ from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
-from .checked import mappings, take
-from .clutter_law import NOISE, ClutterLaw, law_of
-from .noise import with_noise
+from ..checked import mappings, take
+from ..noise import with_noise
+from .law import NOISE, ClutterLaw, law_of
 
 REFLECTORS = (
     Parameter("points", [0.0, 0.0], "x and y of points, world frame, m.", -1e7, 1e7),

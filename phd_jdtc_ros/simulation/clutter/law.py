@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.clutter.amplitude_law import DB, level_db
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import SMALLEST_AMPLITUDE, snr_from_db
 
-from .checked import mapping, take
+from ..checked import mapping, take
 
 LAW = Parameter("law", "rayleigh", "Law.", choices=("rayleigh", "log_normal", "uniform"))
 # The parameters of each law.

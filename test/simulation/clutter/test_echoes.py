@@ -9,7 +9,7 @@ from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
 from phd_jdtc_ros.core.state_space import PLANAR
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.simulation.echoes import Echoes
+from phd_jdtc_ros.simulation.clutter.echoes import Echoes
 from phd_jdtc_ros.simulation.simulate import detect
 
 GIVEN = {

@@ -15,7 +15,7 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.state_space import StateSpace
 
-from .checked import mapping, names_of, take
+from ..checked import mapping, names_of, take
 
 ECHOES = (
     Parameter("probability", 0.3, "Probability that a detected target has more.", 0.0, 1.0),

@@ -15,8 +15,8 @@ import numpy.typing as npt
 from phd_jdtc_ros.configuration.schema import SMALL, Parameter
 from phd_jdtc_ros.core.arrays import FloatArray
 
-from .checked import mapping, names_of, take
-from .traffic.flight import Flight
+from ..checked import mapping, names_of, take
+from .flight import Flight
 
 GAPS = (
     Parameter("count", 0, "Number of gaps in the run.", 0, 10**5),

@@ -9,7 +9,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.amplitude_law import LogNormal, Rayleigh, level_db
 from phd_jdtc_ros.core.targets.amplitude_density import threshold_for
 from phd_jdtc_ros.simulation import scenario_file
-from phd_jdtc_ros.simulation.clutter_law import (
+from phd_jdtc_ros.simulation.clutter.law import (
     NOISE,
     LogNormalClutter,
     RayleighClutter,

@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FULL_TURN
 
-from .checked import mappings, take
+from ..checked import mappings, take
 
 MIRRORS = (
     Parameter("position", [0.0, 0.0], "Where it is, world frame, m.", length=2),
