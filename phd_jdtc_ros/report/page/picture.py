@@ -22,11 +22,9 @@ from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from ..lengths import places_of
 from ..record import Plot, Record
-from .amplitude_scale import is_known, shades_of
-from .clutter_layer import clutter_levels
-from .earth_layer import earth_grid, graticule, rings
 from .estimate_rows import AXIS_STEPS, LEAST_AXIS, NO_LEVEL, EstimateRows, Grid, known_heights
 from .frames import Frames
+from .layers import clutter_levels, earth_grid, graticule, is_known, rings, shades_of
 from .packing import Columns
 
 # Places have about so many steps across the picture, and the picture at least this extent, metres.

@@ -19,8 +19,7 @@ from ..lengths import metres_text
 from ..record import Record
 from ..sets import class_of
 from ..style import class_colour
-from .chart import INK, NEUTRAL, Chart
-from .time_axes import rows_over_time, times
+from .chart import INK, NEUTRAL, Chart, rows_over_time, times
 
 BAND = "rgba(133,133,133,0.22)"
 

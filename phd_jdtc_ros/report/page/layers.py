@@ -1,6 +1,7 @@
-"""Latitudes, longitudes and ranges of the radars, beneath the page's picture.
+"""What lies beneath the targets on the page's picture: detections, learned clutter, the earth.
 
-They are computed, not loaded: the page shows no map tiles, and works without a network.
+Latitudes, longitudes and ranges are computed, not loaded: the page shows no map tiles, and works
+without a network.
 """
 
 from __future__ import annotations
@@ -9,17 +10,74 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import to_hex
 
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray
+from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
 
 from ..lengths import MapScale
 from ..record import RadarSite
+from ..style import CLUTTER, purples
 from .packing import Columns
+
+# Steps of the colour scale of amplitudes, which is logarithmic.
+SHADES = 8
+
+
+def _shades(weak: float, strong: float) -> list[str]:
+    return [to_hex(shade) for shade in purples(weak, strong, SHADES)]
+
+
+# By page: high amplitudes have the most contrast, and low ones remain visible.
+AMPLITUDE_SCALES = {"light": _shades(0.45, 1.0), "dark": _shades(0.75, 0.0)}
+
+
+def is_known(amplitude: FloatArray) -> BoolArray:
+    """Return which amplitudes have a place on the scale."""
+    known: BoolArray = np.isfinite(amplitude) & (amplitude > 0.0)
+    return known
+
+
+def shades_of(amplitude: FloatArray) -> IntArray:
+    """Return the step of each amplitude on the scale from least to greatest; -1 for none."""
+    shades = np.full(len(amplitude), -1, dtype=np.int64)
+    known = is_known(amplitude)
+    if known.any():
+        level = np.log10(amplitude[known])
+        span = max(float(np.ptp(level)), 0.04)
+        shades[known] = np.minimum((level - level.min()) / span * SHADES, SHADES - 1).astype(int)
+    return shades
+
+
+# --- learned clutter
+
+# Of false detections per turn and km^2, decimal logarithms: what has no colour, and what has all.
+FAINTEST, STRONGEST = 0.0, 3.0
+# Steps of the opacity.
+OPACITIES = 100
+
+
+def clutter_levels(shown: ClutterRaster, columns: Columns) -> dict[str, Any]:
+    """Add the squares' opacity as a column, rows by y; return where they are, in metres."""
+    level = np.log10(np.maximum(shown.density, 10.0**FAINTEST))
+    columns.add("clutter", np.rint(np.minimum(level / STRONGEST, 1.0) * OPACITIES).ravel())
+    low_x, _, low_y, _ = shown.extent
+    rows, across = shown.density.shape
+    return {
+        "corner": [float(low_x), float(low_y)],
+        "cell": float(shown.cell),
+        "shape": [rows, across],
+        "colour": CLUTTER,
+        "steps": OPACITIES,
+    }
+
+
+# --- the earth
 
 # Lines of the graticule across the picture, at most, and the steps between them, degrees.
 MOST_LINES = 8
-STEPS = tuple(m * 10.0**k for k in (1, 0, -1, -2, -3, -4) for m in (5.0, 2.0, 1.0))
+GRATICULE_STEPS = tuple(m * 10.0**k for k in (1, 0, -1, -2, -3, -4) for m in (5.0, 2.0, 1.0))
 # Points of a line.
 POINTS = 73
 # Rings of a radar, at most, and the steps between them as multiples of a power of ten.
@@ -137,7 +195,9 @@ def _away(plane: Plane, longitude: FloatArray) -> FloatArray:
 def _step(extent: FloatArray) -> float:
     """Return the least step that leaves at most `MOST_LINES` lines, degrees."""
     wide = float(extent[1] - extent[0])
-    return min((step for step in STEPS if wide / step <= MOST_LINES), default=STEPS[0])
+    return min(
+        (step for step in GRATICULE_STEPS if wide / step <= MOST_LINES), default=GRATICULE_STEPS[0]
+    )
 
 
 def _multiples(extent: FloatArray, step: float) -> FloatArray:
