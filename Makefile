@@ -89,8 +89,7 @@ demo: $(VENV)/.ready
 RUNS ?= 50
 
 study: $(VENV)/.ready-study
-	@$(RUN) -m phd_jdtc_ros monte_carlo --runs $(RUNS) \
-	    --beside madap --beside registration --beside seam --beside hours
+	@$(RUN) -m studies all --runs $(RUNS)
 
 bench: $(VENV)/.ready-bench
 	@$(RUN) -m benchmarks $(BENCH)

@@ -14,12 +14,7 @@ EXECUTABLES = (
     "register",
     "report",
     "monte_carlo",
-    "madap",
-    "registration",
-    "hours",
-    "seam",
     "hand_over",
-    "autoferry",
     "demo",
 )
 
@@ -30,7 +25,7 @@ setup(
     name=PACKAGE,
     version="1.0.0",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "msg_adapters"]),
-    package_data={f"{PACKAGE}.report.page": ["page.*", "*.js"]},
+    package_data={f"{PACKAGE}.report.page": ["assets/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

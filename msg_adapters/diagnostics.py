@@ -13,7 +13,7 @@ from . import stamps
 
 if TYPE_CHECKING:
     # The module imports scipy's optimiser, which a tracker does not need.
-    from phd_jdtc_ros.evaluation.scan_scores import ScanScore
+    from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 
 def status(

@@ -15,7 +15,7 @@ from . import quantities
 
 if TYPE_CHECKING:
     from phd_jdtc_ros.core.engine import Step
-    from phd_jdtc_ros.evaluation.scan_scores import ScanScore
+    from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 
 def step_to_msgs(step: Step, step_ms: float) -> dict[str, Float64]:

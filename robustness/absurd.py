@@ -51,10 +51,8 @@ from phd_jdtc_ros.handover.picture import JointPicture
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines
-from .figures import Figure, measured_or_why
+from .figures import Found, measures
 
-NAME = "numbers that are finite and absurd"
-GOAL = "in every numeric field of every input: 0 errors, 0 NaN"
 NS = 10**9
 START_NS = 1_700_000_000 * NS
 VALUES = (1e300, -1e300, 1.7e308, 1e160, 1e154, 3.4e38, 1e20, -1e9, 1e-40, 5e-324)
@@ -78,12 +76,13 @@ REGIONS = (Region(-1e5, -1e5, 0.0, 1e5, 1e4), Region(0.0, -1e5, 1e5, 1e5, 1e4))
 _CODES = {PointField.FLOAT32: "f8", PointField.FLOAT64: "f8", PointField.UINT32: "u4"}
 
 
-def measure() -> Figure:
+@measures(
+    "numbers that are finite and absurd",
+    "in every numeric field of every input: 0 errors, 0 NaN",
+    of_engines=True,
+)
+def measure() -> Found:
     """Read every spoiled message, and make of it what a node does."""
-    return measured_or_why(NAME, GOAL, _measure)
-
-
-def _measure() -> tuple[str, bool, Mapping[str, Any]]:
     outcomes: Counter[str] = Counter()
     wrong: dict[str, str] = {}
     for what, use in cases():

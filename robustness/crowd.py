@@ -1,18 +1,13 @@
 """Scans of very many detections, with births from detections: their cost, and what comes after.
 
-Every run is a process of its own (``python -m robustness.crowd ENGINE DETECTIONS AMPLITUDES
-CORRECTOR SEEDS``), so that its memory is that of the tracker alone.
+Every case has a process of its own, so that its memory is that of the tracker alone.
 """
 
 from __future__ import annotations
 
-import json
 import resource
-import sys
 import time
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,13 +20,8 @@ from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 
 from . import engines, scans
-from .figures import Figure, in_own_process, measured_or_why
+from .figures import Found, in_own_process, measures
 
-NAME = "scans of very many detections"
-GOAL = (
-    "2 scans of 100,000: at most 5 s of CPU and 1 GB each; OSPA of the scans from the second after "
-    "them within 10 %"
-)
 DETECTIONS = 100_000
 # The profile for targets that appear anywhere has motions for Gaussians; particles have their own.
 PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
@@ -55,19 +45,18 @@ CASES = {
 HIGH = 30.0
 
 
-def measure(detections: int = DETECTIONS, seeds: int = SEEDS) -> Figure:
+@measures(
+    "scans of very many detections",
+    "2 scans of 100,000: at most 5 s of CPU and 1 GB each; OSPA of the scans from the second after "
+    "them within 10 %",
+    of_engines=True,
+)
+def measure(detections: int = DETECTIONS, seeds: int = SEEDS) -> Found:
     """Track the reference scenario with two crowded scans of both radars in its middle."""
-    return measured_or_why(NAME, GOAL, lambda: _measure(detections, seeds))
-
-
-def _measure(detections: int, seeds: int) -> tuple[str, bool, Mapping[str, Any]]:
     engine = engines.chosen()
     cases = CASES[engine]
     found = {
-        " ".join(case): in_own_process(
-            "robustness.crowd", engine, str(detections), *case, str(seeds)
-        )
-        for case in cases
+        " ".join(case): in_own_process(of_case, engine, detections, *case, seeds) for case in cases
     }
     step_s, peak_mb, ratio = (
         max(run[key] for run in found.values()) for key in ("step_s", "peak_mb", "ratio")
@@ -138,18 +127,14 @@ def _run(
     return step_s, float(np.mean(scores))
 
 
-def main(argv: Sequence[str]) -> int:
-    """Print the figures of runs with the crowded scans and of ones without them, as JSON."""
-    engine, count, amplitudes, corrector, seeds = argv
-    every = range(int(seeds))
-    crowded = [_run(engine, int(count), amplitudes, corrector, seed) for seed in every]
+def of_case(
+    engine: str, count: int, amplitudes: str, corrector: str, seeds: int
+) -> dict[str, float]:
+    """Return the figures of runs with the crowded scans and of ones without them."""
+    every = range(seeds)
+    crowded = [_run(engine, count, amplitudes, corrector, seed) for seed in every]
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     without = [_run(engine, 0, amplitudes, corrector, seed)[1] for seed in every]
     step_s, after = (np.array(column) for column in zip(*crowded, strict=True))
     ratio = float(after.mean() / np.mean(without))
-    print(json.dumps({"step_s": float(step_s.max()), "peak_mb": peak_mb, "ratio": ratio}))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    return {"step_s": float(step_s.max()), "peak_mb": peak_mb, "ratio": ratio}

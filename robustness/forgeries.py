@@ -1,20 +1,17 @@
 """Forged checkpoints: right checksums, wrong contents. Each must be a cold start with a reason.
 
-The run is a process of its own (``python -m robustness.forgeries ENGINE``), so that its memory is
-that of the restart alone.
+They have a process of their own, so that its memory is that of the restart alone.
 """
 
 from __future__ import annotations
 
 import hashlib
 import io
-import json
 import os
 import resource
-import sys
 import tempfile
 import zipfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +25,8 @@ from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.nodes.tracker import checkpoint
 
 from . import engines, scans
-from .figures import Figure, in_own_process, measured_or_why
+from .figures import Found, in_own_process, measures
 
-NAME = "forged checkpoints"
-GOAL = "cold start with a reason each, 0 errors, 0 estimates that are not finite, at most 256 MB"
 SCANS = 6
 VALUES: Mapping[str, Any] = {"seed": 0}
 # All that a radar may learn of its clutter.
@@ -58,13 +53,14 @@ class _Log:
     error = info = warning
 
 
-def measure() -> Figure:
+@measures(
+    "forged checkpoints",
+    "cold start with a reason each, 0 errors, 0 estimates that are not finite, at most 256 MB",
+    of_engines=True,
+)
+def measure() -> Found:
     """Start from every forgery and track on."""
-    return measured_or_why(NAME, GOAL, _measure)
-
-
-def _measure() -> tuple[str, bool, Mapping[str, Any]]:
-    found = in_own_process("robustness.forgeries", engines.chosen())
+    found = in_own_process(outcomes, engines.chosen())
     wrong = {name: what for name, what in found["outcomes"].items() if what != "cold"}
     text = f"{len(found['outcomes'])} kinds: {len(wrong)} wrong, {found['memory_mb']:.0f} MB"
     return text, not wrong and found["memory_mb"] <= 256.0, {**found, "wrong": wrong}
@@ -316,9 +312,8 @@ def _covariances(found: Estimates) -> bool:
     return bool(finite and (np.linalg.eigvalsh(found.covariance) > -1e-6).all())
 
 
-def main(argv: Sequence[str]) -> int:
-    """Print the outcomes and the memory of all starts, as JSON."""
-    (kind,) = argv
+def outcomes(kind: str) -> dict[str, Any]:
+    """Return the outcomes and the memory of all starts."""
     with tempfile.TemporaryDirectory() as directory:
         paths = []
         child = os.fork()  # what makes the forgeries takes memory of its own
@@ -330,11 +325,6 @@ def main(argv: Sequence[str]) -> int:
         paths = sorted(Path(directory).iterdir())
         _new(kind).step(scans.reference()[0])
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        outcomes = {path.name[4:]: outcome(path, kind) for path in paths}
+        found = {path.name[4:]: outcome(path, kind) for path in paths}
         after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(json.dumps({"outcomes": outcomes, "memory_mb": (after - before) / 1024.0}))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    return {"outcomes": found, "memory_mb": (after - before) / 1024.0}

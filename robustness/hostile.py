@@ -6,9 +6,7 @@ the CPU time, s, and the memory, MB, that it took in addition to what it had bef
 
 from __future__ import annotations
 
-import json
 import math
-import sys
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,7 +21,7 @@ from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
-from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
+from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.pipeline import Stepped
@@ -34,7 +32,7 @@ from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
 from phd_jdtc_ros.tools import asterix_in
 
 from . import engines
-from .figures import Figure, in_own_process, measured_or_why
+from .figures import Found, in_own_process, measures
 
 NS = 10**9
 DAY_NS = 20_779 * 86_400 * NS
@@ -46,16 +44,13 @@ PROFILE = Path(__file__).parents[1] / "config" / "surveillance.yaml"
 RADAR, ROTATION_S, SECTORS, FORGED = 0x0101, 4.0, 32, 500
 
 
-def measure_seam() -> Figure:
+@measures(
+    "targets at the seam of hand_over",
+    f"{TARGETS} + {TARGETS} in the margins: 0.5 s of CPU a stamp, 256 MB",
+)
+def measure_seam() -> Found:
     """Join two trackers with very many targets where their margins overlap."""
-    goal = f"{TARGETS} + {TARGETS} in the margins: 0.5 s of CPU a stamp, 256 MB"
-    return measured_or_why("targets at the seam of hand_over", goal, _measure_seam)
-
-
-def _measure_seam() -> tuple[str, bool, Mapping[str, Any]]:
-    found = {
-        spread: in_own_process("robustness.hostile", str(spread)) for spread in (9000.0, 300.0, 0.0)
-    }
+    found = {spread: in_own_process(join, spread) for spread in (9000.0, 300.0, 0.0)}
     step_s = max(each["step_s"] for each in found.values())
     memory_mb = max(each["memory_mb"] for each in found.values())
     text = f"{step_s:.2f} s of CPU a stamp, +{memory_mb:.0f} MB"
@@ -63,8 +58,11 @@ def _measure_seam() -> tuple[str, bool, Mapping[str, Any]]:
     return text, step_s <= 0.5 and memory_mb <= 256.0, details
 
 
-def _join(spread: float) -> dict[str, float]:
-    """Return the most CPU time of a stamp, and the memory that a few of them take."""
+def join(spread: float) -> dict[str, float]:
+    """Return the most CPU time of a stamp, and the memory that a few of them take.
+
+    The targets at the seam are spread so far, metres.
+    """
     rng = np.random.default_rng(0)
     place = rng.uniform(-spread, spread, (TARGETS, 2))
     handover = Handover(REGIONS, 2e3)
@@ -101,13 +99,13 @@ def _tracks(stamp: int, place: np.ndarray[Any, Any]) -> Estimates:
     )
 
 
-def measure_repeated() -> Figure:
+@measures(
+    "identical detections",
+    f"{len(COPIED)} scans of {COPIES} copies: 1 target, never lost, every copy counted",
+    of_engines=True,
+)
+def measure_repeated() -> Found:
     """Track a target whose radar's driver sends its buffer many times in some scans."""
-    goal = f"{len(COPIED)} scans of {COPIES} copies: 1 target, never lost, every copy counted"
-    return measured_or_why("identical detections", goal, _measure_repeated)
-
-
-def _measure_repeated() -> tuple[str, bool, Mapping[str, Any]]:
     given = from_arguments.load(PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
     engine = engines.chosen()
@@ -132,13 +130,9 @@ def _measure_repeated() -> tuple[str, bool, Mapping[str, Any]]:
     return text, reached, {"targets": targets, "counted": counted}
 
 
-def measure_names() -> Figure:
+@measures("long lists of names", f"{NAMES} in each list: told, or accepted, within 2 s of CPU")
+def measure_names() -> Found:
     """Give lists of very many names; what is wrong with them must be told soon."""
-    goal = f"{NAMES} in each list: told, or accepted, within 2 s of CPU"
-    return measured_or_why("long lists of names", goal, _measure_names)
-
-
-def _measure_names() -> tuple[str, bool, Mapping[str, Any]]:
     seconds = {}
     for group in ("classes", "motions", "births", "radars", "shared_codes"):
         for with_sections in (False, True):
@@ -158,13 +152,12 @@ def _measure_names() -> tuple[str, bool, Mapping[str, Any]]:
     return f"{longest_s:.2f} s", longest_s <= 2.0, {"seconds": seconds}
 
 
-def measure_forged_times() -> Figure:
+@measures(
+    "captures with forged times",
+    "a whole bag, all real plots used, the true turn, no empty sector more, counted",
+)
+def measure_forged_times() -> Found:
     """Read captures with forged times of records and of plots."""
-    goal = "a whole bag, all real plots used, the true turn, no empty sector more, counted"
-    return measured_or_why("captures with forged times", goal, _measure_forged_times)
-
-
-def _measure_forged_times() -> tuple[str, bool, Mapping[str, Any]]:
     wrong = _forged_record_times()
     found = {}
     for name, (crossings, sector, times_ns) in _forgeries().items():
@@ -247,13 +240,3 @@ def _plot(azimuth: float) -> Plot:
     unknown = math.nan
     turned = azimuth % (2.0 * math.pi)
     return Plot(RADAR, NONE, DAY, 5e4, turned, unknown, NONE, NONE, 1, unknown, unknown)
-
-
-def main(argv: Sequence[str]) -> int:
-    """Print the figures of targets at a seam that are spread so far, metres, as JSON."""
-    print(json.dumps(_join(float(argv[0]))))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -9,9 +9,8 @@ import numpy.typing as npt
 
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.types import COASTING
-from phd_jdtc_ros.evaluation.metric_table import CLASS_ACCURACY
+from phd_jdtc_ros.evaluation.comparison import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.run_scores import RunScores
-from phd_jdtc_ros.evaluation.scan_scores import ALL, PairedScan, PointSet
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from .tables import STATES, Columns, Table, columns_of, numbers, required, stamps_ns
@@ -81,8 +80,7 @@ def evaluate(
         if targets is None:
             raise ValueError(f"truth: not known at {stamp_ns / 1e9} s, must span all times")
         run.add(PairedScan.of(stamp_ns, targets, estimates.get(stamp_ns, none), cutoff))
-    figures = run.figures()[ALL]
-    return {**figures, CLASS_ACCURACY.key: run.of_all(CLASS_ACCURACY), "scans": run.scans}
+    return {**run.figures()[ALL], "scans": run.scans}
 
 
 def _array(times: npt.ArrayLike) -> npt.NDArray[Any]:

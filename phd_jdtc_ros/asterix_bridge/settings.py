@@ -14,7 +14,7 @@ from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
 from phd_jdtc_ros.asterix.tracks_out import Source
-from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
+from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, with_members
 from phd_jdtc_ros.earth import SystemPlane
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES
 
-from .limits import LONG_GAP_S, OSPA2_WINDOW
-from .metric_table import CLASS_ACCURACY, FALSE_PER_SCAN, IDENTITY_SWITCHES, reduction
-from .run_scores import RunScores
-from .scan_scores import ALL, PairedScan, PointSet, ScanScore, class_set
-from .slow_targets import without_slow
-from .true_tracks import TrueTracks
+from .accumulators.gaps import LONG_GAP_S
+from .accumulators.tracks import OSPA2_WINDOW
+from .comparison import ALL, PairedScan, PointSet, class_set
+from .metric_table import reduction
+from .run_scores import RunScores, ScanScore
+from .true_tracks import TrueTracks, without_slow
 
 __all__ = ["FILTERED", "SMOOTHED", "SOURCES", "Evaluation", "PointSet", "ScanScore"]
 
@@ -179,8 +179,7 @@ class Evaluation:
         -------
         dict
             The result of `RunScores.figures` per source; ``reduction`` of the mean OSPA by
-            smoothing; ``class_accuracy``, ``identity_switches`` and ``false_per_scan`` of the
-            smoothed estimates;
+            smoothing; the headlines, such as ``class_accuracy``, of the smoothed estimates;
             ``consistency``, the result of `RunScores.consistency` per source; ``p``, ``c``;
             ``long_gap_s``, and ``ospa2_window`` in scans; ``scans``, the number of stamps with
             scores of both sources, of ``truth_scans`` stamps of the truth, None where estimates
@@ -189,9 +188,7 @@ class Evaluation:
         """
         result: dict[str, Any] = {source: run.figures() for source, run in self._runs.items()}
         result["reduction"] = reduction(*(result[source][ALL]["ospa"] for source in SOURCES))
-        result["class_accuracy"] = self._runs[SMOOTHED].of_all(CLASS_ACCURACY)
-        result["identity_switches"] = result[SMOOTHED][ALL][IDENTITY_SWITCHES.key]
-        result["false_per_scan"] = result[SMOOTHED][ALL][FALSE_PER_SCAN.key]
+        result |= self._runs[SMOOTHED].headlines()
         result["consistency"] = {source: run.consistency() for source, run in self._runs.items()}
         result["p"], result["c"] = self.order, self.cutoff
         result["long_gap_s"], result["ospa2_window"] = LONG_GAP_S, OSPA2_WINDOW

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-from scipy.spatial.distance import cdist
 
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 
@@ -22,6 +20,22 @@ class Ospa:
     distance: float
     localization: float
     cardinality: float
+
+
+def distances(truth: FloatArray, estimate: FloatArray) -> FloatArray:
+    """Return the distance of each of T positions from each of E, shape (T, E)."""
+    # Here as in `_assignment`, because a tracker reads names of metrics and starts without it.
+    from scipy.spatial.distance import cdist
+
+    found: FloatArray = cdist(truth, estimate)
+    return found
+
+
+def _assignment(cost: FloatArray) -> tuple[IntArray, IntArray]:
+    from scipy.optimize import linear_sum_assignment
+
+    row, column = linear_sum_assignment(cost)
+    return row, column
 
 
 def ospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -> Ospa:
@@ -47,7 +61,7 @@ def ospa(truth: FloatArray, estimate: FloatArray, cutoff: float, order: float) -
     Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object
     filters", IEEE Transactions on Signal Processing 56(8), 2008.
     """
-    return ospa_of_distances(cdist(truth, estimate), cutoff, order)
+    return ospa_of_distances(distances(truth, estimate), cutoff, order)
 
 
 def ospa_of_distances(distance: FloatArray, cutoff: float, order: float) -> Ospa:
@@ -64,7 +78,7 @@ def ospa_of_distances(distance: FloatArray, cutoff: float, order: float) -> Ospa
     if most == 0:
         return Ospa(0.0, 0.0, 0.0)
     cost = np.minimum(distance, cutoff) ** order
-    matched = float(cost[linear_sum_assignment(cost)].sum())
+    matched = float(cost[_assignment(cost)].sum())
     unmatched = float(cutoff**order * (most - fewest))
     return Ospa(
         distance=((matched + unmatched) / most) ** (1.0 / order),
@@ -88,8 +102,8 @@ def assign(
     order : float
         The assignment minimises the sum of this power of the distances.
     """
-    distance = cdist(truth, estimate)
-    row, column = linear_sum_assignment(np.minimum(distance, cutoff) ** order)
+    distance = distances(truth, estimate)
+    row, column = _assignment(np.minimum(distance, cutoff) ** order)
     near = distance[row, column] < cutoff
     return row[near], column[near]
 

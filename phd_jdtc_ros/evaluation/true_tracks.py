@@ -1,4 +1,4 @@
-"""The truth at any time: samples, and what is interpolated between them."""
+"""The truth at any time: samples, what is interpolated between them, and what of it is scored."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ from bisect import bisect_left, insort
 
 import numpy as np
 
-from .limits import LONGEST_INTERPOLATION_S
-from .scan_scores import PointSet
+from .comparison import PointSet
+from .metrics import assign
+
+# Between samples of the truth that are further apart than this, seconds, it is not interpolated.
+LONGEST_INTERPOLATION_S = 10.0
 
 
 class TrueTracks:
@@ -93,3 +96,27 @@ def between(first: PointSet, second: PointSet, part: float, interval_s: float) -
         position = position + interval_s * part * rest * bends
         velocity = rest * begin.velocity + part * end.velocity
     return PointSet(position, begin.class_id, begin.track_id, velocity)
+
+
+def without_slow(
+    truth: PointSet, estimate: PointSet, least_speed: float, near: float
+) -> tuple[PointSet, PointSet]:
+    """Return targets and estimates of a stamp without the slow targets and the estimates of them.
+
+    Some trackers leave out what is slow by design, such as ships at anchor.
+
+    Parameters
+    ----------
+    truth, estimate : PointSet
+        All are kept if the velocities of the truth are not known.
+    least_speed : float
+        Slower targets are left out, metres per second.
+    near : float
+        Targets and estimates are paired by position, all at once, closer than this, metres.
+    """
+    if least_speed <= 0.0 or truth.velocity is None:
+        return truth, estimate
+    slow = np.hypot(*truth.velocity.T) < least_speed
+    target, row = assign(truth.position, estimate.position, near)
+    rest = np.setdiff1d(np.arange(len(estimate)), row[slow[target]])
+    return truth.only(np.flatnonzero(~slow)), estimate.only(rest)

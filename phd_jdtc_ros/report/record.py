@@ -11,8 +11,8 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.models.clutter_raster import ClutterRaster
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, SOURCES, Estimates, Truth
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 
 from .sets import Sets
 

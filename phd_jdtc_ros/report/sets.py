@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.evaluation.scan_scores import ALL, class_set
+from phd_jdtc_ros.evaluation.comparison import ALL, class_set
 
 _GENERIC = re.compile(r"class_(\d+)")
 

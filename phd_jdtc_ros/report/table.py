@@ -12,20 +12,17 @@ from rich.table import Table
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
-from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.metric_table import (
-    CLASS_ACCURACY,
-    FALSE_PER_SCAN,
+from phd_jdtc_ros.evaluation.accumulator import (
+    CLASSES,
     GOSPA,
-    GROUPS,
-    IDENTITY_SWITCHES,
     NEES,
     OSPA,
-    OSPA2,
     SURVEILLANCE,
+    TRACKS,
     Metric,
-    reduction,
 )
+from phd_jdtc_ros.evaluation.evaluation import Evaluation
+from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GROUPS, OF_ALL, reduction
 
 from .sets import Sets
 
@@ -85,16 +82,18 @@ def score_tables(summary: dict[str, Any]) -> Group:
     """
     distance = f"p = {summary['p']:g}, c = {summary['c']:g} m"
     gaps = f"long gaps: over {summary['long_gap_s']:g} s between estimates\n{_of_tracks(summary)}"
-    tables = [
-        _reduced(OSPA, summary, f"means over {_scans(summary)} scans (OSPA: {distance})"),
-        _plain(GOSPA, summary, f"means over the scans (GOSPA: {distance})", None),
-        _plain(SURVEILLANCE, summary, "surveillance figures", gaps),
-    ]
-    others = {t: group for t, group in GROUPS.items() if group not in (OSPA, GOSPA, SURVEILLANCE)}
+    title = f"means over {_scans(summary)} scans (OSPA: {distance})"
+    tables = [_reduced(GROUPS[OSPA], summary, title)]
+    # These are shown without any value too.
+    titles = {
+        GOSPA: f"means over the scans (GOSPA: {distance})",
+        SURVEILLANCE: SURVEILLANCE.title,
+    }
+    captions = {SURVEILLANCE: gaps, NEES: _bands(summary)}
     tables += [
-        _plain(group, summary, title, _bands(summary) if group is NEES else None)
-        for title, group in others.items()
-        if _any_known(group, summary)
+        _plain(metrics, summary, titles.get(group, group.title), captions.get(group))
+        for group, metrics in GROUPS.items()
+        if group.of_sets and group != OSPA and (group in titles or _any_known(metrics, summary))
     ]
     sets, matrix = Sets.of_summary(summary), summary[SMOOTHED]["all"]["confusion"]
     if matrix is not None and not sets.one_class:
@@ -129,10 +128,10 @@ def engine_rows(summary: dict[str, Any], compared: dict[str, Any]) -> list[list[
         rows.append(
             [
                 f"{found['engine']}, {how}",
-                _cell(OSPA[0], before),
-                _cell(OSPA[0], after),
+                _cell(BY_KEY["ospa"], before),
+                _cell(BY_KEY["ospa"], after),
                 _reduction(before["ospa"], after["ospa"]),
-                "-" if accuracy is None else CLASS_ACCURACY.text(accuracy),
+                "-" if accuracy is None else BY_KEY["class_accuracy"].text(accuracy),
                 "-" if cpu_ms is None else f"{cpu_ms:.1f} ms",
             ]
         )
@@ -189,19 +188,19 @@ def _bands(summary: dict[str, Any]) -> str:
 
 
 def _of_tracks(summary: dict[str, Any]) -> str:
-    """Return the figures of all targets only, a line each; most need track ids."""
-    false = (_cell(FALSE_PER_SCAN, summary[source]["all"]) for source in (FILTERED, SMOOTHED))
-    lines = ["false beyond c, per scan: filter {}, smoother {}".format(*false)]
-    headings = (
-        (OSPA2, f"{OSPA2.heading} over {summary['ospa2_window']} scans"),
-        (IDENTITY_SWITCHES, IDENTITY_SWITCHES.heading),
-    )
-    for metric, heading in headings:
-        before, after = (_cell(metric, summary[source]["all"]) for source in (FILTERED, SMOOTHED))
-        if before == after == "-":
-            lines.append("no OSPA(2) and no identity switches: the estimates carry no track ids")
-            break
-        lines.append(f"{heading}: filter {before}, smoother {after}")
+    """Return the figures of all targets only, a line each; those of tracks need track ids."""
+    sources = [summary[source]["all"] for source in (FILTERED, SMOOTHED)]
+    known = [
+        metric
+        for metric in OF_ALL
+        if metric.group != CLASSES and any(each.get(metric.key) is not None for each in sources)
+    ]
+    lines = [
+        "{}: filter {}, smoother {}".format(m.heading, *(_cell(m, each) for each in sources))
+        for m in known
+    ]
+    if not any(metric in known for metric in GROUPS[TRACKS]):
+        lines.append("no OSPA(2) and no identity switches: the estimates carry no track ids")
     return "\n".join(lines)
 
 
@@ -252,7 +251,7 @@ def _headline(summary: dict[str, Any]) -> str:
     if summary.get("engine"):
         parts.append(f"engine: {summary['engine']}")
     if summary["class_accuracy"] is not None and not Sets.of_summary(summary).one_class:
-        parts.append(f"right class: {CLASS_ACCURACY.text(summary['class_accuracy'])}")
+        parts.append(f"right class: {BY_KEY['class_accuracy'].text(summary['class_accuracy'])}")
     if "step_ms" in summary:
         step = summary["step_ms"]
         times = [f"CPU per scan: median {step['median']:.1f} ms, p99 {step['p99']:.1f} ms"]

@@ -4,10 +4,10 @@
 
     document (YAML, read elsewhere)
       |  check                               scenario_file, checked
-      |  many targets by one block           generators, traffic, geodesy
-    Scenario: targets, turns, radars         scenario, flight, platform
-      |  detect, with clutter                simulate, clutter_law, reflectors
+      |  many targets by one block           traffic
+    Scenario: targets, turns, radars         scenario, platform
+      |  detect, with clutter                simulate, clutter
     (Truth, Scan) by stamp
-      |  where antennas turn                 sweep
+      |  where antennas turn                 looks, turning_antenna
     Report by turn or sector, with times
 """

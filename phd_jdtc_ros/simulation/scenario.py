@@ -19,13 +19,13 @@ from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
 from phd_jdtc_ros.core.types import UNKNOWN, Detections, Pose, Truth
 
 from .antenna import Antenna, usual_antenna
-from .clutter_law import NOISE, ClutterLaw
-from .echoes import Echoes
-from .gaps import Gap, hidden
-from .mirrors import Mirror
+from .clutter.echoes import Echoes
+from .clutter.law import NOISE, ClutterLaw
+from .clutter.mirrors import Mirror
+from .clutter.reflectors import Reflectors
 from .platform import MovingPlatform
-from .reflectors import Reflectors
 from .traffic.flight import ROUNDING_S, Flight, Leg
+from .traffic.gaps import Gap, hidden
 from .transponder import STREAM, Card, Transponders
 
 BoolArray = npt.NDArray[np.bool_]

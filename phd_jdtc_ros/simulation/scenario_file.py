@@ -11,14 +11,14 @@ from phd_jdtc_ros.core.sensors.bias import NO_BIAS, RadarBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
 
-from . import clutter_law, echoes, gaps
 from .antenna import Antenna, usual_antenna
 from .checked import mapping, mappings, names_of, place, take
-from .mirrors import mirrors
+from .clutter import echoes, law
+from .clutter.mirrors import mirrors
+from .clutter.reflectors import reflectors
 from .platform import platform
-from .reflectors import reflectors
 from .scenario import Scenario, Target, TargetScript, Turn
-from .traffic import generators
+from .traffic import gaps, generators
 from .traffic.flight import Flight, Leg
 from .traffic.geodesy import east_north
 from .transponder import transponders
@@ -127,7 +127,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
         with ``legs``, a list of mappings of `LEG`, has the keys of `FLIGHT` instead. ``traffic``
         and ``manoeuvres`` stand for many targets, see `generators`. ``antennas`` has the keys of
         `ANTENNA` by name of the radar, ``biases`` those of `BIAS`, ``clutter`` the law of its
-        amplitudes, see `clutter_law`, and ``echoes`` how targets answer to it more than once, see
+        amplitudes, see `clutter.law`, and ``echoes`` how targets answer to it more than once, see
         `echoes`. ``world_origin`` is the latitude and longitude of the world's zero, and ``sites``
         has those of radars by name, see `site_parameters`. ``reflectors`` is a list of
         mappings, see `reflectors`, and ``platform`` what carries radars, with ``legs``.
@@ -149,7 +149,7 @@ def resolve(document: Any, radars: tuple[RadarModel, ...]) -> Scenario:
     targets = _targets(document, faults)
     antennas = _antennas(mapping(document, "antennas", faults), radars, faults)
     biases = _biases(mapping(document, "biases", faults), radars, faults)
-    clutter = clutter_law.laws(document, radars, faults)
+    clutter = law.laws(document, radars, faults)
     answers = echoes.of_radars(document, radars, faults)
     carrier = platform(document, radars, _legs, faults)
     still = reflectors(document, radars, faults)

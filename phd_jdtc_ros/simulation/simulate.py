@@ -11,10 +11,10 @@ from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import FULL_TURN, Detections, Scan, Truth
 
-from .clutter_law import NOISE, ClutterLaw
-from .echoes import Echoes
+from .clutter.echoes import Echoes
+from .clutter.law import NOISE, ClutterLaw
+from .clutter.reflectors import Reflectors
 from .noise import polar, with_noise
-from .reflectors import Reflectors
 from .scenario import Scenario, truth_at
 
 BoolArray = npt.NDArray[np.bool_]

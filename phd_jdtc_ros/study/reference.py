@@ -20,7 +20,7 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.gaussian.algebra import kalman
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.targets.motion import ConstantVelocity, MotionModel
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 
 from .runs import SimulatedRun, Tracks
 

@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 
 from phd_jdtc_ros.core.arrays import IntArray
 from phd_jdtc_ros.core.types import Scan, Truth
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate_with_sources
 

@@ -24,7 +24,7 @@ from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.core.window.entries import Entry
 from phd_jdtc_ros.core.window.forward_filter import ForwardFilter
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 
 from .runs import SimulatedRun, Tracks
 

@@ -27,8 +27,8 @@ from phd_jdtc_ros.core.types import (
     Estimates,
     Truth,
 )
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 

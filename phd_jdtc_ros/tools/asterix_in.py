@@ -18,7 +18,7 @@ from phd_jdtc_ros.asterix_bridge import clouds, settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
-from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
+from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
 from phd_jdtc_ros.parameter_files import bag_parameters
 
 from . import asterix_parameters

@@ -11,17 +11,10 @@ from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.parameters import BIRTH, CLASS, MOTION, TOP
 from phd_jdtc_ros.configuration.radar_parameters import RADAR
 from phd_jdtc_ros.configuration.schema import Parameter
-from phd_jdtc_ros.evaluation.metric_table import (
-    CLASS_ACCURACY,
-    GROUPS,
-    OF_ALL,
-    PLOTTED,
-    PUBLISHED,
-    TERMS,
-)
+from phd_jdtc_ros.evaluation.metric_table import GROUPS, PLOTTED, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
-from phd_jdtc_ros.study.monte_carlo.definition import OSPA_AFTER_5
+from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
 # --- parameters -----------------------------------------------------------------------------------
 
@@ -115,10 +108,7 @@ The band is that of so many independent pairs. Those of one track are not indepe
 scan, and a mean over the runs of a study has the interval that its runs give it.
 """
 
-_CLASSES = (
-    "In `metrics.json` for all targets and the smoothed estimates; in studies for every lag and "
-    "set."
-)
+_WHOLE = "In `metrics.json` for all targets only."
 
 
 def metrics() -> str:
@@ -126,10 +116,11 @@ def metrics() -> str:
     names = {"published": PUBLISHED, "plotted": PLOTTED}
     parts = [_METRICS.format(**{k: ", ".join(f"`{name}`" for name in v) for k, v in names.items()})]
     sections = [
-        *((title[0].upper() + title[1:], "", group) for title, group in GROUPS.items()),
-        ("Tracks", "For all targets only.", OF_ALL),
-        ("Classes", _CLASSES, (CLASS_ACCURACY,)),
-        ("In studies only", "", (OSPA_AFTER_5,)),
+        *(
+            (g.title[0].upper() + g.title[1:], "" if g.of_sets else _WHOLE, metrics)
+            for g, metrics in GROUPS.items()
+        ),
+        ("In studies only", "", tuple(metric for each in OF_STUDY for metric in each.metrics)),
     ]
     for title, text, group in sections:
         rows = [(m.heading, f"`{m.key}`", m.unit, m.definition) for m in group]

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from samples import STAMP_NS
 
 from msg_adapters import diagnostics, stamps
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 
 KEYS = [
     *("ospa", "localization", "cardinality"),

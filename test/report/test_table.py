@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
 from phd_jdtc_ros.evaluation.metric_table import OF_ALL, OF_SETS
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.report.table import metrics, score_tables, unscored
 
 
@@ -170,7 +170,8 @@ def test_score_tables_shows_the_surveillance_figures():
     ]
     assert caption == [
         "long gaps: over 16.4 s between estimates",
-        "false beyond c, per scan: filter -, smoother 0.500",
+        "false per scan: filter -, smoother 0.500",
+        "within 500 m: filter -, smoother 50.00%",
         "no OSPA(2) and no identity switches: the estimates carry no track ids",
     ]
 
@@ -180,9 +181,10 @@ def test_score_tables_shows_the_figures_of_tracks_where_there_are_any(evaluation
     summary["smoothed"]["all"] |= {"ospa2": 12.34, "identity_switches": 3.0}
     _, _, (_, _, caption), *_ = tables(summary)
     assert caption[1:] == [
-        "false beyond c, per scan: filter 0.000, smoother 0.000",
-        "OSPA(2) over 10 scans: filter -, smoother 12.3 m",
+        "OSPA(2): filter -, smoother 12.3 m",
         "identity switches: filter -, smoother 3",
+        "false per scan: filter 0.000, smoother 0.000",
+        "within 500 m: filter 100.00%, smoother 100.00%",
     ]
 
 

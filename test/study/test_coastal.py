@@ -10,12 +10,13 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.scenario import truth_at
 from phd_jdtc_ros.study.monte_carlo.definition import Variant
-from phd_jdtc_ros.study.monte_carlo.scores import VALUES, score
+from phd_jdtc_ros.study.monte_carlo.metrics import VALUES
+from phd_jdtc_ros.study.monte_carlo.scores import score
 from phd_jdtc_ros.study.runs import Ignored
 from phd_jdtc_ros.study.turning import turning_run
 

@@ -10,8 +10,8 @@ import yaml
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import ospa
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
 from phd_jdtc_ros.simulation.antenna import Antenna
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.traffic.flight import Flight, Leg

@@ -14,7 +14,8 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.simulation import sending
 from phd_jdtc_ros.simulation.turning_antenna import answered_plots, plot_times
-from phd_jdtc_ros.tools import hours, simulate, simulated_asterix
+from phd_jdtc_ros.tools import simulate, simulated_asterix
+from studies.hours import study as hours
 
 MINUTES = {"approach_hour": 25.0, "en_route_hour": 4.0}
 TICK_S = 1.0 / 128.0

@@ -36,8 +36,9 @@ from msg_adapters.errors import RejectedMessageError, quoted
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import PointSet, ScanScore
+from phd_jdtc_ros.evaluation.run_scores import ScanScore
 from phd_jdtc_ros.exit_status import FAILED, OK
 from phd_jdtc_ros.parameter_files.evaluator import TABLE
 from phd_jdtc_ros.parameter_files.sections import ParameterFile

@@ -17,8 +17,7 @@ from ..clock import Clock
 from ..record import Record
 from ..sets import Sets
 from ..style import class_colour
-from .chart import NEUTRAL, SOURCE_ORDER, Chart, class_symbol
-from .time_axes import rows_over_time, times
+from .chart import NEUTRAL, SOURCE_ORDER, Chart, class_symbol, rows_over_time, times
 
 CAPTION = (
     "The probability of each class for every estimate, one row per class. {colours} Near 0 or 1 "

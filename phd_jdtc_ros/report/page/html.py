@@ -21,11 +21,10 @@ from phd_jdtc_ros import output_files
 from ..clock import Clock
 from ..record import Record
 from . import picture_words, score_words
-from .amplitude_scale import AMPLITUDE_SCALES
-from .chart import Chart
+from .chart import Chart, times
+from .layers import AMPLITUDE_SCALES
 from .packing import packed
 from .picture import Picture, picture_of
-from .time_axes import times
 
 # In the order in which they build on each other; the first line makes all strict.
 SCRIPTS = ("drawing.js", "picture.js", "page.js")
@@ -87,7 +86,7 @@ def write_report(
 
 
 def _part(name: str) -> str:
-    return files(__package__).joinpath(name).read_text(encoding="utf-8")
+    return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
 
 
 def _run_json(record: Record, charts: Sequence[Chart], picture: Picture | None) -> str:

@@ -17,16 +17,14 @@ from msg_adapters.palette import class_colour
 from msg_adapters.vertical import FLIGHT_LEVEL
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import SOURCES
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.true_tracks import TrueTracks
 
 from ..lengths import places_of
 from ..record import Plot, Record
-from .amplitude_scale import is_known, shades_of
-from .clutter_layer import clutter_levels
-from .earth_layer import earth_grid, graticule, rings
 from .estimate_rows import AXIS_STEPS, LEAST_AXIS, NO_LEVEL, EstimateRows, Grid, known_heights
 from .frames import Frames
+from .layers import clutter_levels, earth_grid, graticule, is_known, rings, shades_of
 from .packing import Columns
 
 # Places have about so many steps across the picture, and the picture at least this extent, metres.

@@ -7,18 +7,8 @@ from html import escape
 from typing import Any
 
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES
-from phd_jdtc_ros.evaluation.metric_table import (
-    CLASS_ACCURACY,
-    GOSPA,
-    IDENTITY_SWITCHES,
-    NEES,
-    OF_ALL,
-    OF_SETS,
-    OSPA,
-    OUTSIDE,
-    TERMS,
-    Metric,
-)
+from phd_jdtc_ros.evaluation.accumulator import CLASSES, GOSPA, NEES, OSPA, OUTSIDE, Metric
+from phd_jdtc_ros.evaluation.metric_table import BY_KEY, GROUPS, OF_ALL, OF_SETS, TERMS
 
 from ..lengths import metres_text
 from ..sets import Sets
@@ -27,10 +17,10 @@ from ..table import engine_rows, unscored
 NO_VALUE = "\N{EN DASH}"  # what a table shows for no value
 
 # Only the localisation part of OSPA is shown, not that of GOSPA.
-DISTANCES = (*OSPA, *(metric for metric in GOSPA if metric.key != "gospa_localization"))
-CONSISTENCY = (*NEES, *OUTSIDE)
-_ELSEWHERE = (*OSPA, *GOSPA, *CONSISTENCY)
-OTHERS = (*(metric for metric in OF_SETS if metric not in _ELSEWHERE), *OF_ALL)
+DISTANCES = (*GROUPS[OSPA], *(m for m in GROUPS[GOSPA] if m.key != "gospa_localization"))
+CONSISTENCY = (*GROUPS[NEES], *GROUPS[OUTSIDE])
+_ELSEWHERE = (*DISTANCES, *GROUPS[GOSPA], *CONSISTENCY, *GROUPS[CLASSES])
+OTHERS = tuple(metric for metric in (*OF_SETS, *OF_ALL) if metric not in _ELSEWHERE)
 
 
 def tables(summary: Mapping[str, Any]) -> str:
@@ -187,7 +177,7 @@ def tiles(summary: Mapping[str, Any]) -> str:
     numbers = [
         ("engine", escape(summary.get("engine") or "")),
         ("OSPA reduction", percent(summary.get("reduction"))),
-        ("smoothed OSPA", _text(OSPA[0], _score(summary, SMOOTHED, "all", "ospa"))),
+        ("smoothed OSPA", _text(BY_KEY["ospa"], _score(summary, SMOOTHED, "all", "ospa"))),
         ("class accuracy", "" if one_class else percent(summary.get("class_accuracy"), 1)),
         _switches(summary),
         ("step, median", number(step_ms.get("median"), 1, " ms")),
@@ -203,11 +193,11 @@ def tiles(summary: Mapping[str, Any]) -> str:
 
 def _switches(summary: Mapping[str, Any]) -> tuple[str, str]:
     """Return the name and the numbers of identity switches, of each source that is scored."""
-    key, sources = IDENTITY_SWITCHES.key, _scored(summary)
-    counts = [_text(IDENTITY_SWITCHES, _score(summary, source, "all", key)) for source in sources]
+    metric, sources = BY_KEY["identity_switches"], _scored(summary)
+    counts = [_text(metric, _score(summary, source, "all", metric.key)) for source in sources]
     known = any(count != NO_VALUE for count in counts)
     return (
-        f"{IDENTITY_SWITCHES.heading}, {' / '.join(sources)}",
+        f"{metric.heading}, {' / '.join(sources)}",
         " / ".join(counts) if known else "",
     )
 
@@ -233,7 +223,7 @@ def definitions(summary: Mapping[str, Any]) -> str:
     """Return the definitions of the shown metrics and terms; empty if there are no scores."""
     if not _scored(summary):
         return ""
-    metrics = (*DISTANCES, *OTHERS, NEES[0], OUTSIDE[0], CLASS_ACCURACY)
+    metrics = (*DISTANCES, *OTHERS, GROUPS[NEES][0], GROUPS[OUTSIDE][0], *GROUPS[CLASSES])
     words = [*((m.heading[0].upper() + m.heading[1:], m.definition) for m in metrics), *TERMS]
     terms = "\n".join(f"<dt>{escape(word)}</dt>\n<dd>{escape(text)}</dd>" for word, text in words)
     return f'<h2>Definitions</h2>\n{_parameters(summary)}<dl class="terms">\n{terms}\n</dl>'

@@ -9,19 +9,17 @@ from typing import Any
 import numpy as np
 from plotly.graph_objects import Figure, Scatter
 
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import BoolArray, FloatArray
 from phd_jdtc_ros.core.types import SMOOTHED, SOURCES, Truth
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import ALL
-from phd_jdtc_ros.evaluation.surveillance import BoolArray
 
 from ..clock import Clock
 from ..lengths import metres_text
 from ..record import Record
 from ..sets import class_of
 from ..style import class_colour
-from .chart import INK, NEUTRAL, Chart
-from .time_axes import rows_over_time, times
+from .chart import INK, NEUTRAL, Chart, rows_over_time, times
 
 BAND = "rgba(133,133,133,0.22)"
 

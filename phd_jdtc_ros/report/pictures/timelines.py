@@ -12,8 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FILTERED, SOURCES
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.evaluation import Evaluation
-from phd_jdtc_ros.evaluation.scan_scores import ALL, ScanScore
+from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
 from ..clock import Clock
 from ..lengths import metres_text

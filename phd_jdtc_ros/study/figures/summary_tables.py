@@ -8,7 +8,8 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from phd_jdtc_ros.evaluation.metric_table import NEES, OUTSIDE, Metric
+from phd_jdtc_ros.evaluation.accumulator import NEES, OUTSIDE, Metric
+from phd_jdtc_ros.evaluation.metric_table import GROUPS
 
 from ..monte_carlo import ALL
 from ..monte_carlo.definition import METRICS
@@ -29,7 +30,7 @@ SURVEYED = tuple(
 )
 # Figures of the covariances, of trackers that state them. Few very small covariances make a NEES
 # large, so that of it only the one of all ages is shown.
-CONSISTENCY = (NEES[0], *OUTSIDE)
+CONSISTENCY = (GROUPS[NEES][0], *GROUPS[OUTSIDE])
 # Estimates of the filter beyond c of any target, per scan.
 FALSE = "false at 0"
 

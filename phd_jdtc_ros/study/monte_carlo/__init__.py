@@ -23,7 +23,7 @@ paired. The name of a file of scores contains a digest of all that the scores de
 the code of the tracker (`kinds`).
 """
 
-from phd_jdtc_ros.evaluation.scan_scores import ALL
+from phd_jdtc_ros.evaluation.comparison import ALL
 
 from .definition import Study
 from .document import Scene, resolve

@@ -9,94 +9,15 @@ from typing import Any
 
 from phd_jdtc_ros.configuration.parameters import GROUPS, TOP
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.evaluation.metric_table import (
-    CLASS_ACCURACY,
-    FALSE_PER_SCAN,
-    HEIGHT_RMS,
-    IDENTITY_SWITCHES,
-    OF_SETS,
-    POSITION_NEAR,
-    SEEN_SWITCHES,
-    Metric,
-    mean,
-    share,
-)
 from phd_jdtc_ros.simulation.scenario import Scenario
 
 from ..runs import TAXIING, Ignored
 from ..tracker import Reading
+from .metrics import ACCUMULATORS
 
 # Cut-off c of OSPA and GOSPA (metres) if no other is asked for, and their order p.
 CUTOFF, ORDER = 1000.0, 2.0
-OSPA_AFTER_5 = Metric(
-    "ospa_after_5",
-    "OSPA after 5 scans",
-    "m",
-    ".1f",
-    mean("ospa_after_5"),
-    "Mean OSPA without the targets in their first five scans and without the estimates that are "
-    "paired with them. Scans in which all existing targets are in their first five are left out.",
-)
-MEDIAN_ERROR = Metric(
-    "median_error",
-    "median error",
-    "m",
-    ".1f",
-    mean("median_error"),
-    "Median distance of the pairs of a scan, its mean over the scans.",
-)
-CPU = Metric(
-    "cpu_ms",
-    "CPU per turn",
-    "ms",
-    ".0f",
-    mean("cpu_ms"),
-    "CPU time per turn of the antenna, filter and smoother together.",
-)
-PROMPT = Metric(
-    "reported_within_4",
-    "reported within 4 scans",
-    "",
-    ".1%",
-    share("prompt", "begun"),
-    "Share of the targets that are paired with an estimate in one of their first four scans, by "
-    "position alone, closer than c; of targets that exist so long.",
-)
-ON_REFLECTORS = Metric(
-    "on_reflectors",
-    "on reflectors",
-    "",
-    ".3f",
-    mean("on_reflectors"),
-    "Mean number per turn, after the first twenty, of estimates within 100 m of what answers and "
-    "is no target, such as a quay, and farther than that from every target.",
-)
-LATE = Metric(
-    "late",
-    "found late",
-    "",
-    ".1%",
-    share("late", "five_scans_old"),
-    "Share of the targets that no estimate within 200 m was of in their first five scans or turns.",
-)
-METRICS = {
-    metric.key: metric
-    for metric in (
-        *OF_SETS,
-        POSITION_NEAR,
-        HEIGHT_RMS,
-        IDENTITY_SWITCHES,
-        SEEN_SWITCHES,
-        FALSE_PER_SCAN,
-        CLASS_ACCURACY,
-        OSPA_AFTER_5,
-        MEDIAN_ERROR,
-        PROMPT,
-        CPU,
-        ON_REFLECTORS,
-        LATE,
-    )
-}
+METRICS = {metric.key: metric for each in ACCUMULATORS for metric in each.metrics}
 # Reduction of the mean OSPA against lag 0.
 REDUCTION = "reduction"
 FIGURES = (*METRICS, REDUCTION)

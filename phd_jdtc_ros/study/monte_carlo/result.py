@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.evaluation.scan_scores import ALL
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.totals import Totals, ratio
 
 from .definition import METRICS, REDUCTION, Variant
-from .scores import VALUES, Scores
+from .metrics import VALUES
+from .scores import Scores
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from scipy import stats
 
 from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.evaluation.scan_scores import ALL
+from phd_jdtc_ros.evaluation.comparison import ALL
 from phd_jdtc_ros.evaluation.totals import ratio
 
 from .definition import ORDER, Goal, Study, Variant, merged

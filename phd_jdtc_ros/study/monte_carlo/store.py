@@ -17,7 +17,8 @@ import numpy as np
 from phd_jdtc_ros import output_files
 
 from .definition import Variant
-from .scores import VALUES, Scores
+from .metrics import VALUES
+from .scores import Scores
 from .tasks import Task
 
 # The last column is a class's row of `Scores.taken_for`: numbers separated by blanks.

@@ -29,7 +29,8 @@ from .kinds import (
     missing,
     module_of,
 )
-from .scores import OTHER_CUTOFF, OTHER_ORDER, Scores, score
+from .metrics import OTHER_CUTOFF, OTHER_ORDER
+from .scores import Scores, score
 
 # Must be increased when the meaning of a stored row changes.
 FORMAT = 5

@@ -11,7 +11,7 @@ import numpy as np
 from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.state_space import VX, VY, X, Y
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 
 from .soup import Part, Soup
 

@@ -20,7 +20,7 @@ from scipy.optimize import linear_sum_assignment
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
 from ..runs import SimulatedRun, Tracked

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
-from phd_jdtc_ros.evaluation.scan_scores import PointSet
+from phd_jdtc_ros.evaluation.comparison import PointSet
 
 from .conversion import point_set
 from .management import LooksMissed, NoInitiator, initiator

@@ -14,7 +14,7 @@ from phd_jdtc_ros.core.clutter.amplitude_law import CELLS, MEMORY, Learned
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Pose, Scan
 from phd_jdtc_ros.core.window.clutter_snapshot import NAME
 from phd_jdtc_ros.evaluation.metrics import assign
-from phd_jdtc_ros.simulation.clutter_law import NOISE, LogNormalClutter, UniformClutter
+from phd_jdtc_ros.simulation.clutter.law import NOISE, LogNormalClutter, UniformClutter
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import false_detections, simulate
 

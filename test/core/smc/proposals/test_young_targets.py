@@ -4,7 +4,7 @@ import numpy as np
 from lone import lone, scan_at
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.evaluation.mahalanobis import mahalanobis2
+from phd_jdtc_ros.evaluation.accumulators.mahalanobis import mahalanobis2
 
 DT = 0.1
 ROAD = {

@@ -1,0 +1,1 @@
+"""Detections of no target, and targets seen where they are not."""
