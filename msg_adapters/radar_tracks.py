@@ -36,15 +36,18 @@ class Types(NamedTuple):
     track: Any
 
 
-def installed() -> Types | None:
-    """Return the message classes, or None if radar_msgs is not installed."""
-    try:
-        return Types(
-            interfaces.message_class("radar_msgs/msg/RadarTracks"),
-            interfaces.message_class("radar_msgs/msg/RadarTrack"),
-        )
-    except ImportError:
-        return None
+def installed() -> Types:
+    """Return the message classes.
+
+    Raises
+    ------
+    ImportError
+        If radar_msgs is not installed.
+    """
+    return Types(
+        interfaces.message_class("radar_msgs/msg/RadarTracks"),
+        interfaces.message_class("radar_msgs/msg/RadarTrack"),
+    )
 
 
 def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> Any:

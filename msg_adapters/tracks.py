@@ -96,6 +96,12 @@ def to_path(track: Sequence[Waypoint], frame: str) -> Path:
     )
 
 
+def way(track: Sequence[Waypoint]) -> FloatArray:
+    """Return where a track was, shape (N, 3): in the plane, and `known_heights`, metres."""
+    position = np.array([point.state for point in track])[:, [X, Y]]
+    return np.column_stack([position, known_heights(track)])
+
+
 def known_heights(track: Sequence[Waypoint]) -> list[float]:
     """Return a height for each waypoint, metres: its own, or the last known, or the first one.
 

@@ -36,16 +36,19 @@ class Types(NamedTuple):
     hypothesis: Any
 
 
-def installed() -> Types | None:
-    """Return the message classes, or None if vision_msgs is not installed."""
-    try:
-        return Types(
-            interfaces.message_class("vision_msgs/msg/Detection3DArray"),
-            interfaces.message_class("vision_msgs/msg/Detection3D"),
-            interfaces.message_class("vision_msgs/msg/ObjectHypothesisWithPose"),
-        )
-    except ImportError:
-        return None
+def installed() -> Types:
+    """Return the message classes.
+
+    Raises
+    ------
+    ImportError
+        If vision_msgs is not installed.
+    """
+    return Types(
+        interfaces.message_class("vision_msgs/msg/Detection3DArray"),
+        interfaces.message_class("vision_msgs/msg/Detection3D"),
+        interfaces.message_class("vision_msgs/msg/ObjectHypothesisWithPose"),
+    )
 
 
 def to_msg(estimates: Estimates, frame: str, class_names: Sequence[str], types: Types) -> Any:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from msg_adapters import estimates, interfaces, names
+from msg_adapters import estimates, interfaces, names, outputs
 from phd_jdtc_ros.__main__ import run
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
@@ -190,7 +190,7 @@ def test_smoothed_estimates_follow_every_target(demo):
 
 def test_demo_records_everything_published(demo):
     reader = BagReader(demo / "estimates")
-    expected = set(names.published(2)) | {
+    expected = set(outputs.published(2)) | {
         names.TRUTH,
         *map(names.detections, ("radar_1", "radar_2")),
     }

@@ -18,6 +18,7 @@ from rclpy.timer import Timer
 
 from msg_adapters import doubts, platform_poses
 from msg_adapters.errors import RejectedMessageError
+from msg_adapters.outputs import SCAN, STEP, Done
 from msg_adapters.readers import Reader
 from phd_jdtc_ros.calibration.innovations import InnovationMonitor
 from phd_jdtc_ros.calibration.registration.monitor import Drift, RegistrationMonitor
@@ -28,7 +29,7 @@ from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
-from phd_jdtc_ros.core.types import SMOOTHED
+from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
 from . import registration_health
 from .checkpoint import Checkpoints
@@ -145,7 +146,7 @@ class LiveTracker:
         self._innovations.retune(settings.config.model)
         if self._monitor is not None:
             self._monitor.retune(settings.config.model.radars)
-        self._outputs.show_markers(settings.node["publish_markers"])
+        self._outputs.retune(settings)
 
     def flush(self) -> int:
         """Close all scans, publish all smoothed estimates, and begin a new run.
@@ -172,7 +173,7 @@ class LiveTracker:
         """Begin a new run without publishing."""
         self._pipeline.reset()
         self._forget_run()
-        self._outputs.clear_markers()
+        self._outputs.clear()
 
     def _begin(self, engine: Engine, stamp_ns: int) -> None:
         """Continue from the checkpoint, if there is one, before a run's first scan is stepped."""
@@ -185,7 +186,7 @@ class LiveTracker:
             self._monitor.forget_tracks()
         if self._checkpoints is not None:
             self._checkpoints.discard()
-        self._outputs.forget()
+        self._outputs.begin_run()
         self._pace.pause()
         if self._patience is not None:
             self._patience.cancel()
@@ -303,10 +304,11 @@ class LiveTracker:
             return start
         step = event.step
         for filtered in step.filtered:
-            self._outputs.publish_filtered(filtered)
+            self._outputs.publish(FILTERED, filtered.stamp_ns, filtered)
         for smoothed in step.smoothed:
-            self._outputs.publish_estimates(SMOOTHED, smoothed)
-        self._outputs.publish_detections(event.scan)
+            self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
+        stamp_ns = event.scan.stamp_ns
+        self._outputs.publish(SCAN, stamp_ns, event.scan)
         self._innovations.stepped(event.scan, step.filtered)
         if self._monitor is not None:
             self._monitor.stepped(event.scan, step.filtered)
@@ -314,14 +316,13 @@ class LiveTracker:
         step_ms = 1e3 * (self._cpu_s + now - start)
         self._cpu_s = 0.0
         now_s = time.monotonic()
-        self._pace.stepped(event.scan.stamp_ns, now_s, step_ms, step.targets, step.figures)
+        self._pace.stepped(stamp_ns, now_s, step_ms, step.targets, step.figures)
         if event.overdue:
             self._pace.overdue = event.overdue
             self._node.get_logger().warning(doubts.nothing_reported(event.overdue))
         if self._checkpoints is not None:
             self._checkpoints.stepped(self._pipeline.engine)
-        self._outputs.publish_cardinality(event.scan.stamp_ns, step, step_ms)
-        self._outputs.publish_clutter(event.scan.stamp_ns, self._pipeline.engine)
+        self._outputs.publish(STEP, stamp_ns, Done(stamp_ns, step, step_ms, self._pipeline.engine))
         return now
 
     def _end_run(self, event: RunEnded) -> None:
@@ -331,7 +332,7 @@ class LiveTracker:
             self._node.get_logger().warning(f"{event.reset}{limit}: starting again")
             self._pace.epoch += 1
         for smoothed in event.smoothed:
-            self._outputs.publish_estimates(SMOOTHED, smoothed)
+            self._outputs.publish(SMOOTHED, smoothed.stamp_ns, smoothed)
         self._forget_run()
 
     def look(self) -> frozenset[str]:
