@@ -12,7 +12,6 @@ from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
-from phd_jdtc_ros.report import load
 from phd_jdtc_ros.report.table import metrics
 
 from . import command
@@ -41,6 +40,5 @@ def scores(bag: Path, config: TrackerConfig, directory: Path) -> dict[str, Any]:
 
     """
     tracker = track_bag(BagReader(bag), config, directory, f"tracking with {config.engine}")
-    run = load.record(directory, config)
-    evaluation = run.evaluate(command.CUTOFF, command.ORDER)
+    evaluation = tracker.record().evaluate(command.CUTOFF, command.ORDER)
     return metrics(evaluation, np.array(tracker.step_ms), config.engine)

@@ -1,4 +1,4 @@
-from phd_jdtc_ros.tools.used_detections import UsedDetections
+from phd_jdtc_ros.feed.used_detections import UsedDetections
 
 
 def test_half_is_enough():
