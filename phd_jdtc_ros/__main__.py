@@ -22,7 +22,7 @@ EXECUTABLES = {
     "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
     "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
     "asterix_bridge": (
-        "phd_jdtc_ros.tools.asterix_bridge",
+        "phd_jdtc_ros.tools.asterix.bridge",
         "recordings of ASTERIX to bags; without arguments the node",
     ),
     "tune": ("phd_jdtc_ros.tools.tune", "proposes a configuration from a recording"),
@@ -50,7 +50,7 @@ EXECUTABLES = {
         "joins the bags of trackers that part an area; without arguments the node",
     ),
     "autoferry": ("phd_jdtc_ros.tools.autoferry", "the Autoferry dataset: bags and figures"),
-    "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
+    "demo": ("phd_jdtc_ros.tools.demo.demo", "the three nodes on the shipped bag, and the report"),
 }
 
 # Nodes that are started in the place of an executable that is given ROS arguments only, or none.

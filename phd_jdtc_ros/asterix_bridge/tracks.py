@@ -13,9 +13,9 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import identities, point_cloud, stamps
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.asterix import tracks_out
 from phd_jdtc_ros.asterix.call_signs import CallSigns
-from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
+from phd_jdtc_ros.asterix.writing import tracks as tracks_out
+from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED
 

@@ -35,7 +35,8 @@ from phd_jdtc_ros.study import hour_goals, hours
 from phd_jdtc_ros.study.hour_goals import AS_IS, NO_IDENTITIES, TUNED, Tracked
 from phd_jdtc_ros.study.hours import Hour, Reader, Scores
 
-from . import command, registration, simulated_asterix
+from . import command, registration
+from .asterix import simulated as simulated_asterix
 
 # The scenarios, and what their recordings are: a capture has times of receipt.
 RECORDINGS = {"approach_hour": "recording.ast", "en_route_hour": "recording.pcap"}

@@ -37,7 +37,8 @@ from phd_jdtc_ros.report import track_files
 from phd_jdtc_ros.report.record import Record
 from phd_jdtc_ros.report.table import score_tables
 
-from . import asterix_parameters, command
+from . import command
+from .asterix.parameters import guessed
 
 # What writes tracks, by the option that asks for it.
 WRITERS = {"geojson": track_files.to_geojson, "csv": track_files.to_csv}
@@ -248,7 +249,7 @@ def main(argv: Sequence[str]) -> int:
                 status = CORRUPT
         run = tracker.record()
         if files:
-            if config.plane and asterix_parameters.guessed(config.values["world_origin"]):
+            if config.plane and guessed(config.values["world_origin"]):
                 print(
                     "track_bag: latitudes and longitudes are not true: where the radar stands was "
                     "guessed; set its geodetic, and world_origin",

@@ -8,7 +8,7 @@ from msg_adapters import point_cloud
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import NONE
-from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.earth import SystemPlane
 

@@ -16,8 +16,8 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters
-from phd_jdtc_ros.tools import comparison
-from phd_jdtc_ros.tools.demo import ARTEFACTS
+from phd_jdtc_ros.tools.demo import comparison
+from phd_jdtc_ros.tools.demo.demo import ARTEFACTS
 
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 # The picture of clutter is one of radars that learn its map.
@@ -246,7 +246,7 @@ def test_demo_replaces_its_own_files_alone(tmp_path, monkeypatch):
         (new / "metrics.json").write_text("{}")
         return True
 
-    monkeypatch.setattr("phd_jdtc_ros.tools.demo.run_nodes", run_nodes)
+    monkeypatch.setattr("phd_jdtc_ros.tools.demo.demo.run_nodes", run_nodes)
     monkeypatch.setattr("phd_jdtc_ros.tools.report.write", lambda *_: 0)
     mine = earlier(tmp_path)
     logs = {tmp_path / name for name in ARTEFACTS if name.startswith("logs/")}
@@ -265,7 +265,7 @@ def test_demo_that_does_not_end_well_leaves_the_earlier_results(tmp_path, monkey
             raise KeyboardInterrupt
         return False
 
-    monkeypatch.setattr("phd_jdtc_ros.tools.demo.run_nodes", run_nodes)
+    monkeypatch.setattr("phd_jdtc_ros.tools.demo.demo.run_nodes", run_nodes)
     earlier(tmp_path)
     before = {path: path.read_text() for path in tmp_path.rglob("*") if path.is_file()}
     status = run("demo", ["--bag", str(BAG), "--out", str(tmp_path)])

@@ -23,11 +23,12 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import names
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.asterix import records, udp
+from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
-from phd_jdtc_ros.asterix.udp import Receiver
+from phd_jdtc_ros.asterix.transport import udp
+from phd_jdtc_ros.asterix.transport.udp import Receiver
 from phd_jdtc_ros.asterix_bridge import clouds, settings
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.schema import ConfigError

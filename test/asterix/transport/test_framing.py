@@ -3,9 +3,9 @@ from collections import Counter
 import asterix_records as made
 import pytest
 
-from phd_jdtc_ros.asterix import framing
 from phd_jdtc_ros.asterix.clocks import NS_PER_DAY
-from phd_jdtc_ros.asterix.datagram import Datagram, RecordingError
+from phd_jdtc_ros.asterix.transport import framing
+from phd_jdtc_ros.asterix.transport.datagram import Datagram, RecordingError
 
 NS = 10**9
 MIDNIGHT = 20_779 * NS_PER_DAY

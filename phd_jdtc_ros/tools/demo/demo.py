@@ -29,8 +29,9 @@ from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
 from phd_jdtc_ros.report.pictures import figures
 
-from . import asterix_demo, command, comparison, report
-from .demo_nodes import (
+from .. import command, report
+from . import asterix, comparison
+from .processes import (
     FINISH_S,
     METRICS,
     PARAMETERS,
@@ -143,7 +144,7 @@ def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
 
 def _replace(out: Path, new: Path) -> None:
     """Put what is in `new` in the place of the results of an earlier demo, and of no other file."""
-    for name in (*ARTEFACTS, *asterix_demo.ARTEFACTS):
+    for name in (*ARTEFACTS, *asterix.ARTEFACTS):
         if not name.startswith(f"{LOGS}/"):
             (out / name).unlink(missing_ok=True)
     if (out / RECORDING).is_dir():
@@ -192,7 +193,7 @@ def main(argv: Sequence[str]) -> int:
         if not bag.exists():
             raise BagError(f"{bag}: no such bag")
         # Beside a recording of other radars are the profile's parameters with these radars.
-        if arguments.profile and (given != shown or asterix_demo.recording(bag) is None):
+        if arguments.profile and (given != shown or asterix.recording(bag) is None):
             arguments.assignments[:0] = _places(path, bag)
             arguments.params_file.insert(0, path)
         if arguments.engine:
@@ -203,7 +204,7 @@ def main(argv: Sequence[str]) -> int:
         config = command.tracker_config(arguments, bag)
         _check_recording(out)
         with _unfinished(out) as new:
-            play = run_nodes if asterix_demo.recording(bag) is None else asterix_demo.run_nodes
+            play = run_nodes if asterix.recording(bag) is None else asterix.run_nodes
             if not play(bag, config, new, out / LOGS, cutoff):
                 return FAILED
             if bag.resolve() == shipped_bag().resolve():

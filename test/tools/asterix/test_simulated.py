@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros import resources
-from phd_jdtc_ros.asterix import blocks, pcap
+from phd_jdtc_ros.asterix import blocks
 from phd_jdtc_ros.asterix.messages import NONE, NORTH, SECTOR, Plot
+from phd_jdtc_ros.asterix.transport import pcap
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import UNKNOWN
 from phd_jdtc_ros.simulation import sending
 from phd_jdtc_ros.simulation.turning_antenna import answered_plots, plot_times
-from phd_jdtc_ros.tools import hours, simulate, simulated_asterix
+from phd_jdtc_ros.tools import hours, simulate
+from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
 
 MINUTES = {"approach_hour": 25.0, "en_route_hour": 4.0}
 TICK_S = 1.0 / 128.0

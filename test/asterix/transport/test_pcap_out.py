@@ -1,8 +1,8 @@
 import struct
 from collections import Counter
 
-from phd_jdtc_ros.asterix import pcap, pcap_out
-from phd_jdtc_ros.asterix.pcap_out import Line
+from phd_jdtc_ros.asterix.transport import pcap, pcap_out
+from phd_jdtc_ros.asterix.transport.pcap_out import Line
 
 LINE = Line((10, 1, 2, 3), (239, 4, 5, 6), 8611)
 SENT = [(1_772_445_600_123_456_000, b"first"), (1_772_445_601_000_001_000, b"second one")]

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from phd_jdtc_ros.tools.demo import Processes
+from phd_jdtc_ros.tools.demo.processes import Processes
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from .clocks import NS_PER_TICK
-from .messages import DAY
-from .specification import Fixed, layouts
+from ..clocks import NS_PER_TICK
+from ..messages import DAY
+from ..specification import Fixed, layouts
 
 # Of a datagram that passes every network in one piece.
 MAX_BLOCK = 1400

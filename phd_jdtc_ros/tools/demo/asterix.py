@@ -16,14 +16,14 @@ import time
 from pathlib import Path
 
 from msg_adapters import names
-from phd_jdtc_ros.asterix import udp
-from phd_jdtc_ros.asterix.udp import Address
+from phd_jdtc_ros.asterix.transport import udp
+from phd_jdtc_ros.asterix.transport.udp import Address
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.types import FILTERED
 
-from .asterix_out import bridge_parameters
-from .demo_nodes import FINISH_S, PARAMETERS, RECORDING, Processes, reporting, start_tracking
+from ..asterix.writing import bridge_parameters
+from .processes import FINISH_S, PARAMETERS, RECORDING, Processes, reporting, start_tracking
 
 # The recording beside a bag, and what the bridge has sent.
 SHIPPED, TRACKS = "recording.ast", "tracks.ast"

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 
-from .encoding import blocks, record, signed, time_of_day, unsigned
-from .messages import (
+from ..messages import (
     AZIMUTH_UNIT,
     NAUTICAL_MILE,
     NONE,
@@ -16,6 +15,7 @@ from .messages import (
     TICKS_PER_S,
     Plot,
 )
+from .encoding import blocks, record, signed, time_of_day, unsigned
 
 FULL_TURN = 2.0 * math.pi
 RANGE_UNIT = NAUTICAL_MILE / 256.0

@@ -22,7 +22,8 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from msg_adapters import diagnostics, names
-from phd_jdtc_ros.asterix import records, udp
+from phd_jdtc_ros.asterix import records
+from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix_bridge import pace, settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.reader import BagReader
@@ -33,7 +34,8 @@ from phd_jdtc_ros.nodes.replay.lock_step import GIVE_UP_S
 from phd_jdtc_ros.nodes.replay.progress_line import ProgressLine
 from phd_jdtc_ros.parameter_files import tracker_params
 
-from . import asterix_out, command
+from .. import command
+from ..asterix.writing import bridge_parameters
 
 NAME = "asterix_player"
 QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
@@ -213,7 +215,7 @@ def main(argv: Sequence[str]) -> int:
 
     def work() -> int:
         config = tracker_params.load(given.params_file, names.TRACKER)
-        bridge = settings.resolve(asterix_out.bridge_parameters(config))
+        bridge = settings.resolve(bridge_parameters(config))
         bag = BagReader(Path(given.bag))
 
         def player() -> AsterixPlayer:

@@ -8,8 +8,8 @@ import pytest
 from msg_adapters import interfaces, names
 from msg_adapters.readers import reader_of
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.asterix import plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, PRIMARY, SECONDARY, Plot
+from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params

@@ -24,7 +24,7 @@ from phd_jdtc_ros.core.sensors.site import MOST_FROM_ORIGIN
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, proposed_file, tracker_params
 
-from . import recorded_plots
+from .. import recorded_plots
 
 # The profile of trackers of such radars, and the name of the radar in it.
 PROFILE, PROFILE_RADAR = "air_traffic", "approach."

@@ -6,7 +6,7 @@ from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.exit_status import FAILED
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
 from phd_jdtc_ros.resources import bag
-from phd_jdtc_ros.tools import demo, demo_nodes
+from phd_jdtc_ros.tools.demo import asterix, demo, processes
 
 
 @pytest.fixture
@@ -90,7 +90,7 @@ def test_demo_writes_into_a_folder_of_its_profile_bag_and_engine(
         seen.append(logs.parent)
         return False
 
-    for module in (demo, demo.asterix_demo):
+    for module in (demo, asterix):
         monkeypatch.setattr(module, "run_nodes", run_nodes)
     monkeypatch.chdir(tmp_path)
 
@@ -112,5 +112,5 @@ def test_targets_that_a_profile_takes_for_clutter_are_not_scored(
 ):
     config, cutoff = given(*words)
 
-    scored = demo_nodes.reporting(bag("coastal"), config, tmp_path, cutoff)["least_speed"]
+    scored = processes.reporting(bag("coastal"), config, tmp_path, cutoff)["least_speed"]
     assert scored == config.least_speed == least_speed

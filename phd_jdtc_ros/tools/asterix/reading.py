@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from msg_adapters import interfaces, names
-from phd_jdtc_ros.asterix import datagram, framing, records
+from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix.datagram import RecordingError
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
+from phd_jdtc_ros.asterix.transport import datagram, framing
+from phd_jdtc_ros.asterix.transport.datagram import RecordingError
 from phd_jdtc_ros.asterix_bridge import clouds, settings
 from phd_jdtc_ros.asterix_bridge.settings import Bridge
 from phd_jdtc_ros.bags.errors import BagError
@@ -21,7 +22,7 @@ from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.calibration.tuning.plot_turns import PlotTurns
 from phd_jdtc_ros.parameter_files import bag_parameters
 
-from . import asterix_parameters
+from . import parameters
 
 DEPTH = 50
 # Of so much of a recording at least must something become, or the tool fails.
@@ -157,15 +158,15 @@ def convert(
                     _write(bag, known, done, bridge, state, report)
     except RecordingError as error:
         raise BagError(f"{path}: {error}") from error
-    found = asterix_parameters.proposed([*done.stream.radars.values()], done.disorder_ns * 1e-9)
+    found = parameters.proposed([*done.stream.radars.values()], done.disorder_ns * 1e-9)
     if found is not None:
-        asterix_parameters.measure(found, out)
+        parameters.measure(found, out)
         head = (
             f"For a tracker of {path.name}, by asterix_bridge: the profile "
-            f"{asterix_parameters.PROFILE}, with what the recording says.\n"
+            f"{parameters.PROFILE}, with what the recording says.\n"
             "A comment says what a value is from."
         )
-        asterix_parameters.write(out / bag_parameters.NAME, head, found)
+        parameters.write(out / bag_parameters.NAME, head, found)
         done.hints += found.hints
     return done
 

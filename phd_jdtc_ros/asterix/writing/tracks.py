@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..messages import NONE, QUARTER_LEVEL
 from .encoding import blocks, record, signed, time_of_day, unsigned
-from .messages import NONE, QUARTER_LEVEL
 
 FOOT = 0.3048
 # Units of I062/105, degrees; I062/100, m; I062/185, m/s; I062/290, s; heights and climbs.

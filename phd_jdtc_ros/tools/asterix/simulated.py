@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from phd_jdtc_ros.asterix import pcap_out, plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
+from phd_jdtc_ros.asterix.transport import pcap_out
+from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError

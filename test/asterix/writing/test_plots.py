@@ -5,8 +5,9 @@ import asterix_records as made
 import pytest
 from asterix_reference import decoded, value
 
-from phd_jdtc_ros.asterix import blocks, plots_out
+from phd_jdtc_ros.asterix import blocks
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
+from phd_jdtc_ros.asterix.writing import plots as plots_out
 
 NS = 10**9
 

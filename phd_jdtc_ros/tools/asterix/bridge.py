@@ -18,7 +18,8 @@ from phd_jdtc_ros.exit_status import CORRUPT, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
 from phd_jdtc_ros.quoting import short
 
-from . import asterix_in, asterix_out, asterix_parameters, command
+from .. import command
+from . import parameters, reading, writing
 
 NAME = "asterix_bridge"
 
@@ -40,7 +41,7 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _to_bag(path: Path, arguments: argparse.Namespace, bridge: settings.Bridge) -> int:
-    done = asterix_in.convert(path, arguments.out, bridge, arguments.date, arguments.port)
+    done = reading.convert(path, arguments.out, bridge, arguments.date, arguments.port)
     print(f"{arguments.out}: {done.clouds} clouds, {done.plots} plots")
     for line in done.lines():
         print(line)
@@ -56,23 +57,23 @@ def _to_asterix(path: Path, arguments: argparse.Namespace, given: dict[str, obje
     config = tracker_params.config(recorded)
     if arguments.plots:
         bridge = settings.resolve(given)
-        done = asterix_out.write_plots(bag, arguments.out, config, bridge)
+        done = writing.write_plots(bag, arguments.out, config, bridge)
     else:
         # Where the map is on the earth is the tracker's to say.
         origin = {name: recorded[name] for name in ("world_origin",) if name in recorded}
-        if asterix_parameters.guessed(origin.get("world_origin", [])):
+        if parameters.guessed(origin.get("world_origin", [])):
             origin = {}
             print("where the radar stands is not known: tracks have no latitudes and longitudes")
         bridge = settings.resolve({**origin, **given})
         topic = names.estimates(arguments.estimates)
         radars = [radar.topic for radar in config.inputs]
-        done = asterix_out.write_tracks(bag, arguments.out, bridge, topic, radars)
+        done = writing.write_tracks(bag, arguments.out, bridge, topic, radars)
     dropped = ", ".join(f"{reason} {count}" for reason, count in sorted((+done.dropped).items()))
     print(
         f"{arguments.out}: {done.records} {done.what} in {done.blocks} data blocks, of "
         f"{done.clouds} clouds; dropped: {dropped or 'none'}"
     )
-    if done.used >= asterix_in.LEAST_USED:
+    if done.used >= reading.LEAST_USED:
         return OK
     print(
         f"{NAME}: {path}: {done.used:.0%} of its clouds could be used; dropped: {dropped}",

@@ -14,8 +14,8 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.report.table import metrics
 
-from . import command
-from .track_bag import track_bag
+from .. import command
+from ..track_bag import track_bag
 
 
 def other_engine(config: TrackerConfig) -> TrackerConfig | None:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from .clocks import NS_PER_DAY
+from ..clocks import NS_PER_DAY
 from .datagram import Datagram, RecordingError
 
 # The header of an envelope: its length with header and footer (2 bytes), numbers of board and

@@ -3,7 +3,7 @@ import time
 
 import pytest
 
-from phd_jdtc_ros.asterix.udp import MAX_BYTES, Address, Receiver
+from phd_jdtc_ros.asterix.transport.udp import MAX_BYTES, Address, Receiver
 
 LARGE = bytes(60_000)
 

@@ -5,9 +5,10 @@ import asterix_records as made
 import pytest
 from asterix_reference import decoded, value
 
-from phd_jdtc_ros.asterix import encoding, tracks_out
 from phd_jdtc_ros.asterix.messages import NONE
-from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
+from phd_jdtc_ros.asterix.writing import encoding
+from phd_jdtc_ros.asterix.writing import tracks as tracks_out
+from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
 
 NS = 10**9
 FOOT = 0.3048
