@@ -12,7 +12,7 @@ from msg_adapters import diagnostics, names
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 
-from ..common.seen import Seen
+from ..common.health import Seen
 
 # A radar that has sent nothing for so long is silent.
 SILENT_S = 15.0

@@ -36,10 +36,8 @@ from phd_jdtc_ros.exit_status import faults_of
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, offers, overridable, parameters, runtime, transitions
-from ..common.health_reports import HealthReports
+from ..common.health import HealthReports, Seen, ThrottledWarnings
 from ..common.runtime import WARNING_PERIOD_S
-from ..common.seen import Seen
-from ..common.throttled import ThrottledWarnings
 from . import health
 
 DEPTH = 50

@@ -13,7 +13,7 @@ from msg_adapters import diagnostics, names
 from phd_jdtc_ros.core.types import FILTERED
 from phd_jdtc_ros.handover.picture import LATEST_STAMPS
 
-from ..common.seen import Seen
+from ..common.health import Seen
 
 # Of so many of the latest clouds the usual interval is taken. Until there is one: no surveillance
 # radar turns more slowly, seconds.

@@ -24,11 +24,11 @@ from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
 
 from ..common import overridable
+from ..common.health import Rhythm, ThrottledWarnings
 from ..common.runtime import WARNING_PERIOD_S
-from ..common.throttled import ThrottledWarnings
 from . import endpoints
 from .endpoints import Listener
-from .health import InputHealth, Rhythm
+from .health import InputHealth
 
 # Why poses are not used, in words.
 POSE_FAULTS = {
@@ -247,7 +247,7 @@ class Inputs:
 
     def lost(self, now: float) -> int:
         """Return how many messages were lost lately because the tracker is too slow."""
-        return sum(health.losses.by_overload(now) for health in self.radars)
+        return sum(health.lost_by_overload.count(now) for health in self.radars)
 
     def summary(self) -> str:
         """Return the numbers of received, lost and dropped clouds as text."""

@@ -28,9 +28,10 @@ from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.feed.feed import Feed, Monitor
 
+from ..common.health import WARNING_MEMORY_S, Rhythm
 from . import registration_health
 from .checkpoint import Checkpoints
-from .health import WARNING_MEMORY_S, OutputHealth, Rhythm, StepHealth
+from .health import OutputHealth, StepHealth
 from .inputs import Inputs
 from .load import Load
 from .outputs import Outputs
