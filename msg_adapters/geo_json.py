@@ -47,8 +47,6 @@ def of_scan(
 
     Parameters
     ----------
-    estimates : Estimates
-    plane : Plane
     class_names : sequence of str
         By class id.
     trails : mapping of track number to array of shape (N, 3)

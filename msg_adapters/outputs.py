@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from phd_jdtc_ros.core.engine import Engine, Step
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates, Scan
+from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 
 from . import (
     clutter_maps,
@@ -51,10 +51,8 @@ class Done(NamedTuple):
     ----------
     stamp_ns : int
         Of its scan.
-    step : Step
     step_ms : float
         Its CPU time, milliseconds.
-    engine : Engine
     """
 
     stamp_ns: int
@@ -71,12 +69,10 @@ class View:
     ----------
     frame : str
         Of the world.
-    class_names : tuple of str
     radars : sequence of RadarModel
         In the configured order.
     plane : Plane or None
         Where the world frame is on the earth.
-    trails : Trails
     run : uuid.UUID
         Identifies the tracker's run.
     """
@@ -98,11 +94,6 @@ class View:
         """Height of the map's zero, metres."""
         return 0.0 if self.plane is None else self.plane.origin[2]
 
-    @property
-    def learns_clutter(self) -> bool:
-        """Whether a radar has a map of clutter."""
-        return any(radar.clutter_map is not None for radar in self.radars)
-
 
 def _always(_: View) -> bool:
     return True
@@ -116,7 +107,6 @@ class Output:
     ----------
     topic : str
         Below ``~/``, which is the tracker's name.
-    type_name : str
     when : str
         `FILTERED` or `SMOOTHED`, once for each set of estimates; `SCAN` or `STEP`.
     encode : callable of (what `when` says, View)
@@ -152,7 +142,10 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
     """Return all outputs of a tracker, without the figures of an engine if that is None."""
     return (
         *(
-            Output(names.estimates(source, "~"), names.CLOUD, source, _estimates)
+            Output(
+                *(names.estimates(source, "~"), names.CLOUD, source),
+                lambda found, view: [estimates.to_msg(found, view.frame)],
+            )
             for source in SOURCES
         ),
         *(
@@ -160,29 +153,45 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
             for source in SOURCES
             for k in range(classes)
         ),
-        Output(names.detections_in_map("~"), names.CLOUD, SCAN, _detections, "detections"),
         Output(
-            *("~/markers", names.MARKERS, FILTERED, _markers, "markers"),
+            *(names.detections_in_map("~"), names.CLOUD, SCAN),
+            lambda scan, view: [detections_in_map.to_msg(scan, view.radars, view.frame)],
+            "detections",
+        ),
+        Output(
+            *("~/markers", names.MARKERS, FILTERED),
+            lambda found, view: [markers.to_cdr(found, view.frame, view.class_names, view.datum)],
+            "markers",
             latched=True,
             clear=_no_markers,
         ),
         Output(
             *(names.clutter_map("~"), names.GRID, STEP, _clutter_map, "", False),
             latched=True,
-            needs=lambda view: view.learns_clutter,
+            needs=lambda view: any(radar.clutter_map is not None for radar in view.radars),
             period_s=CLUTTER_PERIOD_S,
         ),
-        Output(names.cardinality("~"), names.FIGURES, STEP, _cardinality),
+        Output(
+            *(names.cardinality("~"), names.FIGURES, STEP),
+            lambda done, view: [
+                diagnostics.step_to_msg(done.stamp_ns, done.step, done.step_ms, view.class_names)
+            ],
+        ),
         *(
             Output(names.plot(quantity, "~"), names.NUMBER, STEP, _number_of(quantity), "plots")
             for quantity in quantities.of_tracker(classes, engine)
         ),
-        Output("~/tracks/path", names.PATH, FILTERED, _paths, "path", False),
-        Output("~/odometry", names.ODOMETRY, FILTERED, _odometry, "odometry", False),
-        Output(names.fixes("~"), names.FIX, FILTERED, _fixes, "navsat", False),
-        Output("~/tracks/geojson", names.GEOJSON, FILTERED, _geojson, "geojson", False),
-        Output("~/radar_tracks", names.RADAR_TRACKS, FILTERED, _tracks, "radar_tracks", False),
-        Output("~/detections_3d", names.DETECTIONS_3D, FILTERED, _vision, "detections_3d", False),
+        *(
+            Output(topic, kind, FILTERED, encode, switch, usual=False)
+            for topic, kind, encode, switch in (
+                ("~/tracks/path", names.PATH, _paths, "path"),
+                ("~/odometry", names.ODOMETRY, _odometry, "odometry"),
+                (names.fixes("~"), names.FIX, _fixes, "navsat"),
+                ("~/tracks/geojson", names.GEOJSON, _geojson, "geojson"),
+                ("~/radar_tracks", names.RADAR_TRACKS, _tracks, "radar_tracks"),
+                ("~/detections_3d", names.DETECTIONS_3D, _vision, "detections_3d"),
+            )
+        ),
     )
 
 
@@ -222,20 +231,8 @@ def _types(rows: Iterable[Output], tracker: str) -> dict[str, str]:
     return {row.topic.replace("~", tracker, 1): row.type_name for row in rows}
 
 
-def _estimates(found: Estimates, view: View) -> list[Any]:
-    return [estimates.to_msg(found, view.frame)]
-
-
 def _poses_of(class_id: int) -> Callable[[Estimates, View], list[bytes]]:
     return lambda found, view: [poses.to_cdr(found, class_id, view.frame)]
-
-
-def _detections(scan: Scan, view: View) -> list[Any]:
-    return [detections_in_map.to_msg(scan, view.radars, view.frame)]
-
-
-def _markers(found: Estimates, view: View) -> list[bytes]:
-    return [markers.to_cdr(found, view.frame, view.class_names, view.datum)]
 
 
 def _no_markers(view: View) -> MarkerArray:
@@ -246,10 +243,6 @@ def _no_markers(view: View) -> MarkerArray:
 def _clutter_map(done: Done, view: View) -> list[Any]:
     raster = done.engine.clutter_raster()
     return [] if raster is None else [clutter_maps.to_msg(raster, done.stamp_ns, view.frame)]
-
-
-def _cardinality(done: Done, view: View) -> list[Any]:
-    return [diagnostics.step_to_msg(done.stamp_ns, done.step, done.step_ms, view.class_names)]
 
 
 def _number_of(quantity: str) -> Callable[[Done, View], list[Any]]:

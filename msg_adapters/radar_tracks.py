@@ -58,12 +58,9 @@ def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> An
 
     Parameters
     ----------
-    estimates : Estimates
-    frame : str
     run : uuid.UUID
         Identifies the tracker's run. A target keeps its identifier within a run, and no two runs
         share one. An unlabelled target gets a new identifier in every message.
-    types : Types
     """
     message = types.tracks(header=stamps.header(estimates.stamp_ns, frame))
     up = vertical.of(estimates)

@@ -29,7 +29,6 @@ class Waypoint:
 
     Parameters
     ----------
-    stamp_ns : int
     state : array of shape (D,)
     height : float
         Above the world's zero, metres; NaN where it is unknown.

@@ -60,11 +60,8 @@ def to_msg(estimates: Estimates, frame: str, class_names: Sequence[str], types: 
 
     Parameters
     ----------
-    estimates : Estimates
-    frame : str
     class_names : sequence of str
         By class id.
-    types : Types
     """
     message = types.detections(header=stamps.header(estimates.stamp_ns, frame))
     message.detections = [

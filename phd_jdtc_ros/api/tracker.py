@@ -245,12 +245,7 @@ def _index_of(radar: str | None, names: list[str]) -> int:
 
 
 class _Run:
-    """A pass of the pipeline, and what was noticed in it.
-
-    Parameters
-    ----------
-    config : TrackerConfig
-    """
+    """A pass of the pipeline, and what was noticed in it."""
 
     def __init__(self, config: TrackerConfig) -> None:
         self.config = config

@@ -178,7 +178,6 @@ class Bridge:
     ----------
     values : dict of name to value
         All parameters.
-    table : dict of name to Parameter
     radars : dict of number to RadarSettings
         By SAC and SIC.
     others : RadarSettings
@@ -221,7 +220,6 @@ def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> 
 
     Parameters
     ----------
-    given : mapping of dotted name to value
     top : tuple of Parameter
         `OF_FILES`, or `TABLE` for the node.
 

@@ -50,7 +50,6 @@ class TrackOutput:
 
     Parameters
     ----------
-    source : Source
     plane : Plane or None
         Without one there are no latitudes and longitudes, and heights are those above the world's
         zero.

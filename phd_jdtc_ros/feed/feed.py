@@ -63,9 +63,6 @@ class Feed:
 
     Parameters
     ----------
-    config : TrackerConfig
-    notices : Notices
-    monitors : sequence of Monitor
     begin : callable
         That of `Pipeline`.
     """

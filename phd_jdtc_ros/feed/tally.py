@@ -19,15 +19,10 @@ from .used_detections import UsedDetections
 class Tally:
     """The `Notices` of a whole run.
 
-    Parameters
-    ----------
-    config : TrackerConfig
-
     Attributes
     ----------
     dropped : Counter
         Detections, messages and poses by reason.
-    used : UsedDetections
     """
 
     def __init__(self, config: TrackerConfig) -> None:

@@ -49,17 +49,14 @@ class OfflineTracker:
 
     Parameters
     ----------
-    config : TrackerConfig
     bag : BagWriter
         Has the topics of the estimates.
 
     Attributes
     ----------
-    scans : int
     step_ms : list of float
         CPU time of each report that closed a scan and of those since the one before, milliseconds:
         decoding, steps and writing.
-    tally : Tally
     damage : BagError or None
         What is wrong with the bag that was tracked, as far as it is intact.
     """

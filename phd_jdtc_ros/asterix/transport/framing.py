@@ -71,7 +71,6 @@ def datagrams(
 
     Parameters
     ----------
-    data : bytes or mmap
     midnight_ns : int or None
         Begin of the day of the first one. Captures have their own dates; if this is given, they
         are moved by whole days. Others are of 1970 without it.

@@ -60,7 +60,6 @@ def packets(data: bytes | mmap.mmap, counts: Counter[str]) -> Iterator[Datagram]
 
     Parameters
     ----------
-    data : bytes or mmap
     counts : Counter
         Gains ``not_udp``, ``fragment``, ``packet_cut`` (longer than was captured), ``link`` (an
         unknown link layer), and ``recording_cut`` if the file is damaged from somewhere on.

@@ -39,8 +39,6 @@ def packet(time_ns: int, payload: bytes, line: Line) -> bytes:
     ----------
     time_ns : int
         When it was received, since the epoch.
-    payload : bytes
-    line : Line
     """
     # A checksum of 0 says that there is none.
     udp = _UDP.pack(line.port, line.port, _UDP.size + len(payload), 0) + payload

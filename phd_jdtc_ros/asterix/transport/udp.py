@@ -120,8 +120,6 @@ class Receiver:
 
     Parameters
     ----------
-    inputs : sequence of Address
-    interface : str
     arrived : callable
         Called in the thread when datagrams wait to be taken.
 

@@ -62,7 +62,6 @@ def service_block(radar: int, time_ns: int, azimuth: float, rotation_s: float) -
     ----------
     radar : int
         SAC in the upper, SIC in the lower eight bits.
-    time_ns : int
     azimuth : float
         Radians clockwise from north; at north it is a north mark.
     rotation_s : float

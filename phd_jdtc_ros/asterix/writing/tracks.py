@@ -221,11 +221,8 @@ def status_block(time_ns: int, source: Source, batch: int, overloaded: bool = Fa
 
     Parameters
     ----------
-    time_ns : int
-    source : Source
     batch : int
         Counted on; modulo 256 in the message.
-    overloaded : bool
     """
     who = {
         "010": source.number,

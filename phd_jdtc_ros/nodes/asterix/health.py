@@ -28,14 +28,12 @@ def of_input(
     ----------
     node : str
         Full name of the bridge.
-    stream : PlotStream
     lost : int
         Datagrams that there was no room for.
     inputs : sequence of str
         Addresses that are listened to.
     active_s : float
         For how long the bridge has been active, seconds; NaN while it is not.
-    seen : Seen
     """
     counts = +stream.counts
     # Other categories, and radars that nobody asked for, are no faults.

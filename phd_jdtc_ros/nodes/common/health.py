@@ -106,8 +106,6 @@ class ThrottledWarnings:
 
     Parameters
     ----------
-    logger : RcutilsLogger
-    period_s : float
     clock : callable
         Returns the time, seconds; a steady one, because a clock that is set back would silence it.
     """
@@ -139,7 +137,6 @@ class HealthReports:
 
     Parameters
     ----------
-    node : Node
     statuses : callable
         Returns them.
     warnings : ThrottledWarnings

@@ -62,7 +62,6 @@ class InputHealth:
 
     Parameters
     ----------
-    name : str
     topic : str
         Its full name, after remapping.
     rhythm : Rhythm
@@ -103,7 +102,6 @@ class InputHealth:
 
         Parameters
         ----------
-        now_s : float
         sequence : int or None
             Its publisher's number for it.
         worked_s : float
@@ -156,7 +154,6 @@ class InputHealth:
         looked_s : float
             Until when all messages that have come have been received. A slow tracker is late, and
             what waits in its queue meanwhile must not count as silence.
-        scans : float
         """
         if self._heard_s is None:
             return True
@@ -230,7 +227,6 @@ class InputHealth:
             Full name of the tracker.
         now_s, looked_s, scans : float
             See `silent`.
-        publishers : Publishers
         """
         self._listed_since_s = {
             identity: self._listed_since_s.get(identity, now_s)
@@ -298,7 +294,6 @@ class StepHealth:
         ----------
         stamp_ns : int
             Of its scan.
-        now_s : float
         step_ms : float
             CPU time from receipt to publication.
         targets : int

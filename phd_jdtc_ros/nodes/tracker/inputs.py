@@ -44,11 +44,6 @@ POSES_KEPT = 200
 class Inputs:
     """Subscribes to every radar and platform; as `Notices` it counts what is not used of them.
 
-    Parameters
-    ----------
-    node : LifecycleNode
-    settings : Settings
-
     Attributes
     ----------
     radars : list of InputHealth

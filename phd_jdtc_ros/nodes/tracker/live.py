@@ -41,11 +41,6 @@ from .static_frames import StaticFrames
 class LiveTracker:
     """Subscribes to every radar, steps the engine scan by scan, and publishes the estimates.
 
-    Parameters
-    ----------
-    node : LifecycleNode
-    settings : Settings
-
     Raises
     ------
     ConfigError

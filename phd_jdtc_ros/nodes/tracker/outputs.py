@@ -27,8 +27,6 @@ class Outputs:
 
     Parameters
     ----------
-    node : LifecycleNode
-    settings : Settings
     health : OutputHealth
         Counts subscriptions with an incompatible QoS.
 
@@ -98,8 +96,6 @@ class Outputs:
         ----------
         when : str
             See `Output`.
-        stamp_ns : int
-        what : Estimates, Scan or Done
         """
         for row, publisher in self._publishers.items():
             if row.when != when or not _is_wanted(row, self._values):

@@ -53,11 +53,8 @@ class Proposal:
 
     Parameters
     ----------
-    values : dict of dotted name to value
-    comments : dict of dotted name to str
     apart : dict of name to values
         Radars that cannot be tracked with the others, and their parameters.
-    hints : list of str
     """
 
     values: dict[str, Any]
@@ -80,7 +77,6 @@ def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None
 
     Parameters
     ----------
-    states : sequence of RadarState
     disorder_s : float
         How much older the stamp of a cloud is than that of one before, at most.
     """

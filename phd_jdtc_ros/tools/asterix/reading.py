@@ -46,7 +46,6 @@ class Converted:
 
     Parameters
     ----------
-    stream : PlotStream
     recording : Counter
         What was skipped of the file, by reason.
     clouds, plots : int
@@ -133,8 +132,6 @@ def convert(
 
     Parameters
     ----------
-    path, out : Path
-    bridge : Bridge
     midnight_ns : int or None
         Begin of the recording's day; see `framing.datagrams`.
     ports : iterable of int

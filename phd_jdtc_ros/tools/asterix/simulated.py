@@ -63,7 +63,6 @@ def write(
         Its inputs say where the radars stand.
     sending : sequence of Sending
         One per radar.
-    seed : int
 
     Returns
     -------

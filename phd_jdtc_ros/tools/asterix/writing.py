@@ -91,9 +91,6 @@ def write_tracks(
 
     Parameters
     ----------
-    bag : BagReader
-    out : Path
-    bridge : Bridge
     topic : str
         Of the estimates.
     radars : sequence of str

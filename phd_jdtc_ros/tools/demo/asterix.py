@@ -79,10 +79,6 @@ def run_nodes(bag: Path, config: TrackerConfig, out: Path, logs: Path, cutoff: f
 class TrackFile:
     """Receives what a bridge sends and writes it into a file, until the context ends.
 
-    Parameters
-    ----------
-    path : Path
-
     Attributes
     ----------
     address : Address

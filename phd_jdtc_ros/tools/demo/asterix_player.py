@@ -61,7 +61,6 @@ class AsterixPlayer(Node):
 
     Parameters
     ----------
-    recording : Path
     bag : BagReader
         With the truth.
     bridge : Bridge

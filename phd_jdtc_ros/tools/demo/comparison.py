@@ -34,7 +34,6 @@ def scores(bag: Path, config: TrackerConfig, directory: Path) -> dict[str, Any]:
     ----------
     bag : Path
         With the truth.
-    config : TrackerConfig
     directory : Path
         Of the new bag with the estimates.
 

@@ -63,7 +63,6 @@ def run_nodes(
 
     Parameters
     ----------
-    bag : Path
     config : TrackerConfig
         What the tracker gets.
     out : Path
@@ -98,10 +97,8 @@ def _default_out(profile: str | None, shown: str, bag: Path, engine: str | None)
 
     Parameters
     ----------
-    profile, engine : str or None
     shown : str
         Name of the bag that the profile is shown with, or the default one.
-    bag : Path
     """
     parts = ["demo", profile, None if bag.resolve() == resources.bag(shown).resolve() else bag.stem]
     return Path("out", "_".join(part for part in (*parts, engine) if part))
