@@ -16,8 +16,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.parameter_files import bag_parameters
-from phd_jdtc_ros.tools.demo import comparison
-from phd_jdtc_ros.tools.demo.demo import ARTEFACTS
+from phd_jdtc_ros.tools.demo.demo import ARTEFACTS, scores
 
 BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 # The picture of clutter is one of radars that learn its map.
@@ -76,7 +75,7 @@ def test_demo_reaches_the_promised_figures(demo):
 
 def test_phd_filter_does_not_reach_the_promised_figures(tmp_path):
     config = resolve({**bag_parameters.read(BAG), "corrector": "poisson"})
-    metrics = comparison.scores(BAG, config, tmp_path / "bag")
+    metrics = scores(BAG, config, tmp_path / "bag")
 
     assert broken(metrics) == {
         "filtered OSPA",

@@ -18,19 +18,27 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from msg_adapters import names
 from phd_jdtc_ros import output_files, resources
 from phd_jdtc_ros.bags.errors import BagError
+from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import scene
-from phd_jdtc_ros.configuration.build import TrackerConfig
+from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import ENGINES
+from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params
 from phd_jdtc_ros.report.pictures import figures
+from phd_jdtc_ros.report.table import metrics
 
 from .. import command, report
-from . import asterix, comparison
+from ..track_bag import track_bag
+from . import asterix
 from .processes import (
     FINISH_S,
     METRICS,
@@ -127,14 +135,39 @@ def _places(profile: Path, bag: Path) -> list[str]:
     return [f"{name}:={bag_parameters.scalar(value)}" for name, value in places.items()]
 
 
+def other_engine(config: TrackerConfig) -> TrackerConfig | None:
+    """Return the configuration with the other engine; None if that lacks something of it."""
+    other = next(name for name in ENGINES if name != config.engine)
+    try:
+        return resolve({**config.values, "engine": other}, SystemPlane)
+    except ConfigError:
+        return None
+
+
+def scores(bag: Path, config: TrackerConfig, directory: Path) -> dict[str, Any]:
+    """Track a bag offline and return its scores in the form of `metrics.json`.
+
+    Parameters
+    ----------
+    bag : Path
+        With the truth.
+    directory : Path
+        Of the new bag with the estimates.
+
+    """
+    tracker = track_bag(BagReader(bag), config, directory, f"tracking with {config.engine}")
+    evaluation = tracker.record().evaluate(command.CUTOFF, command.ORDER)
+    return metrics(evaluation, np.array(tracker.step_ms), config.engine)
+
+
 def _compare(bag: Path, config: TrackerConfig, out: Path) -> None:
     """Add the scores of the other engine on the same bag to the metrics, if it can track it."""
     path = out / METRICS
-    summary, other = json.loads(path.read_text()), comparison.other_engine(config)
+    summary, other = json.loads(path.read_text()), other_engine(config)
     if not summary.get("scans") or other is None:
         return
     with tempfile.TemporaryDirectory() as directory:
-        compared = comparison.scores(bag, other, Path(directory) / "bag")
+        compared = scores(bag, other, Path(directory) / "bag")
     text = json.dumps({**summary, "compared": compared}, indent=2, allow_nan=False)
     output_files.write(path, text + "\n")
 
