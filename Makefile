@@ -47,7 +47,7 @@ help:
 	@echo "make check   linters and types"
 	@echo "make format  format the code"
 	@echo "make bags    write the shipped bags again; they come out byte for byte the same"
-	@echo "make parameters  write docs/parameters.md and docs/metrics.md from the code"
+	@echo "make parameters  write the reference pages and lists of topics from the code"
 	@echo "make setup   only prepare .venv"
 	@echo "make clean   remove .venv and everything generated"
 

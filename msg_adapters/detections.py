@@ -38,9 +38,6 @@ def to_msg(
 
     Parameters
     ----------
-    detections : Detections
-    stamp_ns : int
-    frame : str
     radar : RadarInput
         Field names, units and conventions; by default those of the package.
 

@@ -22,7 +22,6 @@ def to_msg(scan: Scan, radars: Sequence[RadarModel], frame: str) -> PointCloud2:
 
     Parameters
     ----------
-    scan : Scan
     radars : sequence of RadarModel
         In the configured order.
     frame : str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -12,6 +12,8 @@ from phd_jdtc_ros.evaluation.metric_table import PUBLISHED
 from . import stamps
 
 if TYPE_CHECKING:
+    from phd_jdtc_ros.core.engine import Step
+
     # The module imports scipy's optimiser, which a tracker does not need.
     from phd_jdtc_ros.evaluation.run_scores import ScanScore
 
@@ -39,6 +41,20 @@ def status(
 def array(stamp_ns: int, statuses: list[DiagnosticStatus]) -> DiagnosticArray:
     """Return an array of statuses."""
     return DiagnosticArray(header=stamps.header(stamp_ns, ""), status=statuses)
+
+
+def step_to_msg(
+    stamp_ns: int, step: Step, step_ms: float, class_names: Sequence[str]
+) -> DiagnosticArray:
+    """Return the figures of a step of the tracker; `step_ms` is its CPU time."""
+    values = {
+        "total": float(step.class_mass.sum()),
+        **dict(zip(class_names, step.class_mass.tolist(), strict=True)),
+        **step.figures,
+        "unresolved": sum(found.unresolved for found in step.filtered),
+        "step_ms": step_ms,
+    }
+    return array(stamp_ns, [status("tracker/cardinality", values)])
 
 
 def values_of(message: DiagnosticStatus) -> dict[str, str]:

@@ -115,7 +115,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     stamp_ns = stamps.of_header(cloud.header)
     known = _attributes(columns, stamp_ns) if attributed else None
     point_cloud.require_finite(
-        {n: column for n, column in columns.items() if n not in (*_VERTICAL, *_AGES)}
+        {n: column for n, column in columns.items() if n not in ("z", "vz", *_VERTICAL, *_AGES)}
     )
     size = len(columns["x"])
     track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
@@ -153,7 +153,8 @@ def _attributes(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Attri
     covariance = np.zeros((len(height), 2, 2))
     for name, (row, column) in _VERTICAL.items():
         covariance[:, row, column] = covariance[:, column, row] = columns[name]
-    unknown = ~point_cloud.finite(covariance).all(axis=(1, 2))
+    finite = point_cloud.finite
+    unknown = ~(finite(covariance).all(axis=(1, 2)) & finite(height).all(axis=1))
     height[unknown], covariance[unknown] = np.nan, np.nan
     code, address = (_identity(columns[name], part) for name, part in _IDENTITIES.items())
     return Attributes(height, covariance, code, address, _seen(columns, stamp_ns))

@@ -17,7 +17,6 @@ class Mounting(NamedTuple):
 
     Parameters
     ----------
-    frame : str
     position : tuple of two floats
         Metres.
     yaw : float

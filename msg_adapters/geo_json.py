@@ -17,22 +17,13 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 
-from . import geodetic, interfaces, vertical
+from . import geodetic, vertical
 from .palette import class_colour
 from .tracks import labelled
 
-TYPE_NAME = "foxglove_msgs/msg/GeoJSON"
 STATES = {TENTATIVE: "tentative", CONFIRMED: "confirmed", COASTING: "coasting"}
 # Digits after the point: of degrees, a centimetre, and of metres.
 DEGREE_DIGITS, METRE_DIGITS = 7, 1
-
-
-def installed() -> Any:
-    """Return the message class, or None if foxglove_msgs is not installed."""
-    try:
-        return interfaces.message_class(TYPE_NAME)
-    except ImportError:
-        return None
 
 
 def to_msg(
@@ -56,8 +47,6 @@ def of_scan(
 
     Parameters
     ----------
-    estimates : Estimates
-    plane : Plane
     class_names : sequence of str
         By class id.
     trails : mapping of track number to array of shape (N, 3)

@@ -35,7 +35,6 @@ def read(
         Radians.
     height : array of shape (M,) or None
         Metres, as messages count heights; NaN where it is unknown.
-    radar : RadarInput
     """
     finite = np.isfinite(distance) & np.isfinite(azimuth)
     if elevation is not None:

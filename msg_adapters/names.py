@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from . import quantities
-
 DETECTIONS_SUFFIX = "/detections"
 TRUTH = "/ground_truth/targets"
 TRACKER = "/tracker"
@@ -84,51 +82,3 @@ def health(line: str, tracker: str = TRACKER) -> str:
 def hardware(radar: str, tracker: str = TRACKER) -> str:
     """Return the hardware id of a tracker's radar; that of the tracker is its full name."""
     return f"{tracker}/{radar}"
-
-
-def published(
-    classes: int,
-    tracker: str = TRACKER,
-    scores: str = OSPA,
-    evaluator: str = EVALUATOR,
-    engine: str | None = "particles",
-) -> dict[str, str]:
-    """Return every topic that the two nodes publish unless told not to, with its type.
-
-    Without the figures of an engine if that is None, see `optional`.
-    """
-    sources = ("filtered", "smoothed")
-    clouds = {estimates(source, tracker): CLOUD for source in sources}
-    arrays = {poses(s, k, tracker): POSES for s in sources for k in range(classes)}
-    numbers = [
-        *(plot(quantity, tracker) for quantity in quantities.of_tracker(classes, engine)),
-        *(plot(quantity, evaluator) for quantity in quantities.of_evaluator(classes)),
-    ]
-    return {
-        **clouds,
-        **arrays,
-        detections_in_map(tracker): CLOUD,
-        **dict.fromkeys(numbers, NUMBER),
-        f"{tracker}/markers": MARKERS,
-        cardinality(tracker): FIGURES,
-        DIAGNOSTICS: FIGURES,
-        scores: FIGURES,
-    }
-
-
-def optional(tracker: str = TRACKER) -> dict[str, str]:
-    """Return every topic that only some trackers publish, with its type.
-
-    The figures are of one engine; the others are published if the tracker is asked to.
-    """
-    figures = (name for names in quantities.FIGURES.values() for name in names)
-    return {
-        **{plot(name, tracker): NUMBER for name in figures},
-        clutter_map(tracker): GRID,
-        f"{tracker}/tracks/path": PATH,
-        f"{tracker}/odometry": ODOMETRY,
-        fixes(tracker): FIX,
-        f"{tracker}/tracks/geojson": GEOJSON,
-        f"{tracker}/radar_tracks": RADAR_TRACKS,
-        f"{tracker}/detections_3d": DETECTIONS_3D,
-    }

@@ -28,7 +28,6 @@ def from_msg(message: Odometry | PoseStamped, world_frame: str) -> tuple[int, Po
     ----------
     message : Odometry or PoseStamped
         In the world frame.
-    world_frame : str
 
     Returns
     -------

@@ -42,8 +42,6 @@ def encode(
 
     Parameters
     ----------
-    stamp_ns : int
-    frame : str
     columns : mapping of field name to array of shape (M,)
         In order; float arrays become FLOAT32, integer ones UINT32, and those of bytes UINT8.
     wide : collection of str

@@ -1,4 +1,4 @@
-"""The poses of one class's estimates, written as bytes because there may be many (see `cdr`)."""
+"""The poses of one class's estimates, written as bytes because they may be many (see `cdr`)."""
 
 from __future__ import annotations
 
@@ -26,6 +26,5 @@ def to_cdr(estimates: Estimates, class_id: int, frame: str) -> bytes:
     writer = cdr.Writer()
     writer.header(estimates.stamp_ns, frame)
     writer.put("I", len(rows))
-    if len(rows):
-        writer.put("d")
-    return cdr.ENCAPSULATION + bytes(writer.data) + pose.astype("<f8").tobytes()
+    writer.doubles(pose)
+    return cdr.ENCAPSULATION + bytes(writer.data)

@@ -60,7 +60,6 @@ def from_msg(scan: Any, radar: RadarInput) -> Report:
 
     Parameters
     ----------
-    scan : radar_msgs.msg.RadarScan
     radar : RadarInput
         Its `frame` and `max_range` are used, and `amplitude_offset_db`, which converts the
         amplitudes to SNRs. Without an `amplitude_field` the amplitudes are ignored, and so are the

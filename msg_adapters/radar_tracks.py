@@ -36,15 +36,18 @@ class Types(NamedTuple):
     track: Any
 
 
-def installed() -> Types | None:
-    """Return the message classes, or None if radar_msgs is not installed."""
-    try:
-        return Types(
-            interfaces.message_class("radar_msgs/msg/RadarTracks"),
-            interfaces.message_class("radar_msgs/msg/RadarTrack"),
-        )
-    except ImportError:
-        return None
+def installed() -> Types:
+    """Return the message classes.
+
+    Raises
+    ------
+    ImportError
+        If radar_msgs is not installed.
+    """
+    return Types(
+        interfaces.message_class("radar_msgs/msg/RadarTracks"),
+        interfaces.message_class("radar_msgs/msg/RadarTrack"),
+    )
 
 
 def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> Any:
@@ -55,12 +58,9 @@ def to_msg(estimates: Estimates, frame: str, run: uuid.UUID, types: Types) -> An
 
     Parameters
     ----------
-    estimates : Estimates
-    frame : str
     run : uuid.UUID
         Identifies the tracker's run. A target keeps its identifier within a run, and no two runs
         share one. An unlabelled target gets a new identifier in every message.
-    types : Types
     """
     message = types.tracks(header=stamps.header(estimates.stamp_ns, frame))
     up = vertical.of(estimates)

@@ -112,10 +112,8 @@ def select(stamp_ns: int, radar: RadarInput, columns: Columns) -> Report:
 
     Parameters
     ----------
-    stamp_ns : int
     radar : RadarInput
         Units, conventions and the maximum range.
-    columns : Columns
 
     Notes
     -----

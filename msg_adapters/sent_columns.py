@@ -42,7 +42,6 @@ def of(detections: Detections, stamp_ns: int, radar: RadarInput) -> dict[str, np
 
     Parameters
     ----------
-    detections : Detections
     stamp_ns : int
         Of the report.
     radar : RadarInput

@@ -29,7 +29,6 @@ class Waypoint:
 
     Parameters
     ----------
-    stamp_ns : int
     state : array of shape (D,)
     height : float
         Above the world's zero, metres; NaN where it is unknown.
@@ -94,6 +93,12 @@ def to_path(track: Sequence[Waypoint], frame: str) -> Path:
             for point, height in zip(track, heights, strict=True)
         ],
     )
+
+
+def way(track: Sequence[Waypoint]) -> FloatArray:
+    """Return where a track was, shape (N, 3): in the plane, and `known_heights`, metres."""
+    position = np.array([point.state for point in track])[:, [X, Y]]
+    return np.column_stack([position, known_heights(track)])
 
 
 def known_heights(track: Sequence[Waypoint]) -> list[float]:

@@ -36,16 +36,19 @@ class Types(NamedTuple):
     hypothesis: Any
 
 
-def installed() -> Types | None:
-    """Return the message classes, or None if vision_msgs is not installed."""
-    try:
-        return Types(
-            interfaces.message_class("vision_msgs/msg/Detection3DArray"),
-            interfaces.message_class("vision_msgs/msg/Detection3D"),
-            interfaces.message_class("vision_msgs/msg/ObjectHypothesisWithPose"),
-        )
-    except ImportError:
-        return None
+def installed() -> Types:
+    """Return the message classes.
+
+    Raises
+    ------
+    ImportError
+        If vision_msgs is not installed.
+    """
+    return Types(
+        interfaces.message_class("vision_msgs/msg/Detection3DArray"),
+        interfaces.message_class("vision_msgs/msg/Detection3D"),
+        interfaces.message_class("vision_msgs/msg/ObjectHypothesisWithPose"),
+    )
 
 
 def to_msg(estimates: Estimates, frame: str, class_names: Sequence[str], types: Types) -> Any:
@@ -57,11 +60,8 @@ def to_msg(estimates: Estimates, frame: str, class_names: Sequence[str], types: 
 
     Parameters
     ----------
-    estimates : Estimates
-    frame : str
     class_names : sequence of str
         By class id.
-    types : Types
     """
     message = types.detections(header=stamps.header(estimates.stamp_ns, frame))
     message.detections = [

@@ -22,7 +22,7 @@ EXECUTABLES = {
     "track_bag": ("phd_jdtc_ros.tools.track_bag", "offline: bag in, bag with estimates out"),
     "simulate": ("phd_jdtc_ros.tools.simulate", "a scenario to a bag"),
     "asterix_bridge": (
-        "phd_jdtc_ros.tools.asterix_bridge",
+        "phd_jdtc_ros.tools.asterix.bridge",
         "recordings of ASTERIX to bags; without arguments the node",
     ),
     "tune": ("phd_jdtc_ros.tools.tune", "proposes a configuration from a recording"),
@@ -39,7 +39,7 @@ EXECUTABLES = {
         "phd_jdtc_ros.tools.hand_over",
         "joins the bags of trackers that part an area; without arguments the node",
     ),
-    "demo": ("phd_jdtc_ros.tools.demo", "the three nodes on the shipped bag, and the report"),
+    "demo": ("phd_jdtc_ros.tools.demo.demo", "the three nodes on the shipped bag, and the report"),
 }
 
 # Executables of before, which are studies of the repository.

@@ -28,7 +28,7 @@ from msg_adapters import (
 )
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
-from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.asterix import framing, plots_out
 from phd_jdtc_ros.asterix.columns import columns
-from phd_jdtc_ros.asterix.datagram import RecordingError
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream
+from phd_jdtc_ros.asterix.transport import framing
+from phd_jdtc_ros.asterix.transport.datagram import RecordingError
+from phd_jdtc_ros.asterix.writing import plots as plots_out
 
 from .figures import Found, measures
 

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from msg_adapters.detections import OWN_LAYOUT, from_msg, to_msg
-from phd_jdtc_ros.asterix import pcap_out, plots_out
 from phd_jdtc_ros.asterix.messages import DAY, NONE, Plot
 from phd_jdtc_ros.asterix.plot_stream import PlotStream
+from phd_jdtc_ros.asterix.transport import pcap_out
+from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.asterix_bridge import settings
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
@@ -29,7 +30,7 @@ from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import Detections, Estimates
 from phd_jdtc_ros.handover.ownership import Handover
 from phd_jdtc_ros.parameter_files import from_arguments, tracker_params
-from phd_jdtc_ros.tools import asterix_in
+from phd_jdtc_ros.tools.asterix import reading
 
 from . import engines
 from .figures import Found, in_own_process, measures
@@ -188,7 +189,7 @@ def _forged_record_times() -> dict[str, str]:
         path, out = Path(directory) / "forged.pcap", Path(directory) / "bag"
         path.write_bytes(pcap_out.header() + b"".join(packets))
         try:
-            done = asterix_in.convert(path, out, settings.resolve({}), None, ())
+            done = reading.convert(path, out, settings.resolve({}), None, ())
         except Exception as error:  # any but an error of the recording would end with a traceback
             return {"times of records": f"{type(error).__name__}: {error}"}
         clouds = sum(1 for _ in BagReader(out).messages([settings.topic_of("radar_1_1")]))

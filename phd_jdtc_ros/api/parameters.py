@@ -55,7 +55,6 @@ class Parameters:
 
     Parameters
     ----------
-    given : mapping
     whole : bool
         Whether what is not given has the defaults of the node, as with a parameter file.
     found : mapping
@@ -89,7 +88,6 @@ class Parameters:
 
         Parameters
         ----------
-        columns : collection of str
         blank : bool
             Whether the noise, the range and the interval need not be known: the configuration
             only reads tables.
@@ -177,7 +175,6 @@ class Parameters:
 
         Parameters
         ----------
-        findings : mapping of radar to Findings
         timed : mapping of radar to bool
             Whether its detections have times of their own.
         columns : collection of str

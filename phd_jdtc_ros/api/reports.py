@@ -33,7 +33,6 @@ class RadarReport(NamedTuple):
     ----------
     radar : int
         Index in the configured order.
-    report : Report
     """
 
     radar: int
@@ -47,7 +46,6 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
     ----------
     columns : dict of name to array
         See `Tracker.track`.
-    config : TrackerConfig
 
     Raises
     ------
@@ -81,10 +79,8 @@ def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int
 
     Parameters
     ----------
-    stamp_ns : int
     columns : dict of name to array
         Of the report; empty if nothing was detected.
-    config : TrackerConfig
     index : int
         Of the radar, in the configured order.
     """
@@ -140,7 +136,6 @@ class _Reader:
 
     Parameters
     ----------
-    radar : RadarInput
     position : tuple of two floats
         World frame, metres.
     yaw : float

@@ -8,15 +8,14 @@ from collections.abc import Iterable, Mapping
 from os import PathLike
 from typing import Any, NamedTuple
 
-from msg_adapters import doubts
 from msg_adapters.selection import Report
 from phd_jdtc_ros.calibration.tuning.findings import TuningError, findings
 from phd_jdtc_ros.calibration.tuning.plots import bounded, plots_of
-from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import TrackerConfig
-from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import Detections, Estimates
+from phd_jdtc_ros.feed.feed import Feed
+from phd_jdtc_ros.feed.tally import Tally
 
 from .parameters import Parameters
 from .reports import TIME, beyond_any_range, report_of, reports_of
@@ -227,7 +226,7 @@ class Tracker:
         return Tracks(table_of([], names), table_of([], names))
 
     def _told(self, run: _Run) -> None:
-        self.dropped += run.dropped
+        self.dropped += run.tally.dropped
         for warning in run.warnings():
             warnings.warn(warning, stacklevel=3)
 
@@ -246,34 +245,18 @@ def _index_of(radar: str | None, names: list[str]) -> int:
 
 
 class _Run:
-    """A pass of the pipeline, and what was noticed in it.
-
-    Parameters
-    ----------
-    config : TrackerConfig
-    """
+    """A pass of the pipeline, and what was noticed in it."""
 
     def __init__(self, config: TrackerConfig) -> None:
         self.config = config
-        self.dropped: Counter[str] = Counter()
-        self._pipeline = new_pipeline(config)
+        self.tally = Tally(config)
+        self._feed = Feed(config, self.tally)
         self._filtered: list[Estimates] = []
         self._smoothed: list[Estimates] = []
-        self._doubts: list[Counter[str]] = [Counter() for _ in config.inputs]
-        self._seen, self._lost, self._overdue, self._targets = 0, 0, 0, 0
 
     def add(self, radar: int, report: Report) -> None:
         """Take in a report."""
-        self._seen += len(report.detections) + report.dropped.total()
-        self._lost += report.dropped.total()
-        self.dropped += report.dropped
-        events = self._pipeline.add(radar, report.stamp_ns, report.detections, report.sector)
-        self._doubts[radar] += report.doubts + self._pipeline.take_doubts(radar)
-        if isinstance(events, Rejection):
-            self.dropped[events.value] += 1
-            self._lost += len(report.detections)
-        else:
-            self._keep(events)
+        self._keep(self._feed.report(radar, report) or ())
 
     def take(self) -> Tracks:
         """Return the estimates since the last call."""
@@ -284,28 +267,24 @@ class _Run:
 
     def finish(self) -> Tracks:
         """End the run and return the estimates since the last call of `take`."""
-        self._keep(self._pipeline.flush())
+        self._keep(self._feed.flush())
         return self.take()
 
     def warnings(self) -> Iterable[str]:
         """Yield what was noticed, each once."""
-        if self._lost:
-            reasons = ", ".join(f"{reason} {count}" for reason, count in self.dropped.items())
-            yield f"{self._lost} of {self._seen} detections were not used: {reasons}"
-        for radar, counts in zip(self.config.inputs, self._doubts, strict=True):
-            for text in doubts.of(radar, counts):
-                yield f"{radar.name}: {text}"
-        if self._overdue and not self._targets:
-            yield doubts.nothing_reported(self._overdue)
+        used, dropped = self.tally.used, self.tally.dropped
+        if used.lost:
+            reasons = ", ".join(f"{reason} {count}" for reason, count in dropped.items())
+            yield f"{used.lost.total()} of {used.offered} detections were not used: {reasons}"
+        for radar, text in self.tally.about_radars():
+            yield f"{self.config.inputs[radar].name}: {text}"
+        yield from self.tally.about_targets()
 
     def _keep(self, events: Iterable[Event]) -> None:
         for event in events:
             if isinstance(event, RunEnded):
                 self._smoothed += event.smoothed
                 continue
-            self._overdue = event.overdue or self._overdue
-            self._targets += event.step.targets
+            self.tally.stepped(event)
             self._filtered += event.step.filtered
             self._smoothed += event.step.smoothed
-        for index, counts in enumerate(self._doubts):
-            counts.update(self._pipeline.take_doubts(index))

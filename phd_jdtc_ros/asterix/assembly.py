@@ -45,7 +45,6 @@ class Assembler:
     hold : int
         A sector is reported when the antenna is so many sectors beyond its end, for radars whose
         plots come later than their sector crossings; `LEARNED` for as many as they need.
-    counts : Counter
     finder : TurnFinder
         Of radars without sector crossings.
 

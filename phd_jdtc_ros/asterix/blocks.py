@@ -11,9 +11,9 @@ from collections import Counter
 from collections.abc import Iterator
 
 from . import records
-from .framing import CATEGORIES
 from .messages import Message
 from .specification import MalformedError, layouts
+from .transport.framing import CATEGORIES
 
 HEADER = 3
 # Some recorders and networks put a trailer behind the data blocks of every datagram. It is at most

@@ -100,11 +100,8 @@ class StreamClock:
 
         Parameters
         ----------
-        radar : int
         time_of_day : int
             1/128 s modulo `period`; `NONE` if it is not known.
-        period : int
-        received_ns : int or None
         judged : bool
             Whether the message shows if the radar's clock is right.
         counts : Counter

@@ -24,7 +24,6 @@ def columns(
 
     Parameters
     ----------
-    report : SectorReport
     sectors : int
         To a turn, a multiple of 4.
     noise_dbm : float

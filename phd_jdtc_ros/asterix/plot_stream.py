@@ -28,7 +28,6 @@ class RadarSettings:
 
     Parameters
     ----------
-    name : str
     sectors : int
         To a turn; a multiple of 4.
     rotation_s : float
@@ -148,18 +147,15 @@ class PlotStream:
         under the name ``radar_SAC_SIC``.
     others : RadarSettings
         Of radars that are not named.
-    clock : StreamClock or None
     finders : callable
         Returns what finds the turn of a radar without sector crossings.
 
     Attributes
     ----------
-    blocks : BlockReader
     counts : Counter
         What was left out of all radars' messages, by reason; that of `blocks`, and
         ``unknown_radar`` and ``too_many_radars``, and ``receipt_time`` for datagrams with a time of
         receipt that no stamp can say, which is then unknown.
-    radars : dict of number to RadarState
     call_signs : CallSigns
         Of all plots.
     """
@@ -188,7 +184,6 @@ class PlotStream:
 
         Parameters
         ----------
-        data : bytes
         received_ns : int or None
             When it came, since the epoch, if that is known.
         source : str or None

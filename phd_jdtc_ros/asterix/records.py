@@ -39,12 +39,7 @@ from .specification import layouts
 
 
 class RecordReader(ABC):
-    """Reads the records of a category.
-
-    Parameters
-    ----------
-    category : int
-    """
+    """Reads the records of a category."""
 
     def __init__(self, category: int) -> None:
         self._layouts = layouts(category)

@@ -39,7 +39,6 @@ class SectorReport(NamedTuple):
         Counted clockwise from north, from 0; None of a slice.
     times_ns : list of int
         Of the plots.
-    plots : list of Plot
     """
 
     stamp_ns: int
@@ -123,7 +122,6 @@ class Slicer:
     counts : Counter
         Gains ``late_plots``, plots that came after their slice was sent and go with the next one,
         and ``overflow``, plots that were too many to keep.
-    finder : TurnFinder
     """
 
     rotation_s: float

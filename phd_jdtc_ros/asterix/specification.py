@@ -194,8 +194,6 @@ def selection(data: bytes, at: int, limit: int, most: int) -> tuple[list[int], i
 
     Parameters
     ----------
-    data : bytes
-    at, limit : int
     most : int
         Number of items that there are.
 
@@ -247,7 +245,6 @@ class Layout:
     names : tuple of (str or None)
         Of the items in the order of the bits of a record's field specification; None for spare
         bits.
-    rules : tuple of (Rule or None)
     """
 
     names: tuple[str | None, ...]

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from msg_adapters.readers import reader_of
-from phd_jdtc_ros.asterix import framing
 from phd_jdtc_ros.asterix.clocks import StreamClock
-from phd_jdtc_ros.asterix.datagram import RecordingError
 from phd_jdtc_ros.asterix.plot_stream import RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
+from phd_jdtc_ros.asterix.transport import framing
+from phd_jdtc_ros.asterix.transport.datagram import RecordingError
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage
 from phd_jdtc_ros.configuration.build import TrackerConfig

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from msg_adapters import names
-from phd_jdtc_ros.asterix import udp
 from phd_jdtc_ros.asterix.assembly import LEARNED
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.columns import AMPLITUDES
 from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettings
-from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.asterix.transport import udp
+from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, with_members
 from phd_jdtc_ros.earth import SystemPlane
@@ -178,7 +178,6 @@ class Bridge:
     ----------
     values : dict of name to value
         All parameters.
-    table : dict of name to Parameter
     radars : dict of number to RadarSettings
         By SAC and SIC.
     others : RadarSettings
@@ -221,7 +220,6 @@ def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> 
 
     Parameters
     ----------
-    given : mapping of dotted name to value
     top : tuple of Parameter
         `OF_FILES`, or `TABLE` for the node.
 

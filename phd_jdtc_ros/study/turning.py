@@ -7,17 +7,16 @@ predicted to it. Slow targets are not scored: aircraft that taxi, ships at ancho
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from phd_jdtc_ros.configuration.assembly import new_pipeline
+from msg_adapters.selection import Report as Received
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.intake.poses import PoseFault
-from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded
 from phd_jdtc_ros.core.types import (
     COASTING,
@@ -29,6 +28,8 @@ from phd_jdtc_ros.core.types import (
 )
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
+from phd_jdtc_ros.feed.feed import Feed
+from phd_jdtc_ros.feed.tally import Tally
 from phd_jdtc_ros.simulation.scenario import Scenario, truth_after
 from phd_jdtc_ros.simulation.turning_antenna import Report, simulate_reports
 
@@ -132,21 +133,18 @@ def estimates_of(
 def _events(
     config: TrackerConfig, scenario: Scenario, reports: Iterable[Report]
 ) -> Iterator[Event]:
-    pipeline = new_pipeline(config)
+    feed = Feed(config, Tally(config))
     poses = iter(scenario.poses())
     posed_ns = -1
     for report in reports:
         while posed_ns < report.stamp_ns and (known := next(poses, None)) is not None:
-            posed_ns, pose = known
-            for radar in scenario.platform.radars if scenario.platform else ():
-                posed = pipeline.add_pose(radar, posed_ns, pose)
-                if not isinstance(posed, PoseFault):
-                    yield from posed
+            posed_ns = known[0]
+            for topic in config.carried:
+                yield from feed.pose(topic, lambda: known)
         bias = config.inputs[report.radar].bias
-        events = pipeline.add(report.radar, *bias.removed(report.stamp_ns, report.detections))
-        if not isinstance(events, Rejection):
-            yield from events
-    yield from pipeline.flush()
+        stamp_ns, detections = bias.removed(report.stamp_ns, report.detections)
+        yield from feed.report(report.radar, Received(stamp_ns, detections, Counter())) or ()
+    yield from feed.flush()
 
 
 def at_stamps(

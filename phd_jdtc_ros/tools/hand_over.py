@@ -40,7 +40,6 @@ def joined(
     ----------
     runs : sequence of Record
         One per tracker.
-    regions : sequence of Region
     hysteresis, wait_s : float
         See `JointPicture`.
     """

@@ -99,10 +99,8 @@ class Demo:
 
     Parameters
     ----------
-    bag : Path
     params_file : str
         Of the tracker; empty for its defaults.
-    config : TrackerConfig
     """
 
     bag: Path

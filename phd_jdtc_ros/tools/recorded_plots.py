@@ -51,7 +51,6 @@ def read(bag: BagReader, config: TrackerConfig, seconds: float, most: int = MOST
 
     Parameters
     ----------
-    bag : BagReader
     config : TrackerConfig
         Topics, fields, units and platforms.
     seconds : float

@@ -1,11 +1,13 @@
-"""The documentation's pages of parameters and metrics, written from the tables in the code."""
+"""Pages of parameters and metrics, and lists of outputs, written from the tables in the code."""
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from msg_adapters import names, outputs, quantities
 from phd_jdtc_ros.asterix_bridge import settings as bridge
 from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.parameters import BIRTH, CLASS, MOTION, TOP
@@ -136,14 +138,69 @@ def _section(title: str, text: str, head: Sequence[str], rows: Sequence[Sequence
     return "\n".join([f"## {title}", "", *([text, ""] if text else []), *lines, ""])
 
 
+# --- outputs --------------------------------------------------------------------------------------
+
+_LISTED = re.compile(r"(?<=<!-- outputs: make parameters -->\n).*?(?=<!-- end -->)", re.DOTALL)
+_RELIABLE, _LATCHED = "reliable, depth 10", "reliable, transient local, depth 1"
+
+
+def topics(page: str) -> str:
+    """Return the tracker's page with the rows of all its outputs."""
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for row in outputs.table(1):
+        how = "publishes" + ("" if row.usual else ", if enabled" if row.switch else ", if learned")
+        kind, qos = row.type_name.replace("/msg/", "/"), _LATCHED if row.latched else _RELIABLE
+        topic = row.topic.replace("filtered/", "{filtered,smoothed}/", 1).replace("s_0", "s_K")
+        if row.when != "smoothed":
+            rows.setdefault((how, kind, qos, row.switch), []).append(f"`{topic}`")
+    for engine, figures in quantities.FIGURES.items():
+        listed = ", ".join(f"`{names.plot(name, '~')}`" for name in figures)
+        key = "publishes", names.NUMBER.replace("/msg/", "/"), _RELIABLE, "plots"
+        rows[key].append(f"with {engine} {listed}")
+    lines = [
+        f"| {how}{f' (`{switch}`)' if switch else ''} | {', '.join(listed)} | {kind} | {qos} |\n"
+        for (how, kind, qos, switch), listed in rows.items()
+    ]
+    head = "\n| | name | type | QoS |\n|---|---|---|---|\n"
+    return _LISTED.sub(head + "".join(lines) + "\n", page)
+
+
+_TOPICS = re.compile(
+    r"( +)<topics (?:publish|subscribe)=\"ALLOW\">\n(.*?)(?= +</topics>)", re.DOTALL
+)
+# What a tracker publishes besides its outputs.
+_OTHERS = ("/tracker/_instance", "/tracker/transition_event")
+
+
+def policies(document: str) -> str:
+    """Return the SROS2 policies with all outputs of a tracker wherever they list its markers."""
+    known = {row.topic.replace("~", names.TRACKER) for row in outputs.table(2)}
+    known |= {t for t in outputs.optional() if t.startswith(f"{names.TRACKER}/")}
+
+    def listed(match: re.Match[str]) -> str:
+        found = set(re.findall("<topic>(.*)</topic>", match[2]))
+        if f"{names.TRACKER}/markers" not in found:
+            return match[0]
+        kept = {t for t in found if t in _OTHERS or not t.startswith(f"{names.TRACKER}/")}
+        lines = [f"{match[1]}  <topic>{topic}</topic>\n" for topic in sorted(kept | known)]
+        return match[0].removesuffix(match[2]) + "".join(lines)
+
+    return _TOPICS.sub(listed, document)
+
+
+# Files with lists that are written anew, relative to the documentation.
+LISTS = {"nodes/tracker.md": topics, "../config/sros2/policies.xml": policies}
 PAGES = {"parameters.md": parameters, "metrics.md": metrics}
 
 
 def main(argv: Sequence[str]) -> int:
-    """Write all pages into the given directory."""
+    """Write all pages into the given directory, that of the documentation."""
     (directory,) = map(Path, argv)
     for name, page in PAGES.items():
         (directory / name).write_text(page(), encoding="utf-8")
+    for name, written in LISTS.items():
+        path = directory / name
+        path.write_text(written(path.read_text(encoding="utf-8")), encoding="utf-8")
     return 0
 
 

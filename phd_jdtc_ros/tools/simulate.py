@@ -19,7 +19,8 @@ from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.simulate import simulate
 from phd_jdtc_ros.simulation.turning_antenna import check_sites, simulate_reports
 
-from . import command, simulated_asterix
+from . import command
+from .asterix import simulated as simulated_asterix
 
 DEPTH = 50
 # The frame of what carries radars.

@@ -30,7 +30,7 @@ from phd_jdtc_ros.core.types import SOURCES, Estimates
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
 from phd_jdtc_ros.simulation import scenario_file, sending
-from phd_jdtc_ros.tools import simulated_asterix
+from phd_jdtc_ros.tools.asterix import simulated as simulated_asterix
 
 from ..runner import Figures, Study, table
 from . import hour as hours

@@ -6,8 +6,9 @@ import asterix_reference
 import pytest
 from asterix_reference import value
 
-from phd_jdtc_ros.asterix import blocks, framing
+from phd_jdtc_ros.asterix import blocks
 from phd_jdtc_ros.asterix.messages import DAY, NONE, TRUNCATED, Plot, ServiceMessage
+from phd_jdtc_ros.asterix.transport import framing
 
 FOOT = 0.3048
 

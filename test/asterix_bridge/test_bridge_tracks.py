@@ -8,7 +8,7 @@ from msg_adapters import point_cloud
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.messages import NONE
-from phd_jdtc_ros.asterix.tracks_out import Source
+from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.earth import SystemPlane
 
@@ -20,12 +20,13 @@ ORIGIN = [52.0, 4.5, 0.0]
 def cloud(rows, stamp_ns=T0, heights=False, ages=False, wide=()):
     """Return a cloud of estimates; rows are mappings of fields, the others are zero."""
     names = ["x", "y", "z", "vx", "vy", "vz", "omega", "weight", "track_id", "state"]
+    names += ["class_id", "lag", "p_class_0"]
     names += [f"cov_{row}{column}" for row in range(5) for column in range(row, 5)]
     if heights:
         names += ["cov_zz", "cov_zvz", "cov_vzvz", "code", "address"]
     if ages:
         names += ["age_psr", "age_ssr", "age_mds"]
-    unsigned = {"track_id", "state", "code", "address"}
+    unsigned = {"track_id", "state", "code", "address", "class_id", "lag"}
     defaults = {"track_id": 1, "state": 1, "code": 2**32 - 1, "address": 2**32 - 1}
     columns = {
         name: np.array(

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import detections, diagnostics, estimates, interfaces, names
 from phd_jdtc_ros.__main__ import run
-from phd_jdtc_ros.asterix import udp
+from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.schema import flatten

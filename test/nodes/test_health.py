@@ -9,13 +9,12 @@ from msg_adapters import diagnostics
 from phd_jdtc_ros.calibration.innovations import Fit
 from phd_jdtc_ros.configuration.engines import ENGINES
 from phd_jdtc_ros.configuration.parameters import TOP
+from phd_jdtc_ros.nodes.common.health import STEP_S, WARNING_MEMORY_S, Lately, Rhythm
 from phd_jdtc_ros.nodes.tracker.health import (
     LEASE_S,
-    WARNING_MEMORY_S,
     InputHealth,
     OutputHealth,
     Publishers,
-    Rhythm,
     StepHealth,
 )
 
@@ -246,7 +245,7 @@ def test_lost_messages_are_a_warning_that_says_whose_doing_it_is(worked_s, why):
     found = status(health, 102.0)
     assert (found.level, found.message) == (WARN, f"5 messages lost in the last 10 s: {why}")
     assert diagnostics.values_of(found)["gaps"] == "5"
-    assert health.losses.by_overload(102.0) == (5 if worked_s > 0.5 else 0)
+    assert health.lost_by_overload.count(102.0) == (5 if worked_s > 0.5 else 0)
     health.rhythm = Rhythm(60.0)
     assert status(health, 102.1 + WARNING_MEMORY_S).level == OK
 
@@ -322,3 +321,12 @@ def test_refused_subscription_is_a_warning_for_a_while():
     assert found.level == WARN
     assert diagnostics.values_of(found) == {"incompatible_qos /tracker/markers": "2"}
     assert outputs.status("/tracker", 51.0 + WARNING_MEMORY_S).level == OK
+
+
+def test_lately_counts_a_flood_in_little_memory():
+    lately = Lately()
+    for event in range(10_000):
+        lately.add(100.0 + event / 1000.0)
+    assert lately.count(109.999) == 10_000
+    assert len(lately._counts) <= WARNING_MEMORY_S / STEP_S + 1
+    assert lately.count(110.0 + WARNING_MEMORY_S) == 0

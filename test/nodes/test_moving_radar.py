@@ -59,7 +59,7 @@ def test_a_moving_radar_is_tracked_live_as_offline(tracker, peer, tmp_path, kind
     expected = recorded(tmp_path / "out")
     # The last scan waits for a pose that never comes, until the end of the bag.
     assert len(expected) == moving.SCANS
-    assert not offline.dropped
+    assert not offline.tally.dropped
 
     heard = assert_alike(found, expected[:-1])
     assert moving.errors(heard).max() < 25.0
@@ -93,7 +93,7 @@ def test_offline_faults_of_poses_are_counted_and_said(tmp_path):
     messages += [(moving.ODOMETRY, wild, stamp_ns), (moving.ODOMETRY, foreign, stamp_ns)]
     bag = write_bag(tmp_path / "bag", sorted(messages, key=lambda message: message[2]))
     tracker = track_bag.track_bag(BagReader(bag), moving.config(), tmp_path / "out")
-    assert tracker.dropped == {"pose_missing": 2, "pose_jump": 1, "pose_frame": 1}
+    assert tracker.tally.dropped == {"pose_missing": 2, "pose_jump": 1, "pose_frame": 1}
     said = [line for line in tracker.warnings() if "extrapolated" in line]
     assert said == [
         f"{CLOUDS}: 2 clouds, or parts of turns, were later than the poses on {moving.ODOMETRY}; "

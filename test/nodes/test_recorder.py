@@ -14,7 +14,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.nodes.evaluator.recorder import Recorder
 from phd_jdtc_ros.parameter_files import bag_parameters
-from phd_jdtc_ros.tools.demo import shipped_bag
+from phd_jdtc_ros.tools.demo.demo import shipped_bag
 
 STRING = "std_msgs/msg/String"
 # The evaluator records 80 scans of truth and detections, about 150 kB.

@@ -52,7 +52,7 @@ def test_autoferry_writes_the_lidar_too_where_asked(dataset, tmp_path):
     config = resolve(bag_parameters.read(bag))
     tracker = track_bag.track_bag(BagReader(bag), config, tmp_path / "out")
     assert tracker.scans == 20
-    assert not tracker.dropped
+    assert not tracker.tally.dropped
 
 
 def test_autoferry_writes_equal_bytes(dataset, tmp_path):
@@ -102,7 +102,7 @@ def test_the_shipped_recording_is_tracked_through_its_crossing(tmp_path):
     config = resolve(bag_parameters.read(SHIPPED))
     tracker = track_bag.track_bag(BagReader(SHIPPED), config, tmp_path / "out")
     assert tracker.scans == BagReader(SHIPPED).counts["/radar/detections"]
-    assert not tracker.dropped
+    assert not tracker.tally.dropped
     summary = load.record(tmp_path / "out", config).evaluate(50.0, 2.0).summary()
     assert summary["filtered"]["all"]["missed"] < 0.4
     assert summary["smoothed"]["all"]["missed"] < 0.3

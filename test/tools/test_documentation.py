@@ -25,7 +25,8 @@ from phd_jdtc_ros.handover import settings as hand_over
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments
 from phd_jdtc_ros.simulation import scenario_file, sending
 from phd_jdtc_ros.simulation.sending import Sending
-from phd_jdtc_ros.tools import comparison, recorded_plots
+from phd_jdtc_ros.tools import recorded_plots
+from phd_jdtc_ros.tools.demo import demo
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
@@ -225,7 +226,7 @@ def test_readmes_table_has_the_scores_of_the_shipped_bag(tmp_path, engine):
     bag = ROOT / "bags" / "paper_scenario"
     config = resolve({**bag_parameters.read(bag), "engine": engine}, SystemPlane)
 
-    found = comparison.scores(bag, config, tmp_path / "bag")
+    found = demo.scores(bag, config, tmp_path / "bag")
 
     ospa = [f"{found[source]['all']['ospa']:.1f} m" for source in ("filtered", "smoothed")]
     shares = [f"{found['reduction']:.0%}", f"{found['class_accuracy']:.1%}"]

@@ -1,16 +1,26 @@
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 import rclpy
 
+from msg_adapters import names, outputs
 from phd_jdtc_ros.evaluation.metric_table import METRICS
 from phd_jdtc_ros.nodes.asterix.node import AsterixBridge
 from phd_jdtc_ros.nodes.evaluator.node import Evaluator
 from phd_jdtc_ros.nodes.hand_over.node import HandOver
 from phd_jdtc_ros.nodes.replay.node import SensorReplay
 from phd_jdtc_ros.nodes.tracker.node import Tracker
-from phd_jdtc_ros.tools.reference_pages import PAGES, main, metrics, parameters
+from phd_jdtc_ros.tools.reference_pages import (
+    LISTS,
+    PAGES,
+    main,
+    metrics,
+    parameters,
+    policies,
+    topics,
+)
 
 ROOT = Path(__file__).parents[2]
 BAG = str(ROOT / "bags" / "paper_scenario")
@@ -64,12 +74,33 @@ def rows(node, values):
     return found
 
 
-@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("name", [*PAGES, *LISTS])
 def test_reference_page_is_up_to_date(name, tmp_path):
-    main([str(tmp_path)])
-    assert (ROOT / "docs" / name).read_text() == (tmp_path / name).read_text(), (
-        "run make parameters"
+    docs = tmp_path / "docs"
+    docs.mkdir()
+    for listed in LISTS:
+        copy = docs / listed
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / "docs" / listed, copy)
+    main([str(docs)])
+    assert (ROOT / "docs" / name).read_text() == (docs / name).read_text(), "run make parameters"
+
+
+def test_topics_and_policies_have_a_new_output(monkeypatch):
+    usual = outputs.table
+
+    def more(classes, engine=None):
+        new = outputs.Output("~/new", names.CLOUD, "filtered", lambda *_: [], "new", usual=False)
+        return (*usual(classes, engine), new)
+
+    monkeypatch.setattr(outputs, "table", more)
+    page, allowed = ((ROOT / "docs" / name).read_text() for name in LISTS)
+    row = (
+        "| publishes, if enabled (`new`) | `~/new` | sensor_msgs/PointCloud2 | reliable, depth 10 |"
     )
+    assert row in topics(page)
+    # The tracker publishes it, the evaluator records it, the operator sees it.
+    assert policies(allowed).count("<topic>/tracker/new</topic>") == 3
 
 
 @pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.key)

@@ -23,11 +23,12 @@ from sensor_msgs.msg import PointCloud2
 
 from msg_adapters import names
 from msg_adapters.errors import RejectedMessageError
-from phd_jdtc_ros.asterix import records, udp
+from phd_jdtc_ros.asterix import records
 from phd_jdtc_ros.asterix.clocks import StreamClock
 from phd_jdtc_ros.asterix.plot_stream import PlotStream, RadarState
 from phd_jdtc_ros.asterix.slices import SectorReport
-from phd_jdtc_ros.asterix.udp import Receiver
+from phd_jdtc_ros.asterix.transport import udp
+from phd_jdtc_ros.asterix.transport.udp import Receiver
 from phd_jdtc_ros.asterix_bridge import clouds, settings
 from phd_jdtc_ros.asterix_bridge.tracks import TrackOutput
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -35,10 +36,8 @@ from phd_jdtc_ros.exit_status import faults_of
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, offers, overridable, parameters, runtime, transitions
-from ..common.health_reports import HealthReports
+from ..common.health import HealthReports, Seen, ThrottledWarnings
 from ..common.runtime import WARNING_PERIOD_S
-from ..common.seen import Seen
-from ..common.throttled import ThrottledWarnings
 from . import health
 
 DEPTH = 50

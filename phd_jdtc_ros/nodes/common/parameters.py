@@ -30,7 +30,6 @@ def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
 
     Parameters
     ----------
-    node : Node
     files : sequence of ParameterFile
         Those that the process was given.
 
@@ -106,7 +105,6 @@ def redeclare(
 
     Parameters
     ----------
-    node : Node
     table : mapping of name to Parameter
         What there shall be; a parameter of the node's that is not in it is removed.
     values : mapping of name to value
@@ -143,8 +141,6 @@ def resolve(
 
     Parameters
     ----------
-    node : Node
-    table : tuple of Parameter
     flags : mapping of name to value
         From plain command-line flags, which override ROS arguments.
     files : sequence of ParameterFile

@@ -22,7 +22,6 @@ class TrackerParameters:
 
     Parameters
     ----------
-    node : Node
     tracker : str
         The tracker's full name.
     answered : callable

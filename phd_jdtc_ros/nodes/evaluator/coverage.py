@@ -24,7 +24,6 @@ class Coverage:
     ----------
     truth : str
         Topic of the truth.
-    estimates : mapping of source to topic
 
     Attributes
     ----------

@@ -21,7 +21,6 @@ class MissingRadars:
 
     Parameters
     ----------
-    node : Node
     tracker : str
         The tracker's full name.
     recorded : collection of str

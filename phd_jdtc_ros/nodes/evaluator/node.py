@@ -26,6 +26,7 @@ from msg_adapters import (
     diagnostics,
     estimates,
     names,
+    outputs,
     platform_poses,
     plots,
     quantities,
@@ -136,7 +137,7 @@ class Evaluator(Node):
                 self._values["pose_topics"], platform_poses.TYPES[self._values["pose_message"]]
             ),
             self._values["truth_topic"]: names.CLOUD,
-            **names.published(
+            **outputs.published(
                 self._values["classes"],
                 tracker,
                 self._scores.topic_name,
@@ -144,7 +145,7 @@ class Evaluator(Node):
                 engine=None,
             ),
         }
-        recorder = Recorder(self, directory, topics, names.optional(tracker))
+        recorder = Recorder(self, directory, topics, outputs.optional(tracker))
         MissingRadars(self, tracker, {self.resolve_topic_name(topic) for topic in topics})
         return recorder
 

@@ -22,10 +22,8 @@ from phd_jdtc_ros.handover.synchroniser import Refused
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, offers, overridable, parameters, runtime
-from ..common.health_reports import HealthReports
+from ..common.health import HealthReports, Seen, ThrottledWarnings
 from ..common.runtime import WARNING_PERIOD_S
-from ..common.seen import Seen
-from ..common.throttled import ThrottledWarnings
 from . import health
 
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10

@@ -11,7 +11,6 @@ class ProgressLine:
 
     Parameters
     ----------
-    shown : bool
     first_s, last_s : float
         The part that is played, in the bag's time.
     """

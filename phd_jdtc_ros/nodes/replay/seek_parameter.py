@@ -17,7 +17,6 @@ def declare(node: Node, fault: Callable[[Any], str], go_to: Callable[[float], No
 
     Parameters
     ----------
-    node : Node
     fault : callable
         Returns why a given value is refused; empty if it is accepted.
     go_to : callable

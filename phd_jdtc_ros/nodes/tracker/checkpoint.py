@@ -57,7 +57,6 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
     ----------
     path : Path
         In an existing directory.
-    snapshot : Snapshot
     configuration : mapping
         Parameters by name; only a tracker with the same ones may continue from the snapshot.
 
@@ -200,14 +199,12 @@ class Checkpoints:
 
     Parameters
     ----------
-    path : Path
     every : int
         Scans between checkpoints; 0 to write on request only.
     max_age_s : float
         Longest time from the checkpoint's last scan to the first scan after a restart, seconds.
     configuration : mapping
         Parameters of the tracker, without those that can change while it runs.
-    log : rclpy logger
     """
 
     def __init__(

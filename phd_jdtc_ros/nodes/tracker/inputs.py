@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.lifecycle import LifecycleNode
 
 from msg_adapters import doubts, interfaces, platform_poses
+from msg_adapters.errors import RejectedMessageError
 from msg_adapters.readers import Reader, reader_of
+from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -22,11 +24,11 @@ from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.pipeline import POSE_MISSING
 
 from ..common import overridable
+from ..common.health import Rhythm, ThrottledWarnings
 from ..common.runtime import WARNING_PERIOD_S
-from ..common.throttled import ThrottledWarnings
 from . import endpoints
 from .endpoints import Listener
-from .health import InputHealth, Rhythm
+from .health import InputHealth
 
 # Why poses are not used, in words.
 POSE_FAULTS = {
@@ -40,12 +42,7 @@ POSES_KEPT = 200
 
 
 class Inputs:
-    """Subscribes to every radar and platform, and counts what is not used of their messages.
-
-    Parameters
-    ----------
-    node : LifecycleNode
-    settings : Settings
+    """Subscribes to every radar and platform; as `Notices` it counts what is not used of them.
 
     Attributes
     ----------
@@ -150,54 +147,74 @@ class Inputs:
         for health in self._all():
             health.pause()
 
-    def drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
-        """Count what is not used of an input, and warn of it."""
-        health.drop(reason, count, time.monotonic())
-        self._warnings.warn((health.name, reason), f"{health.name}: {text}")
+    def unreadable(self, radar: int, error: RejectedMessageError) -> None:
+        """Count a message that is no report."""
+        self._drop(self.radars[radar], error.reason, f"scan rejected: {error}")
 
-    def drop_waiting(self, index: int, counts: Counter[str]) -> None:
-        """Count the scans of a radar that waited for their poses and are not used, by reason."""
-        radar = self._settings.config.inputs[index]
-        for reason, count in counts.items():
+    def read(self, radar: int, report: Report) -> None:
+        """Count the points that were dropped; warn, once, of a radar without amplitudes.
+
+        They would tell the classes apart.
+        """
+        for reason, count in report.dropped.items():
+            self._drop(self.radars[radar], reason, f"{count} points dropped: {reason}", count)
+        source = self._settings.config.inputs[radar]
+        several = len(self._settings.config.model.modes.classes) > 1
+        if report.detections.amplitude is None and several and source.name not in self._neutral:
+            self._neutral.add(source.name)
+            self._node.get_logger().warning(doubts.no_amplitude(source))
+
+    def rejected(self, radar: int, reason: str, report: Report) -> None:
+        """Count a report of which no part belongs to any scan."""
+        self._drop(self.radars[radar], reason, f"scan rejected: {reason} stamp")
+
+    def lost_later(self, radar: int, reasons: Counter[str]) -> None:
+        """Count the reports that waited for their poses and are not used."""
+        source = self._settings.config.inputs[radar]
+        for reason, count in reasons.items():
             text = f"{count} scans rejected: {reason} stamp"
             if reason == POSE_MISSING:
                 text = (
-                    f"{count} scans rejected: no pose on {radar.pose_topic} within "
-                    f"{radar.pose_max_age_s:g} s"
+                    f"{count} scans rejected: no pose on {source.pose_topic} within "
+                    f"{source.pose_max_age_s:g} s"
                 )
-            self.drop(self.radars[index], reason, text, count)
+            self._drop(self.radars[radar], reason, text, count)
 
-    def drop_pose(self, topic: str, faults: Iterable[PoseFault]) -> None:
-        """Count a pose that some of the radars that it carries do not use, once for each cause."""
-        for fault in dict.fromkeys(faults):
-            text = f"pose rejected: {POSE_FAULTS[fault]}"
-            self.drop(self.platforms[topic], fault.value, text)
-
-    def doubt(self, index: int, counts: Counter[str]) -> None:
+    def warn(self, radar: int, counts: Counter[str]) -> None:
         """Count what does not look as it is configured, and warn of it."""
         if not counts:
             return
-        radar = self._settings.config.inputs[index]
-        texts = list(doubts.of(radar, counts))
-        self.radars[index].doubt(counts, texts[0], time.monotonic())
+        source = self._settings.config.inputs[radar]
+        texts = list(doubts.of(source, counts))
+        self.radars[radar].doubt(counts, texts[0], time.monotonic())
         for what, text in zip(counts, texts, strict=True):
-            self._warnings.warn((radar.name, what), f"{radar.topic}: {text}")
+            self._warnings.warn((source.name, what), f"{source.topic}: {text}")
 
-    def turning(self, index: int, turn_s: float) -> None:
+    def turning(self, radar: int, turn_s: float) -> None:
         """Take the turn of a radar that was found out, seconds, or 0; warn of a new one."""
-        health, radar = self.radars[index], self._settings.config.inputs[index]
+        health, source = self.radars[radar], self._settings.config.inputs[radar]
         if turn_s and turn_s != health.turn_found_s:
-            text = doubts.turn_found(radar, turn_s)
+            text = doubts.turn_found(source, turn_s)
             health.doubt(Counter(), text, time.monotonic())
-            self._warnings.warn((radar.name, "turn_found"), text)
+            self._warnings.warn((source.name, "turn_found"), text)
         health.turn_found_s = turn_s
 
-    def without_amplitudes(self, index: int) -> None:
-        """Warn, once, of a radar without amplitudes, which would tell the classes apart."""
-        radar = self._settings.config.inputs[index]
-        if len(self._settings.config.model.modes.classes) > 1 and radar.name not in self._neutral:
-            self._neutral.add(radar.name)
-            self._node.get_logger().warning(doubts.no_amplitude(radar))
+    def pose_unreadable(self, topic: str, error: RejectedMessageError) -> None:
+        """Count a message that is no pose."""
+        self._drop(self.platforms[topic], error.reason, f"pose rejected: {error}")
+
+    def posed(self, topic: str, faults: Sequence[PoseFault]) -> None:
+        """Count a pose that some of the radars that it carries do not use, once for each cause."""
+        health = self.platforms[topic]
+        for fault in dict.fromkeys(faults):
+            self._drop(health, fault.value, f"pose rejected: {POSE_FAULTS[fault]}")
+        if not faults:
+            health.rhythm.beat(time.monotonic())
+
+    def _drop(self, health: InputHealth, reason: str, text: str, count: int = 1) -> None:
+        """Count what is not used of an input, and warn of it."""
+        health.drop(reason, count, time.monotonic())
+        self._warnings.warn((health.name, reason), f"{health.name}: {text}")
 
     def look(self) -> frozenset[str]:
         """Return the names of the inputs that are silent; to be called regularly.
@@ -225,7 +242,7 @@ class Inputs:
 
     def lost(self, now: float) -> int:
         """Return how many messages were lost lately because the tracker is too slow."""
-        return sum(health.losses.by_overload(now) for health in self.radars)
+        return sum(health.lost_by_overload.count(now) for health in self.radars)
 
     def summary(self) -> str:
         """Return the numbers of received, lost and dropped clouds as text."""

@@ -37,7 +37,6 @@ class NameClaim:
 
     Parameters
     ----------
-    node : Node
     on_taken : callable
         Called if another node has the name.
     """

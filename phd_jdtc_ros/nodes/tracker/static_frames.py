@@ -14,13 +14,7 @@ from . import endpoints
 
 
 class StaticFrames:
-    """Publishes the radars' poses once; whoever joins later gets them too.
-
-    Parameters
-    ----------
-    node : LifecycleNode
-    settings : Settings
-    """
+    """Publishes the radars' poses once; whoever joins later gets them too."""
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
         self._node = node

@@ -1,0 +1,1 @@
+"""What carries ASTERIX: files, captures and sockets to datagrams, and back."""

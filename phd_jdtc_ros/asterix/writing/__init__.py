@@ -1,0 +1,1 @@
+"""Tracks and plots to the bytes of ASTERIX."""
