@@ -22,3 +22,11 @@ def stored_and_read(snapshot):
         for name, array in snapshot.arrays.items()
     }
     return Snapshot(snapshot.stamp_ns, arrays, json.loads(json.dumps(snapshot.facts)))
+
+
+def assert_same(ours, theirs):
+    """Assert that two snapshots are the same, bit by bit."""
+    assert (ours.stamp_ns, ours.facts) == (theirs.stamp_ns, theirs.facts)
+    assert ours.arrays.keys() == theirs.arrays.keys()
+    for name, array in ours.arrays.items():
+        np.testing.assert_array_equal(array, theirs.arrays[name])

@@ -113,21 +113,21 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
             return ParticleSet.empty(len(self.model.modes.space))
         return self.current[-1].entry.stored
 
-    def hold(self) -> dict[str, Any]:
-        """Return the filter's state; see `ForwardFilter.hold`."""
-        return {**super().hold(), "rng": self._rng.bit_generator.state}
+    def save_state(self) -> dict[str, Any]:
+        """Return the filter's state; see `ForwardFilter.save_state`."""
+        return {**super().save_state(), "rng": self._rng.bit_generator.state}
 
-    def recall(self, held: Mapping[str, Any]) -> None:
-        """Return to a state that was held."""
-        super().recall(held)
-        self._rng.bit_generator.state = held["rng"]
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state that was saved."""
+        super().load_state(state)
+        self._rng.bit_generator.state = state["rng"]
 
-    def put(self, into: Snapshot) -> None:
+    def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the filter's state, except for the sets themselves, in a snapshot."""
-        super().put(into)
-        into.facts["filter"]["rng"] = self._rng.bit_generator.state
+        super().to_snapshot(snapshot)
+        snapshot.facts["filter.rng"] = self._rng.bit_generator.state
 
-    def take(self, stored: Snapshot, entries: Mapping[int, ParticleEntry]) -> None:
-        """Restore the filter's state from a snapshot; see `ForwardFilter.take`."""
-        super().take(stored, entries)
-        self._rng.bit_generator.state = stored.facts["filter"]["rng"]
+    def from_snapshot(self, snapshot: Snapshot, entries: Mapping[int, ParticleEntry]) -> None:
+        """Restore the filter's state from a snapshot; see `ForwardFilter.from_snapshot`."""
+        super().from_snapshot(snapshot, entries)
+        self._rng.bit_generator.state = snapshot.facts["filter.rng"]

@@ -1,6 +1,5 @@
 """What both engines make of identities: two aircraft that cross at a small angle."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,6 @@ from lone import lone, scan_at
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.models.detection_clusters import merged
-from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.types import UNKNOWN, Detections
 
 ENGINES = ("gaussian", "particles")
@@ -114,7 +112,7 @@ def test_estimates_without_fields_are_the_same_bit_by_bit(engine):
     ignored, ignored_smoothed, _ = run(engine, none)
     # The fields are configured, but the radar's clouds have none.
     lacking, lacking_smoothed, _ = run(engine, steps=scans(columns=()))
-    assert "attributes" not in tracker.snapshot().facts
+    assert not tracker.snapshot().names_below("attributes")
     for a, b, c in zip(plain, ignored, lacking, strict=True):
         assert equal(a, b)
         assert equal(a, c)
@@ -173,8 +171,7 @@ def test_restored_engine_goes_on_with_what_it_knew(engine):
 def test_forged_snapshot_is_refused(name, value):
     given = {"radar.fields.height": "height"}
     _, _, tracker = run("gaussian", given, with_heights(scans())[:4])
-    held = tracker.snapshot()
-    forged = Snapshot(held.stamp_ns, dict(held.arrays), json.loads(json.dumps(held.facts)))
+    forged = stored_and_read(tracker.snapshot())
     array = forged.arrays[f"attributes.{name}"].copy()
     array[0] = value
     forged.arrays[f"attributes.{name}"] = array
@@ -220,7 +217,7 @@ def test_scans_that_are_worked_in_again_leave_the_same_knowledge(engine):
     reworked = new_engine(lone({**GIVEN, "engine": engine, **FIELDS, **given}))
     held = []
     for scan in steps[:12]:
-        held.append(reworked.hold())
+        held.append(reworked.save_state())
         reworked.step(scan)
     reworked.rework(list(zip(held, steps[:12], strict=True))[-2:])
     for scan in steps[12:16]:

@@ -1,6 +1,5 @@
 """A clutter rate that is learned from what no target claims, with both engines."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,6 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.rate import MEMORY_TURNS, START_RATE, ClutterCount
 from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
-from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.scenario import paper_scenario
@@ -81,7 +79,7 @@ def test_a_given_rate_is_not_learned():
     for _, scan in run_of(4.0, 3):
         tracker.step(scan)
     assert learned(tracker) == {}
-    assert not [name for name in tracker.snapshot().facts if name.startswith("clutter")]
+    assert not [name for name in tracker.snapshot().arrays if name.startswith("clutter")]
 
 
 def test_count_forgets_what_was_before():
@@ -154,15 +152,13 @@ def test_a_run_that_is_reset_learns_its_rate_again(engine):
 
 
 FORGERIES = {
-    "no mapping": (3, "must be a mapping by radar"),
-    "another radar": ({"mast": [3.0, 1.0]}, "that of mast given, must be of one of radar_1, rad"),
-    "no list": ({"radar_1": {}}, "must be a count and turns"),
-    "length": ({"radar_1": [3.0]}, "must be a count and turns"),
-    "text": ({"radar_1": ["3", 1.0]}, "clutter_rate.radar_1.count: a number is not finite"),
-    "nan": ({"radar_1": [float("nan"), 1.0]}, "clutter_rate.radar_1.count: a number"),
-    "negative": ({"radar_1": [-1.0, 1.0]}, "clutter_rate.radar_1.count: a number"),
-    "no turns": ({"radar_1": [3.0, 0.0]}, "clutter_rate.radar_1.turns: a number"),
-    "turns": ({"radar_1": [3.0, 1e6]}, "clutter_rate.radar_1.turns: a number"),
+    "another radar": ("mast.count", 1.0, "that of mast given, must be of a radar of this tracker"),
+    "whole": ("radar_1.count", 3, "clutter_rate.radar_1.count: int64 given, expected floats"),
+    "shape": ("radar_1.count", [3.0], "clutter_rate.radar_1.count: shape"),
+    "nan": ("radar_1.count", np.nan, "clutter_rate.radar_1.count: nan given"),
+    "negative": ("radar_1.count", -1.0, "clutter_rate.radar_1.count: -1.0 given"),
+    "no turns": ("radar_1.turns", 0.0, "clutter_rate.radar_1.turns: 0.0 given"),
+    "turns": ("radar_1.turns", 1e6, "clutter_rate.radar_1.turns: 1000000.0 given"),
 }
 
 
@@ -176,11 +172,11 @@ def held():
 
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_forged_rate_is_refused_with_the_reason(name, held):
-    forged, reason = FORGERIES[name]
-    facts = {**json.loads(json.dumps(held.facts)), "clutter_rate": forged}
-    tracker = engine_of("gaussian")
+    part, value, reason = FORGERIES[name]
+    forged, tracker = stored_and_read(held), engine_of("gaussian")
+    forged.arrays[f"clutter_rate.{part}"] = np.array(value)
     with pytest.raises(ValueError, match=reason):
-        tracker.restore(Snapshot(held.stamp_ns, dict(held.arrays), facts))
+        tracker.restore(forged)
     assert learned(tracker) == {}
 
 

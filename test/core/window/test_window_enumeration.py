@@ -1,14 +1,13 @@
 """All estimates of a window, against what follows from each target's own scans, one by one."""
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from held import stored_and_read
 from marks import MODEL, PLACES, MarkEngine, MarkFilter, rule
 
 from phd_jdtc_ros.core.engine import Lag
-from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 
@@ -111,9 +110,8 @@ def weights_of(estimates):
 
 def copied(engine, make):
     """Return another engine that goes on from this one's stored state."""
-    held, other = engine.snapshot(), make()
-    facts = json.loads(json.dumps(held.facts))
-    other.restore(Snapshot(held.stamp_ns, dict(held.arrays), facts))
+    other = make()
+    other.restore(stored_and_read(engine.snapshot()))
     return other
 
 
