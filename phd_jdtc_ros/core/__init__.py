@@ -24,7 +24,8 @@ The data's path, with the room of each step::
 `models` puts targets, sensors and clutter together into the model that both engines share.
 `window` knows neither particles nor Gaussians, only rows, each with the label of its target.
 `engine` is the interface of both engines. `snapshot` stores values as named arrays, by bounds
-that are declared beside their fields. `backend` says which inner loops are in use, and `numba_loops` compiles some.
+that are declared beside their fields. `backend` says which inner loops are in use, and
+`numba_loops` compiles some.
 
 The rooms import downwards only, see the contracts in ``pyproject.toml``::
 

@@ -18,7 +18,7 @@ from .kernel import backward_kernel
 from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import Aged, ParticleSet
 from .prediction import predict
-from .proposals import birth_newborns, regularisation
+from .proposals import birth_newborns
 from .proposals.detected_newborns import informed
 from .proposals.detections_in_plane import places
 from .resampling import ParticleBudget, resample
@@ -66,13 +66,9 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         dt = self._interval(scan)
         touched, others = parted(self.current, scan, model, corrector.labelled)
         seen = places(scan, model)
-        radars = [radar for radar, _ in model.reports(scan)]
-        # With range rates young targets are regularised, which is in place of more particles.
-        rated = any(radar.range_rate is not None for radar in radars)
-        regularises = corrector.labelled and rated
         if corrector.labelled:
             before = touched
-            touched = informed(before, scan.stamp_ns, seen, radars, model, rng)
+            touched = informed(before, scan.stamp_ns, seen, model, rng)
             # The rows that this scan leaves alone stay rows of the same set as those that it drew.
             drawn = {id(old.entry): new.entry for old, new in zip(before, touched, strict=True)}
             others = [Current(drawn.get(id(rows.entry), rows.entry), rows.rows) for rows in others]
@@ -88,18 +84,14 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
             self.attributes if corrector.labelled else None,
         )
         self.done("update")
-        young_from = index if corrector.labelled and not regularises else None
-        drawn_on = resample(updated, model.modes, budget, rng, young_from)
+        young_from = index if corrector.labelled else None
+        stored = resample(updated, model.modes, budget, rng, young_from)
         if corrector.labelled:
-            drawn_on = birth_newborns.spread(drawn_on, scan, model, index, rng)
-        stored = drawn_on
-        if regularises:
-            stored = regularisation.regularised(drawn_on, radars, model.modes, index, rng)
+            stored = birth_newborns.spread(stored, scan, model, index, rng)
         self.done("resample")
         link = None
         if linked and earlier:
-            # Of the same rows before they were regularised, which no transition density describes.
-            link = backward_kernel.build_joint(earlier, drawn_on, model, corrector, born_here)
+            link = backward_kernel.build_joint(earlier, stored, model, corrector, born_here)
             self.done("transition")
         sources = tuple(rows.source for rows in touched)
         entry = Entry(scan.stamp_ns, stored, sources, link)
