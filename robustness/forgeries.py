@@ -36,7 +36,7 @@ LEARNING = {
     "radar_1.clutter_rate": "auto",
 }
 Change = Callable[[Snapshot], object]
-OLDEST, NEXT = "stored.0", "stored.1"
+OLDEST, NEXT, STAMPS = "stored.0", "stored.1", "window.stamps_ns"
 # What an archive of either engine begins with.
 FIRST = (f"array.{OLDEST}.state.npy", f"array.{OLDEST}.mean.npy")
 
@@ -109,60 +109,56 @@ def contents(engine: str, honest: Snapshot) -> dict[str, Change]:
         for value in values
     }
     of_engine = _of_particles() if engine == engines.PARTICLES else _of_mixtures(honest)
-    return {**arrays, **_facts(), **of_engine}
+    return {**arrays, **_common(), **of_engine}
 
 
-def _facts() -> dict[str, Change]:
-    """Return changes of what every engine's snapshot says."""
+def _common() -> dict[str, Change]:
+    """Return changes of what is in every engine's snapshot."""
+    values = {
+        "a scan index as a float": ("filter.scan_index", 1e9),
+        "a huge scan index": ("filter.scan_index", 1 << 62),
+        "a huge track number": ("numbers.last", 1 << 40),
+        "a clutter map of another place": ("clutter_map.radar_1.pose", [5e3, 0.0, 0.0]),
+        "a clutter map of no turns": ("clutter_map.radar_1.turns", NAN),
+        "a clutter map with cells of no size": ("clutter_map.radar_1.grid.range_cell", 0.0),
+        "a clutter rate that is not finite": ("clutter_rate.radar_1.count", NAN),
+        "a clutter rate of no turns": ("clutter_rate.radar_1.turns", 0.0),
+        "no window": ("window.entries", "7"),
+    }
     return {
-        "stamps backwards": lambda s: s.facts["smoother"]["stamps_ns"].reverse(),
-        "a huge stamp": lambda s: s.facts["smoother"]["stamps_ns"].__setitem__(-1, 10**30),
-        "a stamp as text": lambda s: s.facts["smoother"]["stamps_ns"].__setitem__(0, "x"),
-        "a scan index as text": lambda s: s.facts["filter"].update(scan_index="1e9"),
-        "a huge scan index": lambda s: s.facts["filter"].update(scan_index=10**40),
-        "a huge track number": lambda s: s.facts["smoother"]["tracks"].update(count=2**40),
-        "track numbers that are none": lambda s: s.facts["smoother"]["tracks"].update(number=[3]),
+        **{what: _replaced(name, value) for what, (name, value) in values.items()},
+        "stamps backwards": lambda s: _replaced(STAMPS, s.arrays[STAMPS][::-1])(s),
+        "a huge stamp": _put(STAMPS, 1 << 62),
+        "a stamp as a float": _put(STAMPS, 1.0, "f8"),
+        "track numbers that are none": lambda s: s.arrays.pop("numbers.number"),
         "clutter of another radar": _of_another("clutter"),
         "a clutter map of another radar": _of_another("clutter_map"),
         "a clutter rate of another radar": _of_another("clutter_rate"),
-        "a clutter map of another place": _mapped(pose=[5e3, 0.0, 0.0]),
-        "a clutter map of no turns": _mapped(turns=NAN),
-        "a clutter map with cells of no size": _mapped(size=0.0),
         "a clutter map without cells": lambda s: s.arrays.pop("clutter_map.radar_1.cell"),
-        "a clutter rate that is not finite": lambda s: s.facts["clutter_rate"].update(
-            radar_1=[NAN, 1.0]
-        ),
-        "a clutter rate of no turns": lambda s: s.facts["clutter_rate"].update(radar_1=[5.0, 0.0]),
-        "no smoother": lambda s: s.facts.update(smoother=7),
     }
 
 
-def _of_another(fact: str) -> Change:
+def _replaced(name: str, value: Any) -> Change:
+    """Return a change that replaces an array."""
+    return lambda snapshot: snapshot.arrays.update({name: np.array(value)})
+
+
+def _of_another(part: str) -> Change:
     """Return a change after which what was learned of clutter is that of another radar."""
 
     def change(snapshot: Snapshot) -> None:
-        learned = snapshot.facts[fact]
-        if isinstance(learned, list):
-            learned[learned.index("radar_1")] = "mast"
-        else:
-            learned["mast"] = learned.pop("radar_1")
-        for name in [name for name in snapshot.arrays if name.startswith(f"{fact}.radar_1")]:
+        for name in [name for name in snapshot.arrays if name.startswith(f"{part}.radar_1.")]:
             snapshot.arrays[name.replace("radar_1", "mast")] = snapshot.arrays.pop(name)
 
     return change
 
 
-def _mapped(**facts: Any) -> Change:
-    """Return a change of what is said of a clutter map."""
-    return lambda snapshot: snapshot.facts["clutter_map"]["radar_1"].update(facts)
-
-
 def _of_particles() -> dict[str, Change]:
     return {
-        "a random state of huge numbers": lambda s: s.facts["filter"]["rng"]["state"].update(
+        "a random state of huge numbers": lambda s: s.facts["filter.rng"]["state"].update(
             state=10**60
         ),
-        "no random state": lambda s: s.facts["filter"].update(rng=None),
+        "no random state": lambda s: s.facts.pop("filter.rng"),
         "states of other axes": _other_axes(f"{OLDEST}.state"),
         "states as text": _whole(f"{OLDEST}.state"),
         "survival above one": _put(f"{NEXT}.link.survival", 1.5),

@@ -15,6 +15,7 @@ from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.filter import ParticleFilter
 from phd_jdtc_ros.core.smc.resampling import ParticleBudget
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
+from phd_jdtc_ros.core.targets.sobol import sobol_points
 
 from .build import TrackerConfig
 from .schema import ConfigError
@@ -51,6 +52,8 @@ def particle_engine(config: TrackerConfig) -> ParticleEngine:
 def particle_filter(config: TrackerConfig) -> ParticleFilter:
     """Return a new forward filter of the particle engine."""
     values = config.values
+    # Loads the module of Sobol points now and not during the first scan.
+    sobol_points(1, 1)
     budget = ParticleBudget(
         per_target=values["particles_per_target"],
         least=values["least_particles"],

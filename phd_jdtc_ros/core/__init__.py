@@ -23,8 +23,9 @@ The data's path, with the room of each step::
 
 `models` puts targets, sensors and clutter together into the model that both engines share.
 `window` knows neither particles nor Gaussians, only rows, each with the label of its target.
-`engine` is the interface of both engines, and `snapshot` the arrays and numbers that they are
-stored as. `backend` says which inner loops are in use, and `numba_loops` compiles some.
+`engine` is the interface of both engines. `snapshot` stores values as named arrays, by bounds
+that are declared beside their fields. `backend` says which inner loops are in use, and
+`numba_loops` compiles some.
 
 The rooms import downwards only, see the contracts in ``pyproject.toml``::
 
@@ -39,8 +40,8 @@ The rooms import downwards only, see the contracts in ``pyproject.toml``::
     sensors
     clutter
     association, pair_search, targets
-    backend, snapshot, types
-    numba_loops, state_space
+    backend, types
+    numba_loops, snapshot, state_space
     arrays
 
 What is around the core: `configuration` turns parameters into models, `simulation` makes scans

@@ -43,8 +43,8 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Held:
-    """What an engine held before a scan, to return to.
+class EngineState:
+    """The state of an engine before a scan, to return to.
 
     Its sets are those of the engine itself and are never changed, so that it costs some references.
     Unlike a `Snapshot` it cannot be stored.
@@ -72,13 +72,13 @@ class Reworked:
 
     Parameters
     ----------
-    held : tuple of Held
-        What the engine held before each of them.
+    states : tuple of EngineState
+        Those of the engine before each of them.
     filtered, smoothed : tuples of Estimates
         Those that have become due and had not been given out before.
     """
 
-    held: tuple[Held, ...]
+    states: tuple[EngineState, ...]
     filtered: tuple[Estimates, ...]
     smoothed: tuple[Estimates, ...]
 
@@ -120,11 +120,11 @@ class Engine(Protocol):
         """Return to the initial state."""
         ...
 
-    def hold(self) -> Held:
-        """Return what the engine holds, to step later scans again from there."""
+    def save_state(self) -> EngineState:
+        """Return the engine's state, to step later scans again from there."""
         ...
 
-    def rework(self, scans: Sequence[tuple[Held, Scan]]) -> Reworked:
+    def rework(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reworked:
         """Step scans again, with others between them or with more reports in them.
 
         The engine is then in the state in which it would be had it stepped these scans at once.
@@ -133,9 +133,9 @@ class Engine(Protocol):
 
         Parameters
         ----------
-        scans : sequence of (Held, Scan)
+        scans : sequence of (EngineState, Scan)
             By ascending stamp: every scan from some stamp on. The engine returns to the first
-            `Held`; of the others only the model and the rule are used.
+            `EngineState`; of the others only the model and the rule are used.
         """
         ...
 

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
 from .arrays import FloatArray, IntArray, read_only
+from .snapshot import MASS_SLACK, MOST_STATE, covariances, floats, integers
 from .state_space import PLANAR, StateSpace
 
 FULL_TURN = 2.0 * np.pi
@@ -284,14 +286,16 @@ class Estimates:
 
     stamp_ns: int
     lag: int
-    state: FloatArray
-    covariance: FloatArray
-    weight: FloatArray
-    class_probability: FloatArray
-    class_id: IntArray
-    track_id: IntArray
+    state: Annotated[FloatArray, floats("TD", -MOST_STATE, MOST_STATE)]
+    covariance: Annotated[FloatArray, covariances("TDD", MOST_STATE)]
+    weight: Annotated[FloatArray, floats("T", 0.0, MASS_SLACK)]
+    class_probability: Annotated[FloatArray, floats("TC", 0.0, MASS_SLACK)]
+    class_id: Annotated[IntArray, integers("T", 0, below="C")]
+    track_id: Annotated[IntArray, integers("T", 0)]
     space: StateSpace = PLANAR
-    track_state: IntArray = field(default_factory=lambda: _NOT_GIVEN)
+    track_state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)] = field(
+        default_factory=lambda: _NOT_GIVEN
+    )
     attributes: Attributes | None = None
 
     @property

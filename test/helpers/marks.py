@@ -123,15 +123,15 @@ class MarkEngine(FixedLagEngine):
     def _figures(self, step):
         return {"touched": sum(len(entry.stored) for entry in step.earlier)}
 
-    def _put_entry(self, held, name, entry):
-        window_snapshot.put_sources(held, name, entry)
+    def _entry_to_snapshot(self, entry, held, name):
+        window_snapshot.sources_to_snapshot(entry, held, name)
         held.arrays[f"{name}.origin"] = entry.stored.origin
         held.arrays[f"{name}.mark"] = entry.stored.mark
         if entry.link is not None:
             held.arrays[f"{name}.link"] = entry.link
 
-    def _take_entry(self, held, name, earlier):
-        stamp_ns, sources = window_snapshot.take_sources(held, name, 100)
+    def _entry_from_snapshot(self, held, name, earlier):
+        stamp_ns, sources = window_snapshot.sources_from_snapshot(held, name, 100)
         stored = Marks(held.array(f"{name}.origin"), held.array(f"{name}.mark"))
         for source in sources:
             if source.stamp_ns in earlier:

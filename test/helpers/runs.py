@@ -27,18 +27,13 @@ def stepped(engine, scans):
     ]
 
 
-def copied(snapshot):
-    """Return a snapshot whose facts and arrays may be replaced."""
-    facts = json.loads(json.dumps(snapshot.facts))
-    return Snapshot(snapshot.stamp_ns, dict(snapshot.arrays), facts)
-
-
 def stored_and_read(snapshot):
     """Return a snapshot after conversion to JSON and bytes and back."""
-    found = copied(snapshot)
-    for name, array in found.arrays.items():
-        found.arrays[name] = np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
-    return found
+    arrays = {
+        name: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
+        for name, array in snapshot.arrays.items()
+    }
+    return Snapshot(snapshot.stamp_ns, arrays, json.loads(json.dumps(snapshot.facts)))
 
 
 def assert_same(ours, theirs):

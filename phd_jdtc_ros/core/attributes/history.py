@@ -6,11 +6,12 @@ stored steps smooths it.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..snapshot import MOST_STAMP_NS, MOST_STATE, covariances, floats, integers
 from .height import HeightModel, Heights
 
 
@@ -24,10 +25,10 @@ class History(NamedTuple):
     covariance : array of shape (R, 2, 2)
     """
 
-    origin: IntArray
-    stamp_ns: IntArray
-    mean: FloatArray
-    covariance: FloatArray
+    origin: Annotated[IntArray, integers("R", 0)]
+    stamp_ns: Annotated[IntArray, integers("R", 0, MOST_STAMP_NS)]
+    mean: Annotated[FloatArray, floats("RA", -MOST_STATE, MOST_STATE)]
+    covariance: Annotated[FloatArray, covariances("RAA", MOST_STATE)]
 
     @staticmethod
     def empty() -> History:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
 from ..sensors.slant_range import HeightReading
+from ..snapshot import MOST_STAMP_NS, MOST_STATE, ROUNDING, covariances, floats, integers
 from ..types import UNKNOWN, Attributes, Detections, Estimates
 from . import height, identity, readings, uniqueness, updates
 from .height import BoolArray, HeightModel, Heights
 from .history import History
-from .identity import Belief, IdentityModel
+from .identity import ADDRESSES, CODES, Belief, IdentityModel
 from .readings import Gate, Paired
 from .uniqueness import Lost
 
@@ -61,16 +62,16 @@ class Records(NamedTuple):
         When each kind of sensor last saw it; see `Attributes`.
     """
 
-    origin: IntArray
-    stamp_ns: IntArray
-    code: IntArray
-    code_weight: FloatArray
-    address: IntArray
-    address_weight: FloatArray
-    height_known: FloatArray
-    height: FloatArray
-    height_covariance: FloatArray
-    seen_ns: IntArray
+    origin: Annotated[IntArray, integers("T", 0, ascending=True)]
+    stamp_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
+    code: Annotated[IntArray, integers("TK", UNKNOWN, CODES - 1)]
+    code_weight: Annotated[FloatArray, floats("TW", 0.0, 1.0 + ROUNDING)]
+    address: Annotated[IntArray, integers("TK", UNKNOWN, ADDRESSES - 1)]
+    address_weight: Annotated[FloatArray, floats("TW", 0.0, 1.0 + ROUNDING)]
+    height_known: Annotated[FloatArray, floats("T", 0.0, 1.0)]
+    height: Annotated[FloatArray, floats("TA", -MOST_STATE, MOST_STATE)]
+    height_covariance: Annotated[FloatArray, covariances("TAA", MOST_STATE)]
+    seen_ns: Annotated[IntArray, integers("TS", UNKNOWN, MOST_STAMP_NS)]
 
     @staticmethod
     def of(
@@ -342,12 +343,6 @@ class AttributeMemory:
     def heights(self, origin: IntArray, stamp_ns: int) -> Heights:
         """Return what is known of the heights of origins at a stamp."""
         return self._at(origin, stamp_ns).known.heights
-
-    def copy(self) -> AttributeMemory:
-        """Return another memory of the same; what it learns, this one does not."""
-        other = AttributeMemory(self.model)
-        other.records, other.history = self.records, self.history
-        return other
 
     def at(self, stamp_ns: int) -> AttributesAt:
         """Return the memory at a scan's stamp, for the engine's update."""

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
 import numpy as np
 from scipy.special import log_ndtr
 
 from ..arrays import FloatArray, read_only
+from ..snapshot import floats
 from ..targets.amplitude_density import SMALLEST_AMPLITUDE, log_clutter_density
 
 # Level in dB, 10 log10(a^2 / 2), which is the SNR of which an envelope a would be typical.
@@ -31,6 +32,8 @@ PRIOR_NOISE = 20.0
 ANYTHING = 0.1
 # False detections that the learned law remembers.
 MEMORY = 200.0
+# Rounding may leave a little more than that.
+MOST_COUNT = 1.001 * MEMORY
 
 
 class ClutterAmplitude(Protocol):
@@ -126,7 +129,9 @@ class Learned:
     """
 
     threshold: float
-    count: FloatArray = field(default_factory=lambda: np.zeros(CELLS))
+    count: Annotated[FloatArray, floats("K", 0.0, MOST_COUNT)] = field(
+        default_factory=lambda: np.zeros(CELLS)
+    )
     _mass: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
+from ..snapshot import floats, integers
 from ..types import FULL_TURN
 
 # Size of a cell in deviations of a detection.
@@ -70,8 +71,8 @@ class PolarGrid:
         Cells in a turn.
     """
 
-    range_cell: float
-    columns: int
+    range_cell: Annotated[float, floats("", 1e-9, 1e12)]
+    columns: Annotated[int, integers("", 3, MOST_AZIMUTHS)]
 
     @classmethod
     def of_noise(cls, range_std: float, azimuth_std: float) -> PolarGrid:
@@ -106,7 +107,7 @@ class GroundGrid:
         Metres.
     """
 
-    cell: float
+    cell: Annotated[float, floats("", 1e-9, 1e12)]
 
     @classmethod
     def of_noise(cls, range_std: float, azimuth_std: float, max_range: float) -> GroundGrid:

@@ -7,10 +7,12 @@ from are stored, so that the map of a precise radar with a long range is small.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, read_only
+from ..snapshot import floats, integers
 from . import neighbourhood
 from .grid import Grid, corners
 
@@ -32,6 +34,9 @@ RECENT_TURNS = 6.0
 # Cells with less are forgotten, and beyond so many those with the least.
 LEAST_COUNT = 1e-3
 MOST_CELLS = 1 << 16
+# Bounds of what may have been stored: detections of one report in one cell add up, and rounding may
+# leave a little more than all remembered turns.
+MOST_IN_CELL, MOST_TURNS = 1e9, 1.001 * MEMORY_TURNS
 NO_CELLS = np.zeros(0, dtype=np.int64)
 
 
@@ -69,11 +74,17 @@ class ClutterMap:
     """
 
     grid: Grid
-    cell: IntArray = field(default_factory=lambda: NO_CELLS)
-    count: FloatArray = field(default_factory=lambda: np.zeros(0))
-    turns: float = 0.0
-    recent: FloatArray = field(default_factory=lambda: np.zeros(0))
-    recent_turns: float = 0.0
+    cell: Annotated[IntArray, integers("K", 0, ascending=True)] = field(
+        default_factory=lambda: NO_CELLS
+    )
+    count: Annotated[FloatArray, floats("K", 0.0, MOST_IN_CELL)] = field(
+        default_factory=lambda: np.zeros(0)
+    )
+    turns: Annotated[float, floats("", 0.0, MOST_TURNS)] = 0.0
+    recent: Annotated[FloatArray, floats("K", 0.0, MOST_IN_CELL)] = field(
+        default_factory=lambda: np.zeros(0)
+    )
+    recent_turns: Annotated[float, floats("", 0.0, MOST_TURNS)] = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cell", read_only(self.cell, np.int64))

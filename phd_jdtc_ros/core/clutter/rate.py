@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+
+from ..snapshot import floats
 
 # False detections per turn before any is known, which counts as much as one turn tells.
 START_RATE = 20.0
@@ -13,6 +16,8 @@ START_RATE = 20.0
 MEMORY_TURNS = 30.0
 # Detections that are always remembered: a radar without any clutter may still have some.
 LEAST_COUNT = 0.5
+# Bounds of what may have been stored: detections of all remembered turns, and these.
+MOST_IN_ALL, LEAST_TURNS = 1e9, 0.5
 
 
 @dataclass(frozen=True)
@@ -31,8 +36,9 @@ class ClutterCount:
     are: after T turns both have the factor exp(-T / MEMORY_TURNS).
     """
 
-    count: float = START_RATE
-    turns: float = 1.0
+    count: Annotated[float, floats("", 0.0, MOST_IN_ALL)] = START_RATE
+    # No turns are remembered of a radar whose rate was never learned.
+    turns: Annotated[float, floats("", LEAST_TURNS, 2.0 * MEMORY_TURNS)] = 1.0
 
     @property
     def rate(self) -> float:

@@ -52,11 +52,11 @@ class GaussianEngine(FixedLagEngine[Mixture, Link]):
             "floored_covariances": self.forward.floored,
         }
 
-    def _put_entry(self, held: Snapshot, name: str, entry: GaussianEntry) -> None:
-        snapshot.put_entry(held, name, entry)
+    def _entry_to_snapshot(self, entry: GaussianEntry, stored: Snapshot, name: str) -> None:
+        snapshot.entry_to_snapshot(entry, stored, name)
 
-    def _take_entry(
-        self, held: Snapshot, name: str, earlier: Mapping[int, GaussianEntry]
+    def _entry_from_snapshot(
+        self, stored: Snapshot, name: str, earlier: Mapping[int, GaussianEntry]
     ) -> GaussianEntry:
         most = self.forward.bounds.most
-        return snapshot.take_entry(held, name, earlier, self.forward.dynamics, most)
+        return snapshot.entry_from_snapshot(stored, name, earlier, self.forward.dynamics, most)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, factorize, read_only, sum_by
+from ..snapshot import MASS_SLACK, MOST_STATE, covariances, floats, integers
 from ..state_space import StateSpace
 from ..window.entries import Extents
 from .algebra.moments import merged
@@ -33,10 +35,10 @@ class Mixture:
         Zero on the axes that a motion mode is not defined on.
     """
 
-    origin: IntArray
-    weight: FloatArray
-    mean: FloatArray
-    covariance: FloatArray
+    origin: Annotated[IntArray, integers("H", 0)]
+    weight: Annotated[FloatArray, floats("HOS", 0.0, MASS_SLACK)]
+    mean: Annotated[FloatArray, floats("HOD", -MOST_STATE, MOST_STATE)]
+    covariance: Annotated[FloatArray, covariances("HODD", MOST_STATE)]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "origin", read_only(self.origin, np.int64))

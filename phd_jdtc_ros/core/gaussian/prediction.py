@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, sum_by
+from ..snapshot import MOST_STATE, floats
 from ..tracks import labels
-from .algebra.kalman import Backward, backward, predicted_covariance
+from .algebra.kalman import MOST_GAIN, Backward, backward, predicted_covariance
 from .algebra.moments import matched
 from .dynamics import Dynamics
 from .mixture import Mixture
+
+# Largest logarithm of a determinant.
+MOST_LOG = 1e4
 
 
 class Aged(NamedTuple):
@@ -57,12 +61,12 @@ class Moves:
     """
 
     pairs: tuple[IntArray, IntArray]
-    change: FloatArray
-    survival: FloatArray
-    cells: FloatArray | None
-    mean: FloatArray
-    precision: FloatArray
-    log_determinant: FloatArray
+    change: Annotated[FloatArray, floats("PK", 0.0, 1.0)]
+    survival: Annotated[FloatArray, floats("PO", 0.0, 1.0)]
+    cells: Annotated[FloatArray | None, floats("PSS", 0.0, 1.0)]
+    mean: Annotated[FloatArray, floats("PKD", -MOST_STATE, MOST_STATE)]
+    precision: Annotated[FloatArray, floats("PKDD", -MOST_GAIN, MOST_GAIN)]
+    log_determinant: Annotated[FloatArray, floats("PK", -MOST_LOG, MOST_LOG)]
     backward: Backward
 
     def take(self, rows: IntArray) -> Moves:

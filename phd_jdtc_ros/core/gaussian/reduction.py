@@ -6,11 +6,13 @@ Of those that are left, each probable motion mode then goes on as a hypothesis o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from .. import backend
 from ..arrays import FloatArray, IntArray
+from ..snapshot import floats, integers
 from .algebra import kalman, moments
 from .mixture import Mixture
 
@@ -81,9 +83,9 @@ class Ancestry:
         Of the child's weight; sums to one over the rows of a child where that has weight.
     """
 
-    child: IntArray
-    parent: IntArray
-    share: FloatArray
+    child: Annotated[IntArray, integers("E", 0, below="H")]
+    parent: Annotated[IntArray, integers("E", -1, below="P")]
+    share: Annotated[FloatArray, floats("EOS", 0.0, 1.0)]
 
 
 def probable(target: IntArray, mass: FloatArray, bounds: Bounds) -> tuple[IntArray, FloatArray]:

@@ -1,6 +1,6 @@
 """What becomes of reports that come after their scan was closed: dropped, or worked in.
 
-To work a report in, the engine returns to what it held before the report's stamp, and the scans
+To work a report in, the engine returns to its state before the report's stamp, and the scans
 since are stepped again with it. What has been given out is not taken back; what is still to come is
 what it would have been had the report come in time.
 
@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, Protocol
 
-from ..engine import Engine, Held, Step
+from ..engine import Engine, EngineState, Step
 from ..types import Detections, Estimates, Scan
 
 # Every scan pays for so many to be stepped again, and so many windows can be saved.
@@ -130,9 +130,9 @@ class Dropped:
 
 
 class _Kept(NamedTuple):
-    """A scan whose smoothed estimates are still to come, and what the engine held before it."""
+    """A scan whose smoothed estimates are still to come, and the engine's state before it."""
 
-    before: Held
+    before: EngineState
     scan: Scan
 
 
@@ -157,7 +157,7 @@ class Reworked:
     def step(self, scan: Scan) -> Step:
         """Work in what has come late, and step the engine."""
         filtered, smoothed = self._work_in()
-        before = self.engine.hold()
+        before = self.engine.save_state()
         step = self.engine.step(scan)
         self._kept.append(_Kept(before, scan))
         self._trim(step.smoothed)
@@ -224,12 +224,12 @@ class Reworked:
         self._changed = {}
         done = self.engine.rework([(kept.before, kept.scan) for kept in again])
         scans = [kept.scan for kept in again]
-        self._kept[place:] = map(_Kept, done.held, scans)
+        self._kept[place:] = map(_Kept, done.states, scans)
         self._trim(done.smoothed)
         return done.filtered, done.smoothed
 
     def _merged(self, kept: Sequence[_Kept]) -> list[_Kept]:
-        """Return scans with what has changed; the first has what the engine held before it."""
+        """Return scans with what has changed; the first has the engine's state before it."""
         scans = {own.scan.stamp_ns: own for own in kept}
         tuned = kept[0].before
         merged: list[_Kept] = []

@@ -38,10 +38,6 @@ class ClutterMemory:
     counts: dict[str, ClutterCount] = field(default_factory=dict)
     _informed: dict[str, RadarModel] = field(default_factory=dict, init=False, repr=False)
 
-    def copy(self) -> ClutterMemory:
-        """Return a memory that learns by itself; what has been learned is shared."""
-        return ClutterMemory(dict(self.laws), dict(self.maps), dict(self.counts))
-
     def informed(self, radar: RadarModel) -> RadarModel:
         """Return a radar with what has been learned of its clutter."""
         law, places = self.laws.get(radar.name), self.maps.get(radar.name)
@@ -98,7 +94,8 @@ class ClutterMemory:
         """
         law, places, coverage = radar.clutter_amplitude, radar.clutter_map, detections.coverage
         if isinstance(law, Learned) and detections.amplitude is not None:
-            self.laws[radar.name] = law.after(detections.amplitude, 1.0 - claimed)
+            law = law.after(detections.amplitude, 1.0 - claimed)
+            self.laws = {**self.laws, radar.name: law}
         turns = 1.0 if coverage is None else coverage.turns
         if not turns:  # who knows how much was looked at
             return
@@ -106,9 +103,10 @@ class ClutterMemory:
             # Of those that are of no target, what a map does not explain.
             uniform = np.exp(-radar.log_clutter_factor(detections.measurement))
             unclaimed = float(((1.0 - claimed) * uniform).sum())
-            self.counts[radar.name] = radar.clutter_count.after(unclaimed, turns)
+            count = radar.clutter_count.after(unclaimed, turns)
+            self.counts = {**self.counts, radar.name: count}
         if places is not None:
             weight = 1.0 - claimed * (1.0 - still)
             seen = detections.measurement
             world = radar.to_world(seen)
-            self.maps[radar.name] = places.after(seen, world, weight, turns)
+            self.maps = {**self.maps, radar.name: places.after(seen, world, weight, turns)}

@@ -10,7 +10,7 @@ The path of one scan, with the module of each step::
       |  predict: survive, spawn, be born    prediction; proposals
       |  update, radar by radar              update
       |    correct every origin              correction
-      |  resample within (class, origin)     resampling; proposals.regularisation
+      |  resample within (class, origin)     resampling
     stored set t+1                           (filter: the four steps in order)
       |  kernel from set t, cached           backward_kernel, transition_density,
       |                                      spawn_intensity, kernel_thinning

@@ -58,19 +58,19 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
     def _state(self) -> dict[str, Any]:
         return {**super()._state(), "rng": self._rng.bit_generator.state}
 
-    def _recall(self, state: Mapping[str, Any]) -> None:
-        super()._recall(state)
+    def _load_state(self, state: Mapping[str, Any]) -> None:
+        super()._load_state(state)
         self._rng.bit_generator.state = state["rng"]
 
     def snapshot(self) -> Snapshot:
         """Return all that the engine holds; see `Engine.snapshot`."""
-        held = super().snapshot()
-        held.facts["smoother"]["rng"] = self._rng.bit_generator.state
-        return held
+        stored = super().snapshot()
+        stored.facts["extraction.rng"] = self._rng.bit_generator.state
+        return stored
 
-    def _take(self, held: Snapshot) -> None:
-        super()._take(held)
-        self._rng.bit_generator.state = held.facts["smoother"]["rng"]
+    def _from_snapshot(self, stored: Snapshot) -> None:
+        super()._from_snapshot(stored)
+        self._rng.bit_generator.state = stored.facts["extraction.rng"]
 
     def _extract(self, stored: ParticleSet, stamp_ns: int, lag: int, threshold: float) -> Estimates:
         modes = self.forward.model.modes
@@ -87,11 +87,11 @@ class ParticleEngine(FixedLagEngine[ParticleSet, Transition]):
             "orphans": step.entry.link.orphans if step.entry.link else 0,
         }
 
-    def _put_entry(self, held: Snapshot, name: str, entry: ParticleEntry) -> None:
-        snapshot.put_entry(held, name, entry)
+    def _entry_to_snapshot(self, entry: ParticleEntry, stored: Snapshot, name: str) -> None:
+        snapshot.entry_to_snapshot(entry, stored, name)
 
-    def _take_entry(
-        self, held: Snapshot, name: str, earlier: Mapping[int, ParticleEntry]
+    def _entry_from_snapshot(
+        self, stored: Snapshot, name: str, earlier: Mapping[int, ParticleEntry]
     ) -> ParticleEntry:
         modes, most = self.forward.model.modes, self.forward.budget.most
-        return snapshot.take_entry(held, name, earlier, modes, most)
+        return snapshot.entry_from_snapshot(stored, name, earlier, modes, most)

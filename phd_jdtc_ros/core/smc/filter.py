@@ -18,7 +18,7 @@ from .kernel import backward_kernel
 from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import Aged, ParticleSet
 from .prediction import predict
-from .proposals import birth_newborns, regularisation
+from .proposals import birth_newborns
 from .proposals.detected_newborns import informed
 from .proposals.detections_in_plane import places
 from .resampling import ParticleBudget, resample
@@ -66,13 +66,9 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         dt = self._interval(scan)
         touched, others = parted(self.current, scan, model, corrector.labelled)
         seen = places(scan, model)
-        radars = [radar for radar, _ in model.reports(scan)]
-        # With range rates young targets are regularised, which is in place of more particles.
-        rated = any(radar.range_rate is not None for radar in radars)
-        regularises = corrector.labelled and rated
         if corrector.labelled:
             before = touched
-            touched = informed(before, scan.stamp_ns, seen, radars, model, rng)
+            touched = informed(before, scan.stamp_ns, seen, model, rng)
             # The rows that this scan leaves alone stay rows of the same set as those that it drew.
             drawn = {id(old.entry): new.entry for old, new in zip(before, touched, strict=True)}
             others = [Current(drawn.get(id(rows.entry), rows.entry), rows.rows) for rows in others]
@@ -88,18 +84,14 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
             self.attributes if corrector.labelled else None,
         )
         self.done("update")
-        young_from = index if corrector.labelled and not regularises else None
-        drawn_on = resample(updated, model.modes, budget, rng, young_from)
+        young_from = index if corrector.labelled else None
+        stored = resample(updated, model.modes, budget, rng, young_from)
         if corrector.labelled:
-            drawn_on = birth_newborns.spread(drawn_on, scan, model, index, rng)
-        stored = drawn_on
-        if regularises:
-            stored = regularisation.regularised(drawn_on, radars, model.modes, index, rng)
+            stored = birth_newborns.spread(stored, scan, model, index, rng)
         self.done("resample")
         link = None
         if linked and earlier:
-            # Of the same rows before they were regularised, which no transition density describes.
-            link = backward_kernel.build_joint(earlier, drawn_on, model, corrector, born_here)
+            link = backward_kernel.build_joint(earlier, stored, model, corrector, born_here)
             self.done("transition")
         sources = tuple(rows.source for rows in touched)
         entry = Entry(scan.stamp_ns, stored, sources, link)
@@ -113,21 +105,21 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
             return ParticleSet.empty(len(self.model.modes.space))
         return self.current[-1].entry.stored
 
-    def hold(self) -> dict[str, Any]:
-        """Return the filter's state; see `ForwardFilter.hold`."""
-        return {**super().hold(), "rng": self._rng.bit_generator.state}
+    def save_state(self) -> dict[str, Any]:
+        """Return the filter's state; see `ForwardFilter.save_state`."""
+        return {**super().save_state(), "rng": self._rng.bit_generator.state}
 
-    def recall(self, held: Mapping[str, Any]) -> None:
-        """Return to a state that was held."""
-        super().recall(held)
-        self._rng.bit_generator.state = held["rng"]
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state that was saved."""
+        super().load_state(state)
+        self._rng.bit_generator.state = state["rng"]
 
-    def put(self, into: Snapshot) -> None:
+    def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the filter's state, except for the sets themselves, in a snapshot."""
-        super().put(into)
-        into.facts["filter"]["rng"] = self._rng.bit_generator.state
+        super().to_snapshot(snapshot)
+        snapshot.facts["filter.rng"] = self._rng.bit_generator.state
 
-    def take(self, stored: Snapshot, entries: Mapping[int, ParticleEntry]) -> None:
-        """Restore the filter's state from a snapshot; see `ForwardFilter.take`."""
-        super().take(stored, entries)
-        self._rng.bit_generator.state = stored.facts["filter"]["rng"]
+    def from_snapshot(self, snapshot: Snapshot, entries: Mapping[int, ParticleEntry]) -> None:
+        """Restore the filter's state from a snapshot; see `ForwardFilter.from_snapshot`."""
+        super().from_snapshot(snapshot, entries)
+        self._rng.bit_generator.state = snapshot.facts["filter.rng"]

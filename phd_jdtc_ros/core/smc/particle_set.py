@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from scipy import sparse
 
 from ..arrays import FloatArray, IntArray, SparseArray, factorize, read_only, sum_by
+from ..snapshot import MOST_INDEX, MOST_STATE, floats, integers, sparse_rows
 from ..state_space import StateSpace
 from ..window.entries import Extents
+
+# Largest logarithm of a signal-to-noise ratio.
+MOST_LOG_SNR = 100.0
 
 
 @dataclass(frozen=True)
@@ -47,15 +51,15 @@ class ParticleSet:
         ln(1 + SNR) of each particle's target in the amplitude model `memory`; zeros in the others.
     """
 
-    state: FloatArray
-    mode: IntArray
-    origin: IntArray
-    parent: IntArray
-    multiplicity: IntArray
-    poisson: FloatArray
-    components: SparseArray
-    label: IntArray
-    log_snr: FloatArray
+    state: Annotated[FloatArray, floats("ND", -MOST_STATE, MOST_STATE)]
+    mode: Annotated[IntArray, integers("N", 0, below="O")]
+    origin: Annotated[IntArray, integers("N", 0)]
+    parent: Annotated[IntArray, integers("N", -1)]
+    multiplicity: Annotated[IntArray, integers("N", 1)]
+    poisson: Annotated[FloatArray, floats("N", 0.0, MOST_INDEX)]
+    components: Annotated[SparseArray, sparse_rows("NJ", MOST_INDEX)]
+    label: Annotated[IntArray, integers("J", -1)]
+    log_snr: Annotated[FloatArray, floats("N", -MOST_LOG_SNR, MOST_LOG_SNR)]
 
     def __post_init__(self) -> None:
         for name in ("state", "poisson", "log_snr"):

@@ -16,7 +16,7 @@ from ..tracks import labels
 from . import resampling
 from .correction import Corrector
 from .particle_set import Aged, ParticleSet
-from .proposals import range_rate_proposal
+from .proposals import proposal
 from .proposals.detections_in_plane import Places
 from .resampling import ParticleBudget
 
@@ -140,9 +140,7 @@ def _survivors(
     for index, motion_model in enumerate(modes.motions):
         chosen = np.flatnonzero(mode == index)
         earlier = particles.state.take(copy.take(chosen), axis=0)
-        state[chosen], factor[chosen] = range_rate_proposal.sample(
-            motion_model, earlier, dt, seen, rng
-        )
+        state[chosen], factor[chosen] = proposal.sample(motion_model, earlier, dt, seen, rng)
     origin = particles.origin[copy]
     if (factor != 1.0).any():
         weight = _of_equal_mass(weight * factor, weight, origin)

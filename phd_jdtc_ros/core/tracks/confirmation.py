@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +29,15 @@ from ..clutter.neighbourhood import crowding
 from ..models import stationary
 from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
-from ..snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, require_numbers, require_whole, whole
+from ..snapshot import (
+    MASS_SLACK,
+    MOST_STAMP_NS,
+    Snapshot,
+    floats,
+    from_snapshot,
+    integers,
+    to_snapshot,
+)
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates, Scan
 from .common_stamp import chosen
 from .reporting_rule import LEAST, ReportingRule, slowest_s
@@ -44,6 +52,8 @@ PATIENCE = 1.5
 REST, CERTAIN_REST = 0.85, 0.9
 # Scans that are less than this share of a turn apart may be of the same pass of the antenna.
 SAME_TURN = 0.5
+# Bound of stored counts and factors.
+MOST = 1e18
 
 
 def missed_by_all(found: Estimates, scan: Scan, model: TrackerModel) -> FloatArray:
@@ -111,14 +121,14 @@ class Records(NamedTuple):
         Of the odds of existence: the correction for the misses since the last detection.
     """
 
-    label: IntArray
-    stamp_ns: IntArray
-    detected_ns: IntArray
-    existence: FloatArray
-    state: IntArray
-    expected: FloatArray
-    missed: FloatArray
-    factor: FloatArray
+    label: Annotated[IntArray, integers("T", 1, ascending=True)]
+    stamp_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
+    detected_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
+    existence: Annotated[FloatArray, floats("T", 0.0, MASS_SLACK)]
+    state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)]
+    expected: Annotated[FloatArray, floats("T", 0.0, MOST)]
+    missed: Annotated[FloatArray, floats("T", 0.0, MOST)]
+    factor: Annotated[FloatArray, floats("T", 0.0, MOST)]
 
     @staticmethod
     def of_none() -> Records:
@@ -151,6 +161,22 @@ class Records(NamedTuple):
         return Records(*columns)
 
 
+class Noted(NamedTuple):
+    """Stamps, labels and states of filtered estimates that may still be smoothed, each (T,)."""
+
+    stamp_ns: Annotated[IntArray, integers("T", 0, MOST_STAMP_NS)]
+    label: Annotated[IntArray, integers("T", 0)]
+    state: Annotated[IntArray, integers("T", TENTATIVE, COASTING)]
+
+    def at(self, stamp_ns: int) -> Noted:
+        """Return those of a stamp."""
+        return Noted(*(column[self.stamp_ns == stamp_ns] for column in self))
+
+    def since(self, stamp_ns: int) -> Noted:
+        """Return those from a stamp on."""
+        return Noted(*(column[self.stamp_ns >= stamp_ns] for column in self))
+
+
 class TrackStates:
     """The state of every track, and so which tracks are reported.
 
@@ -168,8 +194,7 @@ class TrackStates:
     def reset(self) -> None:
         """Forget all tracks."""
         self._records = Records.of_none()
-        # Labels and states of the filtered estimates at each stamp that may still be smoothed.
-        self._noted: dict[int, tuple[IntArray, IntArray]] = {}
+        self._noted = Noted(*np.zeros((3, 0), dtype=np.int64))
 
     def filtered(
         self,
@@ -264,11 +289,13 @@ class TrackStates:
 
     def note(self, published: Estimates) -> None:
         """Keep the states of filtered estimates for the smoothed ones of their stamp."""
-        self._noted[published.stamp_ns] = published.track_id, published.track_state
+        stamp_ns = np.full(len(published), published.stamp_ns)
+        new = Noted(stamp_ns, published.track_id, published.track_state)
+        self._noted = Noted(*map(np.concatenate, zip(self._noted, new, strict=True)))
 
     def forget_before(self, stamp_ns: int) -> None:
         """Forget the states of stamps that have been smoothed."""
-        self._noted = {stamp: kept for stamp, kept in self._noted.items() if stamp >= stamp_ns}
+        self._noted = self._noted.since(stamp_ns)
 
     def smoothed(self, found: Estimates) -> Estimates:
         """Return the smoothed estimates that are reported, with their states.
@@ -279,37 +306,30 @@ class TrackStates:
         """
         if not self.rule.labelled:
             return found
-        later = [noted for stamp, noted in self._noted.items() if stamp >= found.stamp_ns]
         confirmed = self._records.label[self._records.state != TENTATIVE]
-        ever = np.concatenate([confirmed, *(label for label, _ in later)])
+        ever = np.concatenate([confirmed, self._noted.since(found.stamp_ns).label])
         kept = np.isin(found.track_id, ever) | (found.track_id == 0)
         kept &= found.weight >= self.rule.delete[found.class_id]
         found = chosen(found, np.flatnonzero(kept))
-        label, state = self._noted.get(found.stamp_ns, (ever[:0], ever[:0]))
+        _, label, state = self._noted.at(found.stamp_ns)
         states = dict(zip(label.tolist(), state.tolist(), strict=True))
         known = [states.get(n, TENTATIVE if n else CONFIRMED) for n in found.track_id.tolist()]
         return replace(found, track_state=np.array(known, dtype=np.int64))
 
-    def hold(self) -> dict[str, Any]:
-        """Return the states, for `recall`."""
-        return {"records": self._records, "noted": dict(self._noted)}
+    def save_state(self) -> dict[str, Any]:
+        """Return the states, for `load_state`."""
+        return {"records": self._records, "noted": self._noted}
 
-    def recall(self, held: Mapping[str, Any]) -> None:
-        """Return to states that were held."""
-        self._records, self._noted = held["records"], dict(held["noted"])
+    def load_state(self, state: Mapping[str, Any]) -> None:
+        """Return to states that were saved."""
+        self._records, self._noted = state["records"], state["noted"]
 
-    def put(self, into: Snapshot) -> None:
+    def to_snapshot(self, snapshot: Snapshot) -> None:
         """Store the states in a snapshot."""
-        count = len(self._records.label)
-        into.facts["track_states"] = {"tracks": count, "stamps_ns": list(self._noted)}
-        for name, column in zip(Records._fields, self._records, strict=True):
-            if count:
-                into.arrays[f"tracks.{name}"] = column
-        for stamp_ns, (label, state) in self._noted.items():
-            into.arrays[f"tracks.{stamp_ns}.label"] = label
-            into.arrays[f"tracks.{stamp_ns}.state"] = state
+        to_snapshot(self._records, snapshot, "tracks")
+        to_snapshot(self._noted, snapshot, "noted")
 
-    def take(self, held: Snapshot) -> None:
+    def from_snapshot(self, snapshot: Snapshot) -> None:
         """Restore the states from a snapshot.
 
         Raises
@@ -317,42 +337,8 @@ class TrackStates:
         ValueError
             If they are none that the tracker could have stored.
         """
-        facts = held.facts["track_states"]
-        columns = Records.of_none()._asdict()
-        if whole("track_states.tracks", facts["tracks"], 0, MOST_INDEX):
-            columns = {name: held.array(f"tracks.{name}") for name in Records._fields}
-        _require_columns("tracks", list(columns.values()))
-        for name in ("stamp_ns", "detected_ns"):
-            require_whole(f"tracks.{name}", columns[name], 0, MOST_STAMP_NS)
-        for name, most in (("existence", MOST_MASS), ("expected", MOST), ("missed", MOST)):
-            require_numbers(f"tracks.{name}", columns[name], 0.0, most)
-        require_numbers("tracks.factor", columns["factor"], 0.0, MOST)
-        _require_states("tracks", columns["label"], columns["state"])
-        noted = {}
-        for stamp in facts["stamps_ns"]:
-            name = f"tracks.{whole('track_states.stamps_ns', stamp, 0, MOST_STAMP_NS)}"
-            label, state = held.array(f"{name}.label"), held.array(f"{name}.state")
-            _require_columns(name, [label, state])
-            require_whole(f"{name}.label", label, 0, MOST_INDEX)
-            require_whole(f"{name}.state", state, TENTATIVE, COASTING)
-            noted[stamp] = label, state
-        self._records, self._noted = Records(**columns), noted
-
-
-# Of an existence probability, by rounding; and of counts and factors.
-MOST_MASS, MOST = 100.0, 1e18
-
-
-def _require_columns(name: str, columns: list[IntArray | FloatArray]) -> None:
-    if any(column.shape != columns[0].shape or column.ndim != 1 for column in columns):
-        raise ValueError(f"{name}: columns of different lengths")
-
-
-def _require_states(name: str, label: IntArray, state: IntArray) -> None:
-    require_whole(f"{name}.label", label, 1, MOST_INDEX)
-    require_whole(f"{name}.state", state, TENTATIVE, COASTING)
-    if (np.diff(label) <= 0).any():
-        raise ValueError(f"{name}.label: must increase")
+        self._records = from_snapshot(Records, snapshot, "tracks", {})
+        self._noted = from_snapshot(Noted, snapshot, "noted", {})
 
 
 def _odds(probability: FloatArray) -> FloatArray:

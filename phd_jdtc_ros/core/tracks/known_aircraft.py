@@ -9,12 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from ..arrays import FloatArray, IntArray
 from ..models.tracker_model import TrackerModel
-from ..snapshot import MOST_STAMP_NS, require_numbers, whole
+from ..snapshot import (
+    MOST_STAMP_NS,
+    MOST_STATE,
+    Snapshot,
+    floats,
+    from_snapshot,
+    integers,
+    to_snapshot,
+)
 from ..types import CONFIRMED, UNKNOWN, Estimates
 
 # At most so many aircraft are kept, those seen last.
@@ -23,8 +32,6 @@ MOST_AIRCRAFT = 10_000
 FASTEST_SIGMA = 3.0
 # Metres between two places of one aircraft at one time: by what tracks and radars are off.
 MARGIN = 1000.0
-# Bounds of what a snapshot may hold, metres and metres per second.
-MOST_PLACE = 1e9
 MOST_ADDRESS = (1 << 24) - 1
 
 
@@ -76,6 +83,16 @@ class LastSeen(NamedTuple):
         moved = float(np.hypot(position[0] - self.position[0], position[1] - self.position[1]))
         allowed = max(reach.speed, self.speed) * since_s + MARGIN
         return since_s <= reach.kept_s and moved <= allowed
+
+
+class Seen(NamedTuple):
+    """The numbers of tracks and their `LastSeen`, by columns of R rows, as they are stored."""
+
+    number: Annotated[IntArray, integers("R", 1)]
+    address: Annotated[IntArray, integers("R", 0, MOST_ADDRESS)]
+    stamp_ns: Annotated[IntArray, integers("R", 0, MOST_STAMP_NS)]
+    position: Annotated[FloatArray, floats("RA", -MOST_STATE, MOST_STATE)]
+    speed: Annotated[FloatArray, floats("R", -MOST_STATE, MOST_STATE)]
 
 
 @dataclass
@@ -140,20 +157,22 @@ class KnownAircraft:
             if not same:
                 del self._of_address[last.address]
 
-    def copy(self) -> KnownAircraft:
-        """Return another of the same; what it notes, this one does not."""
-        return KnownAircraft(dict(self.seen))
-
-    @property
-    def facts(self) -> list[list[Any]]:
-        """What is kept, for a snapshot."""
-        return [
-            [number, last.address, last.stamp_ns, *last.position, last.speed]
-            for number, last in self.seen.items()
-        ]
+    def to_snapshot(self, snapshot: Snapshot) -> None:
+        """Store what is kept in a snapshot."""
+        address, stamp_ns, position, speed = (
+            zip(*self.seen.values(), strict=True) if self.seen else ((), (), (), ())
+        )
+        table = Seen(
+            np.array([*self.seen], dtype=np.int64),
+            np.array(address, dtype=np.int64),
+            np.array(stamp_ns, dtype=np.int64),
+            np.array(position, dtype=np.float64).reshape(-1, 2),
+            np.array(speed, dtype=np.float64),
+        )
+        to_snapshot(table, snapshot, "aircraft")
 
     @staticmethod
-    def of_facts(facts: Any, count: int) -> KnownAircraft:
+    def from_snapshot(snapshot: Snapshot, count: int) -> KnownAircraft:
         """Return what a snapshot has kept, of numbers up to `count`.
 
         Raises
@@ -161,19 +180,15 @@ class KnownAircraft:
         ValueError
             If it is nothing that the tracker could have stored.
         """
-        seen: dict[int, LastSeen] = {}
-        for number, address, stamp_ns, *rest in facts:
-            state = np.array(rest)
-            if state.shape != (3,):
-                raise ValueError(f"tracks.aircraft: {state.shape} numbers given, expected 3")
-            require_numbers("tracks.aircraft", state, -MOST_PLACE, MOST_PLACE)
-            x, y, speed = state.tolist()
-            seen[whole("tracks.aircraft", number, 1, count)] = LastSeen(
-                whole("tracks.aircraft.address", address, 0, MOST_ADDRESS),
-                whole("tracks.aircraft.stamp_ns", stamp_ns, 0, MOST_STAMP_NS),
-                (x, y),
-                speed,
+        table = from_snapshot(Seen, snapshot, "aircraft", {"A": 2})
+        if table.number.max(initial=0) > count or len(table.number) > MOST_AIRCRAFT:
+            raise ValueError(
+                f"aircraft.number: {len(table.number)} up to {table.number.max()} given, must be "
+                f"at most {MOST_AIRCRAFT} up to {count}"
             )
-        if len(seen) > MOST_AIRCRAFT:
-            raise ValueError(f"tracks.aircraft: {len(seen)} given, at most {MOST_AIRCRAFT}")
+        seen = {}
+        for number, address, stamp_ns, (x, y), speed in zip(
+            *(column.tolist() for column in table), strict=True
+        ):
+            seen[number] = LastSeen(address, stamp_ns, (x, y), speed)
         return KnownAircraft(seen)

@@ -9,17 +9,28 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..arrays import IntArray
+from ..snapshot import MOST_INDEX, Snapshot, from_snapshot, integers, to_snapshot
 from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
 from .common_stamp import chosen
 from .known_aircraft import MARGIN, KnownAircraft, Reach
 
+# Messages have 32 bits for a track's number; half of them are left for what is still to come.
+MOST_TRACKS = 1 << 31
 # Of two tracks of one aircraft that is reported which is confirmed, else which is coasting.
 PREFERENCE = {CONFIRMED: 0, COASTING: 1, TENTATIVE: 2}
+
+
+class Numbers(NamedTuple):
+    """The last number given, and the labels and numbers in use, each (T,), as they are stored."""
+
+    last: Annotated[int, integers("", 0, MOST_TRACKS)]
+    label: Annotated[IntArray, integers("T", 0, MOST_INDEX + 1)]
+    number: Annotated[IntArray, integers("T", 1)]
 
 
 class TrackNumbers:
@@ -103,14 +114,23 @@ class TrackNumbers:
         """The number of each label; a copy."""
         return dict(self._number)
 
-    @property
-    def facts(self) -> dict[str, Any]:
-        """The state for a snapshot: the arguments that make an equal one."""
-        return {
-            "number": [list(pair) for pair in self._number.items()],
-            "count": self.count,
-            "aircraft": self.aircraft.facts,
-        }
+    def to_snapshot(self, snapshot: Snapshot) -> None:
+        """Store the numbers in a snapshot."""
+        label, number = (
+            np.array([*part], dtype=np.int64) for part in (self._number, self._number.values())
+        )
+        to_snapshot(Numbers(self.count, label, number), snapshot, "numbers")
+        self.aircraft.to_snapshot(snapshot)
+
+    @staticmethod
+    def from_snapshot(snapshot: Snapshot) -> TrackNumbers:
+        """Return the stored numbers; raises ValueError if the tracker cannot have stored them."""
+        stored = from_snapshot(Numbers, snapshot, "numbers", {})
+        count, number = stored.last, stored.number
+        if number.max(initial=0) > count:
+            raise ValueError(f"numbers.number: {number.max()} given, must be at most {count}")
+        pairs = dict(zip(stored.label.tolist(), number.tolist(), strict=True))
+        return TrackNumbers(pairs, count, KnownAircraft.from_snapshot(snapshot, count))
 
     def forget_all_but(self, labels: list[IntArray]) -> None:
         """Drop the numbers of targets that can no longer be reported."""

@@ -2,33 +2,44 @@
 
 from __future__ import annotations
 
-import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic
+from typing import Annotated, Any, Generic, NamedTuple
 
 import numpy as np
 
 from ..arrays import IntArray
-from ..engine import Held, Lag, Reworked, Step
+from ..engine import EngineState, Lag, Reworked, Step
 from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
-from ..snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, whole
+from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks import renumbering
 from ..tracks.common_stamp import Schedule, at_stamp, chosen, joined, none, predicted
 from ..tracks.confirmation import TrackStates
-from ..tracks.known_aircraft import KnownAircraft, Reach
+from ..tracks.known_aircraft import Reach
 from ..tracks.reporting_rule import ReportingRule
 from ..tracks.track_numbers import NoNumbers, TrackNumbers
 from ..types import Estimates, Scan
-from . import window_snapshot
 from .entries import Entry, LinkT, RowsT
 from .forward_filter import MOST_SCANS, Filtered, ForwardFilter
 
-# Messages have 32 bits for a track's number; half of them are left for what is still to come.
-MOST_TRACKS = 1 << 31
 NO_ROWS = np.zeros(0, dtype=np.int64)
+
+
+class Window(NamedTuple):
+    """What an engine stores of its window.
+
+    Parameters
+    ----------
+    stamps_ns : int array of shape (Q,)
+        Those whose smoothed estimates are to come.
+    entries : int
+        Number of sets.
+    """
+
+    stamps_ns: Annotated[IntArray, integers("Q", 0, MOST_STAMP_NS, ascending=True)]
+    entries: Annotated[int, integers("", 0, MOST_SCANS)]
 
 
 @dataclass(frozen=True)
@@ -112,12 +123,12 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         """Return the diagnostics of a step."""
 
     @abstractmethod
-    def _put_entry(self, held: Snapshot, name: str, entry: Entry[RowsT, LinkT]) -> None:
-        """Store an entry under a name; see `window_snapshot.put_sources`."""
+    def _entry_to_snapshot(self, entry: Entry[RowsT, LinkT], stored: Snapshot, name: str) -> None:
+        """Store an entry under a name; see `window_snapshot.sources_to_snapshot`."""
 
     @abstractmethod
-    def _take_entry(
-        self, held: Snapshot, name: str, earlier: Mapping[int, Entry[RowsT, LinkT]]
+    def _entry_from_snapshot(
+        self, stored: Snapshot, name: str, earlier: Mapping[int, Entry[RowsT, LinkT]]
     ) -> Entry[RowsT, LinkT]:
         """Return a stored entry, given those stored before it, by stamp.
 
@@ -141,12 +152,12 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             filtered = [self._filtered_at(stamp_ns) for stamp_ns in due]
         step = self.forward.step(scan, linked=self.lag.positive)
         replaced = {entry.stamp_ns: entry for entry in step.earlier}
-        self._window = [replaced.get(entry.stamp_ns, entry) for entry in self._window]
-        self._window.append(step.entry)
+        earlier = [replaced.get(entry.stamp_ns, entry) for entry in self._window]
+        self._window = [*earlier, step.entry]
         self._note_filtered(step.updated, scan)
         if not self.schedule.period_ns:
             filtered.append(self._filtered_at(scan.stamp_ns))
-        self._stamps += [estimates.stamp_ns for estimates in filtered]
+        self._stamps = [*self._stamps, *(estimates.stamp_ns for estimates in filtered)]
         if filtered:
             self._given_ns = filtered[-1].stamp_ns, self._given_ns[1]
         smoothed = []
@@ -190,24 +201,24 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._tracks = TrackNumbers(count=before.count, aircraft=before.aircraft)
         return rest
 
-    def hold(self) -> Held:
-        """Return what the engine holds; see `Engine.hold`."""
-        return Held(self.forward.stamp_ns, self.forward.model, self.rule, self._state())
+    def save_state(self) -> EngineState:
+        """Return the engine's state; see `Engine.save_state`."""
+        return EngineState(self.forward.stamp_ns, self.forward.model, self.rule, self._state())
 
-    def rework(self, scans: Sequence[tuple[Held, Scan]]) -> Reworked:
+    def rework(self, scans: Sequence[tuple[EngineState, Scan]]) -> Reworked:
         """Step scans again; see `Engine.rework`.
 
         Filtered estimates of a stamp that comes late have no place between those that are out.
         """
-        before, now = self.hold(), self._reported()
+        before, now = self.save_state(), self._reported()
         numbers, given = self._tracks, self._given_ns
-        self._recall(scans[0][0].state)
+        self._load_state(scans[0][0].state)
         first, earlier = self.forward.scan_index, self._tracks.in_use
         self._tracks = NoNumbers()
-        held, steps = [], []
+        states, steps = [], []
         for tuned, scan in scans:
             self.retune(tuned.model, tuned.rule)
-            held.append(self.hold())
+            states.append(self.save_state())
             steps.append(self.step(scan))
         self.retune(before.model, before.rule)
         known = renumbering.continued(earlier, numbers.in_use, now, self._reported(), first)
@@ -220,88 +231,86 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             due = [found for found in step.smoothed if found.stamp_ns > given[1]]
             smoothed += [self._tracks.numbered(found, reach) for found in due]
         own = {"numbers": self._tracks.in_use}
-        held = [replace(each, state={**each.state, **own}) for each in held]
+        states = [replace(each, state={**each.state, **own}) for each in states]
         self._tracks.forget_all_but([entry.stored.label for entry in self._window])
-        return Reworked(tuple(held), tuple(filtered), tuple(smoothed))
+        return Reworked(tuple(states), tuple(filtered), tuple(smoothed))
 
     def _state(self) -> dict[str, Any]:
-        """Return what is the engine's own, for `_recall`; see `Held`."""
+        """Return what is the engine's own, for `_load_state`; see `EngineState`."""
         return {
-            "filter": self.forward.hold(),
-            "tracks": self._states.hold(),
+            "filter": self.forward.save_state(),
+            "tracks": self._states.save_state(),
             "numbers": self._tracks.in_use,
-            "window": tuple(self._window),
-            "filtered": dict(self._filtered),
-            "stamps": tuple(self._stamps),
+            "window": self._window,
+            "filtered": self._filtered,
+            "stamps": self._stamps,
             "given": self._given_ns,
         }
 
-    def _recall(self, state: Mapping[str, Any]) -> None:
-        """Return to a state that was held."""
-        self.forward.recall(state["filter"])
-        self._states.recall(state["tracks"])
+    def _load_state(self, state: Mapping[str, Any]) -> None:
+        """Return to a state that was saved."""
+        self.forward.load_state(state["filter"])
+        self._states.load_state(state["tracks"])
         self._tracks = TrackNumbers(dict(state["numbers"]))
-        self._window, self._stamps = list(state["window"]), list(state["stamps"])
-        self._filtered, self._given_ns = dict(state["filtered"]), state["given"]
+        self._window, self._stamps = state["window"], state["stamps"]
+        self._filtered, self._given_ns = state["filtered"], state["given"]
 
     def snapshot(self) -> Snapshot:
         """Return all that the engine holds; see `Engine.snapshot`."""
-        held = Snapshot(self.forward.stamp_ns)
-        self.forward.put(held)
-        self._states.put(held)
-        held.facts["smoother"] = {
-            "stamps_ns": list(self._stamps),
-            "entries": len(self._window),
-            "tracks": self._tracks.facts,
-        }
+        stored = Snapshot(self.forward.stamp_ns)
+        self.forward.to_snapshot(stored)
+        self._states.to_snapshot(stored)
+        self._tracks.to_snapshot(stored)
+        window = Window(np.array(self._stamps, dtype=np.int64), len(self._window))
+        to_snapshot(window, stored, "window")
         for index, entry in enumerate(self._window):
-            self._put_entry(held, f"stored.{index}", entry)
+            self._entry_to_snapshot(entry, stored, f"stored.{index}")
         for stamp_ns, estimates in self._filtered.items():
-            window_snapshot.put_estimates(held, f"filtered.{stamp_ns}", estimates)
-        return held
+            to_snapshot(estimates, stored, f"filtered.{stamp_ns}")
+        return stored
 
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot; see `Engine.restore`."""
         self.reset()
         try:
-            self._take(snapshot)
+            self._from_snapshot(snapshot)
         except Exception as error:  # of any kind: nobody knows what a foreign one holds
             self.reset()
             raise ValueError(f"snapshot: {type(error).__name__}: {error}") from error
 
-    def _take(self, held: Snapshot) -> None:
-        facts = held.facts["smoother"]
-        stamps = [whole("stamps_ns", stamp, 0, MOST_STAMP_NS) for stamp in facts["stamps_ns"]]
-        if any(b <= a for a, b in itertools.pairwise(stamps)):
-            raise ValueError("stamps_ns: must increase")
-        modes = self.forward.model.modes
-        window: dict[int, Entry[RowsT, LinkT]] = {}
-        for index in range(whole("entries", facts["entries"], 0, MOST_SCANS)):
-            entry = self._take_entry(held, f"stored.{index}", window)
-            if window and entry.stamp_ns <= max(window):
+    def _from_snapshot(self, stored: Snapshot) -> None:
+        kept, latest = from_snapshot(Window, stored, "window", {}), stored.stamp_ns
+        if latest is not None and not (type(latest) is int and 0 <= latest <= MOST_STAMP_NS):
+            raise ValueError(f"stamp_ns: {str(latest)[:40]} given, must be a stamp, nanoseconds")
+        if len(kept.stamps_ns) and (latest is None or kept.stamps_ns[-1] > latest):
+            raise ValueError(f"window.stamps_ns: end at {kept.stamps_ns[-1]}, after {latest}")
+        entries: dict[int, Entry[RowsT, LinkT]] = {}
+        for index in range(kept.entries):
+            entry = self._entry_from_snapshot(stored, f"stored.{index}", entries)
+            if entries and entry.stamp_ns <= max(entries):
                 raise ValueError(f"stored.{index}.stamp_ns: must increase")
-            window[entry.stamp_ns] = entry
-        if stamps and (held.stamp_ns is None or stamps[-1] > held.stamp_ns):
-            raise ValueError(f"stamps_ns: end at {stamps[-1]}, after {held.stamp_ns}")
-        tracks = _track_numbers(facts["tracks"])
-        self.forward.take(held, window)
-        self._states.take(held)
-        self._tracks, self._stamps, self._window = tracks, stamps, list(window.values())
-        self._filtered = {
-            rows.entry.stamp_ns: window_snapshot.take_estimates(
-                held, f"filtered.{rows.entry.stamp_ns}", rows.entry.stamp_ns, modes
+            entries[entry.stamp_ns] = entry
+        self.forward.from_snapshot(stored, entries)
+        self._states.from_snapshot(stored)
+        self._tracks = TrackNumbers.from_snapshot(stored)
+        self._stamps, self._window = kept.stamps_ns.tolist(), list(entries.values())
+        modes = self.forward.model.modes
+        sizes = {"D": len(modes.space), "C": len(modes.classes)}
+        for rows in self.forward.current:
+            at, given = rows.entry.stamp_ns, {"lag": 0, "space": modes.space}
+            self._filtered[at] = from_snapshot(
+                Estimates, stored, f"filtered.{at}", sizes, stamp_ns=at, **given
             )
-            for rows in self.forward.current
-        }
 
     def _note_filtered(self, updated: RowsT, scan: Scan) -> None:
         """Keep the targets of a scan, and forget those of scans that later ones have replaced."""
         current = {rows.entry.stamp_ns for rows in self.forward.current}
         found = self._extracted(updated, scan.stamp_ns, 0, self.rule.least)
-        self._filtered[scan.stamp_ns] = self._states.filtered(
+        reported = self._states.filtered(
             found, updated.label, current, scan, self.forward.mapped_model
         )
-        self._filtered = {stamp: kept for stamp, kept in self._filtered.items() if stamp in current}
+        every = {**self._filtered, scan.stamp_ns: reported}
+        self._filtered = {stamp: kept for stamp, kept in every.items() if stamp in current}
 
     def _filtered_at(self, stamp_ns: int) -> Estimates:
         """Return the targets that go out for a stamp."""
@@ -368,7 +377,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             found = none(modes, stamp_ns, lag)
         found = self._states.smoothed(found)
         self._given_ns = self._given_ns[0], stamp_ns
-        del self._stamps[0]
+        self._stamps = self._stamps[1:]
         self._trim()
         return self._published(found, smoothed=True)
 
@@ -419,13 +428,3 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         estimates = self._extract(stored, stamp_ns, lag, threshold)
         self.forward.done("extraction")
         return estimates
-
-
-def _track_numbers(facts: Any) -> TrackNumbers:
-    """Return stored track numbers; raises ValueError if they are none."""
-    count = whole("tracks.count", facts["count"], 0, MOST_TRACKS)
-    number = {
-        whole("label", label, 0, MOST_INDEX + 1): whole("track", given, 1, count)
-        for label, given in facts["number"]
-    }
-    return TrackNumbers(number, count, KnownAircraft.of_facts(facts.get("aircraft", []), count))

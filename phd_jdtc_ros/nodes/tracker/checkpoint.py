@@ -32,7 +32,7 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 
 from ..common.runtime import WARNING_PERIOD_S
 
-MAGIC = b"phd_jdtc_ros checkpoint 2\n"
+MAGIC = b"phd_jdtc_ros checkpoint 3\n"
 # Of a file. Its content and its arrays are in memory together, at most 256 MB.
 MOST_BYTES = 120 << 20
 # Of the texts, and of the archive's directory, whose parsing takes some twenty times the memory.

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from lone import lone, scan_at
-from runs import ENGINES, copied, equal, restored_after, stepped
+from runs import ENGINES, equal, restored_after, stepped, stored_and_read
 
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
@@ -111,7 +111,7 @@ def test_estimates_without_fields_are_the_same_bit_by_bit(engine):
     ignored, ignored_smoothed, _ = run(engine, none)
     # The fields are configured, but the radar's clouds have none.
     lacking, lacking_smoothed, _ = run(engine, steps=scans(columns=()))
-    assert "attributes" not in tracker.snapshot().facts
+    assert not tracker.snapshot().names_below("attributes")
     assert equal(plain, ignored)
     assert equal(plain, lacking)
     assert equal(plain_smoothed, ignored_smoothed)
@@ -162,7 +162,7 @@ def test_restored_engine_goes_on_with_what_it_knew(engine):
 def test_forged_snapshot_is_refused(name, value):
     given = {"radar.fields.height": "height"}
     _, _, tracker = run("gaussian", given, with_heights(scans())[:4])
-    forged = copied(tracker.snapshot())
+    forged = stored_and_read(tracker.snapshot())
     array = forged.arrays[f"attributes.{name}"].copy()
     array[0] = value
     forged.arrays[f"attributes.{name}"] = array
@@ -207,7 +207,7 @@ def test_scans_that_are_worked_in_again_leave_the_same_knowledge(engine):
     _, _, plain = run(engine, given, steps[:12])
     reworked, held = tracker_of(engine, given), []
     for scan in steps[:12]:
-        held.append(reworked.hold())
+        held.append(reworked.save_state())
         reworked.step(scan)
     reworked.rework(list(zip(held, steps[:12], strict=True))[-2:])
     assert all(map(same, stepped(plain, steps[12:16]), stepped(reworked, steps[12:16])))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import ENGINES, copied, equal, restored_after
+from runs import ENGINES, equal, restored_after, stored_and_read
 from scenes import small
 from sweep import configuration
 
@@ -119,38 +119,39 @@ def stored(engine):
     tracker = engine_of(engine)
     for _, scan in scans(LOUD, 4):
         tracker.step(scan)
-    return copied(tracker.snapshot())
+    return stored_and_read(tracker.snapshot())
 
 
 def test_noise_stores_nothing_of_clutter():
     tracker = engine_of("gaussian", **dict.fromkeys(LEARNED, "rayleigh"))
     for _, scan in scans(NOISE, 4):
         tracker.step(scan)
-    held = tracker.snapshot()
-    assert not [name for name in (*held.arrays, *held.facts) if name.startswith(NAME)]
+    assert not [name for name in tracker.snapshot().arrays if name.startswith(NAME)]
+
+
+COUNT = f"{NAME}.radar_1.count"
 
 
 def of_another_radar(held):
-    held.facts[NAME] = ["mast"]
-    held.arrays[f"{NAME}.mast"] = held.arrays[f"{NAME}.radar_1"]
+    held.arrays[f"{NAME}.mast.count"] = held.arrays[COUNT]
+
+
+def other_part(held):
+    return {f"{NAME}.radar_1.turns": held.arrays.pop(COUNT)}
 
 
 def put(array):
-    def change(held):
-        held.arrays[f"{NAME}.radar_1"] = array
-
-    return change
+    return lambda held: held.arrays.update({COUNT: array})
 
 
 FORGERIES = {
     "another radar": (of_another_radar, "that of mast given, must be of a radar"),
-    "no radars": (lambda held: held.facts.update({NAME: 3}), "must be a list of radars"),
-    "missing": (lambda held: held.arrays.pop(f"{NAME}.radar_1"), "clutter.radar_1: missing"),
+    "another part": (lambda held: held.arrays.update(other_part(held)), "count: missing"),
     "shape": (put(np.zeros(3)), r"shape \(3,\), expected"),
     "whole": (put(np.zeros(CELLS, dtype=np.int64)), "int64 given, expected floats"),
     "nan": (put(np.full(CELLS, np.nan)), "not finite"),
     "negative": (put(np.full(CELLS, -1.0)), "outside"),
-    "too many": (put(np.full(CELLS, 0.5 * MEMORY)), "detections given, at most"),
+    "too many": (put(np.full(CELLS, 0.5 * MEMORY)), "detections, at most"),
 }
 
 
@@ -369,34 +370,30 @@ def map_stored():
     return tracker.snapshot()
 
 
-def fact(name, value):
-    return lambda held: held.facts["clutter_map"]["mast"].update({name: value})
-
-
-def cells(part, array):
-    return lambda held: held.arrays.update({f"clutter_map.mast.{part}": array})
+def part(name, value):
+    return lambda held: held.arrays.update({f"clutter_map.mast.{name}": np.array(value)})
 
 
 MAP_FORGERIES = {
-    "place": (fact("pose", [1.0, 2.0, 0.0]), r"of a radar at \[1.0, 2.0, 0.0\]"),
-    "turns": (fact("turns", 1e9), "clutter_map.mast.turns: a number is not finite, or outside"),
-    "nan": (fact("size", float("nan")), "clutter_map.mast.size: a number"),
-    "azimuths": (fact("azimuths", 0), "clutter_map.mast.azimuths: 0 given"),
-    "no mapping": (lambda held: held.facts.update({"clutter_map": 3}), "must be a mapping"),
+    "place": (part("pose", [1.0, 2.0, 0.0]), r"of a radar at \[1.0, 2.0, 0.0\]"),
+    "turns": (part("turns", 1e9), "clutter_map.mast.turns: 1000000000.0 given outside"),
+    "nan": (part("grid.range_cell", np.nan), "clutter_map.mast.grid.range_cell: nan given"),
+    "columns": (part("grid.columns", 0), "clutter_map.mast.grid.columns: 0 given"),
     "missing": (lambda held: held.arrays.pop("clutter_map.mast.cell"), "mast.cell: missing"),
-    "length": (cells("cell", np.arange(3)), "expected as many"),
-    "negative": (cells("cell", np.array([-1])), "clutter_map.mast.cell: a number is outside"),
-    "infinite": (cells("count", np.array([np.inf])), "clutter_map.mast.count: a number"),
-    "recent": (cells("recent", np.array([-1.0])), "clutter_map.mast.recent: a number"),
-    "recent length": (cells("recent", np.zeros(3)), "clutter_map.mast.recent: .* expected as many"),
-    "recent turns": (fact("recent_turns", -1.0), "clutter_map.mast.recent_turns: a number"),
+    "length": (part("cell", np.arange(3)), r"mast.count: shape .*, expected \(3\)"),
+    "negative": (part("cell", [-1]), "clutter_map.mast.cell: .* outside"),
+    "order": (part("cell", [2, 1]), "clutter_map.mast.cell: must increase"),
+    "infinite": (part("count", [np.inf]), "clutter_map.mast.count: "),
+    "recent": (part("recent", [-1.0]), "clutter_map.mast.recent: "),
+    "recent length": (part("recent", np.zeros(3)), "clutter_map.mast.recent: shape"),
+    "recent turns": (part("recent_turns", -1.0), "clutter_map.mast.recent_turns: -1.0 given"),
 }
 
 
 @pytest.mark.parametrize("name", MAP_FORGERIES)
 def test_a_map_of_another_radar_or_place_is_refused_with_the_reason(name, map_stored):
     change, reason = MAP_FORGERIES[name]
-    held, tracker = copied(map_stored), mapped()
+    held, tracker = stored_and_read(map_stored), mapped()
     change(held)
     with pytest.raises(ValueError, match=reason):
         tracker.restore(held)

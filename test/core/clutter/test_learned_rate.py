@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from runs import ENGINES, copied, restored_after
+from runs import ENGINES, restored_after, stored_and_read
 from scenes import small
 from sweep import configuration
 
@@ -78,7 +78,7 @@ def test_a_given_rate_is_not_learned():
     for _, scan in run_of(4.0, 3):
         tracker.step(scan)
     assert learned(tracker) == {}
-    assert not [name for name in tracker.snapshot().facts if name.startswith("clutter")]
+    assert not [name for name in tracker.snapshot().arrays if name.startswith("clutter")]
 
 
 def test_count_forgets_what_was_before():
@@ -145,15 +145,13 @@ def test_a_run_that_is_reset_learns_its_rate_again(engine):
 
 
 FORGERIES = {
-    "no mapping": (3, "must be a mapping by radar"),
-    "another radar": ({"mast": [3.0, 1.0]}, "that of mast given, must be of one of radar_1, rad"),
-    "no list": ({"radar_1": {}}, "must be a count and turns"),
-    "length": ({"radar_1": [3.0]}, "must be a count and turns"),
-    "text": ({"radar_1": ["3", 1.0]}, "clutter_rate.radar_1.count: a number is not finite"),
-    "nan": ({"radar_1": [float("nan"), 1.0]}, "clutter_rate.radar_1.count: a number"),
-    "negative": ({"radar_1": [-1.0, 1.0]}, "clutter_rate.radar_1.count: a number"),
-    "no turns": ({"radar_1": [3.0, 0.0]}, "clutter_rate.radar_1.turns: a number"),
-    "turns": ({"radar_1": [3.0, 1e6]}, "clutter_rate.radar_1.turns: a number"),
+    "another radar": ("mast.count", 1.0, "that of mast given, must be of a radar of this tracker"),
+    "whole": ("radar_1.count", 3, "clutter_rate.radar_1.count: int64 given, expected floats"),
+    "shape": ("radar_1.count", [3.0], "clutter_rate.radar_1.count: shape"),
+    "nan": ("radar_1.count", np.nan, "clutter_rate.radar_1.count: nan given"),
+    "negative": ("radar_1.count", -1.0, "clutter_rate.radar_1.count: -1.0 given"),
+    "no turns": ("radar_1.turns", 0.0, "clutter_rate.radar_1.turns: 0.0 given"),
+    "turns": ("radar_1.turns", 1e6, "clutter_rate.radar_1.turns: 1000000.0 given"),
 }
 
 
@@ -167,11 +165,11 @@ def held():
 
 @pytest.mark.parametrize("name", FORGERIES)
 def test_a_forged_rate_is_refused_with_the_reason(name, held):
-    forged, reason = FORGERIES[name]
-    snapshot, tracker = copied(held), engine_of("gaussian")
-    snapshot.facts["clutter_rate"] = forged
+    part, value, reason = FORGERIES[name]
+    forged, tracker = stored_and_read(held), engine_of("gaussian")
+    forged.arrays[f"clutter_rate.{part}"] = np.array(value)
     with pytest.raises(ValueError, match=reason):
-        tracker.restore(snapshot)
+        tracker.restore(forged)
     assert learned(tracker) == {}
 
 

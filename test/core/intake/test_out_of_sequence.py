@@ -219,11 +219,11 @@ def test_track_numbers_stay_when_targets_turn_out_to_be_born_earlier(engine):
     run = Run(config(engine, APPEARING)).feed(order[:6])
     assert run.reworked == 0
     before = run.filtered[-1]
-    labels = run.pipeline.engine.snapshot().facts["smoother"]["tracks"]["number"]
+    labels = run.pipeline.engine.snapshot().arrays["numbers.label"]
     run.feed(order[6:10])
     assert run.reworked == 2
     after = run.filtered[-1]
-    kept = run.pipeline.engine.snapshot().facts["smoother"]["tracks"]["number"]
+    kept = run.pipeline.engine.snapshot().arrays["numbers.label"]
     assert sorted(labels) != sorted(kept)
     dt = (after.stamp_ns - before.stamp_ns) * 1e-9
     expected = before.position + dt * before.velocity

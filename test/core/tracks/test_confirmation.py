@@ -300,20 +300,20 @@ def test_states_forget_tracks_and_stamps_that_are_gone():
         tracks.add(**{f"t{number}": 0.9})
         tracks.states.forget_before((tracks.index - 5) * INTERVAL)
     assert len(tracks.states._records.label) <= 2
-    assert len(tracks.states._noted) == 6
+    assert len(np.unique(tracks.states._noted.stamp_ns)) == 6
 
 
-def held_by(tracks):
-    held = Snapshot(tracks.index * INTERVAL)
-    tracks.states.put(held)
-    return held
+def snapshot_of(tracks):
+    snapshot = Snapshot(tracks.index * INTERVAL)
+    tracks.states.to_snapshot(snapshot)
+    return snapshot
 
 
 def test_restored_states_go_on():
     first, second = Tracks(), Tracks()
     for weights in ((0.9, 0.2), (0.9999, 0.45), (KEPT, 0.45)):
         first.add(t1=weights[0], t2=weights[1])
-    second.states.take(held_by(first))
+    second.states.from_snapshot(snapshot_of(first))
     second.index = first.index
     for one, other in zip(first.states._records, second.states._records, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -328,21 +328,23 @@ def test_restored_states_go_on():
 @pytest.mark.parametrize(
     ("name", "value", "said"),
     [
-        ("label", np.array([2, 1]), "must increase"),
-        ("label", np.array([1]), "different lengths"),
-        ("state", np.array([1, 3]), "outside"),
-        ("existence", np.array([np.nan, 1.0]), "not finite"),
-        ("factor", np.array([-1.0, 1.0]), "outside"),
-        ("detected_ns", np.array([-1, 1]), "outside"),
+        ("tracks.label", np.array([2, 1]), "tracks.label: must increase"),
+        ("tracks.label", np.array([1]), r"tracks.stamp_ns: shape \(2,\), expected \(1\)"),
+        ("tracks.state", np.array([1, 3]), "tracks.state: .* outside"),
+        ("tracks.existence", np.array([np.nan, 1.0]), "tracks.existence: .* not finite"),
+        ("tracks.factor", np.array([-1.0, 1.0]), "tracks.factor: .* outside"),
+        ("tracks.detected_ns", np.array([-1, 1]), "tracks.detected_ns: .* outside"),
+        ("noted.stamp_ns", np.array([-1, 1]), "noted.stamp_ns: .* outside"),
+        ("noted.state", np.array([1]), r"noted.state: shape \(1,\), expected \(2\)"),
     ],
 )
 def test_forged_states_are_refused(name, value, said):
     tracks = Tracks()
     tracks.add(t1=0.9, t2=0.9)
-    held = held_by(tracks)
-    held.arrays[f"tracks.{name}"] = value
+    snapshot = snapshot_of(tracks)
+    snapshot.arrays[name] = value
     with pytest.raises(ValueError, match=said):
-        Tracks().states.take(held)
+        Tracks().states.from_snapshot(snapshot)
 
 
 def test_records_are_of_the_tracks_in_the_order_of_their_labels():

@@ -1,13 +1,12 @@
 """Aircraft that come back have their numbers again, where they may have flown."""
 
-import json
-
 import estimate_sets
 import numpy as np
 import pytest
 from hard_turns import PERIOD_S, seen, tracker
 from runs import ENGINES, stepped, stored_and_read
 
+from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.core.tracks import known_aircraft
 from phd_jdtc_ros.core.tracks.known_aircraft import MARGIN, KnownAircraft, LastSeen, Reach
 from phd_jdtc_ros.core.tracks.track_numbers import TrackNumbers
@@ -111,26 +110,30 @@ def test_aircraft_are_forgotten_after_their_time_and_beyond_the_most(monkeypatch
 def test_stored_aircraft_are_the_same():
     tracks = TrackNumbers()
     numbers(tracks, 0, (5, 77, 12.5, CONFIRMED), (6, 78, 5e4, CONFIRMED))
-    facts = json.loads(json.dumps(tracks.facts))
-    again = KnownAircraft.of_facts(facts["aircraft"], facts["count"])
+    snapshot = Snapshot(0)
+    tracks.to_snapshot(snapshot)
+    again = TrackNumbers.from_snapshot(stored_and_read(snapshot)).aircraft
     assert again == tracks.aircraft
     assert again.number_of(78, (5e4, 0.0), 0, REACH) == 2
 
 
 @pytest.mark.parametrize(
-    ("fact", "text"),
+    ("part", "value", "text"),
     [
-        ([9, 77, 0, 0.0, 0.0, 0.0], "tracks.aircraft: 9 given"),
-        ([1, 1 << 24, 0, 0.0, 0.0, 0.0], "tracks.aircraft.address"),
-        ([1, 77, -1, 0.0, 0.0, 0.0], "tracks.aircraft.stamp_ns"),
-        ([1, 77, 0, float("nan"), 0.0, 0.0], "tracks.aircraft: a number is not finite"),
-        ([1, 77, 0, 0.0, 0.0], "expected 3"),
-        ([1, 77, 0, "a", 0.0, 0.0], "expected floats"),
+        ("number", [9], r"1 up to 9 given, must be at most 10000 up to 2"),
+        ("address", [1 << 24], "aircraft.address: "),
+        ("stamp_ns", [-1], "aircraft.stamp_ns: "),
+        ("position", [[np.nan, 0.0]], "aircraft.position: a number is not finite"),
+        ("position", [[0.0]], r"aircraft.position: shape \(1, 1\), expected \(1, 2\)"),
+        ("speed", [7], "aircraft.speed: int64 given, expected floats"),
     ],
 )
-def test_forged_aircraft_are_refused(fact, text):
+def test_forged_aircraft_are_refused(part, value, text):
+    snapshot = Snapshot(0)
+    KnownAircraft({1: LastSeen(77, 0, (0.0, 0.0), 0.0)}).to_snapshot(snapshot)
+    snapshot.arrays[f"aircraft.{part}"] = np.array(value)
     with pytest.raises(ValueError, match=text):
-        KnownAircraft.of_facts([fact], 2)
+        KnownAircraft.from_snapshot(snapshot, 2)
 
 
 def crossing(hidden, address=77, seed=21, scans=40):

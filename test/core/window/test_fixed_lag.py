@@ -78,34 +78,33 @@ def test_restored_engine_goes_on_and_an_interrupted_one_uses_no_number_again():
     assert sorted(after.track_id) == [5, 6, 7, 8]
 
 
-def of_smoother(**facts):
-    return lambda held: held.facts["smoother"].update(facts)
-
-
-def of_tracks(**facts):
-    return lambda held: held.facts["smoother"]["tracks"].update(facts)
-
-
-def at_index(index, **facts):
-    return lambda held: held.facts[f"stored.{index}"].update(facts)
+def put(name, value):
+    """Return a change that replaces an array."""
+    return lambda stored: stored.arrays.update({name: np.array(value)})
 
 
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        (of_smoother(stamps_ns=[2, 1]), "ValueError: stamps_ns: must increase"),
-        (of_smoother(stamps_ns=[2, 2]), "ValueError: stamps_ns: must increase"),
-        (of_smoother(stamps_ns=[1.5]), "ValueError: stamps_ns: 1.5 given"),
-        (of_smoother(stamps_ns=[5, 7 * SECOND + 1]), "end at 7000000001, after 7000000000$"),
-        (of_smoother(entries=-1), "ValueError: entries: -1 given"),
-        (of_smoother(entries=99), "KeyError: 'stored.7'"),
-        (of_tracks(count=-1), "tracks.count: -1 given"),
-        (of_tracks(number=[[-1, 1]]), "ValueError: label: -1 given"),
-        (of_tracks(number=[[2**63, 1]]), f"ValueError: label: {2**63} given"),
-        (of_tracks(number=[[2, 5]]), r"ValueError: track: 5 given, must be .* \[1, 4\]"),
-        (lambda held: held.facts["filter"].update(current_ns=[5]), "none of the stored sets"),
-        (at_index(1, sizes=[3]), "rows, expected"),
-        (lambda held: held.arrays.pop(f"filtered.{7 * SECOND}.weight"), "weight: missing"),
+        (put("window.stamps_ns", [2, 1]), "ValueError: window.stamps_ns: must increase"),
+        (put("window.stamps_ns", [2, 2]), "ValueError: window.stamps_ns: must increase"),
+        (put("window.stamps_ns", [1.5]), "window.stamps_ns: float64 given, expected whole"),
+        (put("window.stamps_ns", [5, 7 * SECOND + 1]), "end at 7000000001, after 7000000000$"),
+        (put("window.entries", -1), "ValueError: window.entries: -1 given"),
+        (put("window.entries", 99), "ValueError: stored.7.stamp_ns: missing"),
+        (put("numbers.last", -1), "numbers.last: -1 given"),
+        (put("numbers.label", [-1, 1, 2, 3]), "numbers.label: a number is not finite, or outside"),
+        (put("numbers.label", [1]), r"numbers.number: shape \(4,\), expected \(1\)"),
+        (put("numbers.number", [2, 5, 1, 3]), "numbers.number: 5 given, must be at most 4"),
+        (put("filter.current_ns", [5]), "none of the stored sets"),
+        (put("filter.current_ns", [SECOND]), "do not end at 7000000000"),
+        (put("stored.1.size", [3]), "rows, expected"),
+        (put("stored.6.source_ns", [8 * SECOND]), "stored.6.source_ns: "),
+        (put("stored.1.size", [101]), "stored.1.size: 101 rows, at most 100"),
+        (put("stored.6.listed", [1]), "stored.6.rows: "),
+        (put(f"current.{4 * SECOND}.rows", [99]), "rows: 99 given, must be below"),
+        (put(f"current.{4 * SECOND}.rows", [1, 0]), "rows: must increase"),
+        (lambda stored: stored.arrays.pop(f"filtered.{7 * SECOND}.weight"), "weight: missing"),
     ],
 )
 def test_restore_says_what_is_wrong_and_leaves_a_new_engine(change, named):
@@ -126,7 +125,9 @@ def test_restore_refuses_sets_that_do_not_increase(later):
     of = engine()
     stepped_through(of, 0, 2, whole)
     held = stored_and_read(of.snapshot())
-    held.facts["stored.1"].update(stamp_ns=SECOND + later, sources_ns=[], sizes=[])
+    put("stored.1.stamp_ns", SECOND + later)(held)
+    for part in ("source_ns", "size", "listed", "rows"):
+        put(f"stored.1.{part}", np.zeros(0, dtype=np.int64))(held)
     with pytest.raises(ValueError, match=r"stored\.1\.stamp_ns: must increase$"):
         of.restore(held)
 
@@ -134,7 +135,7 @@ def test_restore_refuses_sets_that_do_not_increase(later):
 def test_restore_refuses_stamps_of_an_engine_that_has_had_no_scan():
     of = engine()
     held = stored_and_read(of.snapshot())
-    held.facts["smoother"]["stamps_ns"] = [1]
+    put("window.stamps_ns", [1])(held)
     with pytest.raises(ValueError, match=r"stamps_ns: end at 1, after None$"):
         of.restore(held)
 
@@ -161,7 +162,7 @@ def test_stamp_before_all_sets_has_no_targets():
     of = engine()
     stepped_through(of, 0, 3)
     held = stored_and_read(of.snapshot())
-    held.facts["smoother"]["stamps_ns"] = [5, SECOND, 2 * SECOND]
+    put("window.stamps_ns", [5, SECOND, 2 * SECOND])(held)
     of.restore(held)
     early, *others = of.flush()
     assert (early.stamp_ns, early.lag, len(early)) == (5, 2, 0)
@@ -194,10 +195,7 @@ def test_links_to_sets_that_have_left_are_dropped():
     stepped_through(of, 0, 12, whole)
     held = of.snapshot()
     # Of the two last scans, whose estimates are to come, the first one's source has left.
-    assert [name for name in sorted(held.facts) if name.startswith("stored.")] == [
-        "stored.0",
-        "stored.1",
-    ]
+    assert held.names_below("stored") == {"0", "1"}
     assert [name for name in held.arrays if name.endswith(".link")] == ["stored.1.link"]
 
 
@@ -238,7 +236,7 @@ def test_reworked_engine_is_one_that_had_the_late_scan_in_time(late, period_ns, 
         if index == tuned:
             of.retune(MODEL, rule(4.5))
         if index != late:
-            held[index] = of.hold()
+            held[index] = of.save_state()
             assert held[index].stamp_ns == of.forward.stamp_ns
             for part, estimates in zip(given, stepped(of, [sector(index)]), strict=True):
                 part.extend(estimates)
@@ -249,7 +247,7 @@ def test_reworked_engine_is_one_that_had_the_late_scan_in_time(late, period_ns, 
     for index in range(9):
         if index == (late if tuned == late else tuned):
             timely.retune(MODEL, rule(4.5))
-        before.append(timely.hold())
+        before.append(timely.save_state())
         for part, estimates in zip(every, stepped(timely, [sector(index)]), strict=True):
             part.extend(estimates)
     for ours, theirs, out in zip((found.filtered, found.smoothed), every, given, strict=True):
@@ -257,10 +255,10 @@ def test_reworked_engine_is_one_that_had_the_late_scan_in_time(late, period_ns, 
         due = [one for one in theirs if one.stamp_ns > last]
         assert equal(list(ours), due if period_ns or ours is found.smoothed else [])
     # What it holds before each of these scans, and what it goes on with.
-    assert [one.stamp_ns for one in found.held] == [one.stamp_ns for one in before[late:]]
+    assert [one.stamp_ns for one in found.states] == [one.stamp_ns for one in before[late:]]
     assert_same(of.snapshot(), timely.snapshot())
     # A second rework starts from what the first one held.
-    twice = of.rework(list(zip(found.held, (scan for _, scan in again), strict=True)))
+    twice = of.rework(list(zip(found.states, (scan for _, scan in again), strict=True)))
     assert (twice.filtered, twice.smoothed) == ((), ())
     assert_same(of.snapshot(), timely.snapshot())
     for one, other in zip(stepped_through(of, 9, 14), stepped_through(timely, 9, 14), strict=True):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from marks import MODEL, PLACES, MarkEngine, MarkFilter, rule
-from runs import copied
+from runs import stored_and_read
 
 from phd_jdtc_ros.core.engine import Lag
 from phd_jdtc_ros.core.tracks.common_stamp import Schedule
@@ -111,7 +111,7 @@ def weights_of(estimates):
 def restored(engine, make):
     """Return another engine that goes on from this one's stored state."""
     other = make()
-    other.restore(copied(engine.snapshot()))
+    other.restore(stored_and_read(engine.snapshot()))
     return other
 
 

@@ -5,13 +5,14 @@ Where numba is in use, the loops of `compiled` do most of this; they are equal u
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ... import backend
 from ...arrays import FloatArray, IntArray
 from ...sensors.polar_radar import LEAST_RANGE, RadarModel, wrap_angle
+from ...snapshot import MOST_STATE, floats
 
 # Gauss-Newton steps of an update; two or three suffice unless a target is next to the radar.
 ITERATIONS = 5
@@ -21,6 +22,10 @@ CONVERGED = 1e-2
 LEAST_EIGENVALUE = 1e-10
 # Of an updated variance, as a share of what it was before: doubles resolve no smaller one.
 LEAST_VARIANCE = 1e-15
+
+
+# Largest number of a backward step: metres per radian per second are the largest of its units.
+MOST_GAIN = 1e15
 
 
 class Backward(NamedTuple):
@@ -36,9 +41,10 @@ class Backward(NamedTuple):
     base : array of shape (..., D, D)
     """
 
-    gain: FloatArray
-    offset: FloatArray
-    base: FloatArray
+    gain: Annotated[FloatArray, floats("PKDD", -MOST_GAIN, MOST_GAIN)]
+    offset: Annotated[FloatArray, floats("PKD", -MOST_GAIN, MOST_GAIN)]
+    # A small difference of large covariances, which rounding may leave without a square root.
+    base: Annotated[FloatArray, floats("PKDD", -(MOST_STATE**2), MOST_STATE**2)]
 
     def earlier(self, mean: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the earlier mean and covariance, given those later."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from ...models.detection_birth import Newborn
 from ...models.tracker_model import TrackerModel
 from ...pair_search import kernels
 from ...pair_search.rows import Points, Queries
+from ...snapshot import floats, integers, sparse_columns
 from ...targets import birth
 from ...targets.modes import ModeSpace
 from ...window.entries import Current, Entry
@@ -49,9 +50,9 @@ class Transition:
         Each is paired with its parent.
     """
 
-    ratio: SparseArray
-    survival: FloatArray
-    orphans: int
+    ratio: Annotated[SparseArray, sparse_columns("EN")]
+    survival: Annotated[FloatArray, floats("E", 0.0, 1.0)]
+    orphans: Annotated[int, integers("", 0)]
 
 
 ParticleEntry = Entry[ParticleSet, Transition]

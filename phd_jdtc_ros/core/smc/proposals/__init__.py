@@ -1,1 +1,1 @@
-"""Where particles are drawn: by the motion, by range rates, at detections and at birth."""
+"""Where particles are drawn: by the motion, at detections and at birth."""

@@ -5,8 +5,8 @@ particles come near the next detection. Its velocities are therefore drawn by im
 partly from the prior and partly from those that lead to one of the next detections. The weights
 make up for the difference, so the newborn's density stays the same.
 
-Of a target born with a range rate only the velocity across the line of sight is known by its prior,
-and drawn again.
+Where a radar measures range rates, the velocity of a newborn target is known better than by its
+prior, and stays.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...models.detection_birth import DetectionBirthModel
 from ...models.tracker_model import TrackerModel
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel
 from ...tracks.labels import is_detected
 from ...window.entries import Current, Entry
 from ..correction import scale_rows
@@ -29,14 +28,10 @@ from .detections_in_plane import Places
 
 # Velocities are drawn again where they spread a target over this many deviations of a detection.
 BROAD = 2.0
-# The same where only the velocity across is drawn: more of them come near a detection by chance.
-BROAD_ACROSS = 8.0
 # Of the prior; farther out, no detection is taken for the target's next.
 REACH_SIGMA = 3.0
 # Share of the particles whose velocities come from the prior.
 PRIOR_SHARE = 0.25
-# A newborn's velocities spread less than this share of the prior where a range rate told them.
-NARROW = 0.5
 # What the velocities that lead to a detection are spread by, beyond its deviation.
 INFLATION = 1.5
 
@@ -45,7 +40,6 @@ def informed(
     touched: Sequence[CurrentParticles],
     stamp_ns: int,
     seen: Places,
-    radars: Sequence[RadarModel],
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> list[CurrentParticles]:
@@ -58,15 +52,14 @@ def informed(
         Of the scan.
     seen : Places
         Its detections.
-    radars : sequence of RadarModel
-        Those that reported in it.
     model : TrackerModel
     rng : numpy.random.Generator
     """
-    if not model.detection_births.enabled:
+    rated = any(radar.range_rate is not None for radar in model.radars)
+    if rated or not model.detection_births.enabled:
         return list(touched)
     return [
-        _informed(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, radars, model, rng)
+        _informed(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)
         for rows in touched
     ]
 
@@ -75,7 +68,6 @@ def _informed(
     rows: CurrentParticles,
     dt: float,
     seen: Places,
-    radars: Sequence[RadarModel],
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> CurrentParticles:
@@ -91,7 +83,7 @@ def _informed(
     chosen = np.flatnonzero(newborn)
     if not len(chosen) or not len(seen.position):
         return rows
-    state, factor = _redrawn(stored, chosen, dt, seen, radars, model, rng)
+    state, factor = _redrawn(stored, chosen, dt, seen, model, rng)
     entry = Entry(
         rows.entry.stamp_ns,
         replace(
@@ -111,7 +103,6 @@ def _redrawn(
     chosen: IntArray,
     dt: float,
     seen: Places,
-    radars: Sequence[RadarModel],
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
@@ -125,85 +116,13 @@ def _redrawn(
         centre = state[row][:, place].mean(axis=0)
         reach = REACH_SIGMA * births.velocity_std * dt
         near = np.flatnonzero(np.hypot(*(seen.position - centre).T) <= reach)
-        along = _measured_along(state[row], radars, births)
-        if along is not None:
-            std = np.sqrt(np.linalg.eigvalsh(seen.covariance[near])[:, -1])
-            near = near[births.velocity_std * dt > BROAD_ACROSS * std]
         if len(near):
             leads = (seen.position[near][:, None] - state[row][:, place]) / dt
-            if along is None:
-                velocity, ratio = _drawn(leads, [shape[index] for index in near], births, rng)
-            else:
-                spread = (INFLATION / dt) ** 2 * seen.covariance[near]
-                velocity, ratio = _drawn_across(
-                    leads, spread, state[np.ix_(row, speed)], along, births, rng
-                )
+            velocity, ratio = _drawn(leads, [shape[index] for index in near], births, rng)
             state[np.ix_(row, speed)] = velocity
             weight = stored.weight[row]
             factor[row] = ratio * weight.sum() / (ratio * weight).sum()
     return state, factor
-
-
-def _measured_along(
-    state: FloatArray, radars: Sequence[RadarModel], births: DetectionBirthModel
-) -> FloatArray | None:
-    """Return the directions in which the velocities of a newborn are known, (n, 2).
-
-    They are those from the radar whose range rate told them, up to its ambiguity. None if none did.
-    """
-    best, least = None, NARROW * births.velocity_std
-    for radar in radars:
-        if radar.range_rate is None:
-            continue
-        rate = radar.range_rate_of(state)
-        std = float(radar.range_rate.wrapped(rate - rate[0]).std())
-        if std < least:
-            line = state[:, list(radar.space.position)] - np.asarray(radar.position)
-            distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)
-            best, least = line / distance[:, None], std
-    return best
-
-
-def _drawn_across(
-    leads: FloatArray,
-    spread: FloatArray,
-    velocity: FloatArray,
-    along: FloatArray,
-    births: DetectionBirthModel,
-    rng: np.random.Generator,
-) -> tuple[FloatArray, FloatArray]:
-    """Draw velocities across some directions, and return all with the prior's share of the density.
-
-    Parameters
-    ----------
-    leads : array of shape (J, n, 2)
-        Velocities that lead each particle to each detection.
-    spread : array of shape (J, 2, 2)
-        Covariances about them.
-    velocity, along : arrays of shape (n, 2)
-        Present velocities, and unit vectors along which they stay.
-    births : DetectionBirthModel
-    rng : numpy.random.Generator
-    """
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    kept = (velocity * along).sum(axis=1)
-    beside = (leads * along).sum(axis=2) - kept
-    square = beside**2 / np.einsum("na,jab,nb->jn", along, spread, along)
-    # A detection that the velocity along leads far away from is none of the target's.
-    share = np.exp(-0.5 * (square - square.min(axis=0)))
-    share *= (1.0 - PRIOR_SHARE) / share.sum(axis=0)
-    mean = (leads * across).sum(axis=2)
-    std = np.sqrt(np.einsum("na,jab,nb->jn", across, spread, across))
-    count = len(kept)
-    uniform = (np.arange(count) + rng.random()) / count
-    part = (rng.permutation(uniform) >= np.cumsum(share, axis=0)).sum(axis=0)
-    normal = rng.standard_normal(count)
-    own = np.minimum(part, len(leads) - 1), np.arange(count)
-    drawn = np.where(part < len(leads), mean[own] + std[own] * normal, births.velocity_std * normal)
-    prior = np.exp(-0.5 * (drawn / births.velocity_std) ** 2) / births.velocity_std
-    mixture = PRIOR_SHARE * prior
-    mixture += (share * np.exp(-0.5 * ((drawn - mean) / std) ** 2) / std).sum(axis=0)
-    return kept[:, None] * along + drawn[:, None] * across, prior / mixture
 
 
 def _drawn(

@@ -1,12 +1,11 @@
-"""Where a scan's detections are in the world, and what they tell of velocities there.
+"""Where a scan's detections are in the world.
 
-The proposals of `proposal`, `range_rate_proposal` and `detected_newborns` draw near them.
+The proposals of `proposal` and `detected_newborns` draw near them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,33 +13,6 @@ from ...arrays import FloatArray, IntArray
 from ...models.tracker_model import TrackerModel
 from ...sensors.polar_radar import LEAST_RANGE, RadarModel
 from ...types import Detections, Scan
-
-
-@dataclass(frozen=True)
-class PlaceRates:
-    """The range rates of detections, each with the radar that measured it.
-
-    Parameters
-    ----------
-    rate : array of shape (M,)
-        Metres per second relative to the radar; NaN where it is unknown.
-    std : array of shape (M,)
-        Metres per second.
-    ambiguity : array of shape (M,)
-        The interval modulo which it is known, metres per second; infinite if it is known wholly.
-    radar_position, radar_velocity : arrays of shape (M, 2)
-        In the world frame, metres and metres per second.
-    """
-
-    rate: FloatArray
-    std: FloatArray
-    ambiguity: FloatArray
-    radar_position: FloatArray
-    radar_velocity: FloatArray
-
-    def take(self, rows: IntArray) -> PlaceRates:
-        """Return those of these rows."""
-        return PlaceRates(*(getattr(self, part.name)[rows] for part in fields(self)))
 
 
 @dataclass(frozen=True)
@@ -55,22 +27,18 @@ class Places:
         Square metres.
     time_s : array of shape (M,)
         Relative to the scan's stamp, seconds.
-    rates : PlaceRates or None
-        None if none of them has a range rate that is to be used.
     """
 
     position: FloatArray
     covariance: FloatArray
     time_s: FloatArray
-    rates: PlaceRates | None = None
 
     def __len__(self) -> int:
         return len(self.position)
 
     def take(self, rows: IntArray) -> Places:
         """Return those of these rows."""
-        rates = None if self.rates is None else self.rates.take(rows)
-        return Places(self.position[rows], self.covariance[rows], self.time_s[rows], rates)
+        return Places(self.position[rows], self.covariance[rows], self.time_s[rows])
 
     def sharper_than(self, std: float) -> Places:
         """Return the detections whose larger deviation is below `std`, metres."""
@@ -79,33 +47,16 @@ class Places:
 
 def places(scan: Scan, model: TrackerModel) -> Places:
     """Return where a scan's detections are, of all radars."""
-    reports = model.reports(scan)
-    found = [places_of(detections, radar) for radar, detections in reports]
+    found = [places_of(detections, radar) for radar, detections in model.reports(scan)]
     return Places(
         np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),
         np.concatenate([np.zeros((0, 2, 2)), *(part.covariance for part in found)]),
         np.concatenate([np.zeros(0), *(part.time_s for part in found)]),
-        _rates(reports),
     )
 
 
-def _rates(reports: Sequence[tuple[RadarModel, Detections]]) -> PlaceRates | None:
-    """Return the range rates of all detections; None if there are none to be used."""
-    measured = [radar.rates_of(detections) for radar, detections in reports]
-    if all(found is None or np.isnan(found.rate).all() for found in measured):
-        return None
-    columns: list[tuple[FloatArray, ...]] = []
-    for (radar, detections), found in zip(reports, measured, strict=True):
-        every = np.ones(len(detections))
-        told = (np.nan * every, every, np.inf * every)
-        if found is not None:
-            told = (found.rate, found.std, (found.model.ambiguity or np.inf) * every)
-        columns.append((*told, np.outer(every, radar.position), np.outer(every, radar.velocity)))
-    return PlaceRates(*(np.concatenate(column) for column in zip(*columns, strict=True)))
-
-
 def places_of(detections: Detections, radar: RadarModel) -> Places:
-    """Return where one radar's detections are, without their range rates."""
+    """Return where one radar's detections are."""
     own = radar.detection_noise(detections)
     std = np.tile(radar.noise_std, (len(detections), 1)) if own is None else own
     distance, azimuth = detections.measurement.T
