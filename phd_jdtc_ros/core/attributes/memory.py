@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
-from ..sensors.slant_range import HeightReading
+from ..sensors.report import Report
 from ..types import UNKNOWN, Attributes, Detections, Estimates
 from . import height, identity, readings, uniqueness, updates
 from .height import BoolArray, HeightModel, Heights
@@ -455,9 +455,7 @@ class AttributesAt(NamedTuple):
         gate: Gate,
         origin: IntArray,
         target: IntArray,
-        detections: Detections,
-        std: FloatArray,
-        reading: HeightReading | None,
+        report: Report,
     ) -> Paired:
         """Return the pairs in gates, plots of false heights read as of each target.
 
@@ -468,16 +466,14 @@ class AttributesAt(NamedTuple):
             Of the engine's targets.
         target : int array of shape (N,)
             Of the engine's rows.
-        detections : Detections
-        std : array of shape (M, 2)
-            Their deviations.
-        reading : HeightReading or None
-            How their ranges depend on heights; None where they do not.
+        report : Report
         """
+        reading, detections = report.sensor.height_reading, report.detections
         if reading is None or detections.height is None:
             return readings.plain(gate, detections)
         heights = self.memory.heights(origin, self.stamp_ns)
         model = self.memory.model.height
+        std = report.noise_std
         return readings.paired(gate, target, heights, detections, std, reading, model)
 
     def lost(

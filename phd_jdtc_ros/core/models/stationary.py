@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chndtr
 
 from ..arrays import FloatArray
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 
 # Deviations of a velocity that is known well, metres per second and as a share of the bound.
 LEAST_SPEED_STD, LEAST_SPEED_SHARE = 0.1, 0.05
@@ -84,7 +84,7 @@ def among_reflectors(probability: FloatArray, crowding: FloatArray) -> FloatArra
     return found
 
 
-def bound_of_rest(radars: Sequence[RadarModel]) -> float:
+def bound_of_rest(radars: Sequence[Sensor]) -> float:
     """Return the speed below which a target is clutter to every radar, m/s; 0 if there is none.
 
     To a radar without a map of clutter, or whose `clutter_map_speed` is 0, no target is clutter.

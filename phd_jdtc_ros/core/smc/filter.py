@@ -13,6 +13,7 @@ from ..types import Scan
 from ..window.entries import Current, Entry
 from ..window.forward_filter import Filtered, ForwardFilter
 from ..window.swept import parted
+from ..window.update import update_scan
 from .correction import Corrector
 from .kernel import backward_kernel
 from .kernel.backward_kernel import ParticleEntry, Transition
@@ -22,7 +23,7 @@ from .proposals import birth_newborns, regularisation
 from .proposals.detected_newborns import informed
 from .proposals.detections_in_plane import places
 from .resampling import ParticleBudget, resample
-from .update import update_scan
+from .update import ParticleSteps
 
 # Second word of the seed, so that the filter's stream is independent of all others. With a shared
 # stream, a simulation with the same seed would be correlated with the filter.
@@ -66,7 +67,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         dt = self._interval(scan)
         touched, others = parted(self.current, scan, model, corrector.labelled)
         seen = places(scan, model)
-        radars = [radar for radar, _ in model.reports(scan)]
+        radars = [report.sensor for report in model.reports(scan)]
         # With range rates young targets are regularised, which is in place of more particles.
         rated = any(radar.range_rate is not None for radar in radars)
         regularises = corrector.labelled and rated
@@ -83,10 +84,10 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         births = self._births(scan)
         predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.done("predict")
-        updated, born_here = update_scan(
-            *(predicted, scan, model, corrector, dt, index, rng, self.clutter),
-            self.attributes if corrector.labelled else None,
-        )
+        steps = ParticleSteps(model, corrector, rng)
+        known = self.attributes if corrector.labelled else None
+        found = update_scan(predicted, scan, steps, dt, index, self.clutter, known)
+        updated = found.rows
         self.done("update")
         young_from = index if corrector.labelled and not regularises else None
         drawn_on = resample(updated, model.modes, budget, rng, young_from)
@@ -99,7 +100,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         link = None
         if linked and earlier:
             # Of the same rows before they were regularised, which no transition density describes.
-            link = backward_kernel.build_joint(earlier, drawn_on, model, corrector, born_here)
+            link = backward_kernel.build_joint(earlier, drawn_on, model, corrector, found.newborns)
             self.done("transition")
         sources = tuple(rows.source for rows in touched)
         entry = Entry(scan.stamp_ns, stored, sources, link)

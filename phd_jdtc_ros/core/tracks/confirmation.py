@@ -53,12 +53,12 @@ def missed_by_all(found: Estimates, scan: Scan, model: TrackerModel) -> FloatArr
     """
     modes, missed = model.modes, np.ones(len(found))
     mode = np.searchsorted(modes.class_of, found.class_id)
-    for radar, detections in model.reports(scan):
-        measured = radar.measure(found.state)
-        detected = Band().detection_probability(
-            mode, np.zeros(len(found)), measured[:, 0], radar, modes
-        )
-        missed *= 1.0 - radar.missable(measured, detections.coverage) * detected
+    for report in model.reports(scan):
+        sensor = report.sensor
+        measured = sensor.measure(found.state)
+        nothing = np.zeros(len(found))
+        detected = Band().detection_probability(mode, nothing, measured, sensor, modes)
+        missed *= 1.0 - sensor.missable(measured, report.detections.coverage) * detected
     return missed
 
 
@@ -86,7 +86,8 @@ def _crowding(found: Estimates, model: TrackerModel) -> FloatArray:
     of the world, wherever it is.
     """
     about = [
-        radar.clutter_about(radar.measure(found.state), found.position) for radar in model.radars
+        radar.neighbourhood_density(radar.measure(found.state), found.position)
+        for radar in model.radars
     ]
     least = np.min(about, axis=0)
     return crowding(np.where(np.isinf(least), 0.0, least))

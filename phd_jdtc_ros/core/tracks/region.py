@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 from ..types import Detections, Estimates
 from .common_stamp import chosen
 
@@ -62,9 +62,9 @@ class Region:
         inside: BoolArray = self.depth(position) >= -self.margin
         return inside
 
-    def seen(self, detections: Detections, radar: RadarModel) -> Detections:
-        """Return a radar's detections that are in the core region or its margin."""
-        place = radar.at(detections.pose).to_world(detections.measurement)
+    def seen(self, detections: Detections, sensor: Sensor) -> Detections:
+        """Return a sensor's detections that are in the core region or its margin."""
+        place = sensor.at(detections.pose).to_world(detections.measurement)
         inside = self.covers(place)
         return detections if inside.all() else detections.take(np.flatnonzero(inside))
 
@@ -78,7 +78,7 @@ class Region:
 class Everywhere:
     """No part of the world: everything is taken in and reported."""
 
-    def seen(self, detections: Detections, radar: RadarModel) -> Detections:
+    def seen(self, detections: Detections, sensor: Sensor) -> Detections:
         """Return all detections."""
         return detections
 

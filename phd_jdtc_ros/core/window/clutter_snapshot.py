@@ -16,7 +16,7 @@ from ..clutter.map import MEMORY_TURNS, MOST_CELLS, ClutterMap
 from ..clutter.rate import MEMORY_TURNS as COUNTED_TURNS
 from ..clutter.rate import ClutterCount
 from ..models.clutter_learning import ClutterMemory
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 from ..snapshot import MOST_INDEX, Snapshot, require_numbers, require_whole, whole
 
 NAME, MAP, RATE = "clutter", "clutter_map", "clutter_rate"
@@ -28,7 +28,7 @@ MOST_IN_ALL, LEAST_TURNS, MOST_COUNTED_TURNS = 1e9, 0.5, 2.0 * COUNTED_TURNS
 MOST_IN_CELL = 1e9
 
 
-def put_clutter(snapshot: Snapshot, memory: ClutterMemory, radars: Sequence[RadarModel]) -> None:
+def put_clutter(snapshot: Snapshot, memory: ClutterMemory, radars: Sequence[Sensor]) -> None:
     """Store what has been learned of these radars; nothing if none of them learns."""
     if memory.laws:
         snapshot.facts[NAME] = sorted(memory.laws)
@@ -55,7 +55,7 @@ def put_clutter(snapshot: Snapshot, memory: ClutterMemory, radars: Sequence[Rada
         snapshot.arrays[f"{MAP}.{radar}.recent"] = places.recent
 
 
-def take_clutter(snapshot: Snapshot, radars: Sequence[RadarModel]) -> ClutterMemory:
+def take_clutter(snapshot: Snapshot, radars: Sequence[Sensor]) -> ClutterMemory:
     """Return what a snapshot has of the clutter of these radars.
 
     Raises
@@ -82,7 +82,7 @@ def take_clutter(snapshot: Snapshot, radars: Sequence[RadarModel]) -> ClutterMem
     return ClutterMemory(laws, maps, _take_counts(snapshot, radars))
 
 
-def _take_counts(snapshot: Snapshot, radars: Sequence[RadarModel]) -> dict[str, ClutterCount]:
+def _take_counts(snapshot: Snapshot, radars: Sequence[Sensor]) -> dict[str, ClutterCount]:
     """Return the numbers that clutter rates are learned from.
 
     Those of a radar whose rate is given now are left out: it may change at any time.
@@ -128,7 +128,7 @@ def _take_count(snapshot: Snapshot, radar: str) -> Any:
     return count
 
 
-def _take_map(snapshot: Snapshot, radar: RadarModel, facts: Mapping[str, Any]) -> ClutterMap:
+def _take_map(snapshot: Snapshot, radar: Sensor, facts: Mapping[str, Any]) -> ClutterMap:
     """Return the map of a radar at this place."""
     name = f"{MAP}.{radar.name}"
     pose = [*radar.position, radar.yaw]

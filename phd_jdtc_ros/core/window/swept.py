@@ -13,9 +13,9 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..models.tracker_model import TrackerModel
-from ..sensors.polar_radar import GATE_SIGMA, LEAST_RANGE, RadarModel
+from ..sensors.report import Report
 from ..targets.motion import MotionModel
-from ..types import FULL_TURN, Detections, Scan
+from ..types import Scan
 from .entries import BoolArray, Current, LinkT, RowsT
 
 # Of the position of an origin; farther out, next to none of its mass is.
@@ -23,7 +23,7 @@ SPREAD_SIGMA = 4.0
 # An origin that no antenna has passed for this many turns is predicted all the same.
 LONGEST_TURNS = 1.5
 
-Reports = Sequence[tuple[RadarModel, Detections]]
+Reports = Sequence[Report]
 
 
 def parted(
@@ -79,7 +79,7 @@ def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
 
 def _everywhere(reports: Reports) -> bool:
     """Return whether reports are of whole fields, or there are none."""
-    return not reports or any(detections.coverage is None for _, detections in reports)
+    return not reports or any(report.detections.coverage is None for report in reports)
 
 
 def _noise_std(model: TrackerModel, dt: float) -> float:
@@ -99,17 +99,6 @@ def _position_variance(motion: MotionModel, dt: float) -> float:
 def _passed(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
     """Return whether an antenna comes within `spread` of each position, shape (T,)."""
     near = np.zeros(len(spread), dtype=bool)
-    for radar, detections in reports:
-        line = position - np.asarray(radar.position)
-        distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)
-        margin = np.arcsin(np.minimum(spread / distance, 1.0)) + GATE_SIGMA * radar.azimuth_std
-        azimuth = np.arctan2(line[:, 1], line[:, 0]) - radar.yaw
-        near |= spread >= distance
-        if (coverage := detections.coverage) is not None:
-            offset = np.mod(azimuth + margin - coverage.start, FULL_TURN)
-            near |= offset <= coverage.width + 2.0 * margin
-        if len(detections):
-            seen, first = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN)), azimuth - margin
-            following = seen[np.searchsorted(seen, np.mod(first, FULL_TURN)) % len(seen)]
-            near |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
+    for report in reports:
+        near |= report.sensor.passes(position, spread, report.detections)
     return near

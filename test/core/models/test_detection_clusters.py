@@ -99,5 +99,5 @@ def test_a_group_has_the_identity_that_is_known_and_the_kind_of_the_most_sensors
 
 def test_an_engine_gets_the_merged_detections():
     scan = scan_at(0.0, at((50, 0), (51, 0), (90, 9)))
-    ((_, found),) = MODEL.reports(scan)
+    (found,) = MODEL.reports(scan)
     assert len(found) == 2

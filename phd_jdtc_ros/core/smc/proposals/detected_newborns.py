@@ -19,7 +19,8 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...models.detection_birth import DetectionBirthModel
 from ...models.tracker_model import TrackerModel
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel
+from ...sensors.polar_gate import LEAST_RANGE
+from ...sensors.sensor import Sensor
 from ...tracks.labels import is_detected
 from ...window.entries import Current, Entry
 from ..correction import scale_rows
@@ -45,7 +46,7 @@ def informed(
     touched: Sequence[CurrentParticles],
     stamp_ns: int,
     seen: Places,
-    radars: Sequence[RadarModel],
+    radars: Sequence[Sensor],
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> list[CurrentParticles]:
@@ -58,7 +59,7 @@ def informed(
         Of the scan.
     seen : Places
         Its detections.
-    radars : sequence of RadarModel
+    radars : sequence of Sensor
         Those that reported in it.
     model : TrackerModel
     rng : numpy.random.Generator
@@ -75,7 +76,7 @@ def _informed(
     rows: CurrentParticles,
     dt: float,
     seen: Places,
-    radars: Sequence[RadarModel],
+    radars: Sequence[Sensor],
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> CurrentParticles:
@@ -111,7 +112,7 @@ def _redrawn(
     chosen: IntArray,
     dt: float,
     seen: Places,
-    radars: Sequence[RadarModel],
+    radars: Sequence[Sensor],
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray]:
@@ -145,7 +146,7 @@ def _redrawn(
 
 
 def _measured_along(
-    state: FloatArray, radars: Sequence[RadarModel], births: DetectionBirthModel
+    state: FloatArray, radars: Sequence[Sensor], births: DetectionBirthModel
 ) -> FloatArray | None:
     """Return the directions in which the velocities of a newborn are known, (n, 2).
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...models.tracker_model import TrackerModel
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel
-from ...types import Detections, Scan
+from ...sensors.report import Report
+from ...types import Scan
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Places:
 def places(scan: Scan, model: TrackerModel) -> Places:
     """Return where a scan's detections are, of all radars."""
     reports = model.reports(scan)
-    found = [places_of(detections, radar) for radar, detections in reports]
+    found = [places_of(report) for report in reports]
     return Places(
         np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),
         np.concatenate([np.zeros((0, 2, 2)), *(part.covariance for part in found)]),
@@ -89,14 +89,14 @@ def places(scan: Scan, model: TrackerModel) -> Places:
     )
 
 
-def _rates(reports: Sequence[tuple[RadarModel, Detections]]) -> PlaceRates | None:
+def _rates(reports: Sequence[Report]) -> PlaceRates | None:
     """Return the range rates of all detections; None if there are none to be used."""
-    measured = [radar.rates_of(detections) for radar, detections in reports]
+    measured = [report.range_rates for report in reports]
     if all(found is None or np.isnan(found.rate).all() for found in measured):
         return None
     columns: list[tuple[FloatArray, ...]] = []
-    for (radar, detections), found in zip(reports, measured, strict=True):
-        every = np.ones(len(detections))
+    for report, found in zip(reports, measured, strict=True):
+        every, radar = np.ones(len(report)), report.sensor
         told = (np.nan * every, every, np.inf * every)
         if found is not None:
             told = (found.rate, found.std, (found.model.ambiguity or np.inf) * every)
@@ -104,17 +104,6 @@ def _rates(reports: Sequence[tuple[RadarModel, Detections]]) -> PlaceRates | Non
     return PlaceRates(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
 
-def places_of(detections: Detections, radar: RadarModel) -> Places:
-    """Return where one radar's detections are, without their range rates."""
-    own = radar.detection_noise(detections)
-    std = np.tile(radar.noise_std, (len(detections), 1)) if own is None else own
-    distance, azimuth = detections.measurement.T
-    bearing = azimuth + radar.yaw
-    along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    sides = (std[:, 0], std[:, 1] * np.maximum(distance, LEAST_RANGE))
-    covariance = np.zeros((len(detections), 2, 2))
-    for side, axis in zip(sides, (along, across), strict=True):
-        covariance += (side**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
-    time_s = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
-    return Places(radar.to_world(detections.measurement), covariance, time_s)
+def places_of(report: Report) -> Places:
+    """Return where one report's detections are, without their range rates."""
+    return Places(report.in_plane.position, report.in_plane.covariance, report.time_s)

@@ -31,7 +31,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...arrays import FloatArray, IntArray, factorize, run_starts, sum_by
-from ...sensors.polar_radar import RadarModel
+from ...sensors.sensor import Sensor
 from ...targets.modes import ModeSpace
 from ...tracks.labels import first_scan
 from ..particle_set import ParticleSet
@@ -46,7 +46,7 @@ BANDWIDTH = 0.4
 
 def regularised(
     stored: ParticleSet,
-    radars: Sequence[RadarModel],
+    radars: Sequence[Sensor],
     modes: ModeSpace,
     scan_index: int,
     rng: np.random.Generator,
@@ -56,7 +56,7 @@ def regularised(
     Parameters
     ----------
     stored : ParticleSet
-    radars : sequence of RadarModel
+    radars : sequence of Sensor
         Those that reported in the scan.
     modes : ModeSpace
     scan_index : int
