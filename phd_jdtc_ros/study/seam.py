@@ -14,7 +14,6 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
-from phd_jdtc_ros.core.tracks.common_stamp import chosen, joined
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, Estimates
 from phd_jdtc_ros.evaluation.identity import IdentitySwitches
@@ -163,9 +162,9 @@ def _by_core(found: Sequence[Estimates]) -> Estimates:
     """Return the estimates of each tracker in its core region, with numbers of its own."""
     own = []
     for index, (region, estimates) in enumerate(zip(regions(0.0), found, strict=True)):
-        mine = chosen(estimates, np.flatnonzero(region.covers(estimates.position)))
+        mine = estimates.take(np.flatnonzero(region.covers(estimates.position)))
         own.append(replace(mine, track_id=len(found) * mine.track_id + index))
-    return joined(own, found[0].lag)[0]
+    return Estimates.concatenate(own, found[0].lag)[0]
 
 
 def scored(scenario: Scenario, found: Sequence[Estimates]) -> Scores:

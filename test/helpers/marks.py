@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from sweep import configuration
 
-from phd_jdtc_ros.core.tracks.common_stamp import chosen
 from phd_jdtc_ros.core.tracks.reporting_rule import ReportingRule
 from phd_jdtc_ros.core.types import Estimates
 from phd_jdtc_ros.core.window import window_snapshot
@@ -102,7 +101,7 @@ class MarkEngine(FixedLagEngine):
             track_id=stored.origin + 1,
             space=modes.space,
         )
-        return chosen(estimates, np.flatnonzero(estimates.weight > threshold))
+        return estimates.take(np.flatnonzero(estimates.weight > threshold))
 
     def _backward(self, window):
         return smoothed_sets(window, self._told, self._heard)

@@ -11,8 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import BoolArray, FloatArray, IntArray
-from ..arrays import wrap_angle as wrap_angle
+from ..arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from ..clutter.amplitude_law import NOISE, ClutterAmplitude
 from ..clutter.grid import GroundGrid
 from ..clutter.map import ClutterMap

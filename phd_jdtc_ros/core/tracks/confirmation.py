@@ -31,7 +31,6 @@ from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
 from ..snapshot import MOST_INDEX, MOST_STAMP_NS, Snapshot, require_numbers, require_whole, whole
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates, Scan
-from .common_stamp import chosen
 from .reporting_rule import LEAST, ReportingRule, slowest_s
 
 BoolArray = npt.NDArray[np.bool_]
@@ -197,7 +196,7 @@ class TrackStates:
             return found
         place = np.argsort(found.track_id, kind="stable")
         labelled = place[found.track_id[place] > 0]
-        records = self._next(chosen(found, labelled), scan, model)
+        records = self._next(found.take(labelled), scan, model)
         gone = np.isin(self._records.label - 1, touched)
         gone |= ~np.isin(self._records.stamp_ns, list(held_ns))
         self._records = self._records.take(np.flatnonzero(~gone)).joined(records)
@@ -206,7 +205,7 @@ class TrackStates:
             found.weight[found.track_id == 0] > self.rule.delete.min(), CONFIRMED, TENTATIVE
         )
         state[labelled] = records.state
-        return chosen(replace(found, track_state=state), np.flatnonzero(state != TENTATIVE))
+        return replace(found, track_state=state).take(np.flatnonzero(state != TENTATIVE))
 
     def _next(self, found: Estimates, scan: Scan, model: TrackerModel) -> Records:
         """Return the records of the tracks that a scan found, by ascending label."""
@@ -285,7 +284,7 @@ class TrackStates:
         ever = np.concatenate([confirmed, *(label for label, _ in later)])
         kept = np.isin(found.track_id, ever) | (found.track_id == 0)
         kept &= found.weight >= self.rule.delete[found.class_id]
-        found = chosen(found, np.flatnonzero(kept))
+        found = found.take(np.flatnonzero(kept))
         label, state = self._noted.get(found.stamp_ns, (ever[:0], ever[:0]))
         states = dict(zip(label.tolist(), state.tolist(), strict=True))
         known = [states.get(n, TENTATIVE if n else CONFIRMED) for n in found.track_id.tolist()]

@@ -16,7 +16,6 @@ import numpy.typing as npt
 from ..arrays import FloatArray
 from ..sensors.sensor import Sensor
 from ..types import Detections, Estimates
-from .common_stamp import chosen
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -71,7 +70,7 @@ class Region:
     def reported(self, estimates: Estimates) -> Estimates:
         """Return the estimates that are in the core region or its margin."""
         inside = self.covers(estimates.position)
-        return estimates if inside.all() else chosen(estimates, np.flatnonzero(inside))
+        return estimates if inside.all() else estimates.take(np.flatnonzero(inside))
 
 
 @dataclass(frozen=True)

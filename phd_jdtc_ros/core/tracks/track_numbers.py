@@ -15,7 +15,6 @@ import numpy as np
 
 from ..arrays import IntArray
 from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
-from .common_stamp import chosen
 from .known_aircraft import MARGIN, KnownAircraft, Reach
 
 # Of two tracks of one aircraft that is reported which is confirmed, else which is coasting.
@@ -69,7 +68,7 @@ class TrackNumbers:
         self._part(estimates)
         numbers = [self._track(one) if one else 0 for one in label]
         found = replace(estimates, track_id=np.array(numbers, dtype=np.int64))
-        found = chosen(found, _best(found))
+        found = found.take(_best(found))
         self.aircraft.note(found, reach)
         return found
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.gaussian.algebra import kalman
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
 
 AT = [0, 2]  # x and y among the axes of a state
 SCENES = 40
