@@ -65,7 +65,7 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
         columns[f"p_class_{index}"] = estimates.class_probability[:, index]
     for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
         columns[name] = estimates.covariance[:, row, column]
-    # At the end, so that what reads the other fields by their offsets goes on to do so.
+    # Appended last: readers that use fixed offsets keep working.
     columns["state"] = estimates.track_state
     if known is not None:
         for name, (one, other) in _VERTICAL.items():
@@ -115,7 +115,7 @@ def from_msg(cloud: PointCloud2) -> Estimates:
     stamp_ns = stamps.of_header(cloud.header)
     known = _attributes(columns, stamp_ns) if attributed else None
     point_cloud.require_finite(
-        {n: column for n, column in columns.items() if n not in (*_VERTICAL, *_AGES)}
+        {n: column for n, column in columns.items() if n not in ("z", "vz", *_VERTICAL, *_AGES)}
     )
     size = len(columns["x"])
     track_state = columns.get("state", np.full(size, CONFIRMED)).astype(np.int64)
@@ -154,6 +154,7 @@ def _attributes(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Attri
     for name, (row, column) in _VERTICAL.items():
         covariance[:, row, column] = covariance[:, column, row] = columns[name]
     unknown = ~point_cloud.finite(covariance).all(axis=(1, 2))
+    unknown |= ~point_cloud.finite(height).all(axis=1)
     height[unknown], covariance[unknown] = np.nan, np.nan
     code, address = (_identity(columns[name], part) for name, part in _IDENTITIES.items())
     return Attributes(height, covariance, code, address, _seen(columns, stamp_ns))

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from sensor_msgs.msg import PointCloud2
 
-from msg_adapters import identities, point_cloud, stamps
+from msg_adapters import estimates
 from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix import tracks_out
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
+from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.sensors.site import Plane
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED
+from phd_jdtc_ros.core.state_space import OMEGA, VX, VY, X, Y
+from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
+from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes, Estimates
 
 # Turns and climbs below these are none, rad/s and m/s (300 ft/min); and a turn is one only if it
 # is so many deviations.
@@ -26,23 +26,8 @@ LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
 MOST_TRACKS = 10_000
 # Numbers of tracks in ASTERIX.
 TRACK_NUMBERS = 2**16
-_FLOATS = (
-    "x",
-    "y",
-    "vx",
-    "vy",
-    "omega",
-    "cov_00",
-    "cov_02",
-    "cov_11",
-    "cov_22",
-    "cov_33",
-    "cov_44",
-)
-_VERTICAL = ("z", "vz", "cov_zz", "cov_vzvz")
-_IDENTITIES = {"code": identities.CODES, "address": identities.ADDRESSES}
-_AGES = ("age_psr", "age_ssr", "age_mds")
-FloatArray = npt.NDArray[np.float64]
+# The mean of a track's next state; with a turn rate of zero it is a straight line.
+NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
 
 
 @dataclass
@@ -81,7 +66,7 @@ class TrackOutput:
         # Estimates have heights above the map's zero, which need not be that of flight levels.
         self._datum = 0.0 if plane is None else plane.origin[2]
         self._max_prediction_s = max_prediction_s
-        self._columns: Mapping[str, npt.NDArray[Any]] | None = None
+        self._estimates: Estimates | None = None
         self.stamp_ns = 0
         self._lives: dict[int, _Life] = {}
         self._reported: dict[int, TrackReport] = {}
@@ -96,19 +81,19 @@ class TrackOutput:
         RejectedMessageError
             If it is no such cloud.
         """
-        columns = _columns(cloud)
-        stamp_ns = stamps.of_header(cloud.header)
+        found = _numbered(cloud)
+        stamp_ns = found.stamp_ns
         if stamp_ns < self.stamp_ns:  # of a new run, which uses the same numbers for other tracks
-            again = set(columns["track_id"].tolist())
+            again = set(found.track_id.tolist())
             ended = {n: track for n, track in self._reported.items() if n not in again}
             self._lives, self._reported = {}, ended
-        self.stamp_ns, self._columns = stamp_ns, columns
+        self.stamp_ns, self._estimates = stamp_ns, found
         lives = {}
-        for number, state in zip(columns["track_id"], columns["state"], strict=True):
+        for number, state in zip(found.track_id.tolist(), found.track_state, strict=True):
             life = self._lives.get(number) or _Life(self.stamp_ns, self.stamp_ns)
             if state != COASTING:
                 life.seen_ns = self.stamp_ns
-            lives[int(number)] = life
+            lives[number] = life
         self._lives = lives
 
     def datagrams(self, time_ns: int) -> list[bytes]:
@@ -124,8 +109,8 @@ class TrackOutput:
         """Return the tracks at a time; one that there is no more, a last time."""
         found = {}
         ahead_s = (time_ns - self.stamp_ns) * 1e-9
-        if self._columns is not None and abs(ahead_s) <= self._max_prediction_s:
-            found = self._predicted(self._columns, time_ns, ahead_s)
+        if self._estimates is not None and abs(ahead_s) <= self._max_prediction_s:
+            found = self._predicted(self._estimates, time_ns, ahead_s)
         ended = [
             replace(track, first=False, last=True)
             for number, track in self._reported.items()
@@ -134,92 +119,82 @@ class TrackOutput:
         self._reported = found
         return [*found.values(), *ended]
 
-    def _predicted(
-        self, columns: Mapping[str, npt.NDArray[Any]], time_ns: int, ahead_s: float
-    ) -> dict[int, TrackReport]:
-        get = {name: column.astype(np.float64) for name, column in columns.items()}
-        x, y, vx, vy = _moved(get, ahead_s)
-        height = self._datum + get["z"] + ahead_s * get["vz"]
-        geodetic = None if self._plane is None else np.stack(self._plane.to_geodetic(x, y), axis=1)
-        std = {name: np.sqrt(np.maximum(get[name], 0.0)) for name in get if name.startswith("cov_")}
-        psr, ssr, mds = (np.maximum(get[name] + ahead_s, 0.0).tolist() for name in _AGES)
-        ages = list(zip(psr, ssr, mds, strict=True))
-        found: dict[int, TrackReport] = {}
-        for row, number in enumerate(map(int, columns["track_id"])):
-            life = self._lives[number]
-            climb = float(get["vz"][row])
-            known = number in self._reported
-            found[number] = TrackReport(
+    def _predicted(self, found: Estimates, time_ns: int, ahead_s: float) -> dict[int, TrackReport]:
+        state = NOISE_FREE.mean(found.state, ahead_s)
+        jacobian = NOISE_FREE.jacobian(found.state, ahead_s)
+        covariance = jacobian @ found.covariance @ jacobian.transpose(0, 2, 1)
+        known = _predicted_attributes(found, time_ns)
+        std, height_std = _deviations(covariance), _deviations(known.height_covariance)
+        plane, ages = self._plane, _ages(known, time_ns)
+        geodetic = None
+        if plane is not None:
+            geodetic = np.stack(plane.to_geodetic(state[:, X], state[:, Y]), axis=1).tolist()
+        tracks: dict[int, TrackReport] = {}
+        for row, number in enumerate(found.track_id.tolist()):
+            life, track_state = self._lives[number], int(found.track_state[row])
+            height, climb = known.height[row].tolist()
+            address = int(known.address[row])
+            tracks[number] = TrackReport(
                 (number - 1) % (TRACK_NUMBERS - 1) + 1,
-                (float(x[row]), float(y[row])),
-                (float(vx[row]), float(vy[row])),
-                None if geodetic is None else (float(geodetic[row, 0]), float(geodetic[row, 1])),
-                float(height[row]),
+                (float(state[row, X]), float(state[row, Y])),
+                (float(state[row, VX]), float(state[row, VY])),
+                None if geodetic is None else tuple(geodetic[row]),
+                self._datum + height,
                 climb,
-                int(columns["code"][row]),
-                int(columns["address"][row]),
-                _course(float(get["omega"][row]), float(std["cov_44"][row])),
+                int(known.code[row]),
+                address,
+                _course(float(state[row, OMEGA]), float(std[row, OMEGA])),
                 _vertical(climb),
-                int(columns["state"][row]) in (CONFIRMED, COASTING),
-                int(columns["state"][row]) == COASTING,
-                first=not known,
+                track_state in (CONFIRMED, COASTING),
+                track_state == COASTING,
+                first=number not in self._reported,
                 age_s=max(0.0, (time_ns - life.first_ns) * 1e-9),
                 since_s=max(0.0, (time_ns - life.seen_ns) * 1e-9),
                 sensor_ages_s=ages[row],
-                position_std=(float(std["cov_00"][row]), float(std["cov_22"][row])),
-                velocity_std=(float(std["cov_11"][row]), float(std["cov_33"][row])),
-                covariance=float(get["cov_02"][row]),
-                height_std=float(std["cov_zz"][row]),
-                climb_std=float(std["cov_vzvz"][row]),
-                call_sign=self._call_signs.of(int(columns["address"][row])),
+                position_std=(float(std[row, X]), float(std[row, Y])),
+                velocity_std=(float(std[row, VX]), float(std[row, VY])),
+                covariance=float(covariance[row, X, Y]),
+                height_std=float(height_std[row, 0]),
+                climb_std=float(height_std[row, 1]),
+                call_sign=self._call_signs.of(address),
             )
-        return found
+        return tracks
 
 
-def _columns(cloud: PointCloud2) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a cloud's tracks that have a number; unknown is NaN or `UNKNOWN`."""
+def _numbered(cloud: PointCloud2) -> Estimates:
+    """Return the estimates of a cloud that have a track number."""
     if cloud.width * cloud.height > MOST_TRACKS:
         raise RejectedMessageError(
             "oversize", f"{cloud.width * cloud.height} tracks, at most {MOST_TRACKS} are allowed"
         )
-    there = set(point_cloud.field_names(cloud))
-    aged = all(name in there for name in _AGES)
-    floats = [*_FLOATS, *(_VERTICAL if "cov_zz" in there else ()), *(_AGES if aged else ())]
-    whole = ["track_id", *(name for name in ("state", *_IDENTITIES) if name in there)]
-    wanted = dict.fromkeys(floats, point_cloud.FLOATS) | dict.fromkeys(whole, point_cloud.UNSIGNED)
-    found = point_cloud.decode(cloud, wanted)
-    point_cloud.require_finite({name: found[name] for name in _FLOATS})
-    size = len(found["x"])
-    found.setdefault("state", np.full(size, CONFIRMED))
-    for name in (*_VERTICAL, *_AGES):
-        found.setdefault(name, np.full(size, math.nan))
-    known = np.all([point_cloud.finite(found[name]) for name in _VERTICAL], axis=0)
-    for name in _VERTICAL:
-        found[name] = np.where(known, found[name], math.nan)
-    for name, numbers in _IDENTITIES.items():
-        column = found.get(name, np.full(size, identities.NONE)).astype(np.float64)
-        known_numbers, _ = identities.read(column, np.ones(size, dtype=bool), numbers)
-        found[name] = np.asarray(known_numbers)
-    labelled = found["track_id"] > 0
-    return {name: column[labelled] for name, column in found.items()}
+    found = estimates.from_msg(cloud)
+    return found.take(np.flatnonzero(found.track_id > 0))
 
 
-def _moved(
-    get: Mapping[str, FloatArray], ahead_s: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return positions and velocities some seconds on, in a turn with the turn rate."""
-    vx, vy, omega = get["vx"], get["vy"], get["omega"]
-    angle = omega * ahead_s
-    # sin(a) / a and (1 - cos(a)) / a, which are 1 and 0 without a turn.
-    along = np.sinc(angle / math.pi)
-    across = np.sin(0.5 * angle) * np.sinc(0.5 * angle / math.pi)
-    cos, sin = np.cos(angle), np.sin(angle)
-    return (
-        get["x"] + ahead_s * (along * vx - across * vy),
-        get["y"] + ahead_s * (across * vx + along * vy),
-        cos * vx - sin * vy,
-        sin * vx + cos * vy,
+def _predicted_attributes(found: Estimates, time_ns: int) -> Attributes:
+    """Return heights and climb rates at a time with their covariances, and identities."""
+    known = Attributes.unknown(len(found)) if found.attributes is None else found.attributes
+    ahead_s = (time_ns - found.stamp_ns) * 1e-9
+    climbed = np.array([[1.0, ahead_s], [0.0, 1.0]])
+    return replace(
+        known,
+        height=known.height @ climbed.T,
+        height_covariance=climbed @ known.height_covariance @ climbed.T,
     )
+
+
+def _ages(known: Attributes, time_ns: int) -> list[tuple[float, float, float]]:
+    """Return the seconds since each kind of sensor saw the tracks; NaN where none did."""
+    if known.seen_ns is None:
+        return [(math.nan, math.nan, math.nan)] * len(known.code)
+    ages = np.maximum((time_ns - known.seen_ns) * 1e-9, 0.0)
+    ages = np.where(known.seen_ns == UNKNOWN, np.nan, ages)
+    return [(psr, ssr, mds) for psr, ssr, mds in ages.tolist()]
+
+
+def _deviations(covariance: FloatArray) -> FloatArray:
+    """Return the standard deviations of covariances, shape (N, D)."""
+    return np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
 
 
 def _course(omega: float, std: float) -> int:
