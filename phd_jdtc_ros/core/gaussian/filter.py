@@ -9,7 +9,7 @@ import numpy as np
 from ..types import Scan
 from ..window.entries import Entry
 from ..window.forward_filter import Filtered, ForwardFilter
-from ..window.swept import parted
+from ..window.swept import partition_swept
 from ..window.update import update_scan
 from .dynamics import Dynamics
 from .mixture import Mixture
@@ -48,7 +48,7 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         """Predict, update with every radar and reduce; see `ForwardFilter.step`."""
         dynamics, index = self.dynamics, self._scan_index
         dt = self._interval(scan)
-        touched, others = parted(self.current, scan, self.model, labelled=True)
+        touched, others = partition_swept(self.current, scan, self.model, labelled=True)
         earlier = [
             Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in touched
         ]

@@ -101,8 +101,8 @@ class DetectionBirthModel:
             intensity = intensity + self.log_range_rate(toward, measured, sensor)
         return intensity
 
-    def at_rest(self, slower: FloatArray, bound: float) -> FloatArray:
-        """Return the probability of rest at even odds, from that of being slower than a bound.
+    def stationary(self, slower: FloatArray, bound: float) -> FloatArray:
+        """Return the probability of being stationary at even odds, from that of being slow.
 
         Without births at detections nobody knows what was likely at birth, and it is left as it is.
         See `stationary.at_even_odds`.

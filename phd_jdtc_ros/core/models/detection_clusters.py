@@ -22,7 +22,7 @@ RATE_SIGMA = 4.0
 NOISE_SIGMA = 2.0
 
 
-def merged(detections: Detections, sensor: Sensor) -> Detections:
+def clustered(detections: Detections, sensor: Sensor) -> Detections:
     """Return detections with those of a group as one, at its centre.
 
     Parameters

@@ -12,7 +12,7 @@ from ..snapshot import Snapshot
 from ..types import Scan
 from ..window.entries import Current, Entry
 from ..window.forward_filter import Filtered, ForwardFilter
-from ..window.swept import parted
+from ..window.swept import partition_swept
 from ..window.update import update_scan
 from .correction import Corrector
 from .kernel import backward_kernel
@@ -20,7 +20,7 @@ from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import Aged, ParticleSet
 from .prediction import predict
 from .proposals import birth_newborns, regularisation
-from .proposals.detected_newborns import informed
+from .proposals.detected_newborns import redraw_velocities
 from .proposals.detections_in_plane import places
 from .resampling import ParticleBudget, resample
 from .update import ParticleSteps
@@ -65,7 +65,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         """
         model, corrector, index, rng = self.model, self.corrector, self._scan_index, self._rng
         dt = self._interval(scan)
-        touched, others = parted(self.current, scan, model, corrector.labelled)
+        touched, others = partition_swept(self.current, scan, model, corrector.labelled)
         seen = places(scan, model)
         radars = [report.sensor for report in model.reports(scan)]
         # With range rates young targets are regularised, which is in place of more particles.
@@ -73,7 +73,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         regularises = corrector.labelled and rated
         if corrector.labelled:
             before = touched
-            touched = informed(before, scan.stamp_ns, seen, radars, model, rng)
+            touched = redraw_velocities(before, scan.stamp_ns, seen, radars, model, rng)
             # The rows that this scan leaves alone stay rows of the same set as those that it drew.
             drawn = {id(old.entry): new.entry for old, new in zip(before, touched, strict=True)}
             others = [Current(drawn.get(id(rows.entry), rows.entry), rows.rows) for rows in others]
@@ -92,7 +92,7 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         young_from = index if corrector.labelled and not regularises else None
         drawn_on = resample(updated, model.modes, budget, rng, young_from)
         if corrector.labelled:
-            drawn_on = birth_newborns.spread(drawn_on, scan, model, index, rng)
+            drawn_on = birth_newborns.redraw_velocities(drawn_on, scan, model, index, rng)
         stored = drawn_on
         if regularises:
             stored = regularisation.regularised(drawn_on, radars, model.modes, index, rng)

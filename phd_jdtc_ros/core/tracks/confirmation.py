@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
-from ..clutter.neighbourhood import crowding
+from ..clutter.neighbourhood import probability_among_reflectors
 from ..models import stationary
 from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
@@ -40,7 +40,7 @@ UNSEEN = 0.98
 PATIENCE = 1.5
 # Where radars have maps of clutter, a track that is at rest with a larger probability than the
 # first is not confirmed, and one with a larger than the second no longer is. A half knows nothing.
-REST, CERTAIN_REST = 0.85, 0.9
+STATIONARY, SURELY_STATIONARY = 0.85, 0.9
 # Scans that are less than this share of a turn apart may be of the same pass of the antenna.
 SAME_TURN = 0.5
 
@@ -61,27 +61,27 @@ def missed_by_all(found: Estimates, scan: Scan, model: TrackerModel) -> FloatArr
     return missed
 
 
-def at_rest(found: Estimates, model: TrackerModel) -> FloatArray:
-    """Return the probability that each target is at rest, and so clutter to all radars, (T,).
+def stationary_probability(found: Estimates, model: TrackerModel) -> FloatArray:
+    """Return the probability that each target is stationary, and so clutter to all radars, (T,).
 
     It is 0 where a radar has no map of clutter, or keeps targets that are at rest. Before a
     velocity is known it is a half where nothing else answers, see `stationary`, and more among
     reflectors: the odds are divided by the probability that the neighbourhood is not one of them.
     """
-    bound = stationary.bound_of_rest(model.radars)
+    bound = stationary.stationary_speed(model.radars)
     if bound == 0.0:
         return np.zeros(len(found))
     axes = list(found.space.velocity)
     covariance = found.covariance[:, axes][:, :, axes]
     slower = stationary.slower(found.velocity, covariance, bound)
-    alone = model.detection_births.at_rest(slower, bound)
-    return stationary.among_reflectors(alone, _crowding(found, model))
+    alone = model.detection_births.stationary(slower, bound)
+    return stationary.among_reflectors(alone, _among_reflectors(found, model))
 
 
-def _crowding(found: Estimates, model: TrackerModel) -> FloatArray:
+def _among_reflectors(found: Estimates, model: TrackerModel) -> FloatArray:
     """Return how probably each target's neighbourhood is one of reflectors to all radars, (T,).
 
-    Those are meant that see the place; it is 0 where none does. The cells of a radar that moves are
+    Only radars that see the place count; 0 where none does. The cells of a radar that moves are
     of the world, wherever it is.
     """
     about = [
@@ -89,7 +89,7 @@ def _crowding(found: Estimates, model: TrackerModel) -> FloatArray:
         for radar in model.radars
     ]
     least = np.min(about, axis=0)
-    return crowding(np.where(np.isinf(least), 0.0, least))
+    return probability_among_reflectors(np.where(np.isinf(least), 0.0, least))
 
 
 class Records(NamedTuple):
@@ -238,8 +238,8 @@ class TrackStates:
             (corrected >= lowest) & (weight >= np.minimum(LEAST, delete)),
         )
         kept &= detected | seen | (since_ns <= 1e9 * self.rule.coasting_s)
-        bound = np.where(before.state == TENTATIVE, REST, CERTAIN_REST)
-        kept &= at_rest(found, model) <= bound
+        bound = np.where(before.state == TENTATIVE, STATIONARY, SURELY_STATIONARY)
+        kept &= stationary_probability(found, model) <= bound
         coasting = missed | long_ago | (~detected & (before.state == COASTING))
         return Records(
             label=label,

@@ -333,7 +333,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
     def _published(self, found: Estimates, smoothed: bool) -> Estimates:
         """Return targets with what is known of them besides, and with track numbers for labels."""
         if self.forward.attributes is not None:
-            found = self.forward.attributes.told(found, smoothed)
+            found = self.forward.attributes.described(found, smoothed)
         return self._tracks.numbered(found, self._reach)
 
     @property

@@ -1,4 +1,4 @@
-"""Which origins a scan touches: those that an antenna may have passed.
+"""Partition of targets by whether a scan's antennas may have swept them.
 
 The others are neither predicted nor linked for it, so that a scan of a sector costs what the
 antenna passed. It was where it says, and wherever it has detected something.
@@ -26,10 +26,10 @@ LONGEST_TURNS = 1.5
 Reports = Sequence[Report]
 
 
-def parted(
+def partition_swept(
     current: list[Current[RowsT, LinkT]], scan: Scan, model: TrackerModel, labelled: bool
 ) -> tuple[list[Current[RowsT, LinkT]], list[Current[RowsT, LinkT]]]:
-    """Return the rows that a scan touches, and those that it does not.
+    """Return the rows of targets that a scan may have swept, and the others.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def parted(
     touched, others = [], []
     by_entry = np.split(near, np.cumsum(sizes)[:-1])
     for rows, extent, near_here in zip(current, extents, by_entry, strict=True):
-        inside, outside = rows.parted(near_here[extent.row_origin])
+        inside, outside = rows.split(near_here[extent.row_origin])
         touched += [inside] if inside is not None else []
         others += [outside] if outside is not None else []
     return touched, others

@@ -198,7 +198,7 @@ def update(
     if clutter is not None and clutter.learns(report):
         bound = report.sensor.clutter_map_speed
         slower = posterior.claims.part(prior.slower(bound))
-        stationary = model.detection_births.at_rest(slower, bound)
+        stationary = model.detection_births.stationary(slower, bound)
         clutter.learn(report, posterior.claimed, stationary)
     if attributes is not None and posterior.evidence is not None:
         attributes.learn(posterior.evidence, posterior.pair, posterior.existence)

@@ -42,7 +42,7 @@ NARROW = 0.5
 INFLATION = 1.5
 
 
-def informed(
+def redraw_velocities(
     touched: Sequence[CurrentParticles],
     stamp_ns: int,
     seen: Places,
@@ -67,12 +67,12 @@ def informed(
     if not model.detection_births.enabled:
         return list(touched)
     return [
-        _informed(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, radars, model, rng)
+        _redraw_velocities(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, radars, model, rng)
         for rows in touched
     ]
 
 
-def _informed(
+def _redraw_velocities(
     rows: CurrentParticles,
     dt: float,
     seen: Places,
