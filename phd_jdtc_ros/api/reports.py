@@ -14,7 +14,7 @@ from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_gate import LEAST_RANGE
+from phd_jdtc_ros.core.sensors.polar_geometry import LEAST_RANGE
 
 from .tables import Columns, numbers, required, stamps_ns
 

@@ -12,12 +12,11 @@ from ..pair_search import kernels
 from ..pair_search.bands import in_boxes
 from ..pair_search.gating import CellLists, cell_lists
 from ..types import Detections
+from .polar_geometry import LEAST_RANGE
 from .sensor import GatedGaussians
 
 # At six standard deviations the likelihood is 1e-8 of its peak.
 GATE_SIGMA = 6.0
-# At its own position a radar measures no azimuth; divisions by the range are bounded at this one.
-LEAST_RANGE = 1.0
 
 
 def gated_pairs(

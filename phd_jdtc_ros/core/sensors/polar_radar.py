@@ -20,8 +20,9 @@ from ..state_space import PLANAR, StateSpace
 from ..targets import amplitude_density
 from ..targets.modes import ClassModel
 from ..types import FULL_TURN, Coverage, Detections, Pose
-from . import polar_gate
-from .polar_gate import GATE_SIGMA, LEAST_RANGE
+from . import polar_gate, polar_geometry
+from .polar_gate import GATE_SIGMA
+from .polar_geometry import LEAST_RANGE
 from .range_rate import RangeRateModel, Rates
 from .sensor import GatedGaussians, PlanePlots, Sensor
 from .slant_range import HeightReading
@@ -146,36 +147,12 @@ class RadarModel:
 
     def measure(self, state: FloatArray) -> FloatArray:
         """Return noise-free (range, azimuth) of each state; shape (N, D) to (N, 2)."""
-        x, y = self.space.position
-        east, north = state[:, x] - self.position[0], state[:, y] - self.position[1]
-        # Rotated into the sensor's frame first, so that the azimuth needs no wrapping.
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-        ahead, left = cos * east + sin * north, cos * north - sin * east
-        return np.stack([np.sqrt(ahead**2 + left**2), np.arctan2(left, ahead)], axis=1)
+        position = state[:, list(self.space.position)]
+        return polar_geometry.measured(position, self.position, self.yaw)
 
     def linearised(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return (range, azimuth) of positions, and their derivatives by the position.
-
-        Parameters
-        ----------
-        position : array of shape (..., 2)
-            In the world frame, metres.
-
-        Returns
-        -------
-        measured : array of shape (..., 2)
-        jacobian : array of shape (..., 2, 2)
-        """
-        line = position - np.asarray(self.position)
-        east, north = line[..., 0], line[..., 1]
-        cos, sin = np.cos(self.yaw), np.sin(self.yaw)
-        ahead, left = cos * east + sin * north, cos * north - sin * east
-        distance = np.maximum(np.sqrt(ahead**2 + left**2), LEAST_RANGE)
-        along, across = east / distance, north / distance
-        jacobian = np.empty((*position.shape, 2))
-        jacobian[..., 0, 0], jacobian[..., 0, 1] = along, across
-        jacobian[..., 1, 0], jacobian[..., 1, 1] = -across / distance, along / distance
-        return np.stack([distance, np.arctan2(left, ahead)], axis=-1), jacobian
+        """Return (range, azimuth) of positions and Jacobians; see `polar_geometry.linearised`."""
+        return polar_geometry.linearised(position, self.position, self.yaw)
 
     def wrapped(self, error: FloatArray) -> FloatArray:
         """Return differences of (range, azimuth) with that of the azimuth wrapped; (..., 2)."""
@@ -190,22 +167,13 @@ class RadarModel:
 
     def to_world(self, measurement: FloatArray) -> FloatArray:
         """Return world (x, y) in metres of (range, azimuth) rows; shape (M, 2)."""
-        bearing = measurement[:, 1] + self.yaw
-        direction = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        world: FloatArray = np.asarray(self.position) + measurement[:, :1] * direction
-        return world
+        return polar_geometry.to_plane(measurement, self.position, self.yaw)
 
     def in_plane(self, detections: Detections) -> PlanePlots:
         """Return detections as positions with covariances, at their own times."""
-        std = self.deviations(detections)
-        # Along the line of sight and across it; at the radar itself there is no azimuth.
-        bearing = detections.measurement[:, 1] + self.yaw
-        along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-        across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-        distance = np.maximum(detections.measurement[:, 0], LEAST_RANGE)
-        sides = np.stack([std[:, 0], distance * std[:, 1]], axis=1)
-        axes = np.stack([along, across], axis=2)
-        return PlanePlots(self.to_world(detections.measurement), axes, sides)
+        measured = detections.measurement
+        sides = polar_geometry.error_axes(measured, self.deviations(detections), self.yaw)
+        return PlanePlots(self.to_world(measured), *sides)
 
     def drawn_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
         """Return positions drawn from detections' noise, given (M, K, 2) normals; (M, K, 2)."""
@@ -222,10 +190,7 @@ class RadarModel:
 
     def line_of_sight(self, position: FloatArray) -> FloatArray:
         """Return unit vectors from the radar to positions, world frame, shape (N, 2)."""
-        line = position - np.asarray(self.position)
-        distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
-        toward: FloatArray = line / distance[:, None]
-        return toward
+        return polar_geometry.line_of_sight(position, self.position)[0]
 
     @cached_property
     def noise_std(self) -> FloatArray:
@@ -425,12 +390,7 @@ class RadarModel:
     def measurement_rate(self, state: FloatArray) -> FloatArray:
         """Return the rates of (range, azimuth) of each state, m/s and rad/s; (N, D) to (N, 2)."""
         position, velocity = list(self.space.position), list(self.space.velocity)
-        line = state[:, position] - np.asarray(self.position)
-        distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
-        along, across = line / distance[:, None], state[:, velocity]
-        radial = (along * across).sum(axis=1)
-        tangential = along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]
-        return np.stack([radial, tangential / distance], axis=1)
+        return polar_geometry.rates(state[:, position], state[:, velocity], self.position)
 
     def gated_pairs(
         self, predicted: FloatArray, detections: Detections, rate: FloatArray | None = None
@@ -454,28 +414,9 @@ class RadarModel:
         """Return whether the antenna may have passed the circles about positions, shape (T,).
 
         It was where it says, and wherever it has detected something.
-
-        Parameters
-        ----------
-        position : array of shape (T, 2)
-            In the world frame, metres.
-        radius : array of shape (T,)
-            Metres.
-        detections : Detections
         """
-        line = position - np.asarray(self.position)
-        distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)
-        margin = np.arcsin(np.minimum(radius / distance, 1.0)) + GATE_SIGMA * self.azimuth_std
-        azimuth = np.arctan2(line[:, 1], line[:, 0]) - self.yaw
-        near: BoolArray = radius >= distance
-        if (coverage := detections.coverage) is not None:
-            offset = np.mod(azimuth + margin - coverage.start, FULL_TURN)
-            near |= offset <= coverage.width + 2.0 * margin
-        if len(detections):
-            seen, first = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN)), azimuth - margin
-            following = seen[np.searchsorted(seen, np.mod(first, FULL_TURN)) % len(seen)]
-            near |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
-        return near
+        std = GATE_SIGMA * self.azimuth_std
+        return polar_geometry.passes(position, radius, self.position, self.yaw, std, detections)
 
 
 def polar_radars(sensors: Iterable[Sensor]) -> tuple[RadarModel, ...]:

@@ -67,39 +67,31 @@ class Prior(Protocol[RowsT]):
     @property
     def label(self) -> IntArray:
         """Label of each target, ascending, (T,)."""
-        ...
 
     @property
     def target(self) -> IntArray:
         """Index of each row's target, (N,)."""
-        ...
 
     @property
     def mass(self) -> FloatArray:
         """Weight of each row, (N,)."""
-        ...
 
     @property
     def missed_mass(self) -> FloatArray:
         """Weight of each row, times the probability that it is not detected, (N,)."""
-        ...
 
     @property
     def measured(self) -> FloatArray:
         """Measurements that the sensor is expected to make of the rows, (N, Z)."""
-        ...
 
     def gate(self, detections: Detections) -> tuple[IntArray, IntArray, FloatArray]:
         """Return the pairs of rows and detections in gates, with their log likelihoods."""
-        ...
 
     def with_strays(self, lost: Lost) -> Prior[RowsT]:
         """Return the prior with rows for targets whose identities are seen outside their gates."""
-        ...
 
     def slower(self, bound: float) -> FloatArray:
         """Return the probability that each row is slower than a bound in m/s, (N,)."""
-        ...
 
     def posterior(
         self, pairs: Paired, evidence: Evidence | None, log_other: FloatArray
@@ -114,7 +106,6 @@ class Prior(Protocol[RowsT]):
         log_other : array of shape (1 + C, M)
             See `competing_sources.log_intensities`.
         """
-        ...
 
 
 class UpdateSteps(Protocol[RowsT]):
@@ -123,15 +114,12 @@ class UpdateSteps(Protocol[RowsT]):
     @property
     def model(self) -> TrackerModel:
         """Assumptions about targets and sensors."""
-        ...
 
     def prior(self, rows: RowsT, report: Report) -> Prior[RowsT]:
         """Return the rows as they are before a report."""
-        ...
 
     def with_newborn(self, rows: RowsT, newborn: Newborn, label: int) -> tuple[RowsT, Newborn]:
         """Return the rows with targets born at detections, labelled from `label` on, and these."""
-        ...
 
 
 @dataclass(frozen=True)

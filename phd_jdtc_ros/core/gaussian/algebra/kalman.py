@@ -11,7 +11,7 @@ import numpy as np
 
 from ... import backend
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_gate import LEAST_RANGE
+from ...sensors.polar_geometry import LEAST_RANGE
 from ...sensors.sensor import Sensor
 
 # Gauss-Newton steps of an update; two or three suffice unless a target is next to the sensor.

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_gate import LEAST_RANGE
+from ...sensors.polar_geometry import LEAST_RANGE
 from ...sensors.range_rate import RangeRateModel, Rates
 from ...sensors.sensor import Sensor
 from . import kalman

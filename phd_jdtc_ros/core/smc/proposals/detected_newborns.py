@@ -19,7 +19,7 @@ import numpy as np
 from ...arrays import FloatArray, IntArray
 from ...models.detection_birth import DetectionBirthModel
 from ...models.tracker_model import TrackerModel
-from ...sensors.polar_gate import LEAST_RANGE
+from ...sensors.polar_geometry import LEAST_RANGE
 from ...sensors.sensor import Sensor
 from ...tracks.labels import is_detected
 from ...window.entries import Current, Entry

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_gate import LEAST_RANGE
+from ...sensors.polar_geometry import LEAST_RANGE
 from ...targets import motion
 from ...targets.motion import MotionModel
 from . import proposal
