@@ -65,7 +65,7 @@ class ClutterMap:
     neighbourhood tells what is likely before the place has answered: with A detections per turn
     that come from it beyond those of one reflector and of uniform clutter, all of them counted at
     once, the prior is that of its cells, and b rises from ALONE to POINT; see
-    `clutter_neighbourhood`.
+    `neighbourhood`.
     """
 
     grid: Grid
