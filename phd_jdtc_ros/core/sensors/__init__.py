@@ -1,1 +1,1 @@
-"""The protocol of a sensor, reports, and the polar radar: geometry, gates, coverage, biases, sites."""
+"""The protocol of a sensor, reports, and the polar radar with its geometry, gates and coverage."""

@@ -1,1 +1,1 @@
-"""The fixed-lag window of an engine: past scans, the forward pass with its update, the backward pass."""
+"""The fixed-lag window of an engine: past scans, forward pass with its update, backward pass."""
