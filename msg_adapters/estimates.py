@@ -153,8 +153,8 @@ def _attributes(columns: Mapping[str, npt.NDArray[Any]], stamp_ns: int) -> Attri
     covariance = np.zeros((len(height), 2, 2))
     for name, (row, column) in _VERTICAL.items():
         covariance[:, row, column] = covariance[:, column, row] = columns[name]
-    unknown = ~point_cloud.finite(covariance).all(axis=(1, 2))
-    unknown |= ~point_cloud.finite(height).all(axis=1)
+    finite = point_cloud.finite
+    unknown = ~(finite(covariance).all(axis=(1, 2)) & finite(height).all(axis=1))
     height[unknown], covariance[unknown] = np.nan, np.nan
     code, address = (_identity(columns[name], part) for name, part in _IDENTITIES.items())
     return Attributes(height, covariance, code, address, _seen(columns, stamp_ns))

@@ -13,11 +13,18 @@ from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix import tracks_out
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.tracks_out import Source, TrackReport
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.state_space import OMEGA, VX, VY, X, Y
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
-from phd_jdtc_ros.core.types import COASTING, CONFIRMED, UNKNOWN, Attributes, Estimates
+from phd_jdtc_ros.core.types import (
+    COASTING,
+    CONFIRMED,
+    SENSORS,
+    UNKNOWN,
+    Attributes,
+    Estimates,
+)
 
 # Turns and climbs below these are none, rad/s and m/s (300 ft/min); and a turn is one only if it
 # is so many deviations.
@@ -26,8 +33,8 @@ LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
 MOST_TRACKS = 10_000
 # Numbers of tracks in ASTERIX.
 TRACK_NUMBERS = 2**16
-# The mean of a track's next state; with a turn rate of zero it is a straight line.
-NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
+# How targets move to the time of output, and their covariances to first order of it.
+_TURN = CoordinatedTurn(0.0, 0.0)
 
 
 @dataclass
@@ -43,7 +50,6 @@ class TrackOutput:
 
     Parameters
     ----------
-    source : Source
     plane : Plane or None
         Without one there are no latitudes and longitudes, and heights are those above the world's
         zero.
@@ -66,7 +72,7 @@ class TrackOutput:
         # Estimates have heights above the map's zero, which need not be that of flight levels.
         self._datum = 0.0 if plane is None else plane.origin[2]
         self._max_prediction_s = max_prediction_s
-        self._estimates: Estimates | None = None
+        self._found: Estimates | None = None
         self.stamp_ns = 0
         self._lives: dict[int, _Life] = {}
         self._reported: dict[int, TrackReport] = {}
@@ -81,15 +87,19 @@ class TrackOutput:
         RejectedMessageError
             If it is no such cloud.
         """
-        found = _numbered(cloud)
-        stamp_ns = found.stamp_ns
+        if cloud.width * cloud.height > MOST_TRACKS:
+            raise RejectedMessageError(
+                "oversize",
+                f"{cloud.width * cloud.height} tracks, at most {MOST_TRACKS} are allowed",
+            )
+        found = estimates.from_msg(cloud)
+        stamp_ns, numbers = found.stamp_ns, found.track_id.tolist()
         if stamp_ns < self.stamp_ns:  # of a new run, which uses the same numbers for other tracks
-            again = set(found.track_id.tolist())
-            ended = {n: track for n, track in self._reported.items() if n not in again}
+            ended = {n: track for n, track in self._reported.items() if n not in numbers}
             self._lives, self._reported = {}, ended
-        self.stamp_ns, self._estimates = stamp_ns, found
+        self.stamp_ns, self._found = stamp_ns, found
         lives = {}
-        for number, state in zip(found.track_id.tolist(), found.track_state, strict=True):
+        for number, state in zip(numbers, found.track_state, strict=True):
             life = self._lives.get(number) or _Life(self.stamp_ns, self.stamp_ns)
             if state != COASTING:
                 life.seen_ns = self.stamp_ns
@@ -109,8 +119,8 @@ class TrackOutput:
         """Return the tracks at a time; one that there is no more, a last time."""
         found = {}
         ahead_s = (time_ns - self.stamp_ns) * 1e-9
-        if self._estimates is not None and abs(ahead_s) <= self._max_prediction_s:
-            found = self._predicted(self._estimates, time_ns, ahead_s)
+        if self._found is not None and abs(ahead_s) <= self._max_prediction_s:
+            found = self._predicted(self._found, time_ns, ahead_s)
         ended = [
             replace(track, first=False, last=True)
             for number, track in self._reported.items()
@@ -119,82 +129,75 @@ class TrackOutput:
         self._reported = found
         return [*found.values(), *ended]
 
-    def _predicted(self, found: Estimates, time_ns: int, ahead_s: float) -> dict[int, TrackReport]:
-        state = NOISE_FREE.mean(found.state, ahead_s)
-        jacobian = NOISE_FREE.jacobian(found.state, ahead_s)
-        covariance = jacobian @ found.covariance @ jacobian.transpose(0, 2, 1)
-        known = _predicted_attributes(found, time_ns)
-        std, height_std = _deviations(covariance), _deviations(known.height_covariance)
-        plane, ages = self._plane, _ages(known, time_ns)
+    def _predicted(
+        self, estimated: Estimates, time_ns: int, ahead_s: float
+    ) -> dict[int, TrackReport]:
+        state = _TURN.mean(estimated.state, ahead_s)
+        position, velocity = state[:, [X, Y]], state[:, [VX, VY]].tolist()
         geodetic = None
-        if plane is not None:
-            geodetic = np.stack(plane.to_geodetic(state[:, X], state[:, Y]), axis=1).tolist()
-        tracks: dict[int, TrackReport] = {}
-        for row, number in enumerate(found.track_id.tolist()):
-            life, track_state = self._lives[number], int(found.track_state[row])
-            height, climb = known.height[row].tolist()
-            address = int(known.address[row])
-            tracks[number] = TrackReport(
+        if self._plane is not None:
+            geodetic = np.stack(self._plane.to_geodetic(*position.T), axis=1).tolist()
+        jacobian = _TURN.jacobian(estimated.state, ahead_s)
+        covariance = jacobian @ estimated.covariance @ jacobian.transpose(0, 2, 1)
+        std = _deviations(covariance)
+        known = estimated.attributes or _nothing(len(state))
+        height = self._datum + known.height @ np.array([1.0, ahead_s])
+        climbed = np.array([[1.0, ahead_s], [0.0, 1.0]])
+        up_std = _deviations(climbed @ known.height_covariance @ climbed.T)
+        ages = _ages(known.seen_ns, len(state), time_ns)
+        found: dict[int, TrackReport] = {}
+        for row in np.flatnonzero(estimated.track_id > 0).tolist():
+            number = int(estimated.track_id[row])
+            life, climb = self._lives[number], float(known.height[row, 1])
+            x_std, vx_std, y_std, vy_std, omega_std = std[row].tolist()
+            found[number] = TrackReport(
                 (number - 1) % (TRACK_NUMBERS - 1) + 1,
-                (float(state[row, X]), float(state[row, Y])),
-                (float(state[row, VX]), float(state[row, VY])),
+                tuple(position[row].tolist()),
+                tuple(velocity[row]),
                 None if geodetic is None else tuple(geodetic[row]),
-                self._datum + height,
+                float(height[row]),
                 climb,
                 int(known.code[row]),
-                address,
-                _course(float(state[row, OMEGA]), float(std[row, OMEGA])),
+                int(known.address[row]),
+                _course(float(state[row, OMEGA]), omega_std),
                 _vertical(climb),
-                track_state in (CONFIRMED, COASTING),
-                track_state == COASTING,
+                int(estimated.track_state[row]) in (CONFIRMED, COASTING),
+                int(estimated.track_state[row]) == COASTING,
                 first=number not in self._reported,
                 age_s=max(0.0, (time_ns - life.first_ns) * 1e-9),
                 since_s=max(0.0, (time_ns - life.seen_ns) * 1e-9),
-                sensor_ages_s=ages[row],
-                position_std=(float(std[row, X]), float(std[row, Y])),
-                velocity_std=(float(std[row, VX]), float(std[row, VY])),
+                sensor_ages_s=tuple(ages[row]),
+                position_std=(x_std, y_std),
+                velocity_std=(vx_std, vy_std),
                 covariance=float(covariance[row, X, Y]),
-                height_std=float(height_std[row, 0]),
-                climb_std=float(height_std[row, 1]),
-                call_sign=self._call_signs.of(address),
+                height_std=float(up_std[row, 0]),
+                climb_std=float(up_std[row, 1]),
+                call_sign=self._call_signs.of(int(known.address[row])),
             )
-        return tracks
-
-
-def _numbered(cloud: PointCloud2) -> Estimates:
-    """Return the estimates of a cloud that have a track number."""
-    if cloud.width * cloud.height > MOST_TRACKS:
-        raise RejectedMessageError(
-            "oversize", f"{cloud.width * cloud.height} tracks, at most {MOST_TRACKS} are allowed"
-        )
-    found = estimates.from_msg(cloud)
-    return found.take(np.flatnonzero(found.track_id > 0))
-
-
-def _predicted_attributes(found: Estimates, time_ns: int) -> Attributes:
-    """Return heights and climb rates at a time with their covariances, and identities."""
-    known = Attributes.unknown(len(found)) if found.attributes is None else found.attributes
-    ahead_s = (time_ns - found.stamp_ns) * 1e-9
-    climbed = np.array([[1.0, ahead_s], [0.0, 1.0]])
-    return replace(
-        known,
-        height=known.height @ climbed.T,
-        height_covariance=climbed @ known.height_covariance @ climbed.T,
-    )
-
-
-def _ages(known: Attributes, time_ns: int) -> list[tuple[float, float, float]]:
-    """Return the seconds since each kind of sensor saw the tracks; NaN where none did."""
-    if known.seen_ns is None:
-        return [(math.nan, math.nan, math.nan)] * len(known.code)
-    ages = np.maximum((time_ns - known.seen_ns) * 1e-9, 0.0)
-    ages = np.where(known.seen_ns == UNKNOWN, np.nan, ages)
-    return [(psr, ssr, mds) for psr, ssr, mds in ages.tolist()]
+        return found
 
 
 def _deviations(covariance: FloatArray) -> FloatArray:
     """Return the standard deviations of covariances, shape (N, D)."""
-    return np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
+    deviations: FloatArray = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
+    return deviations
+
+
+def _nothing(count: int) -> Attributes:
+    """Return the attributes of targets of which no height and no identity is known."""
+    unknown = np.full(count, UNKNOWN)
+    none = np.full((count, 2), math.nan)
+    return Attributes(none, np.full((count, 2, 2), math.nan), unknown, unknown, None)
+
+
+def _ages(seen_ns: IntArray | None, count: int, time_ns: int) -> list[list[float]]:
+    """Return for how long no sensor of each kind has seen the targets, seconds; NaN for never."""
+    if seen_ns is None:
+        return [[math.nan] * len(SENSORS)] * count
+    ages = np.maximum(time_ns - seen_ns, 0) * 1e-9
+    ages[seen_ns == UNKNOWN] = math.nan
+    found: list[list[float]] = ages.tolist()
+    return found
 
 
 def _course(omega: float, std: float) -> int:

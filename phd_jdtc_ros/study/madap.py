@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.evaluation.scan_scores import PointSet

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from phd_jdtc_ros.calibration.tuning.plots import Plots
-from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
 from phd_jdtc_ros.core.types import Truth
 
 # A plot within so many deviations of a target is its.

@@ -27,7 +27,7 @@ def cloud(rows, stamp_ns=T0, heights=False, ages=False, wide=()):
         names += ["cov_zz", "cov_zvz", "cov_vzvz", "code", "address"]
     if ages:
         names += ["age_psr", "age_ssr", "age_mds"]
-    unsigned = {"track_id", "class_id", "lag", "state", "code", "address"}
+    unsigned = {"track_id", "state", "code", "address", "class_id", "lag"}
     defaults = {"track_id": 1, "state": 1, "code": 2**32 - 1, "address": 2**32 - 1}
     columns = {
         name: np.array(
