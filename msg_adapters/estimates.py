@@ -65,7 +65,7 @@ def to_msg(estimates: Estimates, frame: str) -> PointCloud2:
         columns[f"p_class_{index}"] = estimates.class_probability[:, index]
     for name, (row, column) in zip(_COVARIANCE, _UPPER, strict=True):
         columns[name] = estimates.covariance[:, row, column]
-    # At the end, so that what reads the other fields by their offsets goes on to do so.
+    # Appended last: readers that use fixed offsets keep working.
     columns["state"] = estimates.track_state
     if known is not None:
         for name, (one, other) in _VERTICAL.items():

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.slant_range import LEAST, MAX_HEIGHT, Ground, over_ground, slant_of
 from phd_jdtc_ros.core.types import Detections
 

@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import NO_BIAS
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN, Detections
 
 from . import ground_ranges, identities, plot_times

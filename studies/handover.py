@@ -17,8 +17,8 @@ from rich.table import Table
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.targets.amplitude_density import snr_from_db
-from phd_jdtc_ros.core.tracks.common_stamp import chosen, joined
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.types import FILTERED, Estimates
 from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
@@ -97,7 +97,7 @@ def scene(config: TrackerConfig, seed: int) -> Scenario:
         interval_s=INTERVAL_S,
         scans=int(DURATION_S / INTERVAL_S) + 1,
         targets=tuple(flights),
-        radars=config.model.radars,
+        radars=polar_radars(config.model.radars),
     )
 
 
@@ -171,9 +171,9 @@ def _by_core(found: Sequence[Estimates]) -> Estimates:
     """Return the estimates of each tracker in its core region, with numbers of its own."""
     own = []
     for index, (region, estimates) in enumerate(zip(regions(0.0), found, strict=True)):
-        mine = chosen(estimates, np.flatnonzero(region.covers(estimates.position)))
+        mine = estimates.take(np.flatnonzero(region.covers(estimates.position)))
         own.append(replace(mine, track_id=len(found) * mine.track_id + index))
-    return joined(own, found[0].lag)[0]
+    return Estimates.concatenate(own, found[0].lag)[0]
 
 
 def scored(scenario: Scenario, found: Sequence[Estimates]) -> Scores:

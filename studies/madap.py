@@ -17,8 +17,8 @@ from rich.table import Table
 
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import SOURCES, Truth
 from phd_jdtc_ros.evaluation.comparison import PointSet
 from phd_jdtc_ros.evaluation.metrics import assign
@@ -216,7 +216,7 @@ def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     given = from_arguments.scenario_parameters(document)
     given |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
     config = resolve({**given, "seed": seed})
-    scenario = scenario_file.resolve(document, config.model.radars)
+    scenario = scenario_file.resolve(document, polar_radars(config.model.radars))
     if arguments.minutes is not None:
         scenario = scenario.until(60.0 * arguments.minutes)
     truth = [truth_at(scenario, scan) for scan in range(scenario.scans)]

@@ -26,6 +26,7 @@ from phd_jdtc_ros.calibration.registration.solution import registered
 from phd_jdtc_ros.calibration.tuning.plots import plots_of
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.radar_build import bias_parameters
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import SOURCES
 from phd_jdtc_ros.evaluation.metrics import assign
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
@@ -163,7 +164,7 @@ def run(
     """
     parameters = from_arguments.scenario_parameters(document)
     config = resolve(parameters)
-    whole = scenario_file.resolve(document, config.model.radars)
+    whole = scenario_file.resolve(document, polar_radars(config.model.radars))
     begin = time.process_time()
     try:
         found = registration_of(whole if seconds is None else whole.until(seconds), config, seed)

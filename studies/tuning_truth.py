@@ -16,8 +16,8 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.calibration.tuning import proposal
 from phd_jdtc_ros.calibration.tuning.findings import Findings
 from phd_jdtc_ros.calibration.tuning.plots import Plots
-from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import Truth
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, tracker_params
@@ -68,7 +68,7 @@ def _of_bag(given: str, seconds: float) -> list[list[str]]:
     ]
     rows = []
     interval_s = proposal.interval_s(found)
-    for radar in config.model.radars:
+    for radar in polar_radars(config.model.radars):
         own = plots.plots[radar.name]
         if own is None:
             continue

@@ -14,7 +14,7 @@ from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_radar import LEAST_RANGE
+from phd_jdtc_ros.core.sensors.polar_geometry import LEAST_RANGE
 
 from .tables import Columns, numbers, required, stamps_ns
 
@@ -60,7 +60,7 @@ def reports_of(columns: Columns, config: TrackerConfig) -> list[RadarReport]:
         own = {name: column[rows] for name, column in columns.items()}
         if not len(rows):
             continue
-        read = _Reader(radar, model.position, model.yaw, model.range_std)
+        read = _Reader(radar, model.position, model.yaw, float(model.noise_std[0]))
         sent = read.columns(own)
         order = np.argsort(stamp_ns, kind="stable")
         starts = np.flatnonzero(np.diff(stamp_ns[order], prepend=-1))
@@ -86,7 +86,7 @@ def report_of(stamp_ns: int, columns: Columns, config: TrackerConfig, index: int
     """
     radar, model = config.inputs[index], config.model.radars[index]
     count = len(next(iter(columns.values()), ()))
-    read = _Reader(radar, model.position, model.yaw, model.range_std)
+    read = _Reader(radar, model.position, model.yaw, float(model.noise_std[0]))
     if not count:
         none = np.zeros(0)
         return read.report(stamp_ns, selection.Columns(none, none), np.arange(0))

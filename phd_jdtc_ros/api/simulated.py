@@ -14,6 +14,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.parameter_files import from_arguments, yaml_files
@@ -71,7 +72,7 @@ def simulate(
     """
     document = _document(scenario)
     config = _config(from_arguments.scenario_parameters(document))
-    radars = config.model.radars
+    radars = polar_radars(config.model.radars)
     run = paper_scenario(radars) if document is None else scenario_file.resolve(document, radars)
     if run.platform is not None:
         raise ConfigError(["platform: given, must be none: tables have no poses"])

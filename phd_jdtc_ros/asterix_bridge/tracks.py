@@ -13,7 +13,7 @@ from msg_adapters.errors import RejectedMessageError
 from phd_jdtc_ros.asterix.call_signs import CallSigns
 from phd_jdtc_ros.asterix.writing import tracks as tracks_out
 from phd_jdtc_ros.asterix.writing.tracks import Source, TrackReport
-from phd_jdtc_ros.core.arrays import IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.state_space import OMEGA, VX, VY, X, Y
 from phd_jdtc_ros.core.targets.motion import CoordinatedTurn
@@ -33,7 +33,7 @@ LEAST_TURN, LEAST_CLIMB, TURN_DEVIATIONS = math.radians(0.5), 1.5, 2.0
 MOST_TRACKS = 10_000
 # Numbers of tracks in ASTERIX.
 TRACK_NUMBERS = 2**16
-# How targets move to the time of output: without noise, only the mean is used.
+# The motion of targets to the time of output; covariances are predicted to first order.
 _TURN = CoordinatedTurn(0.0, 0.0)
 
 
@@ -137,10 +137,13 @@ class TrackOutput:
         geodetic = None
         if self._plane is not None:
             geodetic = np.stack(self._plane.to_geodetic(*position.T), axis=1).tolist()
-        std = np.sqrt(np.maximum(np.diagonal(estimated.covariance, axis1=1, axis2=2), 0.0))
+        jacobian = _TURN.jacobian(estimated.state, ahead_s)
+        covariance = jacobian @ estimated.covariance @ jacobian.transpose(0, 2, 1)
+        std = _deviations(covariance)
         known = estimated.attributes or _nothing(len(state))
         height = self._datum + known.height @ np.array([1.0, ahead_s])
-        up_std = np.sqrt(np.maximum(np.diagonal(known.height_covariance, axis1=1, axis2=2), 0.0))
+        climbed = np.array([[1.0, ahead_s], [0.0, 1.0]])
+        up_std = _deviations(climbed @ known.height_covariance @ climbed.T)
         ages = _ages(known.seen_ns, len(state), time_ns)
         found: dict[int, TrackReport] = {}
         for row in np.flatnonzero(estimated.track_id > 0).tolist():
@@ -166,12 +169,18 @@ class TrackOutput:
                 sensor_ages_s=tuple(ages[row]),
                 position_std=(x_std, y_std),
                 velocity_std=(vx_std, vy_std),
-                covariance=float(estimated.covariance[row, X, Y]),
+                covariance=float(covariance[row, X, Y]),
                 height_std=float(up_std[row, 0]),
                 climb_std=float(up_std[row, 1]),
                 call_sign=self._call_signs.of(int(known.address[row])),
             )
         return found
+
+
+def _deviations(covariance: FloatArray) -> FloatArray:
+    """Return the standard deviations of covariances, shape (N, D)."""
+    deviations: FloatArray = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
+    return deviations
 
 
 def _nothing(count: int) -> Attributes:

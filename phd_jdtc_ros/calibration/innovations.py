@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from phd_jdtc_ros.core.arrays import BoolArray, FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.targets.motion import MotionModel
 from phd_jdtc_ros.core.types import Detections, Estimates, Scan
 
@@ -106,7 +106,7 @@ class InnovationMonitor:
             self._tracks = filtered[-1]
 
     def _squares(
-        self, radar: RadarModel, found: Detections, tracks: Estimates, since_s: float
+        self, radar: Sensor, found: Detections, tracks: Estimates, since_s: float
     ) -> Iterator[FloatArray]:
         """Yield squared innovations relative to the expected ones, and by axis to the noise."""
         position = tracks.position + since_s * tracks.velocity
@@ -120,8 +120,7 @@ class InnovationMonitor:
         )
         innovation = found.measurement[column] - expected
         innovation[:, 1] = wrap_angle(innovation[:, 1])
-        deviations = radar.detection_noise(found)
-        noise = radar.noise_std if deviations is None else deviations[column]
+        noise = radar.deviations(found)[column]
         variance = np.broadcast_to(noise**2, innovation.shape)
         spread = slope @ self._spread(tracks, row, after_s) @ slope.swapaxes(-1, -2)
         whole = spread + variance[:, :, None] * np.eye(2)
@@ -179,7 +178,7 @@ def _process_noise(motions: Sequence[MotionModel], dt: float) -> float:
     )
 
 
-def _fit(radar: RadarModel, kept: Sequence[FloatArray] | deque[FloatArray]) -> Fit:
+def _fit(radar: Sensor, kept: Sequence[FloatArray] | deque[FloatArray]) -> Fit:
     if not kept:
         return Fit(radar.name, 0, np.nan, np.nan, np.full(2, np.nan))
     squares = np.array(kept)

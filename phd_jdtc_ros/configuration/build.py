@@ -26,6 +26,7 @@ from phd_jdtc_ros.core.intake.turns import Turns
 from phd_jdtc_ros.core.models.amplitude_model import AmplitudeModel, Band, Ignored, Memory
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
 from phd_jdtc_ros.core.targets import amplitude_density
@@ -172,7 +173,7 @@ class TrackerConfig:
 
     def watches(self) -> tuple[ReportWatch, ...]:
         """Return what watches each radar's reports, in the configured order; all new."""
-        return tuple(map(watch_of, self.inputs, self.model.radars))
+        return tuple(map(watch_of, self.inputs, polar_radars(self.model.radars)))
 
 
 def resolve(

@@ -17,6 +17,7 @@ from phd_jdtc_ros.core.intake.poses import Mount, Platform, PoseTrack
 from phd_jdtc_ros.core.sensors.bias import RadarBias
 from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.sensors.site import Plane, Site
 from phd_jdtc_ros.core.sensors.slant_range import HeightReading
 from phd_jdtc_ros.core.sensors.visibility import TURN_TOLERANCE, Visibility
@@ -198,7 +199,7 @@ def bias_parameters(radar: RadarInput, bias: RadarBias) -> dict[str, float]:
     }
 
 
-def platform_of(radar: RadarInput, model: RadarModel, reset_threshold_s: float) -> Platform | None:
+def platform_of(radar: RadarInput, model: Sensor, reset_threshold_s: float) -> Platform | None:
     """Return what carries a radar; None if it stands."""
     if not radar.pose_topic:
         return None

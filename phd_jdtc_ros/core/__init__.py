@@ -9,9 +9,10 @@ The data's path, with the room of each step::
       |  group by stamp, gaps, resets          intake.scans
     Scan                                       pipeline: turns -> posed_reports -> scans -> engine
       |  late reports: scans stepped again     intake.out_of_sequence, turn_history
-      |  predict, update with every radar      an engine: gaussian, smc (particles)
+      |  predict                               an engine: gaussian, smc (particles)
+      |  update, report by report              window.update, with the engine's steps
       |    motions, births, spawning             targets
-      |    measurements, visibility              sensors
+      |    measurements, coverage, gates         sensors: what a Report and its Sensor give
       |    false detections                      clutter
       |    which detections are near             pair_search
       |    association probabilities             association

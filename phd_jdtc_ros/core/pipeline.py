@@ -24,7 +24,6 @@ from .intake.scans import Rejection, Reset, ScanGrouper
 from .intake.turn_history import Recut, TurnHistory
 from .intake.turns import Piece, Turns
 from .models.tracker_model import TrackerModel
-from .sensors.polar_radar import RadarModel
 from .tracks.region import Everywhere, Region, within
 from .tracks.reporting_rule import ReportingRule, slowest_s
 from .types import Detections, Estimates, Pose, Scan
@@ -212,11 +211,10 @@ class Pipeline:
         if self._tuned is None:
             return
         model, rule = self._tuned
-        turns_s = [
-            turns.usual_s or radar.rotation_s
+        radars = tuple(
+            radar.turning_in(turns.usual_s or radar.rotation_s)
             for radar, turns in zip(model.radars, self._turns, strict=True)
-        ]
-        radars = tuple(map(RadarModel.turning_in, model.radars, turns_s))
+        )
         turning = replace(model, radars=radars)
         self.engine.retune(turning, rule.slower(slowest_s(turning) / slowest_s(model)))
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -31,6 +31,11 @@ _WHOLE = (*_IDENTITIES, "kind")
 _PER_DETECTION = (*("amplitude", "time_s", "range_rate", "range_rate_std", "height"), *_WHOLE)
 # Kinds of sensors that see targets: primary and secondary radar, and Mode S.
 SENSORS = ("psr", "ssr", "mds")
+# The columns of estimates that have an entry for each target.
+_PER_TARGET = (
+    *("state", "covariance", "weight", "class_probability"),
+    *("class_id", "track_id", "track_state"),
+)
 _NOT_GIVEN: IntArray = np.zeros(0, dtype=np.int64)
 
 
@@ -324,6 +329,47 @@ class Estimates:
 
     def __len__(self) -> int:
         return len(self.state)
+
+    def take(self, rows: IntArray) -> Estimates:
+        """Return the estimates of these rows."""
+        columns = {name: getattr(self, name)[rows] for name in _PER_TARGET}
+        known = None if self.attributes is None else self.attributes.take(rows)
+        return replace(self, attributes=known, **columns)
+
+    @staticmethod
+    def concatenate(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
+        """Return estimates of several stamps as one, by ascending track, and the stamp of each.
+
+        There must be one part at least. The stamp of the whole is that of the last part.
+        """
+        stamps = np.repeat([part.stamp_ns for part in parts], [len(part) for part in parts])
+        if len(parts) == 1:
+            return parts[0], stamps
+        order = np.argsort(np.concatenate([part.track_id for part in parts]), kind="stable")
+        columns: dict[str, Any] = {
+            name: np.concatenate([getattr(part, name) for part in parts])[order]
+            for name in _PER_TARGET
+        }
+        known = [part.attributes for part in parts if part.attributes is not None]
+        attributes = Attributes.joined(known).take(order) if len(known) == len(parts) else None
+        last = parts[-1]
+        return replace(last, lag=lag, attributes=attributes, **columns), stamps[order]
+
+    @staticmethod
+    def empty(stamp_ns: int, lag: int, classes: int, space: StateSpace = PLANAR) -> Estimates:
+        """Return estimates of no targets."""
+        size, no_one = len(space), np.zeros(0, dtype=np.int64)
+        return Estimates(
+            stamp_ns=stamp_ns,
+            lag=lag,
+            state=np.zeros((0, size)),
+            covariance=np.zeros((0, size, size)),
+            weight=np.zeros(0),
+            class_probability=np.zeros((0, classes)),
+            class_id=no_one,
+            track_id=no_one,
+            space=space,
+        )
 
     @property
     def unresolved(self) -> int:

@@ -11,10 +11,10 @@ from msg_adapters.selection import Report
 from phd_jdtc_ros.configuration.assembly import new_pipeline
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.engine import Engine
-from phd_jdtc_ros.core.intake.poses import Pose, PoseFault
+from phd_jdtc_ros.core.intake.poses import PoseFault
 from phd_jdtc_ros.core.intake.scans import Rejection
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, start_cold
-from phd_jdtc_ros.core.types import Estimates, Scan
+from phd_jdtc_ros.core.types import Estimates, Pose, Scan
 
 
 class Notices(Protocol):

@@ -15,7 +15,6 @@ from itertools import combinations
 import numpy as np
 
 from phd_jdtc_ros.core.arrays import FloatArray
-from phd_jdtc_ros.core.tracks.common_stamp import chosen, joined
 from phd_jdtc_ros.core.tracks.region import Region
 from phd_jdtc_ros.core.tracks.renumbering import matched
 from phd_jdtc_ros.core.types import Attributes, Estimates
@@ -126,7 +125,7 @@ class Handover:
 
     def _of_all(self, said: Mapping[int, Estimates]) -> list[Estimates]:
         """Return the estimates of every tracker, empty ones for those that are missing."""
-        nothing = chosen(next(iter(said.values())), _NO_ROWS)
+        nothing = next(iter(said.values())).take(_NO_ROWS)
         return [said.get(tracker, nothing) for tracker in range(len(self.regions))]
 
     def _depths(self, found: Sequence[Estimates]) -> list[list[FloatArray]]:
@@ -151,7 +150,7 @@ class Handover:
                 np.flatnonzero(depth[own][next_to] >= -self.regions[next_to].margin - REACH)
                 for own, next_to in ((one, other), (other, one))
             )
-            pairs = matched(chosen(found[one], mine), chosen(found[other], theirs), moving=True)
+            pairs = matched(found[one].take(mine), found[other].take(theirs), moving=True)
             numbers = found[one].track_id[mine[pairs[0]]], found[other].track_id[theirs[pairs[1]]]
             for number, beside in zip(*(column.tolist() for column in numbers), strict=True):
                 near.add(((one, number), (other, beside)))
@@ -246,9 +245,9 @@ def _joint(found: Sequence[Estimates], parts: Sequence[Sequence[tuple[int, int]]
     for estimates, rows in zip(found, parts, strict=True):
         index = np.array([row for row, _ in rows], dtype=np.int64)
         number = np.array([joint for _, joint in rows], dtype=np.int64)
-        part = replace(chosen(estimates, index), track_id=number)
+        part = replace(estimates.take(index), track_id=number)
         if told and part.attributes is None:
             part = replace(part, attributes=Attributes.unknown(len(part)))
         own.append(part)
     # The lag of empty estimates is unknown, because messages carry it with each estimate.
-    return joined(own, max(estimates.lag for estimates in found))[0]
+    return Estimates.concatenate(own, max(estimates.lag for estimates in found))[0]

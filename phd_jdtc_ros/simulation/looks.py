@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.sensors.slant_range import LEAST
 
 from .antenna import Antenna

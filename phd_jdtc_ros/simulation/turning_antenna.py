@@ -23,8 +23,7 @@ import numpy as np
 
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.slant_range import HeightReading, over_ground
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Coverage, Detections
 

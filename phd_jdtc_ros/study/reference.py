@@ -109,7 +109,7 @@ def update(
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     """
     state = prior.mean[None], prior.covariance[None]
-    found = kalman.located(
+    found = kalman.iterated_update(
         *state,
         radar,
         measurement[None],

@@ -29,6 +29,7 @@ from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import ENGINES, new_engine
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.models.tracker_model import TrackerModel
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED, Estimates, Scan, Truth
 from phd_jdtc_ros.evaluation.accumulators.identity import IdentitySwitches
 from phd_jdtc_ros.evaluation.comparison import LabelledPoints, PointSet
@@ -140,7 +141,7 @@ def scores_of(
         both = scans_of(recording, config.values["radars"])
         found |= _of_sources(WITH_LIDAR, tracked(new_engine(config), both), truth)
     lag, model, interval_s = peer_problem(parameters)
-    scenario = Scenario(scans[0].stamp_ns, interval_s, len(scans), (), model.radars)
+    scenario = Scenario(scans[0].stamp_ns, interval_s, len(scans), (), polar_radars(model.radars))
     run = SimulatedRun(scenario, 0, tuple(truth), tuple(scans), ())
     tracks = {
         "GNN": gnn(run, (0, lag), PEER_SETTINGS, model),

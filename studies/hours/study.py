@@ -26,6 +26,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import SOURCES, Estimates
 from phd_jdtc_ros.exit_status import ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, from_arguments, tracker_params, yaml_files
@@ -68,7 +69,7 @@ def hour_of(name: str, minutes: float | None, seed: int) -> tuple[Hour, TrackerC
     """
     document = dict(yaml_files.load(resources.find(Path(f"config/scenarios/{name}.yaml"))))
     config = tracker_params.config(from_arguments.scenario_parameters(document))
-    scene = scenario_file.resolve(document, config.model.radars)
+    scene = scenario_file.resolve(document, polar_radars(config.model.radars))
     if minutes is not None:
         scene = scene.until(60.0 * minutes)
     return Hour(scene, config.inputs[0], seed), config, document
@@ -135,7 +136,7 @@ def scored(hour: Hour, tracked: Path) -> tuple[dict[str, Scores], Scores]:
     config = tracker_params.config(bag_parameters.read(tracked) or {})
     if len(config.inputs) != 1:
         raise BagError(f"{tracked}: {len(config.inputs)} radars, must be 1")
-    reader = Reader(config.inputs[0], config.model.radars[0], ground_ranges.read)
+    reader = Reader(config.inputs[0], polar_radars(config.model.radars)[0], ground_ranges.read)
     bag = BagReader(tracked)
     own_s, _ = hour.plots
     recorded_s = _recorded(bag, config)

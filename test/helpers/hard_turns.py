@@ -4,7 +4,7 @@ import numpy as np
 from lone import lone, scan_at
 
 from phd_jdtc_ros.configuration.engines import new_engine
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.types import UNKNOWN
 
 PERIOD_S, AIRCRAFT, CLUTTER, RANGE = 4.0, 5, 5, 1.1e5

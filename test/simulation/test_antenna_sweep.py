@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.sensors.visibility import within
 from phd_jdtc_ros.core.types import FULL_TURN
 from phd_jdtc_ros.simulation.antenna import Antenna

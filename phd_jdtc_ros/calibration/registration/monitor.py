@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 from phd_jdtc_ros.core.types import CONFIRMED, Detections, Estimates, Scan
 
 # Effective number of residuals of a mean, and least number for a warning.

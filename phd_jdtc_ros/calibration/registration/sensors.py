@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from phd_jdtc_ros.core.arrays import FloatArray, IntArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray, wrap_angle
 from phd_jdtc_ros.core.sensors.bias import RadarBias
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
 
 from ..tuning.plots import Plots
 from ..tuning.rotation import Timing

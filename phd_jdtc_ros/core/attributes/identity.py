@@ -1,4 +1,4 @@
-"""Whose answer a detection is: codes and addresses as evidence, and beliefs about targets' own.
+"""Mode A code and Mode S address: the belief about each target's, and a reply's likelihood.
 
 A belief is a few candidates, the rest of all identities as one, and that the target has no
 transponder. A detection shows one identity or none. An answer may be garbled, a target may not
@@ -21,7 +21,7 @@ from ..types import UNKNOWN
 
 # Candidates that are kept of each target; the improbable ones beyond go back to the rest.
 CANDIDATES = 4
-# Of a detection that says nothing of an identity, not even that there is none.
+# Marks a detection of a sensor that does not report this identity.
 NOTHING = -2
 CODES, ADDRESSES = 1 << 12, 1 << 24
 # The columns of a belief behind those of its candidates.
@@ -77,9 +77,9 @@ class IdentityModel:
     def own(self, identity: IntArray) -> FloatArray:
         """Return how probably what unknown targets' detections show is their own; shape kept."""
         shown = self.equipped * self.reply * (1.0 - self.garbled) * self.prior(identity)
-        return np.where(identity < 0, 0.0, shown / self.nobodys(identity))
+        return np.where(identity < 0, 0.0, shown / self.clutter_likelihood(identity))
 
-    def nobodys(self, identity: IntArray) -> FloatArray:
+    def clutter_likelihood(self, identity: IntArray) -> FloatArray:
         """Return the probability of what detections of unknown targets show; shape kept."""
         prior = self.prior(identity)
         answer = self.reply * ((1.0 - self.garbled) * prior + self.garbled / self.size)
@@ -130,7 +130,7 @@ class Belief(NamedTuple):
         return probability
 
 
-class Shown(NamedTuple):
+class ReplyLikelihood(NamedTuple):
     """What detections show, compared with what is believed of targets.
 
     Parameters
@@ -155,7 +155,7 @@ def compared(
     shown: IntArray,
     model: IdentityModel,
     taken: FloatArray | float = 0.0,
-) -> Shown:
+) -> ReplyLikelihood:
     """Return what the detections of pairs are worth as evidence.
 
     Parameters
@@ -187,8 +187,8 @@ def compared(
     said = shown != NOTHING
     likelihood[~said] = 1.0
     evidence = (prior.weight[target] * likelihood).sum(axis=1)
-    log_factor = np.where(said, np.log(evidence / model.nobodys(shown)), 0.0)
-    return Shown(prior, likelihood, log_factor)
+    log_factor = np.where(said, np.log(evidence / model.clutter_likelihood(shown)), 0.0)
+    return ReplyLikelihood(prior, likelihood, log_factor)
 
 
 def _widened(belief: Belief, target: IntArray, shown: IntArray, model: IdentityModel) -> Belief:
@@ -212,12 +212,12 @@ def _widened(belief: Belief, target: IntArray, shown: IntArray, model: IdentityM
     return Belief(candidate, weight)
 
 
-def learned(shown: Shown, target: IntArray, own: FloatArray, none: FloatArray) -> Belief:
+def learned(shown: ReplyLikelihood, target: IntArray, own: FloatArray, none: FloatArray) -> Belief:
     """Return the belief after an association.
 
     Parameters
     ----------
-    shown : Shown
+    shown : ReplyLikelihood
     target : int array of shape (E,)
     own : array of shape (E,)
         Probability of each pair, given that its target exists.

@@ -1,4 +1,4 @@
-"""What is known of each origin beside its state, and what that is worth in the association."""
+"""Identity and height of each target, and their likelihood in data association."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from ..arrays import FloatArray, IntArray, distinct_cells, sum_by
-from ..sensors.slant_range import HeightReading
+from ..sensors.report import Report
 from ..snapshot import MOST_STAMP_NS, MOST_STATE, ROUNDING, covariances, floats, integers
 from ..types import UNKNOWN, Attributes, Detections, Estimates
 from . import height, identity, readings, uniqueness, updates
@@ -25,7 +25,7 @@ LEAST = 1e-12
 
 @dataclass(frozen=True)
 class AttributeModel:
-    """What detections tell of targets beside where they are.
+    """Models of what detections report beside positions.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class Known(NamedTuple):
 
 @dataclass(frozen=True)
 class Evidence:
-    """What one radar's detections tell of identities and heights.
+    """Likelihoods of identities and heights of one report's detections.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class Evidence:
     # By target with a pair: its index in the engine's, and its origin.
     _target: IntArray
     _origin: IntArray
-    _told: _Told
+    _compared: _Compared
     # By edge: its detection; and the times at which sensors saw the targets before.
     _edge_column: IntArray
     _detections: Detections
@@ -158,12 +158,12 @@ class Evidence:
         )
 
 
-class _Told(NamedTuple):
-    """Each belief, compared with what the edges' detections tell; None where they tell nothing."""
+class _Compared(NamedTuple):
+    """Beliefs compared with the detections of edges; None where these report nothing."""
 
     before: Known
-    code: identity.Shown | None
-    address: identity.Shown | None
+    code: identity.ReplyLikelihood | None
+    address: identity.ReplyLikelihood | None
     height: height.Measured | None
 
     def after(self, target: IntArray, own: FloatArray, none: FloatArray) -> tuple[Known, BoolArray]:
@@ -241,7 +241,7 @@ class AttributeMemory:
             np.full(size, UNKNOWN) if address is None else address,
             *(undetected[own], self.model.address),
         )
-        told = self._told(records.known, place, edge_column, detections, taken.by_another)
+        told = self._compare(records.known, place, edge_column, detections, taken.by_another)
         log_factor = np.zeros(len(edge))
         for part in (told.code, told.address, told.height):
             if part is not None:
@@ -278,7 +278,7 @@ class AttributeMemory:
         none = np.maximum(1.0 - total, 0.0)
         if not targets:
             return
-        known, again = evidence._told.after(evidence._edge_target, own, none)
+        known, again = evidence._compared.after(evidence._edge_target, own, none)
         self.history = self.history.without(evidence._origin[again])
         told = np.flatnonzero(total > LEAST)
         seen_ns = updates.updated(
@@ -296,15 +296,15 @@ class AttributeMemory:
         if not count:
             return
         place = np.arange(count)
-        told = self._told(Known.fresh(count, self.model), place, place, detections)
+        told = self._compare(Known.fresh(count, self.model), place, place, detections)
         known, _ = told.after(place, np.ones(count), np.zeros(count))
         seen_ns = updates.updated(
             updates.never(count), place, place, np.ones(count), detections, stamp_ns
         )
         self._note(Records.of(origin + place, stamp_ns, known, seen_ns), stamp_ns)
 
-    def told(self, estimates: Estimates, smoothed: bool) -> Estimates:
-        """Return estimates with what is known of their targets, whose tracks are labels.
+    def described(self, estimates: Estimates, smoothed: bool) -> Estimates:
+        """Return estimates with the heights and identities of their targets; tracks are labels.
 
         Parameters
         ----------
@@ -372,19 +372,19 @@ class AttributeMemory:
         row = inside[self.records.origin[place[inside]] == origin[inside]]
         return row, place[row]
 
-    def _told(
+    def _compare(
         self,
         before: Known,
         target: IntArray,
         column: IntArray,
         detections: Detections,
         taken: FloatArray | float = 0.0,
-    ) -> _Told:
+    ) -> _Compared:
         """Return what the detections of edges tell of targets; see `identity.compared`."""
         code, address, heights = detections.code, _addresses(detections), detections.height
         since = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
         model = self.model
-        return _Told(
+        return _Compared(
             before,
             None
             if code is None
@@ -450,9 +450,7 @@ class AttributesAt(NamedTuple):
         gate: Gate,
         origin: IntArray,
         target: IntArray,
-        detections: Detections,
-        std: FloatArray,
-        reading: HeightReading | None,
+        report: Report,
     ) -> Paired:
         """Return the pairs in gates, plots of false heights read as of each target.
 
@@ -463,16 +461,14 @@ class AttributesAt(NamedTuple):
             Of the engine's targets.
         target : int array of shape (N,)
             Of the engine's rows.
-        detections : Detections
-        std : array of shape (M, 2)
-            Their deviations.
-        reading : HeightReading or None
-            How their ranges depend on heights; None where they do not.
+        report : Report
         """
+        reading, detections = report.sensor.height_reading, report.detections
         if reading is None or detections.height is None:
             return readings.plain(gate, detections)
         heights = self.memory.heights(origin, self.stamp_ns)
         model = self.memory.model.height
+        std = report.noise_std
         return readings.paired(gate, target, heights, detections, std, reading, model)
 
     def lost(

@@ -51,6 +51,16 @@ class Paired(NamedTuple):
     reading: IntArray
     readings: Detections
 
+    def take(self, pairs: IntArray) -> Paired:
+        """Return these pairs alone."""
+        return Paired(
+            self.row[pairs],
+            self.column[pairs],
+            self.log_likelihood[pairs],
+            self.reading[pairs],
+            self.readings,
+        )
+
 
 def plain(gate: Gate, detections: Detections) -> Paired:
     """Return the pairs of detections as they were read."""

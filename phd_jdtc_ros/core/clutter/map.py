@@ -70,7 +70,7 @@ class ClutterMap:
     neighbourhood tells what is likely before the place has answered: with A detections per turn
     that come from it beyond those of one reflector and of uniform clutter, all of them counted at
     once, the prior is that of its cells, and b rises from ALONE to POINT; see
-    `clutter_neighbourhood`.
+    `neighbourhood`.
     """
 
     grid: Grid
@@ -116,7 +116,7 @@ class ClutterMap:
             found = np.where(self.cell[place] == cell, np.maximum(counting, 0.0), 0.0)
         seen = (found * share).sum(axis=0)
         turns = max(self.turns - self.recent_turns, 0.0)
-        point = ALONE + (POINT - ALONE) * neighbourhood.crowding(about)
+        point = ALONE + (POINT - ALONE) * neighbourhood.probability_among_reflectors(about)
         again = point * seen**2 / (seen + AGAIN + SELDOM * turns)
         again += PRIOR_TURNS * GATHERED * about / neighbourhood.CELLS
         log_uniform = np.log(rate) + self.grid.log_share(measurement, max_range)

@@ -42,7 +42,7 @@ def detections_about(
     return about
 
 
-def crowding(about: FloatArray) -> FloatArray:
+def probability_among_reflectors(about: FloatArray) -> FloatArray:
     """Return how probably a neighbourhood is one of reflectors, shape kept.
 
     Parameters

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..types import Scan
 from ..window.entries import Entry
 from ..window.forward_filter import Filtered, ForwardFilter
-from ..window.swept import parted
+from ..window.swept import partition_swept
+from ..window.update import update_scan
 from .dynamics import Dynamics
 from .mixture import Mixture
 from .prediction import Aged, born, spawned, survivors
-from .reduction import Bounds, reduced
-from .update import update_scan
+from .reduction import Bounds, Branched, reduced
+from .update import GaussianSteps
 from .window_graph import Link
 
 
@@ -45,7 +48,7 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         """Predict, update with every radar and reduce; see `ForwardFilter.step`."""
         dynamics, index = self.dynamics, self._scan_index
         dt = self._interval(scan)
-        touched, others = parted(self.current, scan, self.model, labelled=True)
+        touched, others = partition_swept(self.current, scan, self.model, labelled=True)
         earlier = [
             Aged(rows.stored, self._since(rows.entry.stamp_ns, scan.stamp_ns)) for rows in touched
         ]
@@ -59,12 +62,13 @@ class GaussianFilter(ForwardFilter[Mixture, Link]):
         predicted = Mixture.joined(parts)
         self.done("predict")
         survived = len(parts[0]) if earlier else 0
-        branched, self.approximate = update_scan(
-            *(predicted, survived, scan, dynamics, self.bounds, dt, index, self.clutter),
-            self.attributes,
-        )
+        row = np.arange(len(predicted))
+        branched = Branched(predicted, np.where(row < survived, row, -1))
+        steps = GaussianSteps(dynamics, self.bounds)
+        found = update_scan(branched, scan, steps, dt, index, self.clutter, self.attributes)
+        self.approximate = found.approximate
         self.done("update")
-        stored, ancestry, self.floored = reduced(branched, self.bounds)
+        stored, ancestry, self.floored = reduced(found.rows, self.bounds)
         self.done("reduce")
         link = Link(moves, ancestry) if linked and moves is not None else None
         entry = Entry(scan.stamp_ns, stored, tuple(rows.source for rows in touched), link)

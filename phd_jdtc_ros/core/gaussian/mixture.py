@@ -83,7 +83,9 @@ class Mixture:
         """Return the hypotheses of these rows."""
         return Mixture(self.origin[rows], self.weight[rows], self.mean[rows], self.covariance[rows])
 
-    def told(self, weight: FloatArray, mean: FloatArray, covariance: FloatArray) -> Mixture:
+    def with_gaussians(
+        self, weight: FloatArray, mean: FloatArray, covariance: FloatArray
+    ) -> Mixture:
         """Return the same hypotheses with other weights and Gaussians."""
         other = Mixture(self.origin, weight, mean, covariance)
         other.__dict__["_targets"] = self._targets  # they are the same

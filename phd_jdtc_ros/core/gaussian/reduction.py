@@ -200,7 +200,7 @@ def _by_mode(mixture: Mixture, ancestry: Ancestry, bounds: Bounds) -> tuple[Mixt
     child = np.arange(len(row)).repeat(size)
     edge = np.arange(len(child)) + (first - (np.cumsum(size) - size)).repeat(size)
     return (
-        each.told(each.weight * kept[..., None], each.mean, each.covariance),
+        each.with_gaussians(each.weight * kept[..., None], each.mean, each.covariance),
         Ancestry(child, ancestry.parent[edge], ancestry.share[edge] * kept[child][..., None]),
     )
 

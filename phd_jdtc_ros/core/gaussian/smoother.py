@@ -59,7 +59,7 @@ def backward_pass(entries: Sequence[Entry[Mixture, Link]]) -> list[Mixture]:
     ends = np.cumsum([len(entry.stored) for entry in entries])[:-1]
     columns = (np.split(column, ends) for column in (weight, mean, covariance))
     whole = zip(entries, *columns, strict=True)
-    return [entry.stored.told(*parts) for entry, *parts in whole][::-1]
+    return [entry.stored.with_gaussians(*parts) for entry, *parts in whole][::-1]
 
 
 def _chained(chain: Sequence[tuple[Mixture, Link | None]]) -> Iterator[Mixture]:
@@ -145,7 +145,7 @@ def _with_hindsight(own: Mixture, later: Later) -> Mixture:
     died = own.weight * (1.0 - moves.survival)[..., None]
     died *= _death_factor(own, survived, died)[:, None, None]
     mean, covariance = _blended(own, weight.sum(axis=2), died.sum(axis=2), later)
-    return own.told(survived + died, mean, covariance)
+    return own.with_gaussians(survived + died, mean, covariance)
 
 
 def _death_factor(own: Mixture, survived: FloatArray, dying: FloatArray) -> FloatArray:

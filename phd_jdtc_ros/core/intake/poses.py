@@ -15,8 +15,7 @@ from enum import Enum
 
 import numpy as np
 
-from ..arrays import FloatArray
-from ..sensors.polar_radar import wrap_angle
+from ..arrays import FloatArray, wrap_angle
 from ..types import Detections, Pose
 
 # Tolerance of a plausible change of pose in addition to the motion, m and rad.

@@ -19,7 +19,8 @@ from typing import Protocol
 import numpy as np
 
 from ..arrays import FloatArray, IntArray
-from ..sensors.polar_radar import RadarModel
+from ..sensors.report import Report
+from ..sensors.sensor import Sensor
 from ..targets.amplitude_density import SMALLEST_AMPLITUDE
 from ..targets.modes import ModeSpace
 from ..types import Detections
@@ -63,20 +64,19 @@ class AmplitudeModel(Protocol):
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        distance: FloatArray,
-        radar: RadarModel,
+        measured: FloatArray,
+        sensor: Sensor,
         modes: ModeSpace,
     ) -> FloatArray:
-        """Return p_D of every hypothesis at these ranges in the field of view, shape (N,)."""
+        """Return p_D of every hypothesis, given its measurement in the field of view, (N,)."""
         ...
 
     def log_likelihood(
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        detections: Detections,
+        report: Report,
         pairs: tuple[IntArray, IntArray],
-        radar: RadarModel,
         modes: ModeSpace,
     ) -> FloatArray:
         """Return log p_D g^tau(a) of every (hypothesis, detection) pair, shape (P,)."""
@@ -120,14 +120,14 @@ class Band:
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        distance: FloatArray,
-        radar: RadarModel,
+        measured: FloatArray,
+        sensor: Sensor,
         modes: ModeSpace,
     ) -> FloatArray:
-        """Return the radar's given p_D, or that of each mode's class, shape (N,)."""
-        if radar.visibility.given:
-            return radar.visibility.probability(distance)
-        per_class = radar.class_detection_probability(modes.classes)
+        """Return the sensor's given p_D, or that of each mode's class, shape (N,)."""
+        if (given := sensor.given_detection_probability(measured)) is not None:
+            return given
+        per_class = sensor.class_detection_probability(modes.classes)
         probability: FloatArray = per_class[modes.class_of[mode]]
         return probability
 
@@ -135,15 +135,14 @@ class Band:
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        detections: Detections,
+        report: Report,
         pairs: tuple[IntArray, IntArray],
-        radar: RadarModel,
         modes: ModeSpace,
     ) -> FloatArray:
         """Return log g_c(a) of each pair's class, shape (P,)."""
         row, column = pairs
-        per_class = radar.log_class_likelihood(detections, modes.classes)
-        place = (modes.class_of * len(detections)).take(mode).take(row) + column
+        per_class = report.sensor.log_class_likelihood(report.detections, modes.classes)
+        place = (modes.class_of * len(report)).take(mode).take(row) + column
         likelihood: FloatArray = per_class.take(place)
         return likelihood
 
@@ -229,23 +228,22 @@ class Memory:
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        distance: FloatArray,
-        radar: RadarModel,
+        measured: FloatArray,
+        sensor: Sensor,
         modes: ModeSpace,
     ) -> FloatArray:
         """Return the given p_D, or the Rayleigh target's, exp(-tau^2 / 2(1 + d)), shape (N,)."""
-        if radar.visibility.given:
-            return radar.visibility.probability(distance)
-        probability: FloatArray = np.exp(-0.5 * radar.threshold**2 * np.exp(-log_snr))
+        if (given := sensor.given_detection_probability(measured)) is not None:
+            return given
+        probability: FloatArray = np.exp(-0.5 * sensor.threshold**2 * np.exp(-log_snr))
         return probability
 
     def log_likelihood(
         self,
         mode: IntArray,
         log_snr: FloatArray,
-        detections: Detections,
+        report: Report,
         pairs: tuple[IntArray, IntArray],
-        radar: RadarModel,
         modes: ModeSpace,
     ) -> FloatArray:
         """Return log a - ln(1 + d) - a^2 / 2(1 + d) of each pair, shape (P,).
@@ -253,15 +251,16 @@ class Memory:
         Where the amplitude is unknown it is log p_D; a given p_D replaces that of d.
         """
         row, column = pairs
-        own = log_snr[row]
-        log_p_d = log_own = -0.5 * radar.threshold**2 * np.exp(-own)
-        if radar.visibility.given:
-            log_p_d = np.log(radar.visibility.probability(detections.measurement[column, 0]))
+        own, detections = log_snr[row], report.detections
+        log_p_d = log_own = -0.5 * report.sensor.threshold**2 * np.exp(-own)
+        given = report.sensor.given_detection_probability(detections.measurement[column])
+        if given is not None:
+            log_p_d = np.log(given)
         if detections.amplitude is None:
             return log_p_d
         a = np.maximum(detections.amplitude[column], SMALLEST_AMPLITUDE)
         density = np.log(a) - own - 0.5 * a**2 * np.exp(-own)
-        if radar.visibility.given:
+        if given is not None:
             density += log_p_d - log_own
         return np.where(np.isnan(density), log_p_d, density)
 

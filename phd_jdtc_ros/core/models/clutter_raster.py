@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import FloatArray, read_only
 from ..clutter.map import ClutterMap
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 
 # Cells along the longer side at most, their least size in metres, and what is left about them.
 MOST, LEAST_CELL, MARGIN = 256, 5.0, 0.05
@@ -50,7 +50,7 @@ class ClutterRaster:
         return x, x + columns * self.cell, y, y + rows * self.cell
 
 
-def raster(maps: Mapping[str, ClutterMap], radars: Sequence[RadarModel]) -> ClutterRaster | None:
+def raster(maps: Mapping[str, ClutterMap], radars: Sequence[Sensor]) -> ClutterRaster | None:
     """Return the picture of the maps of some radars, by name; None if nothing was learned.
 
     It shows the places at which detections have come again, with a margin, or else all places.
@@ -76,7 +76,7 @@ def raster(maps: Mapping[str, ClutterMap], radars: Sequence[RadarModel]) -> Clut
 
 
 def _points(
-    maps: Mapping[str, ClutterMap], radars: Sequence[RadarModel]
+    maps: Mapping[str, ClutterMap], radars: Sequence[Sensor]
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Yield, of each map, places in the world, their part of its rate, and their cell's count."""
     for radar in radars:

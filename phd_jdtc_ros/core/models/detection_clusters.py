@@ -11,24 +11,25 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..arrays import FloatArray, IntArray, sum_by
-from ..sensors.polar_radar import RadarModel, Rates, wrap_angle
+from ..arrays import FloatArray, IntArray, sum_by, wrap_angle
+from ..sensors.range_rate import Rates
+from ..sensors.sensor import Sensor
 from ..types import UNKNOWN, Detections
 
 # Range rates agree if they differ by no more than so many deviations of their difference.
 RATE_SIGMA = 4.0
-# Detections are farther apart than what they come from by at most so many deviations.
+# Gate, in standard deviations, on the distance between detections of one object.
 NOISE_SIGMA = 2.0
 
 
-def merged(detections: Detections, radar: RadarModel) -> Detections:
+def clustered(detections: Detections, sensor: Sensor) -> Detections:
     """Return detections with those of a group as one, at its centre.
 
     Parameters
     ----------
     detections : Detections
         M of them.
-    radar : RadarModel
+    sensor : Sensor
         Its `cluster_distance` is the largest distance of a group's detections from the one among
         them with the most others around it, beside their noise; their range rates agree with that
         one's. With 0 the detections are returned as they are.
@@ -39,11 +40,11 @@ def merged(detections: Detections, radar: RadarModel) -> Detections:
     that of the most sensors. Deviations stay those of one detection: the centre of what answers
     moves about in the target.
     """
-    if not radar.cluster_distance or len(detections) < 2:
+    if not sensor.cluster_distance or len(detections) < 2:
         return detections
     position = _cartesian(detections.measurement)
-    rates = radar.rates_of(detections)
-    group = _groups(position, _close(position, detections, radar), rates)
+    rates = sensor.rates_of(detections)
+    group = _groups(position, _close(position, detections, sensor), rates)
     count = int(group.max()) + 1
     if count == len(detections):
         return detections
@@ -71,15 +72,14 @@ def _cartesian(measurement: FloatArray) -> FloatArray:
     return np.stack([distance * np.cos(azimuth), distance * np.sin(azimuth)], axis=1)
 
 
-def _close(position: FloatArray, detections: Detections, radar: RadarModel) -> IntArray:
+def _close(position: FloatArray, detections: Detections, sensor: Sensor) -> IntArray:
     """Return the pairs of detections that are farther apart than the distance only by their noise.
 
     Shape (P, 2).
     """
-    own = radar.detection_noise(detections)
-    std = np.tile(radar.noise_std, (len(position), 1)) if own is None else own
+    std = sensor.deviations(detections)
     sides = np.stack([std[:, 0], std[:, 1] * detections.measurement[:, 0]], axis=1)
-    reach = radar.cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
+    reach = sensor.cluster_distance + NOISE_SIGMA * np.sqrt(2.0) * float(sides.max())
     pairs: IntArray = cKDTree(position).query_pairs(reach, output_type="ndarray")
     first, second = pairs.T
     apart = position[second] - position[first]
@@ -89,7 +89,7 @@ def _close(position: FloatArray, detections: Detections, radar: RadarModel) -> I
     cosine = np.minimum(along / np.maximum(distance, np.finfo(float).tiny), 1.0)
     square = sides[first] ** 2 + sides[second] ** 2
     noise = np.sqrt(cosine**2 * square[:, 0] + (1.0 - cosine**2) * square[:, 1])
-    close: IntArray = pairs[distance <= radar.cluster_distance + NOISE_SIGMA * noise]
+    close: IntArray = pairs[distance <= sensor.cluster_distance + NOISE_SIGMA * noise]
     return close
 
 

@@ -1,4 +1,4 @@
-"""Whether a target is at rest: what its velocity tells, whatever was likely beforehand.
+"""Probability that a target is stationary, from its velocity at even prior odds.
 
 A newborn target's velocity has a broad distribution, so that it is probably fast although nothing
 is known of it. Where quays answer too, what appears is at least as likely to be at rest. The odds
@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chndtr
 
 from ..arrays import FloatArray
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 
 # Deviations of a velocity that is known well, metres per second and as a share of the bound.
 LEAST_SPEED_STD, LEAST_SPEED_SHARE = 0.1, 0.05
@@ -65,26 +65,26 @@ def at_even_odds(probability: FloatArray, bound: float, velocity_std: float) -> 
     return even
 
 
-def among_reflectors(probability: FloatArray, crowding: FloatArray) -> FloatArray:
-    """Return probabilities of rest where reflectors are about, shape kept.
+def among_reflectors(probability: FloatArray, reflectors: FloatArray) -> FloatArray:
+    """Return probabilities of being stationary beside fixed clutter, shape kept.
 
     Parameters
     ----------
     probability : array
-        Of being at rest where nothing else answers.
-    crowding : array of the same shape
-        Probability that a target's neighbourhood is one of reflectors; below 1.
+        Of being stationary where there is no clutter.
+    reflectors : array of the same shape
+        Probability that a target's neighbourhood is one of fixed clutter; below 1.
 
     Notes
     -----
     The odds are divided by the probability that it is not one. What surely moves is so anywhere.
     """
-    motion = (1.0 - probability) * (1.0 - crowding)
+    motion = (1.0 - probability) * (1.0 - reflectors)
     found: FloatArray = probability / (probability + motion)
     return found
 
 
-def bound_of_rest(radars: Sequence[RadarModel]) -> float:
+def stationary_speed(radars: Sequence[Sensor]) -> float:
     """Return the speed below which a target is clutter to every radar, m/s; 0 if there is none.
 
     To a radar without a map of clutter, or whose `clutter_map_speed` is 0, no target is clutter.

@@ -7,10 +7,11 @@ All range rates that differ by whole intervals are folds of one another.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import FloatArray
+from ..arrays import FloatArray, IntArray
 
 # Folds whose innovations are farther out than this many deviations count for nothing.
 FOLD_SIGMA = 6.0
@@ -108,3 +109,24 @@ class RangeRateModel:
         known = np.isfinite(error)
         density = self.folded(np.where(known, error, 0.0), variance)[2]
         return np.where(known, density, 0.0)
+
+
+class Rates(NamedTuple):
+    """The range rates of a report.
+
+    Parameters
+    ----------
+    model : RangeRateModel
+    rate : array of shape (M,)
+        Metres per second relative to the radar; NaN where it is unknown.
+    std : array of shape (M,)
+        Metres per second.
+    """
+
+    model: RangeRateModel
+    rate: FloatArray
+    std: FloatArray
+
+    def take(self, rows: IntArray) -> Rates:
+        """Return those of these rows."""
+        return Rates(self.model, self.rate[rows], self.std[rows])

@@ -12,17 +12,18 @@ from ..snapshot import Snapshot
 from ..types import Scan
 from ..window.entries import Current, Entry
 from ..window.forward_filter import Filtered, ForwardFilter
-from ..window.swept import parted
+from ..window.swept import partition_swept
+from ..window.update import update_scan
 from .correction import Corrector
 from .kernel import backward_kernel
 from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import Aged, ParticleSet
 from .prediction import predict
 from .proposals import birth_newborns
-from .proposals.detected_newborns import informed
+from .proposals.detected_newborns import redraw_velocities
 from .proposals.detections_in_plane import places
 from .resampling import ParticleBudget, resample
-from .update import update_scan
+from .update import ParticleSteps
 
 # Second word of the seed, so that the filter's stream is independent of all others. With a shared
 # stream, a simulation with the same seed would be correlated with the filter.
@@ -64,11 +65,11 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         """
         model, corrector, index, rng = self.model, self.corrector, self._scan_index, self._rng
         dt = self._interval(scan)
-        touched, others = parted(self.current, scan, model, corrector.labelled)
+        touched, others = partition_swept(self.current, scan, model, corrector.labelled)
         seen = places(scan, model)
         if corrector.labelled:
             before = touched
-            touched = informed(before, scan.stamp_ns, seen, model, rng)
+            touched = redraw_velocities(before, scan.stamp_ns, seen, model, rng)
             # The rows that this scan leaves alone stay rows of the same set as those that it drew.
             drawn = {id(old.entry): new.entry for old, new in zip(before, touched, strict=True)}
             others = [Current(drawn.get(id(rows.entry), rows.entry), rows.rows) for rows in others]
@@ -79,19 +80,19 @@ class ParticleFilter(ForwardFilter[ParticleSet, Transition]):
         births = self._births(scan)
         predicted = predict(earlier, births, seen, model, corrector, budget, index, rng)
         self.done("predict")
-        updated, born_here = update_scan(
-            *(predicted, scan, model, corrector, dt, index, rng, self.clutter),
-            self.attributes if corrector.labelled else None,
-        )
+        steps = ParticleSteps(model, corrector, rng)
+        known = self.attributes if corrector.labelled else None
+        found = update_scan(predicted, scan, steps, dt, index, self.clutter, known)
+        updated = found.rows
         self.done("update")
         young_from = index if corrector.labelled else None
         stored = resample(updated, model.modes, budget, rng, young_from)
         if corrector.labelled:
-            stored = birth_newborns.spread(stored, scan, model, index, rng)
+            stored = birth_newborns.redraw_velocities(stored, scan, model, index, rng)
         self.done("resample")
         link = None
         if linked and earlier:
-            link = backward_kernel.build_joint(earlier, stored, model, corrector, born_here)
+            link = backward_kernel.build_joint(earlier, stored, model, corrector, found.newborns)
             self.done("transition")
         sources = tuple(rows.source for rows in touched)
         entry = Entry(scan.stamp_ns, stored, sources, link)

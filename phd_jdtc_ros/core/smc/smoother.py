@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ..arrays import FloatArray, sum_by
-from ..window.backward_pass import Told, smoothed_sets
+from ..window.backward_pass import Message, smoothed_sets
 from .kernel.backward_kernel import ParticleEntry, Transition
 from .particle_set import ParticleSet
 
@@ -149,18 +149,20 @@ def backward_pass(entries: Sequence[ParticleEntry], death_term: DeathTerm) -> It
     death_term : DeathTerm
     """
 
-    def tell(later: ParticleSet, link: Transition) -> _Message:
+    def send(later: ParticleSet, link: Transition) -> _Message:
         return _Message(link.survival, link.ratio @ later.weight)
 
-    def hear(particles: ParticleSet, told: Sequence[Told[_Message]]) -> ParticleSet:
-        return _reweighted(particles, *_gathered(len(particles), told), death_term)
+    def receive(particles: ParticleSet, received: Sequence[Message[_Message]]) -> ParticleSet:
+        return _reweighted(particles, *_gathered(len(particles), received), death_term)
 
-    return smoothed_sets(entries, tell, hear)
+    return smoothed_sets(entries, send, receive)
 
 
-def _gathered(size: int, told: Sequence[Told[_Message]]) -> _Message:
+def _gathered(size: int, received: Sequence[Message[_Message]]) -> _Message:
     """Return P_s and B of all rows of a set; both are 1 for rows that no later set continues."""
-    parts = [(part.rows, _Message(*(side[part.part] for side in part.message))) for part in told]
+    parts = [
+        (part.rows, _Message(*(side[part.part] for side in part.content))) for part in received
+    ]
     if parts[0][0] is None:
         return parts[0][1]
     whole = _Message(np.ones(size), np.ones(size))

@@ -12,8 +12,7 @@ from ..arrays import FloatArray, IntArray, factorize
 from ..attributes.uniqueness import Lost
 from ..models.manoeuvre import PROBABILITY, Manoeuvre, manoeuvre
 from ..models.tracker_model import TrackerModel
-from ..sensors.polar_radar import RadarModel
-from ..types import Detections
+from ..sensors.report import Report
 from .particle_set import ParticleSet
 from .proposals.detections_in_plane import Places, places_of
 
@@ -21,8 +20,7 @@ from .proposals.detections_in_plane import Places, places_of
 def with_strays(
     particles: ParticleSet,
     lost: Lost,
-    detections: Detections,
-    radar: RadarModel,
+    report: Report,
     model: TrackerModel,
     rng: np.random.Generator,
 ) -> ParticleSet:
@@ -34,8 +32,7 @@ def with_strays(
         Predicted; of a labelled filter.
     lost : Lost
         By index of the distinct origins.
-    detections : Detections
-    radar : RadarModel
+    report : Report
     model : TrackerModel
     rng : numpy.random.Generator
     """
@@ -43,7 +40,7 @@ def with_strays(
     count = model.detection_births.particles
     row = np.concatenate([_drawn(particles, target, own, count, rng) for own in lost.target])
     column, since_s = lost.column.repeat(count), lost.since_s.repeat(count)
-    seen = places_of(detections, radar).take(column)
+    seen = places_of(report).take(column)
     space = model.modes.space
     place, speed = list(space.position), list(space.velocity)
     done = manoeuvre(since_s, model)

@@ -6,7 +6,6 @@ there to the common stamp, and smoothed ones are interpolated between the times 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from ..arrays import FloatArray, IntArray
 from ..targets.modes import ModeSpace
 from ..targets.motion import CoordinatedTurn
-from ..types import Attributes, Estimates
+from ..types import Estimates
 
 # The mean of a target's next state; with a turn rate of zero it is a straight line.
 NOISE_FREE = CoordinatedTurn(noise_density=0.0, turn_noise_density=0.0)
@@ -43,52 +42,6 @@ class Schedule:
             return []
         first = -(-after_ns // self.period_ns) * self.period_ns
         return list(range(first, before_ns, self.period_ns))
-
-
-def joined(parts: Sequence[Estimates], lag: int) -> tuple[Estimates, IntArray]:
-    """Return estimates of several stamps as one, by ascending track, and the stamp of each.
-
-    There must be one part at least. The stamp of the whole is that of the last part.
-    """
-    if len(parts) == 1:
-        return parts[0], np.full(len(parts[0]), parts[0].stamp_ns)
-    order = np.argsort(np.concatenate([part.track_id for part in parts]), kind="stable")
-
-    def column(name: str) -> FloatArray:
-        joint: FloatArray = np.concatenate([getattr(part, name) for part in parts])[order]
-        return joint
-
-    told = [part.attributes for part in parts if part.attributes is not None]
-    whole = Estimates(
-        stamp_ns=parts[-1].stamp_ns,
-        lag=lag,
-        attributes=Attributes.joined(told).take(order) if len(told) == len(parts) else None,
-        state=column("state"),
-        covariance=column("covariance"),
-        weight=column("weight"),
-        class_probability=column("class_probability"),
-        class_id=column("class_id").astype(np.int64),
-        track_id=column("track_id").astype(np.int64),
-        track_state=column("track_state").astype(np.int64),
-        space=parts[0].space,
-    )
-    stamps = np.array([part.stamp_ns for part in parts], dtype=np.int64)
-    return whole, stamps.repeat([len(part) for part in parts])[order]
-
-
-def chosen(estimates: Estimates, rows: IntArray) -> Estimates:
-    """Return the estimates of these rows."""
-    return replace(
-        estimates,
-        state=estimates.state[rows],
-        covariance=estimates.covariance[rows],
-        weight=estimates.weight[rows],
-        class_probability=estimates.class_probability[rows],
-        class_id=estimates.class_id[rows],
-        track_id=estimates.track_id[rows],
-        track_state=estimates.track_state[rows],
-        attributes=None if estimates.attributes is None else estimates.attributes.take(rows),
-    )
 
 
 def predicted(
@@ -240,25 +193,9 @@ def at_stamp(
     only = np.append(only, np.flatnonzero(unlabelled & (time_ns == latest)))
     parts = [
         interpolated(
-            chosen(found, both), chosen(found, after), (time_ns[both], time_ns[after]), stamp_ns
+            found.take(both), found.take(after), (time_ns[both], time_ns[after]), stamp_ns
         ),
-        predicted(chosen(found, only), time_ns[only], stamp_ns, modes),
+        predicted(found.take(only), time_ns[only], stamp_ns, modes),
     ]
-    whole, _ = joined(parts, found.lag)
-    return chosen(whole, np.flatnonzero(whole.weight > threshold))
-
-
-def none(modes: ModeSpace, stamp_ns: int, lag: int) -> Estimates:
-    """Return estimates of no targets."""
-    size, no_one = len(modes.space), np.zeros(0, dtype=np.int64)
-    return Estimates(
-        stamp_ns=stamp_ns,
-        lag=lag,
-        state=np.zeros((0, size)),
-        covariance=np.zeros((0, size, size)),
-        weight=np.zeros(0),
-        class_probability=np.zeros((0, len(modes.classes))),
-        class_id=no_one,
-        track_id=no_one,
-        space=modes.space,
-    )
+    whole, _ = Estimates.concatenate(parts, found.lag)
+    return whole.take(np.flatnonzero(whole.weight > threshold))

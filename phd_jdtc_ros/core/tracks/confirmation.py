@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray, IntArray
-from ..clutter.neighbourhood import crowding
+from ..clutter.neighbourhood import probability_among_reflectors
 from ..models import stationary
 from ..models.amplitude_model import Band
 from ..models.tracker_model import TrackerModel
@@ -39,7 +39,6 @@ from ..snapshot import (
     to_snapshot,
 )
 from ..types import COASTING, CONFIRMED, TENTATIVE, Estimates, Scan
-from .common_stamp import chosen
 from .reporting_rule import LEAST, ReportingRule, slowest_s
 
 BoolArray = npt.NDArray[np.bool_]
@@ -49,7 +48,7 @@ UNSEEN = 0.98
 PATIENCE = 1.5
 # Where radars have maps of clutter, a track that is at rest with a larger probability than the
 # first is not confirmed, and one with a larger than the second no longer is. A half knows nothing.
-REST, CERTAIN_REST = 0.85, 0.9
+STATIONARY, SURELY_STATIONARY = 0.85, 0.9
 # Scans that are less than this share of a turn apart may be of the same pass of the antenna.
 SAME_TURN = 0.5
 # Bound of stored counts and factors.
@@ -63,43 +62,44 @@ def missed_by_all(found: Estimates, scan: Scan, model: TrackerModel) -> FloatArr
     """
     modes, missed = model.modes, np.ones(len(found))
     mode = np.searchsorted(modes.class_of, found.class_id)
-    for radar, detections in model.reports(scan):
-        measured = radar.measure(found.state)
-        detected = Band().detection_probability(
-            mode, np.zeros(len(found)), measured[:, 0], radar, modes
-        )
-        missed *= 1.0 - radar.missable(measured, detections.coverage) * detected
+    for report in model.reports(scan):
+        sensor = report.sensor
+        measured = sensor.measure(found.state)
+        nothing = np.zeros(len(found))
+        detected = Band().detection_probability(mode, nothing, measured, sensor, modes)
+        missed *= 1.0 - sensor.missable(measured, report.detections.coverage) * detected
     return missed
 
 
-def at_rest(found: Estimates, model: TrackerModel) -> FloatArray:
-    """Return the probability that each target is at rest, and so clutter to all radars, (T,).
+def stationary_probability(found: Estimates, model: TrackerModel) -> FloatArray:
+    """Return the probability that each target is stationary, and so clutter to all radars, (T,).
 
     It is 0 where a radar has no map of clutter, or keeps targets that are at rest. Before a
     velocity is known it is a half where nothing else answers, see `stationary`, and more among
     reflectors: the odds are divided by the probability that the neighbourhood is not one of them.
     """
-    bound = stationary.bound_of_rest(model.radars)
+    bound = stationary.stationary_speed(model.radars)
     if bound == 0.0:
         return np.zeros(len(found))
     axes = list(found.space.velocity)
     covariance = found.covariance[:, axes][:, :, axes]
     slower = stationary.slower(found.velocity, covariance, bound)
-    alone = model.detection_births.at_rest(slower, bound)
-    return stationary.among_reflectors(alone, _crowding(found, model))
+    alone = model.detection_births.stationary(slower, bound)
+    return stationary.among_reflectors(alone, _among_reflectors(found, model))
 
 
-def _crowding(found: Estimates, model: TrackerModel) -> FloatArray:
+def _among_reflectors(found: Estimates, model: TrackerModel) -> FloatArray:
     """Return how probably each target's neighbourhood is one of reflectors to all radars, (T,).
 
-    Those are meant that see the place; it is 0 where none does. The cells of a radar that moves are
+    Only radars that see the place count; 0 where none does. The cells of a radar that moves are
     of the world, wherever it is.
     """
     about = [
-        radar.clutter_about(radar.measure(found.state), found.position) for radar in model.radars
+        radar.neighbourhood_density(radar.measure(found.state), found.position)
+        for radar in model.radars
     ]
     least = np.min(about, axis=0)
-    return crowding(np.where(np.isinf(least), 0.0, least))
+    return probability_among_reflectors(np.where(np.isinf(least), 0.0, least))
 
 
 class Records(NamedTuple):
@@ -221,7 +221,7 @@ class TrackStates:
             return found
         place = np.argsort(found.track_id, kind="stable")
         labelled = place[found.track_id[place] > 0]
-        records = self._next(chosen(found, labelled), scan, model)
+        records = self._next(found.take(labelled), scan, model)
         gone = np.isin(self._records.label - 1, touched)
         gone |= ~np.isin(self._records.stamp_ns, list(held_ns))
         self._records = self._records.take(np.flatnonzero(~gone)).joined(records)
@@ -230,7 +230,7 @@ class TrackStates:
             found.weight[found.track_id == 0] > self.rule.delete.min(), CONFIRMED, TENTATIVE
         )
         state[labelled] = records.state
-        return chosen(replace(found, track_state=state), np.flatnonzero(state != TENTATIVE))
+        return replace(found, track_state=state).take(np.flatnonzero(state != TENTATIVE))
 
     def _next(self, found: Estimates, scan: Scan, model: TrackerModel) -> Records:
         """Return the records of the tracks that a scan found, by ascending label."""
@@ -263,8 +263,8 @@ class TrackStates:
             (corrected >= lowest) & (weight >= np.minimum(LEAST, delete)),
         )
         kept &= detected | seen | (since_ns <= 1e9 * self.rule.coasting_s)
-        bound = np.where(before.state == TENTATIVE, REST, CERTAIN_REST)
-        kept &= at_rest(found, model) <= bound
+        bound = np.where(before.state == TENTATIVE, STATIONARY, SURELY_STATIONARY)
+        kept &= stationary_probability(found, model) <= bound
         coasting = missed | long_ago | (~detected & (before.state == COASTING))
         return Records(
             label=label,
@@ -310,7 +310,7 @@ class TrackStates:
         ever = np.concatenate([confirmed, self._noted.since(found.stamp_ns).label])
         kept = np.isin(found.track_id, ever) | (found.track_id == 0)
         kept &= found.weight >= self.rule.delete[found.class_id]
-        found = chosen(found, np.flatnonzero(kept))
+        found = found.take(np.flatnonzero(kept))
         _, label, state = self._noted.at(found.stamp_ns)
         states = dict(zip(label.tolist(), state.tolist(), strict=True))
         known = [states.get(n, TENTATIVE if n else CONFIRMED) for n in found.track_id.tolist()]

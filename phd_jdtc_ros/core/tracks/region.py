@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import FloatArray
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 from ..types import Detections, Estimates
-from .common_stamp import chosen
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -62,23 +61,23 @@ class Region:
         inside: BoolArray = self.depth(position) >= -self.margin
         return inside
 
-    def seen(self, detections: Detections, radar: RadarModel) -> Detections:
-        """Return a radar's detections that are in the core region or its margin."""
-        place = radar.at(detections.pose).to_world(detections.measurement)
+    def seen(self, detections: Detections, sensor: Sensor) -> Detections:
+        """Return a sensor's detections that are in the core region or its margin."""
+        place = sensor.at(detections.pose).to_world(detections.measurement)
         inside = self.covers(place)
         return detections if inside.all() else detections.take(np.flatnonzero(inside))
 
     def reported(self, estimates: Estimates) -> Estimates:
         """Return the estimates that are in the core region or its margin."""
         inside = self.covers(estimates.position)
-        return estimates if inside.all() else chosen(estimates, np.flatnonzero(inside))
+        return estimates if inside.all() else estimates.take(np.flatnonzero(inside))
 
 
 @dataclass(frozen=True)
 class Everywhere:
     """No part of the world: everything is taken in and reported."""
 
-    def seen(self, detections: Detections, radar: RadarModel) -> Detections:
+    def seen(self, detections: Detections, sensor: Sensor) -> Detections:
         """Return all detections."""
         return detections
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from ..arrays import FloatArray, IntArray
 from ..types import Estimates
-from .common_stamp import chosen
 from .labels import first_scan
 
 # Square Mahalanobis distance beyond which two estimates are not of one target: of positions, and of
@@ -129,9 +128,9 @@ def continued(
         if first_scan(np.array(label - 1)) < first
     }
     given = np.array([label for label in latest if label not in numbers], dtype=np.int64)
-    old = chosen(before, np.flatnonzero(np.isin(before.track_id, given)))
+    old = before.take(np.flatnonzero(np.isin(before.track_id, given)))
     young = first_scan(after.track_id - 1) >= first
-    new = chosen(after, np.flatnonzero(young & (after.track_id > 0)))
+    new = after.take(np.flatnonzero(young & (after.track_id > 0)))
     for row, column in zip(*matched(old, new), strict=True):
         numbers[int(new.track_id[column])] = latest[int(old.track_id[row])]
     return numbers

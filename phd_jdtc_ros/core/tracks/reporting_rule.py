@@ -16,7 +16,7 @@ import numpy as np
 from ..arrays import FloatArray
 from ..models.amplitude_model import Memory
 from ..models.tracker_model import TrackerModel
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 from ..targets.modes import ClassModel
 
 # Of estimates without labels: at even odds, a wrong report costs as much as a missing one.
@@ -119,16 +119,13 @@ def rule_of(
     return ReportingRule(above, below, hidden, weight, coasting_s=coasting_s)
 
 
-def _misses(kind: ClassModel, radars: tuple[RadarModel, ...]) -> FloatArray:
-    """Return the probability that all radars miss a target, at places in its class's band."""
+def _misses(kind: ClassModel, sensors: tuple[Sensor, ...]) -> FloatArray:
+    """Return the probability that all sensors miss a target, at places in its class's band."""
     low, high = np.log1p(kind.snr_band)
     place = low + (high - low) * (np.arange(PLACES) + 0.5) / PLACES
     missed = np.ones(PLACES)
-    for radar in radars:
-        if radar.visibility.given:
-            missed *= 1.0 - max(radar.visibility.probabilities)
-        else:
-            missed *= -np.expm1(-0.5 * radar.threshold**2 * np.exp(-place))
+    for sensor in sensors:
+        missed *= sensor.miss_probability(place)
     return missed
 
 

@@ -16,7 +16,6 @@ import numpy as np
 from ..arrays import IntArray
 from ..snapshot import MOST_INDEX, Snapshot, from_snapshot, integers, to_snapshot
 from ..types import COASTING, CONFIRMED, TENTATIVE, UNKNOWN, Estimates
-from .common_stamp import chosen
 from .known_aircraft import MARGIN, KnownAircraft, Reach
 
 # Messages have 32 bits for a track's number; half of them are left for what is still to come.
@@ -80,7 +79,7 @@ class TrackNumbers:
         self._part(estimates)
         numbers = [self._track(one) if one else 0 for one in label]
         found = replace(estimates, track_id=np.array(numbers, dtype=np.int64))
-        found = chosen(found, _best(found))
+        found = found.take(_best(found))
         self.aircraft.note(found, reach)
         return found
 

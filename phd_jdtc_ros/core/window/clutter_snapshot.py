@@ -13,7 +13,7 @@ from ..clutter.grid import Grid, GroundGrid, PolarGrid
 from ..clutter.map import MOST_CELLS, ClutterMap
 from ..clutter.rate import ClutterCount
 from ..models.clutter_learning import ClutterMemory
-from ..sensors.polar_radar import RadarModel
+from ..sensors.sensor import Sensor
 from ..snapshot import MOST_STATE, Snapshot, floats, from_snapshot, to_snapshot
 
 NAME, MAP, RATE = "clutter", "clutter_map", "clutter_rate"
@@ -32,7 +32,7 @@ class Place(NamedTuple):
 
 
 def clutter_to_snapshot(
-    memory: ClutterMemory, radars: Sequence[RadarModel], snapshot: Snapshot
+    memory: ClutterMemory, radars: Sequence[Sensor], snapshot: Snapshot
 ) -> None:
     """Store what has been learned of these radars; nothing if none of them learns."""
     for name, law in memory.laws.items():
@@ -47,7 +47,7 @@ def clutter_to_snapshot(
             to_snapshot(_place_of(radar), snapshot, name)
 
 
-def clutter_from_snapshot(snapshot: Snapshot, radars: Sequence[RadarModel]) -> ClutterMemory:
+def clutter_from_snapshot(snapshot: Snapshot, radars: Sequence[Sensor]) -> ClutterMemory:
     """Return what a snapshot has of the clutter of these radars.
 
     Raises
@@ -86,11 +86,11 @@ def _radars(snapshot: Snapshot, part: str, allowed: Collection[str], which: str)
     return sorted(names)
 
 
-def _place_of(radar: RadarModel) -> Place:
+def _place_of(radar: Sensor) -> Place:
     return Place(np.array([*radar.position, radar.yaw], dtype=np.float64))
 
 
-def _law(snapshot: Snapshot, radar: RadarModel) -> Learned:
+def _law(snapshot: Snapshot, radar: Sensor) -> Learned:
     name = f"{NAME}.{radar.name}"
     law = from_snapshot(Learned, snapshot, name, {"K": CELLS}, threshold=radar.threshold)
     if law.count.sum() > MOST_COUNT:
@@ -98,7 +98,7 @@ def _law(snapshot: Snapshot, radar: RadarModel) -> Learned:
     return law
 
 
-def _map(snapshot: Snapshot, radar: RadarModel) -> ClutterMap:
+def _map(snapshot: Snapshot, radar: Sensor) -> ClutterMap:
     """Return the map of a radar at this place."""
     name, place = f"{MAP}.{radar.name}", _place_of(radar).pose.tolist()
     stored = from_snapshot(Place, snapshot, name, {"X": 3}).pose.tolist()

@@ -192,7 +192,7 @@ class Current(Generic[RowsT, LinkT]):
         """The rows as a source of a later scan."""
         return Source(self.entry.stamp_ns, self.rows, len(self))
 
-    def parted(
+    def split(
         self, touched: BoolArray
     ) -> tuple[Current[RowsT, LinkT] | None, Current[RowsT, LinkT] | None]:
         """Return the rows that are touched, and the other rows; None where there are none.

@@ -15,7 +15,7 @@ from ..models.clutter_raster import ClutterRaster, raster
 from ..models.tracker_model import TrackerModel
 from ..snapshot import MOST_STAMP_NS, Snapshot, from_snapshot, integers, to_snapshot
 from ..tracks import renumbering
-from ..tracks.common_stamp import Schedule, at_stamp, chosen, joined, none, predicted
+from ..tracks.common_stamp import Schedule, at_stamp, predicted
 from ..tracks.confirmation import TrackStates
 from ..tracks.known_aircraft import Reach
 from ..tracks.reporting_rule import ReportingRule
@@ -107,9 +107,9 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             found = self._extract(part.stored, part.stamp_ns, lag, 0.0)
             if part.rows is not None:
                 alive = np.isin(found.track_id - 1, part.stored.origin[part.rows])
-                found = chosen(found, np.flatnonzero(alive))
+                found = found.take(np.flatnonzero(alive))
             every.append(found)
-        return joined(every, lag)
+        return Estimates.concatenate(every, lag)
 
     @abstractmethod
     def _backward(self, window: Sequence[Entry[RowsT, LinkT]]) -> Iterable[RowsT]:
@@ -318,12 +318,14 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
         self._states.note(whole)
         return self._published(whole, smoothed=False)
 
+    def _empty(self, stamp_ns: int, lag: int) -> Estimates:
+        modes = self.forward.model.modes
+        return Estimates.empty(stamp_ns, lag, len(modes.classes), modes.space)
+
     def _reported(self) -> Estimates:
         """Return the targets as known now, at the stamp of the last scan; tracks are labels."""
         stamp_ns = self.forward.stamp_ns
-        return (
-            none(self.forward.model.modes, 0, 0) if stamp_ns is None else self._predicted(stamp_ns)
-        )
+        return self._empty(0, 0) if stamp_ns is None else self._predicted(stamp_ns)
 
     def _predicted(self, stamp_ns: int) -> Estimates:
         """Return the targets as known now, predicted to a stamp; tracks are labels."""
@@ -332,15 +334,15 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             targets = self._filtered[rows.entry.stamp_ns]
             if rows.rows is not None:
                 alive = np.isin(targets.track_id - 1, rows.origin)
-                targets = chosen(targets, np.flatnonzero(alive))
+                targets = targets.take(np.flatnonzero(alive))
             parts.append(targets)
-        found, time_ns = joined(parts, 0)
+        found, time_ns = Estimates.concatenate(parts, 0)
         return predicted(found, time_ns, stamp_ns, self.forward.model.modes)
 
     def _published(self, found: Estimates, smoothed: bool) -> Estimates:
         """Return targets with what is known of them besides, and with track numbers for labels."""
         if self.forward.attributes is not None:
-            found = self.forward.attributes.told(found, smoothed)
+            found = self.forward.attributes.described(found, smoothed)
         return self._tracks.numbered(found, self._reach)
 
     @property
@@ -374,7 +376,7 @@ class FixedLagEngine(ABC, Generic[RowsT, LinkT]):
             found = at_stamp(every, time_ns, stamp_ns, threshold, modes)
             self.forward.done("extraction")
         else:
-            found = none(modes, stamp_ns, lag)
+            found = self._empty(stamp_ns, lag)
         found = self._states.smoothed(found)
         self._given_ns = self._given_ns[0], stamp_ns
         self._stamps = self._stamps[1:]

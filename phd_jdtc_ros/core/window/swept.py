@@ -1,4 +1,4 @@
-"""Which origins a scan touches: those that an antenna may have passed.
+"""Partition of targets by whether a scan's antennas may have swept them.
 
 The others are neither predicted nor linked for it, so that a scan of a sector costs what the
 antenna passed. It was where it says, and wherever it has detected something.
@@ -13,9 +13,9 @@ import numpy as np
 
 from ..arrays import FloatArray
 from ..models.tracker_model import TrackerModel
-from ..sensors.polar_radar import GATE_SIGMA, LEAST_RANGE, RadarModel
+from ..sensors.report import Report
 from ..targets.motion import MotionModel
-from ..types import FULL_TURN, Detections, Scan
+from ..types import Scan
 from .entries import BoolArray, Current, LinkT, RowsT
 
 # Of the position of an origin; farther out, next to none of its mass is.
@@ -23,13 +23,13 @@ SPREAD_SIGMA = 4.0
 # An origin that no antenna has passed for this many turns is predicted all the same.
 LONGEST_TURNS = 1.5
 
-Reports = Sequence[tuple[RadarModel, Detections]]
+Reports = Sequence[Report]
 
 
-def parted(
+def partition_swept(
     current: list[Current[RowsT, LinkT]], scan: Scan, model: TrackerModel, labelled: bool
 ) -> tuple[list[Current[RowsT, LinkT]], list[Current[RowsT, LinkT]]]:
-    """Return the rows that a scan touches, and those that it does not.
+    """Return the rows of targets that a scan may have swept, and the others.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def parted(
     touched, others = [], []
     by_entry = np.split(near, np.cumsum(sizes)[:-1])
     for rows, extent, near_here in zip(current, extents, by_entry, strict=True):
-        inside, outside = rows.parted(near_here[extent.row_origin])
+        inside, outside = rows.split(near_here[extent.row_origin])
         touched += [inside] if inside is not None else []
         others += [outside] if outside is not None else []
     return touched, others
@@ -79,7 +79,7 @@ def births_passed(scan: Scan, model: TrackerModel) -> list[int]:
 
 def _everywhere(reports: Reports) -> bool:
     """Return whether reports are of whole fields, or there are none."""
-    return not reports or any(detections.coverage is None for _, detections in reports)
+    return not reports or any(report.detections.coverage is None for report in reports)
 
 
 def _noise_std(model: TrackerModel, dt: float) -> float:
@@ -99,17 +99,6 @@ def _position_variance(motion: MotionModel, dt: float) -> float:
 def _passed(position: FloatArray, spread: FloatArray, reports: Reports) -> BoolArray:
     """Return whether an antenna comes within `spread` of each position, shape (T,)."""
     near = np.zeros(len(spread), dtype=bool)
-    for radar, detections in reports:
-        line = position - np.asarray(radar.position)
-        distance = np.maximum(np.hypot(line[:, 0], line[:, 1]), LEAST_RANGE)
-        margin = np.arcsin(np.minimum(spread / distance, 1.0)) + GATE_SIGMA * radar.azimuth_std
-        azimuth = np.arctan2(line[:, 1], line[:, 0]) - radar.yaw
-        near |= spread >= distance
-        if (coverage := detections.coverage) is not None:
-            offset = np.mod(azimuth + margin - coverage.start, FULL_TURN)
-            near |= offset <= coverage.width + 2.0 * margin
-        if len(detections):
-            seen, first = np.sort(np.mod(detections.measurement[:, 1], FULL_TURN)), azimuth - margin
-            following = seen[np.searchsorted(seen, np.mod(first, FULL_TURN)) % len(seen)]
-            near |= np.mod(following - first, FULL_TURN) <= 2.0 * margin
+    for report in reports:
+        near |= report.sensor.passes(position, spread, report.detections)
     return near

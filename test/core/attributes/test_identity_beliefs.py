@@ -37,7 +37,7 @@ def shows(shown, own):
 
 
 def test_what_unknown_targets_show_sums_to_one():
-    everything = MODEL.nobodys(np.array([*range(SIZE), UNKNOWN]))
+    everything = MODEL.clutter_likelihood(np.array([*range(SIZE), UNKNOWN]))
     assert everything.sum() == pytest.approx(1.0)
     assert everything[:-1].sum() == pytest.approx(MODEL.answered)
 
@@ -71,7 +71,7 @@ def test_fresh_belief_says_what_nobody_in_particular_does():
     np.testing.assert_allclose(
         identity.compared(fresh, np.arange(4), shown, MODEL).log_factor, 0.0, atol=1e-12
     )
-    total = MODEL.nobodys(np.array(STATES)).sum()
+    total = MODEL.clutter_likelihood(np.array(STATES)).sum()
     assert total == pytest.approx(1.0)
 
 
@@ -84,7 +84,7 @@ def test_certain_detection_gives_the_posterior_of_bayes_rule(shown):
     expected = full(belief)[0] * [shows(shown, own) for own in STATES]
     evidence = expected.sum()
     np.testing.assert_allclose(full(found)[0], expected / evidence, rtol=1e-12)
-    nobodys = MODEL.nobodys(np.array([shown]))[0]
+    nobodys = MODEL.clutter_likelihood(np.array([shown]))[0]
     assert np.exp(seen.log_factor[0]) == pytest.approx(evidence / nobodys)
 
 
@@ -207,9 +207,9 @@ def test_joint_association_and_identities_are_those_of_the_sum_over_all(shown):
         for j in range(2):
             kinematic[t, j] = detection * np.exp(textbook.update(prior, radar, measurement[j])[1])
     # Clutter answers less often than unknown targets, with the same codes.
-    reply = MODEL.nobodys(np.arange(SIZE)).sum()
+    reply = MODEL.clutter_likelihood(np.arange(SIZE)).sum()
     odds = [0.9 / (1.0 - reply) if c == UNKNOWN else 0.1 / reply for c in shown]
-    clutter = rate / (2.0 * np.pi * 2e4) * MODEL.nobodys(np.array(shown)) * odds
+    clutter = rate / (2.0 * np.pi * 2e4) * MODEL.clutter_likelihood(np.array(shown)) * odds
     weight, nothing = enumerated(full(moved), existence, kinematic, shown, 1 - detection, clutter)
 
     stored = engine.forward.current[-1].entry.stored

@@ -8,7 +8,7 @@ from lone import lone, scan_at
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.core.attributes import readings
 from phd_jdtc_ros.core.attributes.height import HeightModel, Heights
-from phd_jdtc_ros.core.sensors.polar_radar import GATE_SIGMA
+from phd_jdtc_ros.core.sensors.polar_gate import GATE_SIGMA
 from phd_jdtc_ros.core.types import Detections
 
 RADAR = lone({"radar.fields.height": "height", "radar.range_std": 40.0}).model.radars[0]

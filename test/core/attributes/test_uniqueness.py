@@ -78,7 +78,7 @@ def test_sources_of_a_detection_weigh_what_all_events_say():
     left = undetected(EXISTENCE, missed)
     taken = uniqueness.taken(belief, target, column, shown, left, MODEL)
     told = identity.compared(belief, target, shown[column], MODEL, taken.by_another)
-    nobodys = MODEL.nobodys(shown)[0]
+    nobodys = MODEL.clutter_likelihood(shown)[0]
     alone = 1.0 - EXISTENCE + missed
     found = {
         i: EXISTENCE[i]

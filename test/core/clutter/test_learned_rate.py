@@ -13,6 +13,7 @@ from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.clutter.rate import MEMORY_TURNS, START_RATE, ClutterCount
 from phd_jdtc_ros.core.models.clutter_learning import ClutterMemory
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import FULL_TURN, Coverage, Detections, Scan
 from phd_jdtc_ros.evaluation.metrics import ospa
 from phd_jdtc_ros.simulation.scenario import paper_scenario
@@ -118,11 +119,11 @@ def test_with_a_map_the_rate_is_that_of_what_comes_from_no_place_in_particular()
     std = [model.radars[0].range_std, model.radars[0].azimuth_std]
     quay = np.stack([np.linspace(2e4, 2.2e4, 30), np.linspace(0.5, 0.6, 30)], axis=1)
     for _ in range(150):
-        radar = memory.informed(model.radars[0])
         answers = quay + rng.standard_normal(quay.shape) * std
         others = rng.uniform([1e3, -np.pi], [95e3, np.pi], (rng.poisson(6.0), 2))
         found = Detections(np.concatenate([answers, others]), None)
-        memory.learn(radar, found, np.zeros(len(found)), np.zeros(len(found)))
+        report = memory.informed(Report(model.radars[0], found))
+        memory.learn(report, np.zeros(len(found)), np.zeros(len(found)))
     assert memory.counts["radar"].rate == pytest.approx(6.0, rel=0.25)
 
 

@@ -14,6 +14,7 @@ from phd_jdtc_ros.core.gaussian.dynamics import Dynamics
 from phd_jdtc_ros.core.gaussian.measurement import gating
 from phd_jdtc_ros.core.gaussian.mixture import Mixture
 from phd_jdtc_ros.core.gaussian.prediction import Aged, survivors
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.simulation.scenario import paper_scenario
 from phd_jdtc_ros.simulation.simulate import simulate
@@ -80,7 +81,7 @@ def test_located_and_updated_are_those_of_numpy(timed, iterations):
     noise = RADAR.noise_std * rng.uniform(0.5, 2.0, measurement.shape)
     time_s = rng.uniform(-2.0, 2.0, 300) if timed else None
     given = (mean, covariance, RADAR, measurement, noise, time_s, iterations)
-    plain, compiled = by_both(kalman.located, *given)
+    plain, compiled = by_both(kalman.iterated_update, *given)
     assert_close(plain, compiled)
     assert_close(*by_both(kalman.updated, mean, covariance, RADAR, plain, time_s))
 
@@ -91,10 +92,12 @@ def test_located_of_a_row_does_not_depend_on_the_others(backend):
     mean[0, [0, 2]] = np.asarray(RADAR.position) + 200.0  # beside the radar: slow to converge
     measurement = RADAR.measure(mean + SCALE * rng.normal(size=mean.shape))
     noise = np.tile(RADAR.noise_std, (40, 1))
-    whole = kalman.located(mean, covariance, RADAR, measurement, noise)
+    whole = kalman.iterated_update(mean, covariance, RADAR, measurement, noise)
     for row in range(40):
         one = slice(row, row + 1)
-        alone = kalman.located(mean[one], covariance[one], RADAR, measurement[one], noise[one])
+        alone = kalman.iterated_update(
+            mean[one], covariance[one], RADAR, measurement[one], noise[one]
+        )
         assert_close([part[one] for part in whole], alone)
 
 
@@ -159,7 +162,7 @@ def test_same_detections_are_gated_as_by_numpy(timed):
     if timed:
         detections = replace(detections, time_s=rng.uniform(-2.0, 2.0, len(measurement)))
     expected = gating.Expected.of(mixture, RADAR)
-    plain, compiled = by_both(gating.gated, mixture, expected, detections, RADAR)
+    plain, compiled = by_both(gating.gated, mixture, expected, Report(RADAR, detections))
     assert len(plain[0]) > 100
     np.testing.assert_array_equal(plain[0], compiled[0])
     np.testing.assert_array_equal(plain[1], compiled[1])

@@ -4,6 +4,7 @@ from scenes import intensity, small
 from scipy.integrate import quad
 
 from phd_jdtc_ros.core.models.amplitude_model import CELLS, Band, Ignored, Memory
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.types import Detections
 
 MODEL = small().model
@@ -99,15 +100,15 @@ def test_memory_likelihood_integrates_to_its_detection_probability():
     model = Memory(0.1)
 
     def density(a):
-        report = Detections(np.ones((1, 2)), np.array([a]))
+        report = Report(RADAR, Detections(np.ones((1, 2)), np.array([a])))
         pairs = every_pair(phd, report)
-        return float(
-            np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))[0]
-        )
+        return float(np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))[0])
 
     mass, _ = quad(density, RADAR.threshold, 200.0)
     assert mass == pytest.approx(
-        model.detection_probability(phd.mode, phd.log_snr, np.full(len(phd), 5e3), RADAR, MODES)[0],
+        model.detection_probability(
+            phd.mode, phd.log_snr, np.full((len(phd), 2), 5e3), RADAR, MODES
+        )[0],
         rel=1e-6,
     )
 
@@ -115,13 +116,11 @@ def test_memory_likelihood_integrates_to_its_detection_probability():
 def test_memory_averaged_over_the_band_is_the_band_likelihood():
     # The band's closed form is the Rayleigh law averaged over ln(1 + d).
     phd = particles(np.linspace(*BANDS[1], 20001), mode=np.full(20001, 2))
-    report = Detections(np.ones((3, 2)), np.array([4.0, 20.0, 60.0]))
+    report = Report(RADAR, Detections(np.ones((3, 2)), np.array([4.0, 20.0, 60.0])))
     pairs = every_pair(phd, report)
-    remembered = np.exp(
-        Memory(0.1).log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES)
-    )
+    remembered = np.exp(Memory(0.1).log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))
     averaged = remembered.reshape(len(phd), 3).mean(axis=0)
-    band = np.exp(Band().log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))[:3]
+    band = np.exp(Band().log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))[:3]
 
     np.testing.assert_allclose(averaged, band, rtol=1e-3)
 
@@ -129,10 +128,10 @@ def test_memory_averaged_over_the_band_is_the_band_likelihood():
 @pytest.mark.parametrize("model", [Band(), Memory(0.1)])
 def test_likelihood_without_amplitudes_is_the_detection_probability(model):
     phd = particles([BANDS[0, 0], BANDS[0, 1]])
-    report = Detections(np.ones((2, 2)), None)
+    report = Report(RADAR, Detections(np.ones((2, 2)), None))
     pairs = every_pair(phd, report)
-    likelihood = np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, RADAR, MODES))
-    near = np.full(len(phd), 5e3)
+    likelihood = np.exp(model.log_likelihood(phd.mode, phd.log_snr, report, pairs, MODES))
+    near = np.full((len(phd), 2), 5e3)
     expected = model.detection_probability(phd.mode, phd.log_snr, near, RADAR, MODES)
 
     np.testing.assert_allclose(likelihood, np.repeat(expected, 2))

@@ -7,12 +7,15 @@ from hypothesis import strategies as st
 from scenes import intensity, small
 
 from phd_jdtc_ros.core import backend
-from phd_jdtc_ros.core.sensors.polar_radar import GATE_SIGMA, RadarModel, wrap_angle
+from phd_jdtc_ros.core.arrays import wrap_angle
+from phd_jdtc_ros.core.sensors.polar_radar import GATE_SIGMA, RadarModel
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.sensors.visibility import Visibility
 from phd_jdtc_ros.core.smc.correction import BERNOULLI
-from phd_jdtc_ros.core.smc.update import update
+from phd_jdtc_ros.core.smc.update import ParticleSteps
 from phd_jdtc_ros.core.targets import amplitude_density
 from phd_jdtc_ros.core.types import Coverage, Detections
+from phd_jdtc_ros.core.window.update import update
 
 RADAR = RadarModel(
     name="radar",
@@ -125,11 +128,12 @@ def test_gated_pairs_ignore_whole_turns_of_a_detection(turns):
     turned = measurement + np.array([0.0, turns * 2.0 * np.pi])
     phd = intensity(state, np.full(200, 0.004), mode=rng.integers(0, 4, 200))
     amplitudes = np.full(5, 20.0)
-    missed, _ = update(
-        phd, Detections(np.zeros((0, 2)), np.zeros(0)), radar, model, BERNOULLI, 6.0, rng
+    none = Detections(np.zeros((0, 2)), np.zeros(0))
+    steps = ParticleSteps(model, BERNOULLI, rng)
+    missed, plain, shifted = (
+        update(phd, Report(radar, found), steps, 6.0).rows
+        for found in (none, *(Detections(place, amplitudes) for place in (measurement, turned)))
     )
-    plain, _ = update(phd, Detections(measurement, amplitudes), radar, model, BERNOULLI, 6.0, rng)
-    shifted, _ = update(phd, Detections(turned, amplitudes), radar, model, BERNOULLI, 6.0, rng)
     assert plain.weight.sum() > missed.weight.sum() + 0.1
     np.testing.assert_allclose(shifted.weight, plain.weight, rtol=1e-9)
 

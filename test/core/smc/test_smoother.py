@@ -7,6 +7,7 @@ from scenes import gaussian_cloud, intensity, no_detections, plain, predict
 from scipy import sparse
 
 from phd_jdtc_ros.configuration.engines import particle_filter
+from phd_jdtc_ros.core.sensors.report import Report
 from phd_jdtc_ros.core.smc.kernel import backward_kernel
 from phd_jdtc_ros.core.smc.kernel.backward_kernel import Transition
 from phd_jdtc_ros.core.smc.resampling import resample
@@ -17,9 +18,10 @@ from phd_jdtc_ros.core.smc.smoother import (
     bernoulli_death_term,
     paper_death_term,
 )
-from phd_jdtc_ros.core.smc.update import update
+from phd_jdtc_ros.core.smc.update import ParticleSteps
 from phd_jdtc_ros.core.types import Detections
 from phd_jdtc_ros.core.window.entries import Entry, Source
+from phd_jdtc_ros.core.window.update import update
 
 DT = 6.0
 
@@ -38,9 +40,11 @@ def forward(start, model, method, scans, rng):
         predicted = start
         if index:
             predicted = predict(stored[-1], model, method.corrector, method.budget, DT, index, rng)
-        updated, _ = update(
-            predicted, detections, model.radars[0], model, method.corrector, DT, rng
+        report, steps = (
+            Report(model.radars[0], detections),
+            ParticleSteps(model, method.corrector, rng),
         )
+        updated = update(predicted, report, steps, DT).rows
         stored.append(resample(updated, model.modes, method.budget, rng))
     return stored
 

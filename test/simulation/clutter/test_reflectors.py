@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from phd_jdtc_ros.configuration.build import resolve
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.clutter.amplitude_law import level_db
 from phd_jdtc_ros.core.intake.poses import Mount
-from phd_jdtc_ros.core.sensors.polar_radar import wrap_angle
 from phd_jdtc_ros.core.types import FULL_TURN, Pose
 from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.simulate import simulate

@@ -38,7 +38,7 @@ def _wrapped(angle: float) -> float:
         *(_2, _3, _AXES, _POSE, _2, _2, _1, _INT, _FLOAT, _FLOAT)
     )
 )
-def located(
+def iterated_update(
     mean: FloatArray,
     covariance: FloatArray,
     axes: tuple[int, int, int, int],
@@ -115,7 +115,7 @@ def updated(
     inverse: FloatArray,
     time_s: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the means and covariances after what `located` found; `axes` as there."""
+    """Return the means and covariances after their innovations; `axes` as in `iterated_update`."""
     later_mean, later = np.empty_like(mean), np.empty_like(covariance)
     x, y, vx, vy = axes
     size = mean.shape[1]

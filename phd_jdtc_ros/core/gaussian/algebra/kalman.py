@@ -11,16 +11,17 @@ import numpy as np
 
 from ... import backend
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel, wrap_angle
+from ...sensors.polar_geometry import LEAST_RANGE
+from ...sensors.sensor import Sensor
 from ...snapshot import MOST_STATE, floats
 
-# Gauss-Newton steps of an update; two or three suffice unless a target is next to the radar.
+# Gauss-Newton steps of an update; two or three suffice unless a target is next to the sensor.
 ITERATIONS = 5
 # Largest last step of a Gaussian, as a share of its range's standard deviation.
 CONVERGED = 1e-2
 # Least eigenvalue of a correlation matrix; smaller ones, and negative ones, are rounding.
 LEAST_EIGENVALUE = 1e-10
-# Of an updated variance, as a share of what it was before: doubles resolve no smaller one.
+# Smallest ratio of updated to prior variance that doubles resolve.
 LEAST_VARIANCE = 1e-15
 
 
@@ -29,7 +30,7 @@ MOST_GAIN = 1e15
 
 
 class Backward(NamedTuple):
-    """What leads from a Gaussian's later distribution back to its earlier one.
+    """The backward step from a Gaussian's later distribution to its earlier one.
 
     The earlier distribution given a later one of mean m and covariance P has the mean
     ``offset + gain m`` and the covariance ``base + gain P gain'``.
@@ -105,13 +106,13 @@ def backward(
     return Backward(gain, offset, symmetric(base)), precision
 
 
-class Located(NamedTuple):
-    """Where a detection puts a target: the linearised measurement at the posterior position.
+class Innovation(NamedTuple):
+    """The innovation of a measurement, linearised at the posterior position.
 
     Parameters
     ----------
     jacobian : array of shape (N, 2, 2)
-        Of (range, azimuth) by the position at the detection's time.
+        Of the measurement by the position at the detection's time.
     weighted : array of shape (N, 2)
         Innovation, times the inverse of its covariance.
     inverse : array of shape (N, 2, 2)
@@ -125,37 +126,37 @@ class Located(NamedTuple):
     inverse: FloatArray
     log_likelihood: FloatArray
 
-    def take(self, rows: IntArray) -> Located:
+    def take(self, rows: IntArray) -> Innovation:
         """Return those of these rows."""
-        return Located(*(part[rows] for part in self))
+        return Innovation(*(part[rows] for part in self))
 
 
-def located(
+def iterated_update(
     mean: FloatArray,
     covariance: FloatArray,
-    radar: RadarModel,
+    sensor: Sensor,
     measurement: FloatArray,
     noise_std: FloatArray,
     time_s: FloatArray | None = None,
     iterations: int = ITERATIONS,
     converged: float = CONVERGED,
-) -> Located:
-    """Return where one polar measurement each puts a Gaussian target.
+) -> Innovation:
+    """Return the innovation of one measurement of each Gaussian, by iterated linearisation.
 
     Parameters
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    radar : RadarModel
+    sensor : Sensor
     measurement, noise_std : arrays of shape (N, 2)
-        Range in metres and azimuth in radians in the radar's frame; innovations are wrapped.
+        In the units of the sensor; innovations are wrapped.
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds; the target moves straight on until
         then.
     iterations : int
         Largest number of linearisations; 1 is the plain extended Kalman filter.
     converged : float
-        Largest last step, as a share of the range's standard deviation.
+        Largest last step, as a share of the first component's standard deviation.
 
     Notes
     -----
@@ -167,26 +168,26 @@ def located(
     Bell and Cathey, "The iterated Kalman filter update as a Gauss-Newton method", IEEE
     Transactions on Automatic Control 38(2), 1993.
     """
-    if loops := backend.compiled("gaussian.algebra"):
-        pose = (*radar.position, np.cos(radar.yaw), np.sin(radar.yaw))
-        return Located(
-            *loops.located(
-                *(flat(mean, 1), flat(covariance, 2), _place_and_speed(radar), pose),
+    loops = backend.compiled("gaussian.algebra")
+    if loops is not None and sensor.polar:
+        pose = (*sensor.position, np.cos(sensor.yaw), np.sin(sensor.yaw))
+        return Innovation(
+            *loops.iterated_update(
+                *(flat(mean, 1), flat(covariance, 2), _place_and_speed(sensor), pose),
                 *(flat(measurement, 1), flat(noise_std, 1), _times(time_s, len(mean))),
                 *(iterations, converged, LEAST_RANGE),
             )
         )
-    prior, cross = positioned(mean, covariance, radar, time_s)
-    spread = cross[..., _axes(radar.space.position), :]
+    prior, cross = positioned(mean, covariance, sensor, time_s)
+    spread = cross[..., _axes(sensor.space.position), :]
     if time_s is not None:
-        spread = spread + time_s[:, None, None] * cross[..., _axes(radar.space.velocity), :]
+        spread = spread + time_s[:, None, None] * cross[..., _axes(sensor.space.velocity), :]
     noise, limit = noise_std**2, converged * noise_std[:, 0]
     at, rows = prior, np.arange(len(mean))
     found: list[FloatArray] = []
     for _ in range(iterations):
-        expected, jacobian = radar.linearised(at)
-        error = measurement - expected
-        error[:, 1] = wrap_angle(error[:, 1])
+        expected, jacobian = sensor.linearised(at)
+        error = sensor.wrapped(measurement - expected)
         seen = spread @ _turned(jacobian)
         total = jacobian @ seen
         total[:, 0, 0] += noise[:, 0]
@@ -208,40 +209,38 @@ def located(
         prior, spread = prior[moving], spread[moving]
     jacobian, weighted, inverse, square, determinant = found
     log_likelihood = -0.5 * (square + np.log(determinant)) - np.log(2.0 * np.pi)
-    return Located(jacobian, weighted, inverse, log_likelihood)
+    return Innovation(jacobian, weighted, inverse, log_likelihood)
 
 
 def updated(
     mean: FloatArray,
     covariance: FloatArray,
-    radar: RadarModel,
-    found: Located,
+    sensor: Sensor,
+    innovation: Innovation,
     time_s: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the means and covariances of Gaussians after what `located` found of them."""
+    """Return the means and covariances of Gaussians after their innovations."""
     later: FloatArray
     spread: FloatArray
     if loops := backend.compiled("gaussian.algebra"):
-        later, spread = loops.updated(
-            *(flat(mean, 1), flat(covariance, 2), _place_and_speed(radar)),
-            *(found.jacobian, found.weighted, found.inverse, _times(time_s, len(mean))),
-        )
+        before = (flat(mean, 1), flat(covariance, 2), _place_and_speed(sensor))
+        later, spread = loops.updated(*before, *innovation[:3], _times(time_s, len(mean)))
     else:
-        cross = positioned(mean, covariance, radar, time_s)[1] @ _turned(found.jacobian)
-        later = mean + (cross @ found.weighted[..., None])[..., 0]
-        spread = symmetric(covariance - cross @ found.inverse @ _turned(cross))
+        cross = positioned(mean, covariance, sensor, time_s)[1] @ _turned(innovation.jacobian)
+        later = mean + (cross @ innovation.weighted[..., None])[..., 0]
+        spread = symmetric(covariance - cross @ innovation.inverse @ _turned(cross))
     axes = np.arange(mean.shape[-1])
-    # Of a variance that a precise measurement takes away, rounding may leave nothing.
+    # Rounding may leave nothing of a variance that a precise measurement reduces.
     least = LEAST_VARIANCE * covariance[..., axes, axes]
     spread[..., axes, axes] = np.maximum(spread[..., axes, axes], least)
     return later, spread
 
 
 def positioned(
-    mean: FloatArray, covariance: FloatArray, radar: RadarModel, time_s: FloatArray | None
+    mean: FloatArray, covariance: FloatArray, sensor: Sensor, time_s: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
     """Return the positions at these times, (N, 2), and their covariances with the states."""
-    place, speed = _axes(radar.space.position), _axes(radar.space.velocity)
+    place, speed = _axes(sensor.space.position), _axes(sensor.space.velocity)
     if time_s is None:
         return mean[..., place], covariance[..., place]
     position = mean[..., place] + time_s[..., None] * mean[..., speed]
@@ -325,8 +324,8 @@ def flat(array: FloatArray, axes: int) -> FloatArray:
     return np.ascontiguousarray(array).reshape(-1, *shape)
 
 
-def _place_and_speed(radar: RadarModel) -> tuple[int, ...]:
-    return (*radar.space.position, *radar.space.velocity)
+def _place_and_speed(sensor: Sensor) -> tuple[int, ...]:
+    return (*sensor.space.position, *sensor.space.velocity)
 
 
 def _times(time_s: FloatArray | None, count: int) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The range rate in the update: what it tells of Gaussians that range and azimuth have updated.
+"""The update with a range rate of Gaussians that range and azimuth have updated.
 
 The noise of a range rate is independent of those of range and azimuth, so that it may come after
 them. It is then linearised where they put the target. What is left of its curvature is the product
@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel, Rates
-from ...sensors.range_rate import RangeRateModel
+from ...sensors.polar_geometry import LEAST_RANGE
+from ...sensors.range_rate import RangeRateModel, Rates
+from ...sensors.sensor import Sensor
 from . import kalman
 
 
@@ -56,7 +57,7 @@ class Expected(NamedTuple):
 
 
 def expected(
-    mean: FloatArray, covariance: FloatArray, radar: RadarModel, time_s: FloatArray | None = None
+    mean: FloatArray, covariance: FloatArray, sensor: Sensor, time_s: FloatArray | None = None
 ) -> Expected:
     """Return what a radar would measure of the range rates of Gaussians.
 
@@ -64,7 +65,7 @@ def expected(
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp.
-    radar : RadarModel
+    sensor : Sensor
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
 
@@ -76,15 +77,15 @@ def expected(
     and n'dv and their covariance C, the last two terms have the mean C - (u'v) A / 2, and about the
     variance A B + C^2 + (u'v)^2 A^2 / 2.
     """
-    place, speed = list(radar.space.position), list(radar.space.velocity)
+    place, speed = list(sensor.space.position), list(sensor.space.velocity)
     velocity = mean[:, speed]
-    line = mean[:, place] - np.asarray(radar.position)
+    line = mean[:, place] - np.asarray(sensor.position)
     if time_s is not None:
         line = line + time_s[:, None] * velocity
     distance = np.maximum(np.sqrt((line**2).sum(axis=1)), LEAST_RANGE)
     along = line / distance[:, None]
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    relative = velocity - np.asarray(radar.velocity)
+    relative = velocity - np.asarray(sensor.velocity)
     rate, side = (relative * along).sum(axis=1), (relative * across).sum(axis=1)
 
     angle, sideways, first = np.zeros_like(mean), np.zeros_like(mean), np.zeros_like(mean)
@@ -105,7 +106,7 @@ def expected(
 def rated(
     mean: FloatArray,
     covariance: FloatArray,
-    radar: RadarModel,
+    sensor: Sensor,
     measured: Rates,
     time_s: FloatArray | None = None,
 ) -> Rated:
@@ -115,16 +116,16 @@ def rated(
     ----------
     mean, covariance : arrays of shape (N, D) and (N, D, D)
         At the scan's stamp, updated with range and azimuth.
-    radar : RadarModel
+    sensor : Sensor
     measured : Rates
         N of them.
     time_s : array of shape (N,) or None
         Time of each measurement relative to the stamp, seconds.
     """
-    return told(mean, covariance, expected(mean, covariance, radar, time_s), measured)
+    return updated(mean, covariance, expected(mean, covariance, sensor, time_s), measured)
 
 
-def told(mean: FloatArray, covariance: FloatArray, found: Expected, measured: Rates) -> Rated:
+def updated(mean: FloatArray, covariance: FloatArray, found: Expected, measured: Rates) -> Rated:
     """Return Gaussians updated with one range rate each, of which it is known what is expected.
 
     Parameters

@@ -1,45 +1,42 @@
-"""Where detections put the Gaussians of their pairs: by range and azimuth, then by range rate."""
+"""The iterated update of Gaussians with the detections of their pairs, then with range rates."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
 from ...arrays import FloatArray, IntArray
-from ...sensors.polar_radar import RadarModel, Rates
-from ...types import Detections
+from ...sensors.range_rate import Rates
+from ...sensors.report import Report
+from ...sensors.sensor import Sensor
 from ..algebra import kalman, range_rate
 from ..mixture import Mixture
 
 
-class Located(NamedTuple):
-    """What the detections of pairs make of their Gaussians, leading shape (P R,).
+class PairUpdate(NamedTuple):
+    """Innovations of pairs of Gaussians and detections, leading shape (P R,).
 
     Parameters
     ----------
-    found : kalman.Located
-        By range and azimuth.
+    innovation : kalman.Innovation
+        Of the measurement.
     rated : range_rate.Rated or None
-        With range rates too; None without them.
+        The Gaussians after their range rates; None without these.
     column : int array of shape (P,)
         The detection of each pair.
-    detections : Detections
-    radar : RadarModel
+    report : Report
     """
 
-    found: kalman.Located
+    innovation: kalman.Innovation
     rated: range_rate.Rated | None
     column: IntArray
-    detections: Detections
-    radar: RadarModel
+    report: Report
 
     @property
     def log_likelihood(self) -> FloatArray:
-        """Of range and azimuth, and of the range rate if there is one, shape (P R,)."""
+        """Of the measurement, and of the range rate if there is one, shape (P R,)."""
         if self.rated is None:
-            return self.found.log_likelihood
-        return self.found.log_likelihood + self.rated.log_likelihood
+            return self.innovation.log_likelihood
+        return self.innovation.log_likelihood + self.rated.log_likelihood
 
     def updated(
         self, mean: FloatArray, covariance: FloatArray, pair: IntArray, gaussian: IntArray
@@ -47,65 +44,50 @@ class Located(NamedTuple):
         """Return Gaussians after their detections; of some pairs, by row of these Gaussians."""
         if self.rated is not None:
             return self.rated.mean[gaussian], self.rated.covariance[gaussian]
-        times = self.detections.time_s
+        times = self.report.detections.time_s
         modes = len(gaussian) // max(len(pair), 1)
-        return kalman.updated(
-            *(mean, covariance, self.radar, self.found.take(gaussian)),
-            None if times is None else times[self.column[pair]].repeat(modes),
-        )
+        time_s = None if times is None else times[self.column[pair]].repeat(modes)
+        innovation = self.innovation.take(gaussian)
+        return kalman.updated(mean, covariance, self.report.sensor, innovation, time_s)
 
 
-def located(
-    mixture: Mixture,
-    row: IntArray,
-    column: IntArray,
-    detections: Detections,
-    radar: RadarModel,
-    rates: Rates | None,
-) -> Located:
-    """Return where the detections put the Gaussians of pairs.
+def iterated_update(
+    mixture: Mixture, row: IntArray, column: IntArray, report: Report
+) -> PairUpdate:
+    """Return the innovations of pairs, linearised at the posterior positions.
 
     Parameters
     ----------
     mixture : Mixture
     row, column : int arrays of shape (P,)
         Hypothesis and detection of each pair.
-    detections : Detections
-    radar : RadarModel
-    rates : Rates or None
-        The detections' range rates; None without them.
+    report : Report
     """
+    detections, sensor, rates = report.detections, report.sensor, report.range_rates
     modes, size = mixture.mean.shape[1:]
     mean = mixture.mean[row].reshape(-1, size)
     covariance = mixture.covariance[row].reshape(-1, size, size)
-    each, own = column.repeat(modes), radar.detection_noise(detections)
+    each = column.repeat(modes)
     time_s = None if detections.time_s is None else detections.time_s[each]
-    found = kalman.located(
-        *(mean, covariance, radar, detections.measurement[each]),
-        np.broadcast_to(radar.noise_std, (len(each), 2)) if own is None else own[each],
-        time_s,
-    )
+    measured, noise_std = detections.measurement[each], report.noise_std[each]
+    innovation = kalman.iterated_update(mean, covariance, sensor, measured, noise_std, time_s)
     rated = None
     if rates is not None:
-        later = kalman.updated(mean, covariance, radar, found, time_s)
-        rated = range_rate.rated(*later, radar, rates.take(each), time_s)
-    return Located(found, rated, column, detections, radar)
+        later = kalman.updated(mean, covariance, sensor, innovation, time_s)
+        rated = range_rate.rated(*later, sensor, rates.take(each), time_s)
+    return PairUpdate(innovation, rated, column, report)
 
 
-def rough_rates(
-    mixture: Mixture,
-    row: IntArray,
-    column: IntArray,
-    rates: Rates,
-    radar: RadarModel,
+def coarse_rates(
+    mixture: Mixture, row: IntArray, column: IntArray, rates: Rates, sensor: Sensor
 ) -> FloatArray:
-    """Return about the log likelihood of the range rates of pairs, (P, R): at the predicted means.
+    """Return the log likelihood of the range rates of pairs at the predicted means, (P, R).
 
     The times of detections are left aside.
     """
     modes, size = mixture.mean.shape[1:]
     before = range_rate.expected(
-        mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size), radar
+        mixture.mean.reshape(-1, size), mixture.covariance.reshape(-1, size, size), sensor
     )
     rate, variance = (part.reshape(-1, modes) for part in (before.rate, before.variance))
     error = rates.rate[column][:, None] - rate[row]

@@ -6,11 +6,11 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray, sum_by
 from ...association.marginals import LEAST_CLUTTER
-from ...models.competing_sources import OtherSources
+from ...models.competing_sources import CompetingSources
 from ..mixture import Mixture
 
 # Of the sources of a detection, and of the hypotheses of a target; pairs below it are left out
-# before they are located.
+# before the iterated update.
 LEAST_SHARE = 1e-4
 
 
@@ -19,7 +19,7 @@ def weighed(
     row: IntArray,
     column: IntArray,
     log_mass: FloatArray,
-    others: OtherSources,
+    others: CompetingSources,
 ) -> FloatArray:
     """Return p_D L_z w of pairs, divided by the scale of their detections, shape (P, R, S).
 
@@ -30,7 +30,7 @@ def weighed(
         Hypothesis and detection of each pair.
     log_mass : array of shape (P, R, S)
         log p_D L_z.
-    others : OtherSources
+    others : CompetingSources
     """
     weight: FloatArray = mixture.weight[row] * np.exp(
         log_mass - others.log_scale[column, None, None]
@@ -50,7 +50,7 @@ def likely(
     column: IntArray,
     weight: FloatArray,
     missed: FloatArray,
-    others: OtherSources,
+    others: CompetingSources,
 ) -> IntArray:
     """Return the pairs that may be more than `LEAST_SHARE` of their target and their detection.
 

@@ -19,7 +19,7 @@ from ..correction import scale_rows
 from ..particle_set import ParticleSet
 
 
-def spread(
+def redraw_velocities(
     stored: ParticleSet, scan: Scan, model: TrackerModel, scan_index: int, rng: np.random.Generator
 ) -> ParticleSet:
     """Return a resampled set in which all copies of newborn particles have their own velocities.

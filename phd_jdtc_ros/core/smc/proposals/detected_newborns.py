@@ -36,7 +36,7 @@ PRIOR_SHARE = 0.25
 INFLATION = 1.5
 
 
-def informed(
+def redraw_velocities(
     touched: Sequence[CurrentParticles],
     stamp_ns: int,
     seen: Places,
@@ -59,12 +59,12 @@ def informed(
     if rated or not model.detection_births.enabled:
         return list(touched)
     return [
-        _informed(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)
+        _redraw_velocities(rows, (stamp_ns - rows.entry.stamp_ns) * 1e-9, seen, model, rng)
         for rows in touched
     ]
 
 
-def _informed(
+def _redraw_velocities(
     rows: CurrentParticles,
     dt: float,
     seen: Places,

@@ -11,8 +11,8 @@ import numpy as np
 
 from ...arrays import FloatArray, IntArray
 from ...models.tracker_model import TrackerModel
-from ...sensors.polar_radar import LEAST_RANGE, RadarModel
-from ...types import Detections, Scan
+from ...sensors.report import Report
+from ...types import Scan
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Places:
 
 def places(scan: Scan, model: TrackerModel) -> Places:
     """Return where a scan's detections are, of all radars."""
-    found = [places_of(detections, radar) for radar, detections in model.reports(scan)]
+    found = [places_of(report) for report in model.reports(scan)]
     return Places(
         np.concatenate([np.zeros((0, 2)), *(part.position for part in found)]),
         np.concatenate([np.zeros((0, 2, 2)), *(part.covariance for part in found)]),
@@ -55,17 +55,6 @@ def places(scan: Scan, model: TrackerModel) -> Places:
     )
 
 
-def places_of(detections: Detections, radar: RadarModel) -> Places:
-    """Return where one radar's detections are."""
-    own = radar.detection_noise(detections)
-    std = np.tile(radar.noise_std, (len(detections), 1)) if own is None else own
-    distance, azimuth = detections.measurement.T
-    bearing = azimuth + radar.yaw
-    along = np.stack([np.cos(bearing), np.sin(bearing)], axis=1)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    sides = (std[:, 0], std[:, 1] * np.maximum(distance, LEAST_RANGE))
-    covariance = np.zeros((len(detections), 2, 2))
-    for side, axis in zip(sides, (along, across), strict=True):
-        covariance += (side**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
-    time_s = np.zeros(len(detections)) if detections.time_s is None else detections.time_s
-    return Places(radar.to_world(detections.measurement), covariance, time_s)
+def places_of(report: Report) -> Places:
+    """Return the places of one report's detections."""
+    return Places(report.in_plane.position, report.in_plane.covariance, report.time_s)

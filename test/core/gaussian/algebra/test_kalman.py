@@ -18,7 +18,7 @@ def priors(rng, count):
 
 def updated(mean, covariance, measurement, time_s=None, **more):
     noise = np.broadcast_to(RADAR.noise_std, measurement.shape).copy()
-    found = kalman.located(mean, covariance, RADAR, measurement, noise, time_s, **more)
+    found = kalman.iterated_update(mean, covariance, RADAR, measurement, noise, time_s, **more)
     return found, *kalman.updated(mean, covariance, RADAR, found, time_s)
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from lone import lone
 
+from phd_jdtc_ros.core.arrays import wrap_angle
 from phd_jdtc_ros.core.gaussian.algebra import kalman, range_rate
-from phd_jdtc_ros.core.sensors.polar_radar import Rates, wrap_angle
-from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
+from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel, Rates
 
 pytestmark = pytest.mark.usefixtures("backend")
 RADAR = lone(
@@ -66,7 +66,7 @@ def dense(radar, mean, covariance, measured, rate, time_s=0.0):
 def updated(radar, mean, covariance, measured, rate, time_s=None):
     noise = radar.noise_std[None]
     times = None if time_s is None else np.array([time_s])
-    found = kalman.located(mean, covariance, radar, measured[None], noise, times)
+    found = kalman.iterated_update(mean, covariance, radar, measured[None], noise, times)
     mean, covariance = kalman.updated(mean, covariance, radar, found, times)
     rates = Rates(radar.range_rate, np.array([rate]), np.array([radar.range_rate.std]))
     rated = range_rate.rated(mean, covariance, radar, rates, times)

@@ -13,7 +13,8 @@ from phd_jdtc_ros.core.smc.kernel import backward_kernel, kernel_thinning, spawn
 from phd_jdtc_ros.core.smc.particle_set import ParticleSet
 from phd_jdtc_ros.core.smc.resampling import resample
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS, backward_step
-from phd_jdtc_ros.core.smc.update import update_scan
+from phd_jdtc_ros.core.smc.update import ParticleSteps
+from phd_jdtc_ros.core.window.update import update_scan
 from phd_jdtc_ros.simulation.simulate import simulate
 
 SPARSE_BUDGET = {
@@ -71,7 +72,7 @@ def stored_run(model, method, stamps_s, seed, start=None):
     intervals = np.diff(stamps_s, prepend=-4.0)
     for index, (scan, dt) in enumerate(zip(scans, intervals, strict=True)):
         phd = predict(stored[-1], model, method.corrector, method.budget, dt, index, rng)
-        phd, _ = update_scan(phd, scan, model, method.corrector, dt, index, rng)
+        phd = update_scan(phd, scan, ParticleSteps(model, method.corrector, rng), dt, index).rows
         stored.append(resample(phd, model.modes, method.budget, rng))
     return (stored[1:], intervals[1:]) if start is None else (stored, intervals)
 

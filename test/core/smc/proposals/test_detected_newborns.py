@@ -7,7 +7,7 @@ from sweep import configuration
 
 from phd_jdtc_ros.core.models.detection_birth import DetectionBirthModel
 from phd_jdtc_ros.core.sensors.range_rate import RangeRateModel
-from phd_jdtc_ros.core.smc.proposals.detected_newborns import informed
+from phd_jdtc_ros.core.smc.proposals.detected_newborns import redraw_velocities
 from phd_jdtc_ros.core.smc.proposals.detections_in_plane import Places
 from phd_jdtc_ros.core.tracks.labels import first_detected, first_predicted
 from phd_jdtc_ros.core.window.entries import Current, Entry
@@ -45,7 +45,7 @@ def seen(positions, std=40.0):
 
 def redrawn(rows, places, seed=0):
     rng = np.random.default_rng(seed)
-    (found,) = informed([rows], round(DT * SECOND), places, MODEL, rng)
+    (found,) = redraw_velocities([rows], round(DT * SECOND), places, MODEL, rng)
     return found.entry.stored
 
 
@@ -102,5 +102,5 @@ def test_informed_leaves_velocities_that_range_rates_tell():
     radars = tuple(replace(radar, range_rate=RangeRateModel(2.0)) for radar in MODEL.radars)
     rows, rng = newborn(), np.random.default_rng(0)
     model = replace(MODEL, radars=radars)
-    (found,) = informed([rows], round(DT * SECOND), seen([20.5e3, 5.3e3]), model, rng)
+    (found,) = redraw_velocities([rows], round(DT * SECOND), seen([20.5e3, 5.3e3]), model, rng)
     assert found is rows

@@ -1,0 +1,146 @@
+"""Gates in range and azimuth: around points, as particles are, and around Gaussians.
+
+Pure functions of arrays; measurements are (range, azimuth) in metres and radians.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import BoolArray, FloatArray, IntArray, wrap_angle
+from ..pair_search import kernels
+from ..pair_search.bands import in_boxes
+from ..pair_search.gating import CellLists, cell_lists
+from ..types import Detections
+from .polar_geometry import LEAST_RANGE
+from .sensor import GatedGaussians
+
+# At six standard deviations the likelihood is 1e-8 of its peak.
+GATE_SIGMA = 6.0
+
+
+def gated_pairs(
+    predicted: FloatArray,
+    detections: Detections,
+    noise_std: FloatArray,
+    own_std: FloatArray | None,
+    rate: FloatArray | None = None,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the (particle, detection) pairs within the gate and their log likelihood.
+
+    Parameters
+    ----------
+    predicted : array of shape (N, 2)
+        Measurements of the particles at the scan's stamp.
+    detections : Detections
+    noise_std : array of shape (2,)
+        Deviations of the radar.
+    own_std : array of shape (M, 2) or None
+        Deviations of each detection; None if all have the radar's.
+    rate : array of shape (N, 2) or None
+        Time derivatives of `predicted`; needed where detections have times of their own.
+
+    Returns
+    -------
+    particle, detection : int arrays of shape (P,)
+    log_likelihood : array of shape (P,)
+        log N(z; predicted, R), azimuth wrapped, at the time of the detection.
+
+    Notes
+    -----
+    The cost grows with the number of pairs found and not with N x M; see `pair_search.gating`. To
+    first order, a particle's measurement at the time t of a detection is that at the stamp plus
+    rate times t. At 250 m/s and 5 km the error is 0.1 m after 0.125 s.
+    """
+    std, shift = own_std, detections.time_s if len(predicted) else None
+    if std is None and shift is None:
+        lists, gate = _lists(detections, noise_std)
+        log_norm = -np.log(2.0 * np.pi * noise_std[0] * noise_std[1])
+        particle, detection, square = kernels.chosen().near_detections(
+            lists, predicted, noise_std, GATE_SIGMA, gate
+        )
+        return particle, detection, log_norm - 0.5 * square
+    if std is None:
+        std = np.tile(noise_std, (len(detections), 1))
+    widest = std.max(axis=0, initial=0.0) if len(std) else noise_std
+    if shift is not None and rate is not None and len(shift):
+        fastest = np.abs(rate).max(axis=0) * np.abs(shift).max()
+        # An ellipse this much larger contains the gate wherever the shift moves it.
+        widest = widest + 1.5 * fastest / GATE_SIGMA
+    lists, gate = _lists(detections, widest)
+    particle, detection, _ = kernels.chosen().near_detections(
+        lists, predicted, widest, GATE_SIGMA, gate
+    )
+    error = detections.measurement[detection] - predicted[particle]
+    if shift is not None and rate is not None:
+        error -= rate[particle] * shift[detection, None]
+    error[:, 1] = wrap_angle(error[:, 1])
+    square = ((error / std[detection]) ** 2).sum(axis=1)
+    near = np.flatnonzero(square <= GATE_SIGMA**2)
+    log_norm_of = -np.log(2.0 * np.pi * std.prod(axis=1))
+    kept = detection[near]
+    return particle[near], kept, log_norm_of[kept] - 0.5 * square[near]
+
+
+def candidates(predicted: FloatArray, detections: Detections, noise_std: FloatArray) -> int:
+    """Return how many pairs `gated_pairs` would look at; about twice those that it finds."""
+    lists, _ = _lists(detections, noise_std)
+    return int(np.diff(lists.start).take(lists.cell_of(predicted)).sum())
+
+
+def _lists(detections: Detections, std: FloatArray) -> tuple[CellLists, float]:
+    """Return the detections by cell, and the half width of the gate in azimuth."""
+    gate = min(GATE_SIGMA * float(std[1]), np.pi)
+    measured = detections.measurement.copy()
+    measured[:, 1] = wrap_angle(measured[:, 1])
+    return cell_lists(measured, GATE_SIGMA * float(std[0]), gate), gate
+
+
+def gated_boxes(
+    gaussians: GatedGaussians, noise: FloatArray, detections: Detections, max_range: float
+) -> tuple[IntArray, IntArray, BoolArray]:
+    """Return the pairs of rows and detections in the boxes around the gates of Gaussians.
+
+    Parameters
+    ----------
+    gaussians : GatedGaussians
+    noise : array of shape (2,)
+        Largest deviations of the detections.
+    detections : Detections
+    max_range : float
+        Gaussians whose gates are beyond it are not detected, metres.
+
+    Returns
+    -------
+    row, column : int arrays of shape (P,)
+    surrounding : array of shape (H, R)
+        Whether a Gaussian surrounds the radar, which then may see it anywhere.
+    """
+    measured, sigma = gaussians.measured, gaussians.sigma
+    reach = sigma * np.sqrt(gaussians.covariance[..., [0, 1], [0, 1]] + noise**2)
+    if detections.time_s is not None and len(detections):
+        moved = gaussians.speed * np.abs(detections.time_s).max()
+        reach[..., 0] += moved
+        reach[..., 1] += moved / np.maximum(measured[..., 0], LEAST_RANGE)
+    alive = gaussians.alive & (measured[..., 0] - reach[..., 0] <= max_range)
+    # One box around the gates of all motion modes; the first that has weight is its centre.
+    centre = np.take_along_axis(measured[..., 1], alive.argmax(axis=1)[:, None], axis=1)
+    half = np.abs(wrap_angle(measured[..., 1] - centre)) + reach[..., 1]
+    half = np.where(alive, half, 0.0).max(axis=1)
+    near = np.where(alive, measured[..., 0] - reach[..., 0], np.inf).min(axis=1)
+    far = np.where(alive, measured[..., 0] + reach[..., 0], -np.inf).max(axis=1)
+    surrounding = _surrounding(gaussians, noise)
+    half = np.where(surrounding.any(axis=1), np.pi, half)
+    boxes = np.stack([near, far], axis=1)
+    return *in_boxes(boxes, centre[:, 0], half, detections.measurement), surrounding
+
+
+def _surrounding(gaussians: GatedGaussians, noise: FloatArray) -> BoolArray:
+    """Return which Gaussians surround the radar, which then may see them anywhere, (H, R)."""
+    covariance, sigma = gaussians.covariance, gaussians.sigma
+    spread = np.sqrt(covariance[..., 0, 0] + noise[0] ** 2)
+    around = gaussians.measured[..., 0] <= sigma * spread
+    # The azimuth's variance grows with the square of the angle that the Gaussian covers.
+    wide = sigma * np.sqrt(covariance[..., 1, 1]) >= 0.5 * np.pi
+    surrounding: BoolArray = around & wide
+    return surrounding

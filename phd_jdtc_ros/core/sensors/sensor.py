@@ -1,0 +1,266 @@
+"""What an engine asks of a sensor: measurements of states, coverage, clutter, places in the plane.
+
+`polar_radar.RadarModel` is the implementation. Engines, births, the region, the clutter's memory
+and the reporting rule see this protocol only.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ..arrays import BoolArray, FloatArray, IntArray
+from ..clutter.amplitude_law import ClutterAmplitude
+from ..clutter.map import ClutterMap
+from ..clutter.rate import ClutterCount
+from ..state_space import StateSpace
+from ..targets.modes import ClassModel
+from ..types import Coverage, Detections, Pose
+from .range_rate import RangeRateModel, Rates
+from .slant_range import HeightReading
+
+
+class PlanePlots(NamedTuple):
+    """Detections as positions in the world frame, at their own times.
+
+    Parameters
+    ----------
+    position : array of shape (M, 2)
+        Metres.
+    axes : array of shape (M, 2, 2)
+        Principal axes of their errors, unit vectors in columns.
+    std : array of shape (M, 2)
+        Standard deviations along these axes, metres.
+    """
+
+    position: FloatArray
+    axes: FloatArray
+    std: FloatArray
+
+    @property
+    def root(self) -> FloatArray:
+        """Square roots of the covariances, metres, shape (M, 2, 2)."""
+        return self.axes * self.std[:, None, :]
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Square metres, shape (M, 2, 2)."""
+        covariance = np.zeros_like(self.axes)
+        for std, axis in zip(self.std.T, np.moveaxis(self.axes, 2, 0), strict=True):
+            covariance += (std**2)[:, None, None] * axis[:, :, None] * axis[:, None, :]
+        return covariance
+
+
+class Sensor(Protocol):
+    """A sensor at its pose, with what is known of its noise, its coverage and its clutter.
+
+    Measurements have shape (..., Z), positions (..., 2) and states (..., D); the latter two are in
+    the world frame.
+    """
+
+    @property
+    def name(self) -> str:
+        """Also the sensor's frame."""
+
+    @property
+    def space(self) -> StateSpace:
+        """Axes of the states that it measures."""
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """Where it measures from, metres."""
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """Metres per second; range rates are relative to it."""
+
+    @property
+    def yaw(self) -> float:
+        """Direction of its x axis, radians counter-clockwise."""
+
+    @property
+    def polar(self) -> bool:
+        """Whether it measures range and azimuth from its position, as compiled loops assume."""
+
+    @property
+    def noise_std(self) -> FloatArray:
+        """Standard deviations of a measurement, (Z,)."""
+
+    @property
+    def range_rate(self) -> RangeRateModel | None:
+        """How it measures range rates; None if it does not."""
+
+    @property
+    def rotation_s(self) -> float:
+        """Seconds between two looks at one place, if it turns; else 0."""
+
+    @property
+    def cluster_distance(self) -> float:
+        """Detections within this distance are of one object, metres; 0 for none."""
+
+    @property
+    def height_reading(self) -> HeightReading | None:
+        """How its measurements depend on heights of targets; None if they do not."""
+
+    @property
+    def clutter_rate(self) -> float:
+        """Expected false detections per scan."""
+
+    @property
+    def clutter_amplitude(self) -> ClutterAmplitude:
+        """Law of the amplitudes of false detections."""
+
+    @property
+    def clutter_map(self) -> ClutterMap | None:
+        """Where false detections come from; None if that is not learned."""
+
+    @property
+    def clutter_map_speed(self) -> float:
+        """Claims of targets slower than this are learned as clutter, metres per second."""
+
+    @property
+    def clutter_count(self) -> ClutterCount | None:
+        """What its clutter rate is learned from; None if that is given."""
+
+    @property
+    def threshold(self) -> float:
+        """Detection threshold on the amplitude."""
+
+    @property
+    def field_size(self) -> float:
+        """Size of its field of view in units of the measurement: unknown targets are uniform."""
+
+    def at(self, pose: Pose | None) -> Sensor:
+        """Return the sensor at a pose; None is for where it is."""
+
+    def turning_in(self, rotation_s: float) -> Sensor:
+        """Return the sensor with another time of a turn, seconds."""
+
+    def with_clutter(
+        self,
+        amplitude: ClutterAmplitude | None = None,
+        places: ClutterMap | None = None,
+        count: ClutterCount | None = None,
+    ) -> Sensor:
+        """Return the sensor with learned clutter; what is None stays."""
+
+    def limited(self, threshold: float, clutter_rate: float) -> Sensor:
+        """Return the sensor with another threshold and rate of false detections."""
+
+    def measure(self, state: FloatArray) -> FloatArray:
+        """Return the noise-free measurement of each state, (N, D) to (N, Z)."""
+
+    def measurement_rate(self, state: FloatArray) -> FloatArray:
+        """Return the time derivative of each state's measurement, (N, D) to (N, Z)."""
+
+    def linearised(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the measurements of positions and their Jacobians, (..., Z) and (..., Z, 2)."""
+
+    def wrapped(self, error: FloatArray) -> FloatArray:
+        """Return differences of measurements, (..., Z), with those of angles wrapped."""
+
+    def reachable(self, measured: FloatArray) -> FloatArray:
+        """Return the measurements of states; those beyond its range are in no detection's gate."""
+
+    def deviations(self, detections: Detections) -> FloatArray:
+        """Return the standard deviations of each detection, (M, Z)."""
+
+    def gated_pairs(
+        self, predicted: FloatArray, detections: Detections, rate: FloatArray | None = None
+    ) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the pairs of points and detections in the gate, with their log likelihoods."""
+
+    def candidates(self, predicted: FloatArray, detections: Detections) -> int:
+        """Return how many pairs `gated_pairs` would look at."""
+
+    def gated_boxes(
+        self, gaussians: GatedGaussians, detections: Detections
+    ) -> tuple[IntArray, IntArray, BoolArray]:
+        """Return the pairs of rows and detections in the boxes around the gates of Gaussians.
+
+        The mask, (H, R), is of Gaussians that the sensor may see anywhere, without a gate.
+        """
+
+    def missable(
+        self,
+        predicted: FloatArray,
+        coverage: Coverage | None,
+        azimuth_std: FloatArray | float | None = None,
+    ) -> FloatArray:
+        """Return the probability that the sensor covers each target and could report it, (N,)."""
+
+    def passes(self, position: FloatArray, radius: FloatArray, detections: Detections) -> BoolArray:
+        """Return whether a report may have swept the circles about positions, (T,)."""
+
+    def given_detection_probability(self, measured: FloatArray) -> FloatArray | None:
+        """Return the p_D that is given for measurements, (N,); None if it follows from the SNR."""
+
+    def miss_probability(self, log_snr: FloatArray) -> FloatArray:
+        """Return 1 - p_D of targets of these ln(1 + SNR), at best in its range; shape kept."""
+
+    def class_detection_probability(self, classes: tuple[ClassModel, ...]) -> FloatArray:
+        """Return p_D of each class from its signal-to-noise ratios, (C,)."""
+
+    def log_class_likelihood(
+        self, detections: Detections, classes: tuple[ClassModel, ...]
+    ) -> FloatArray:
+        """Return log p_D g(a) of every class and detection, (C, M)."""
+
+    def rates_of(self, detections: Detections) -> Rates | None:
+        """Return the range rates of detections; None if there are none to be used."""
+
+    def range_rate_of(self, state: FloatArray, time_s: FloatArray | None = None) -> FloatArray:
+        """Return the noise-free range rate of each state, m/s, (N,)."""
+
+    def log_range_rate(
+        self, state: FloatArray, detections: Detections, pairs: tuple[IntArray, IntArray]
+    ) -> FloatArray | float:
+        """Return the log likelihood of the range rates of pairs, (P,); 0 where unknown."""
+
+    def line_of_sight(self, position: FloatArray) -> FloatArray:
+        """Return unit vectors from the sensor to positions, (N, 2)."""
+
+    def log_clutter_intensity(self, detections: Detections) -> FloatArray:
+        """Return the log intensity of false detections at each detection, (M,)."""
+
+    def log_clutter_factor(self, measurement: FloatArray) -> FloatArray:
+        """Return the log density of clutter relative to the uniform one, (M,)."""
+
+    def neighbourhood_density(self, measurement: FloatArray, world: FloatArray) -> FloatArray:
+        """Return the detections per turn around places in the map of clutter, (M,)."""
+
+    def to_world(self, measurement: FloatArray) -> FloatArray:
+        """Return the positions of measurements, (M, Z) to (M, 2)."""
+
+    def in_plane(self, detections: Detections) -> PlanePlots:
+        """Return the detections as positions with covariances, for births and proposals."""
+
+    def drawn_in_plane(self, detections: Detections, normal: FloatArray) -> FloatArray:
+        """Return positions drawn from detections' noise, given (M, K, Z) normals; (M, K, 2)."""
+
+    def log_jacobian(self, measured: FloatArray) -> FloatArray:
+        """Return log |dz/dp| at measurements: from a density over them to one over the plane."""
+
+
+class GatedGaussians(NamedTuple):
+    """Gaussians as a sensor measures them, and the gates around them.
+
+    Parameters
+    ----------
+    measured : array of shape (H, R, Z)
+    covariance : array of shape (H, R, Z, Z)
+        Without the sensor's noise.
+    speed : array of shape (H, R)
+        Sum of the velocity's components, metres per second.
+    alive : array of shape (H, R)
+        Whether a Gaussian has any weight.
+    sigma : float
+        Radius of the gates in standard deviations.
+    """
+
+    measured: FloatArray
+    covariance: FloatArray
+    speed: FloatArray
+    alive: BoolArray
+    sigma: float
