@@ -1,6 +1,10 @@
 import json
+import shutil
+from pathlib import Path
 
 from studies.command import main
+
+BAG = Path(__file__).parents[2] / "bags" / "one_radar"
 
 
 def test_proposals_are_beside_what_was_simulated(tmp_path, capsys):
@@ -13,7 +17,13 @@ def test_proposals_are_beside_what_was_simulated(tmp_path, capsys):
     assert row[:2] == ["one_radar", "radar_1"]
 
 
-def test_truth_is_needed_to_compare_with(tmp_path, capsys):
-    assert main(["tuning_truth", "autoferry_2", "--out", str(tmp_path / "no")]) == 2
+def test_parameters_are_needed_to_compare_with(tmp_path, capsys):
+    unknown = tmp_path / "unknown"
+    shutil.copytree(BAG, unknown, ignore=shutil.ignore_patterns("parameters.yaml"))
+    assert main(["tuning_truth", str(unknown)]) == 2
+    assert "has no parameters.yaml, which the truth is in" in capsys.readouterr().err
+
+
+def test_bag_that_does_not_exist_is_refused(tmp_path, capsys):
     assert main(["tuning_truth", str(tmp_path)]) == 2
     assert "no such bag" in capsys.readouterr().err
