@@ -25,5 +25,5 @@ def test_parameters_are_needed_to_compare_with(tmp_path, capsys):
 
 
 def test_bag_that_does_not_exist_is_refused(tmp_path, capsys):
-    assert main(["tuning_truth", str(tmp_path)]) == 2
+    assert main(["tuning_truth", str(tmp_path / "none")]) == 2
     assert "no such bag" in capsys.readouterr().err
