@@ -41,16 +41,16 @@ CUTOFF, ORDER = 1000.0, 2.0
 # The scans after a crowd are few, and the distances in them scatter by a tenth from seed to seed.
 SEEDS = 3
 # Noise is what a jammed radar reports; equal high amplitudes are those of targets. The Gaussian
-# engine has one corrector.
+# engine has one filter.
 CASES = {
     engines.PARTICLES: (
-        ("noise", "bernoulli"),
-        ("noise", "poisson"),
-        ("equal", "bernoulli"),
-        ("equal", "poisson"),
-        ("none", "bernoulli"),
+        ("noise", "particles"),
+        ("noise", "phd"),
+        ("equal", "particles"),
+        ("equal", "phd"),
+        ("none", "particles"),
     ),
-    engines.GAUSSIAN: (("noise", "bernoulli"), ("equal", "bernoulli"), ("none", "bernoulli")),
+    engines.GAUSSIAN: (("noise", "gaussian"), ("equal", "gaussian"), ("none", "gaussian")),
 }
 HIGH = 30.0
 
@@ -103,7 +103,7 @@ def _crowded(
 
 
 def _run(
-    engine: str, detections: int, amplitudes: str, corrector: str, seed: int
+    engine: str, detections: int, amplitudes: str, choice: str, seed: int
 ) -> tuple[float, float]:
     """Return the most CPU time of a crowded scan, and the mean OSPA of the scans after them."""
     amplitude = "none" if amplitudes == "none" else "band"
@@ -111,8 +111,7 @@ def _run(
     config = tracker_params.config(
         {
             **given,
-            "engine": engine,
-            "corrector": corrector,
+            "engine": choice,
             "amplitude": amplitude,
             "seed": seed,
         }
@@ -140,11 +139,11 @@ def _run(
 
 def main(argv: Sequence[str]) -> int:
     """Print the figures of runs with the crowded scans and of ones without them, as JSON."""
-    engine, count, amplitudes, corrector, seeds = argv
+    engine, count, amplitudes, choice, seeds = argv
     every = range(int(seeds))
-    crowded = [_run(engine, int(count), amplitudes, corrector, seed) for seed in every]
+    crowded = [_run(engine, int(count), amplitudes, choice, seed) for seed in every]
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    without = [_run(engine, 0, amplitudes, corrector, seed)[1] for seed in every]
+    without = [_run(engine, 0, amplitudes, choice, seed)[1] for seed in every]
     step_s, after = (np.array(column) for column in zip(*crowded, strict=True))
     ratio = float(after.mean() / np.mean(without))
     print(json.dumps({"step_s": float(step_s.max()), "peak_mb": peak_mb, "ratio": ratio}))

@@ -40,7 +40,7 @@ def measure() -> Figure:
 
 
 def _measure() -> tuple[str, bool, Mapping[str, Any]]:
-    given = {"late_reports": "rework", "lag": 5, "lag_s": 2.0 * ROTATION_S}
+    given = {"late_reports": "rework", "lag": f"{2.0 * ROTATION_S:g} s"}
     with Rig() as rig:
         tracker = rig.tracker(*settings(**given))
         radars = rig.radars

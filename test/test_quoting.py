@@ -30,8 +30,8 @@ def test_short_bounds_many_words():
         {"lag": "9" * 5000},
         {"lag": 10**4000},
         {"a" * 5000: 1},
-        {"radars": ["a" * 5000, "a" * 5000]},
-        {"radars": ["a" * 5000], f"{'a' * 5000}.topic": 1},
+        {"sensors": ["a" * 5000, "a" * 5000]},
+        {"sensors": ["a" * 5000], f"{'a' * 5000}.topic": 1},
         {"spawn.class_transition": "x" * 10**6},
     ],
 )

@@ -133,7 +133,7 @@ def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], di
         Of the traffic and the plots.
     """
     # Only filtered estimates are scored.
-    given = {**parameters, "seed": seed, "lag": 0, "lag_s": 0.0}
+    given = {**parameters, "seed": seed, "lag": 0}
     whole = resolve(given)
     scenario = scene(whole, seed)
     found, spent_s = estimates_of(scenario, whole, seed)
@@ -156,7 +156,7 @@ def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], di
 
 def _of_region(given: Mapping[str, Any], region: Region) -> TrackerConfig:
     corners = [region.x_min, region.y_min, region.x_max, region.y_max]
-    return resolve({**given, "region": corners, "region_margin": region.margin})
+    return resolve({**given, "region": [*corners, region.margin]})
 
 
 def _by_core(found: Sequence[Estimates]) -> Estimates:

@@ -57,7 +57,7 @@ def main(argv: Sequence[str]) -> int:
         if min(seeds) < 0:
             raise ConfigError([f"--seed: {min(seeds)} given, must be at least 0"])
         parameters = from_arguments.scenario_parameters(yaml_files.load(resources.find(SCENARIO)))
-        parameters |= {"engine": "gaussian", "least_mode": 1.0}
+        parameters |= {"engine": "gaussian", "accuracy": "fast"}
         parameters |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
         runs = [seam.run(parameters, seed) for seed in seeds]
         scores = {

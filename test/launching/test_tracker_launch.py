@@ -27,7 +27,7 @@ MINE = """
     use_sim_time: false
     publish_path: true
     qos_overrides: {/north/points: {subscription: {reliability: reliable}}}
-    radars: [north]
+    sensors: [north]
     north: {topic: /north/points, frame: north_link}
 """
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")

@@ -35,8 +35,8 @@ def test_shipped_bag_has_the_parameters_of_its_scenario_or_profile(name):
     "given",
     [
         {},
-        {"radars": ["y", "1e5", "012"], "ct.turn_noise_density": 1e-12},
-        {"births": [], "detection_births.rates": [1e-5, 1.0], "spawn.class_transition": []},
+        {"sensors": ["y", "1e5", "012"], "ct.turn_noise_density": 1e-12},
+        {"births": [], "detection_births.rates": [1e-5, 1.0]},
         {"world_frame": "on", "radar_1.topic": "/a: b", "radar_2.fields.amplitude": "#"},
     ],
     ids=["defaults", "names like numbers", "empty lists", "text like other things"],

@@ -34,9 +34,9 @@ OSPA_BOUND_M = 100.0
 
 MEASURES = {"range_std": 60.0, "azimuth_std_deg": 0.3, "clutter_rate": 5.0}
 PARAMETERS = {
-    "radars": ["north", "south", "east"],
+    "sensors": ["north", "south", "east"],
     "interval_s": 2.0,
-    "lag_s": 5.0,
+    "lag": "5 s",
     "particles_per_target": 1000,
     "particles_per_birth": 1024,
     # Far apart, so that one report tells them apart if its unit is right.

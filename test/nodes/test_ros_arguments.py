@@ -37,7 +37,7 @@ LONG = {
     "digits": ("-p", f"lag:={'9' * 5000}"),
     "text": ("-p", f"lag:={'a' * 5000}"),
     "name": ("-p", f"{'a' * 5000}:=1"),
-    "names": ("-p", f"radars:=[{'a' * 5000}, {'a' * 5000}]"),
+    "names": ("-p", f"sensors:=[{'a' * 5000}, {'a' * 5000}]"),
     "topic": ("-p", f"radar_1.topic:={'a' * 5000}"),
     "node": ("-r", f"__node:={'a' * 5000}"),
     "remap": ("-r", "a" * 5000),

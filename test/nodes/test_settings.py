@@ -68,7 +68,7 @@ def test_edited_checks_every_value_and_not_yet_the_whole():
 
 
 def test_edited_lists_every_fault():
-    assert faults(edited, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "radars": "x"}) == [
+    assert faults(edited, USUAL.values, {"lag": -1, "class_0.survival": 0.9, "sensors": "x"}) == [
         "radars: 'x' given, must be a list of distinct names, at most 100",
         "lag: -1 given, must be a whole number, at least 0, at most 100",
         "class_0.survival: unknown parameter",

@@ -19,7 +19,7 @@ from phd_jdtc_ros.simulation.turning_antenna import plots_of, simulate_reports
 ROTATION_S = 4.0
 # Precise, and nothing is missed.
 PARAMETERS = {
-    "radars": ["approach"],
+    "sensors": ["approach"],
     "approach.position": [0.0, 0.0],
     "approach.rotation_s": ROTATION_S,
     "approach.range_std": 1e-3,
@@ -189,7 +189,7 @@ def test_noise_has_the_deviations_of_the_radar():
 def test_only_the_nearest_radars_see_a_target_where_their_number_is_limited():
     config = resolve(
         {
-            "radars": ["a", "b", "c"],
+            "sensors": ["a", "b", "c"],
             **{f"{name}.rotation_s": 4.0 for name in "abc"},
             **{f"{name}.max_range": 5e4 for name in "abc"},
             **{f"{name}.detection_probability": 0.999 for name in "abc"},

@@ -181,7 +181,6 @@ def test_resolve_refuses_targets_of_a_class_that_the_tracker_does_not_have(study
     def spoil(document):
         document["cases"]["quiet"]["parameters"] |= {
             "classes": ["only"],
-            "spawn.class_transition": [],
             **{f"start_{k}.rates": [0.01] for k in range(1, 5)},
         }
 

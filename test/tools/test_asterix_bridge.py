@@ -118,7 +118,7 @@ def test_radars_are_named_and_turned_as_parameters_say(bridge):
         for pair in zip(made.turns(2, sic=1), made.turns(2, sic=9), strict=True)
         for part in pair
     )
-    given = ["-p", "radars:=[a, b]", "-p", "a.sac:=1", "-p", "a.sic:=1", "-p", "b.sac:=1"]
+    given = ["-p", "radars:=[a, b]", "-p", "a.source:=[1, 1]", "-p", "b.sac:=1"]
     given += ["-p", "b.sic:=9", "-p", "b.sectors:=16", "-p", "a.geodetic:=[50.0, 8.0, 100.0]"]
     given += ["-p", "b.geodetic:=[50.5, 8.5, 120.0]"]
     status, out, said = bridge(data, *given)

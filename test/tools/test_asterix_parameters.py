@@ -140,7 +140,7 @@ def test_ranges_follow_the_plots(bridged):
     assert 400e3 * 1.1 <= given["radar_1_2.max_range"] <= 400e3 * 1.3
     assert given["radar_1_2.clutter_max_range"] == given["radar_1_2.max_range"]
     assert given["radar_1_2.min_range"] <= 300.0
-    assert given["radar_1_2.detection_probability_over_range"][-2] == pytest.approx(
+    assert given["radar_1_2.detection_probability"][-2] == pytest.approx(
         given["radar_1_2.max_range"], abs=1.0
     )
 
@@ -192,7 +192,7 @@ def test_files_of_tracks_say_that_a_guessed_place_is_not_true(bridged, tmp_path,
 
 def test_place_that_is_given_or_said_is_used(bridged):
     _, data = sweep(60.0, 4.0, targets(20, 100e3))
-    names_ = ["-p", "radars:=[a]", "-p", "a.sac:=1", "-p", "a.sic:=2"]
+    names_ = ["-p", "radars:=[a]", "-p", "a.source:=[1, 2]"]
     _, _, said, given = bridged(data, *names_, "-p", "a.geodetic:=[50.0, 8.0, 90.0]", out="given")
     assert given["a.geodetic"] == [50.0, 8.0, 90.0]
     assert given["world_origin"] == [50.0, 8.0, 0.0]

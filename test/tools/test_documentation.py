@@ -293,9 +293,8 @@ def test_detection_probabilities_without_amplitudes_are_those_of_the_radar_page(
     for probability, low in zip(probabilities, bands, strict=True):
         config = resolve(
             {
-                "radars": ["one"],
+                "sensors": ["one"],
                 "classes": ["target"],
-                "spawn.class_transition": [],
                 "births": [],
                 "one.fields.amplitude": "",
                 "one.false_alarm_probability": 0.001,

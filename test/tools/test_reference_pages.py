@@ -14,7 +14,7 @@ from phd_jdtc_ros.tools.reference_pages import PAGES, main, metrics, parameters
 
 ROOT = Path(__file__).parents[2]
 BAG = str(ROOT / "bags" / "paper_scenario")
-NAMED = ["-p", "radars:=[north]", "-p", "autostart:=false"]
+NAMED = ["-p", "sensors:=[north]", "-p", "autostart:=false"]
 JOINED = [
     *("-p", "trackers:=[west, east]"),
     *("-p", "west.region:=[-1.0, 0.0, 0.0, 1.0]", "-p", "east.region:=[0.0, 0.0, 1.0, 1.0]"),

@@ -662,7 +662,7 @@ def test_track_bag_changes_single_parameters_of_those_beside_the_bag(track):
     assert (found["radars"], found["lag"]) == (["radar_1"], 2)
 
 
-FILE = "/**/tracker: {ros__parameters: {radars: [radar_1]}}\n"
+FILE = "/**/tracker: {ros__parameters: {sensors: [radar_1]}}\n"
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,6 @@ stamp, or as soon as a later stamp has come. Whether a radar is live is decided 
 has missed two scans is no longer waited for, until its next report. A caller that cannot wait for a
 later stamp closes the pending scans with `close_all`.
 
-Where stamps arrive out of order, the newest K scans can be held back, so that a late report still
-joins its scan. With K = 1 no report is lost, and the order of arrival makes no difference, as long
-as every report of a scan comes before all reports of the scan after the next.
-
 Radars that report whole turns and are not synchronous send reports that are as old as their turns
 are long. For them scans can be held back by time: until every live radar has reported the stamp or
 a later one, or the newest stamp is later by more than that time.
@@ -69,17 +65,13 @@ class ScanGrouper:
         A stamp that is further behind the newest than this begins a new run and is no late report.
     max_gap_s : float
         A scan that comes later than this after the previous one begins a new run.
-    reorder_scans : int
-        Number K of the newest scans that are held back.
     reorder_s : float
-        Longest time that scans are held back for radars that are behind, seconds; above 0 it
-        replaces `reorder_scans`.
+        Longest time that scans are held back for radars that are behind, seconds.
     """
 
     radars: int
     reset_threshold_s: float
     max_gap_s: float = math.inf
-    reorder_scans: int = 0
     reorder_s: float = 0.0
     _pending: dict[int, dict[int, Detections]] = field(init=False, default_factory=dict)
     _misses: list[int] = field(init=False)
@@ -203,7 +195,7 @@ class ScanGrouper:
     def _close_complete(self) -> list[Scan | Reset]:
         """Close the oldest scans that are followed by enough later ones.
 
-        A complete scan needs `reorder_scans` later ones, an incomplete one needs one more.
+        A complete scan needs none, an incomplete one needs one.
         """
         events: list[Scan | Reset] = []
         stamps = sorted(self._pending)
@@ -215,8 +207,7 @@ class ScanGrouper:
         """Return whether the oldest of the pending stamps need not wait."""
         if self.reorder_s:
             return self._passed(stamps[0])
-        needed = self.reorder_scans + (not self._complete(stamps[0]))
-        return len(stamps) > needed
+        return len(stamps) > 1 or self._complete(stamps[0])
 
     def _passed(self, stamp_ns: int) -> bool:
         """Return whether no radar that is live by its stamps can still report a stamp in time.

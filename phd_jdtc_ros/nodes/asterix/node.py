@@ -244,7 +244,7 @@ class AsterixBridge(LifecycleNode):
         if self._sender is None or self._output is None:
             return
         now_ns, stamp_ns = time.time_ns(), self._output.stamp_ns
-        if abs(now_ns - stamp_ns) > self._values["max_prediction_s"] * 1e9:
+        if abs(now_ns - stamp_ns) > settings.MAX_PREDICTION_S * 1e9:
             now_ns = stamp_ns + round((time.monotonic() - self._taken_s) * 1e9)
         if not self._values["output_period_s"]:
             now_ns = stamp_ns

@@ -50,7 +50,7 @@ class HandOver(Node):
         self._picture = JointPicture(
             self._settings.regions,
             self._settings.hysteresis,
-            values["smoothed_wait_s"],
+            settings.SMOOTHED_WAIT_S,
             limit_s,
             MOST_WAITING,
         )

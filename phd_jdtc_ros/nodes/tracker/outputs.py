@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,8 @@ from .health import OutputHealth
 UNSEEN_SCANS = 10
 # The picture of clutter is published so often, seconds by the scans' stamps.
 CLUTTER_PERIOD_S = 10.0
+# Positions of a track in ~/tracks/path and ~/tracks/geojson: some ten minutes of a turning radar.
+PATH_LENGTH = 100
 
 
 class Trails:
@@ -108,9 +110,10 @@ class Outputs:
         self._datum = 0.0 if self._plane is None else self._plane.origin[2]
         self._radars = settings.config.model.radars
         self._class_names = tuple(c.name for c in settings.config.model.modes.classes)
-        self._trails = Trails(settings.node["path_length"])
+        self._trails = Trails(PATH_LENGTH)
         self._made: list[Any] = []
-        self._with_markers = settings.node["publish_markers"]
+        wanted = settings.node["outputs"]
+        self._with_markers = "markers" in wanted
 
         def make(kind: type, topic: str, qos: Callable[[], Any] = endpoints.output_qos) -> Any:
             self._made.append(endpoints.publisher(node, kind, topic, qos(), health))
@@ -125,9 +128,7 @@ class Outputs:
                 ]
                 for source in SOURCES
             }
-            self._detections = (
-                make(PointCloud2, "~/detections") if settings.node["publish_detections"] else None
-            )
+            self._detections = make(PointCloud2, "~/detections") if "detections" in wanted else None
             self._markers = make(MarkerArray, "~/markers", endpoints.latched_qos)
             mapped = any(radar.clutter_map is not None for radar in self._radars)
             self._clutter = (
@@ -139,21 +140,19 @@ class Outputs:
                 for quantity in quantities.of_tracker(
                     len(self._class_names), settings.config.engine
                 )
-                if settings.node["publish_plots"]
+                if "plots" in wanted
             }
-            self._path = make(Path, "~/tracks/path") if settings.node["publish_path"] else None
-            self._odometry = (
-                make(Odometry, "~/odometry") if settings.node["publish_odometry"] else None
-            )
-            self._navsat = make(NavSatFix, "~/navsat") if settings.node["publish_navsat"] else None
+            self._path = make(Path, "~/tracks/path") if "paths" in wanted else None
+            self._odometry = make(Odometry, "~/odometry") if "odometry" in wanted else None
+            self._navsat = make(NavSatFix, "~/navsat") if "navsat" in wanted else None
             self._geojson = self._make_optional(
-                make, _geojson_types, "~/tracks/geojson", "publish_geojson", settings
+                make, _geojson_types, "~/tracks/geojson", "geojson", wanted
             )
             self._radar_tracks = self._make_optional(
-                make, radar_tracks.installed, "~/radar_tracks", "publish_radar_tracks", settings
+                make, radar_tracks.installed, "~/radar_tracks", "radar_tracks", wanted
             )
             self._detections_3d = self._make_optional(
-                make, vision.installed, "~/detections_3d", "publish_detections_3d", settings
+                make, vision.installed, "~/detections_3d", "detections_3d", wanted
             )
         except Exception:
             self.destroy()
@@ -166,15 +165,17 @@ class Outputs:
         make: Callable[..., Any],
         installed: Callable[[], Any],
         topic: str,
-        switch: str,
-        settings: Settings,
+        output: str,
+        wanted: Collection[str],
     ) -> tuple[Any, Any] | None:
         """Return a publisher of messages of an optional package, and their classes."""
-        if not settings.node[switch]:
+        if output not in wanted:
             return None
         types = installed()
         if types is None:
-            raise ConfigError([f"{switch}: true given, but its message package is not installed"])
+            raise ConfigError(
+                [f"outputs: {output} given, but its message package is not installed"]
+            )
         return make(types[0], topic), types
 
     def destroy(self) -> None:

@@ -130,7 +130,7 @@ def test_smoothed_targets_that_later_sectors_did_not_touch_are_filtered_ones():
     assert touched > 3
 
 
-@pytest.mark.parametrize("given", [{}, {"lag_s": 3.0 * ROTATION_S}])
+@pytest.mark.parametrize("given", [{}, {"lag": f"{3.0 * ROTATION_S:g} s"}])
 def test_restored_engine_goes_on_as_if_it_had_never_stopped(given):
     engine, _, _ = run(given, turns=7)
     fresh = new_engine(configuration({**PERIOD, **given}))

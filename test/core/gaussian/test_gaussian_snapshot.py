@@ -165,7 +165,7 @@ def test_forged_filtered_covariance_is_an_error(stored, matrix):
     [
         {"amplitude": "memory"},
         {"class_1.survival_probability": 0.9},
-        {"max_hypotheses": 100, "hypotheses_per_target": 1},
+        {"bounds.most": 100, "bounds.hypotheses": 1},
     ],
     ids=["cells", "motions", "bound"],
 )

@@ -314,7 +314,11 @@ def test_rework_needs_a_lag():
 
 
 TURNS = 6
-TURNING = {"late_reports": "rework", "lag_s": 2 * sweep.ROTATION_S, "radar.clutter_rate": 48.0}
+TURNING = {
+    "late_reports": "rework",
+    "lag": f"{2 * sweep.ROTATION_S:g} s",
+    "radar.clutter_rate": 48.0,
+}
 
 
 @pytest.mark.parametrize(

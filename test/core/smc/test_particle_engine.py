@@ -38,7 +38,7 @@ def all_same(first, second):
 
 @pytest.mark.parametrize("extraction", ["components", "clusters"])
 def test_engine_gives_the_same_run_for_the_same_seed(extraction):
-    config = small({"lag": 2, "seed": 7, "extraction": extraction})
+    config = small({"lag": 2, "seed": 7, "recursion.extraction": extraction})
     assert all_same(run(new_engine(config)), run(new_engine(config)))
 
 
@@ -64,10 +64,10 @@ def test_engine_keeps_to_its_particles_when_targets_leave_all_coverage():
         replace(target, turns=(), first_scan=0, last_scan=119) for target in scene.targets
     )
     scans = [scan for _, scan in simulate(replace(scene, targets=targets), 3)]
-    given, most = {"least_particles": 200}, 1500
+    given, most = {"budget.least": 200}, 1500
     usual = list(map(new_engine(small(given)).step, scans))
     assert usual[-1].figures["particles"] > 2 * most
-    steps = list(map(new_engine(small({**given, "max_particles": most})).step, scans))
+    steps = list(map(new_engine(small({**given, "budget.most": most})).step, scans))
     assert max(step.figures["particles"] for step in steps) <= 1.1 * most
     # Targets have more mass than unconfirmed births and are tracked as without a limit.
     assert [len(step.filtered[0]) for step in steps] == [len(step.filtered[0]) for step in usual]
@@ -162,7 +162,7 @@ def test_engine_filters_alike_whatever_the_lag(lag):
 
 
 def test_engine_with_a_lag_in_seconds_waits_for_the_stamps():
-    config = small({"lag_s": 10.0})
+    config = small({"lag": "10 s"})
     stamps_s = [0.0, 6.0, 9.0, 10.0, 19.0, 50.0]
     scans = [
         replace(scan, stamp_ns=START_NS + round(s * 1e9))
@@ -262,8 +262,8 @@ def one_target_scans(config, scans=6):
 def test_engine_runs_a_filter_of_one_mode(death_term, extraction):
     config = plain(
         {
-            "death_term": death_term,
-            "extraction": extraction,
+            "recursion.death_term": death_term,
+            "recursion.extraction": extraction,
             "radar.clutter_rate": 3.0,
             "lag": 2,
             "particles_per_birth": 512,
@@ -297,8 +297,6 @@ THREE_CLASSES = {
     "turning.snr_band_db": [10.0, 30.0],
     "turning.motions": ["ct"],
     "turning.mode_transition": [1.0],
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
     **{f"start_{n}.rates": [0.005, 0.003, 0.002] for n in range(1, 5)},
 }
 

@@ -140,7 +140,7 @@ def test_window_is_as_long_as_the_lag_and_no_longer(default_run):
 
 
 def test_lag_in_seconds_is_that_of_the_stamps():
-    engine, filtered, smoothed = run({"lag_s": 3.0 * ROTATION_S})
+    engine, filtered, smoothed = run({"lag": f"{3.0 * ROTATION_S:g} s"})
     assert len(filtered) - len(smoothed) == 3
     assert len(engine.flush()) == 3
 

@@ -192,7 +192,7 @@ def toy_masses(snr_db, seen, death_term, corrector="poisson"):
         {
             "target.snr_band_db": band,
             "particles_per_target": 400,
-            "least_particles": 100,
+            "budget.least": 100,
             "corrector": corrector,
         }
     )

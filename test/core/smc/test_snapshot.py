@@ -15,7 +15,9 @@ SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
 )
 @pytest.mark.parametrize("stop", [0, 1, 6])
 def test_restored_tracker_goes_on_as_if_it_had_never_stopped(corrector, lag, extraction, stop):
-    config = small({"lag": lag, "extraction": extraction, "corrector": corrector, "seed": 5})
+    config = small(
+        {"lag": lag, "recursion.extraction": extraction, "corrector": corrector, "seed": 5}
+    )
     first, second = new_engine(config), new_engine(config)
     for scan in SCANS[:stop]:
         first.step(scan)

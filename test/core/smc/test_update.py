@@ -16,7 +16,7 @@ from phd_jdtc_ros.core.targets.modes import ClassModel
 from phd_jdtc_ros.core.types import Detections, Scan
 
 # The PHD filter's corrector; the other one is tested in test_correction.
-CONFIG = small({"corrector": "poisson"})
+CONFIG = small({"engine": "phd"})
 FILTER = particle_filter(CONFIG)
 MODEL = CONFIG.model
 MODES = MODEL.modes

@@ -18,9 +18,9 @@ from phd_jdtc_ros.simulation.simulate import simulate
 
 SPARSE_BUDGET = {
     "particles_per_target": 80,
-    "least_particles": 10,
+    "budget.least": 10,
     "particles_per_birth": 16,
-    "spawn.particles_per_target": 30,
+    "spawning.particles_per_target": 30,
 }
 
 
