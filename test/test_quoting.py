@@ -32,7 +32,7 @@ def test_short_bounds_many_words():
         {"a" * 5000: 1},
         {"sensors": ["a" * 5000, "a" * 5000]},
         {"sensors": ["a" * 5000], f"{'a' * 5000}.topic": 1},
-        {"spawn.class_transition": "x" * 10**6},
+        {"spawn.rate": "x" * 10**6},
     ],
 )
 def test_faults_of_a_configuration_quote_a_part_of_long_values(given):

@@ -168,7 +168,6 @@ class OfNode:
     output: str = parameter(
         "", "Where to send tracks: an address or a group, with a port; empty for nowhere."
     )
-    estimates_topic: str = parameter(names.estimates("filtered"), "Topic of the estimates to send.")
 
 
 RADAR = table(OfRadar)

@@ -239,13 +239,14 @@ def resolve(
     """
     table = schema(given)
     values: dict[str, Any] = {}
-    faults = refused(given, table)
+    faults = []
     for name, parameter in table.items():
         value = given.get(name, parameter.default)
         coerced = parameter.coerce(value)
         if coerced is None:
             faults.append(f"{name}: {value!r} given, must be {parameter.allowed}")
         values[name] = coerced
+    faults += refused(given, table)
     if not faults:
         faults = [fault for check in CHECKS for fault in check(values)]
     if not faults and values["world_origin"] and plane_about is None:

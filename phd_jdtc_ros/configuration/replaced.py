@@ -10,6 +10,7 @@ from collections.abc import Mapping
 # What is no longer asked for, in words.
 CONSTANT = "it is a constant now"
 DERIVED = "it follows from the others"
+REMAPPED = "remap the topic, as with -r BEFORE:=NOW"
 ACCURACY = "use accuracy: fast, normal or high"
 ENGINE = "use engine: particles, phd or phd_as_printed"
 OUTPUTS = "use outputs, a list with {} in it"
@@ -76,6 +77,7 @@ NODE: Mapping[str, str] = {
     "step_time_limit": CONSTANT,
 }
 EVALUATOR: Mapping[str, str] = {
+    "truth_topic": REMAPPED,
     "class_names": "use classes, a list of their names",
     "publish_plots": "they are always published",
     "radar_topics": "use record_topics",
@@ -87,9 +89,7 @@ REPLAY: Mapping[str, str] = {
     "progress": "there is a line if there is a terminal",
 }
 BRIDGE: Mapping[str, str] = {
-    "hold_sectors": "as many as late plots need",
-    "amplitude": "PAM if there is one, or else SAM",
-    "max_clock_offset_s": CONSTANT,
+    "estimates_topic": REMAPPED,
     "max_prediction_s": CONSTANT,
     "output_sac": "use output_source: [SAC, SIC, service]",
     "output_sic": "use output_source: [SAC, SIC, service]",
@@ -98,8 +98,9 @@ BRIDGE: Mapping[str, str] = {
 BRIDGE_RADAR: Mapping[str, str] = {
     "sac": "use source: [SAC, SIC]",
     "sic": "use source: [SAC, SIC]",
-    "hold_sectors": BRIDGE["hold_sectors"],
-    "amplitude": BRIDGE["amplitude"],
 }
-HAND_OVER: Mapping[str, str] = {"smoothed_wait_s": CONSTANT}
+HAND_OVER: Mapping[str, str] = {
+    "smoothed_wait_s": CONSTANT,
+    "world_frame": "it is that of the first estimates",
+}
 HAND_OVER_TRACKER: Mapping[str, str] = {"region_margin": "region, the margin as its fifth number"}

@@ -64,7 +64,6 @@ class HandOver:
         0.1,
         LONGEST_S,
     )
-    world_frame: str = parameter("map", "Frame of the estimates, and of the picture.")
 
 
 TRACKER, TABLE = table(OfTracker), table(HandOver)

@@ -14,7 +14,6 @@ class Evaluator:
     """What the evaluator is told."""
 
     tracker: str = parameter(names.TRACKER, "Full name of the tracker node.")
-    truth_topic: str = parameter(names.TRUTH, "Topic of the truth.")
     world_frame: str = parameter("map", "Frame of the truth and of the estimates.")
     classes: list[str] = parameter(
         ["class_0", "class_1"], "Names of the target classes.", element=str, most=MOST_CLASSES

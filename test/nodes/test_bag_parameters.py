@@ -47,15 +47,6 @@ def test_what_is_written_is_read_as_it_was(tmp_path, given):
     assert resolve(bag_parameters.read(tmp_path)).values == values
 
 
-@pytest.mark.parametrize(("threshold", "expected"), [(0.97, 0.97), (0.0, 1e-9)])
-def test_one_threshold_of_an_earlier_version_confirms_and_deletes(tmp_path, threshold, expected):
-    bag_parameters.write(tmp_path / bag_parameters.NAME, resolve({"lag": 3}).values)
-    with (tmp_path / bag_parameters.NAME).open("a") as file:
-        file.write(f"    existence_threshold: {threshold}\n")
-    rule = resolve(bag_parameters.read(tmp_path)).rule
-    assert rule.confirm.tolist() == rule.delete.tolist() == [expected] * 2
-
-
 def test_a_node_takes_the_file_as_it_is(processes, peer, tmp_path):
     path = tmp_path / "own.yaml"
     bag_parameters.write(path, resolve({"classes": ["y", "1e5"]}).values, "/t2")

@@ -25,7 +25,7 @@ BAG = Path(__file__).parents[2] / "bags" / "paper_scenario"
 TOPICS = (names.detections("radar_1"), names.detections("radar_2"), names.TRUTH)
 DEEP = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
-QUIET = ("--ros-args", "-p", "progress:=false")
+QUIET = ("--ros-args",)
 
 
 class Listener:
@@ -366,7 +366,7 @@ def test_replay_waits_for_the_truths_subscribers_as_long_as_it_is_told(processes
     clock = peer.collect(Clock, "/clock", QoSProfile(depth=1, reliability=BEST_EFFORT))
     for topic in TOPICS[:2]:
         peer.collect(PointCloud2, topic, DEEP)
-    words = ("-p", "truth_timeout_s:=3600.0")
+    words = ("-p", "subscriber_timeout_s:=3600.0")
     process = processes.start("sensor_replay", BAG, "--rate", "1000", *QUIET, *words)
     # Longer than it would wait otherwise, by its own clock of 100 Hz.
     assert peer.spin_until(lambda: len(clock) > 200)
@@ -450,7 +450,7 @@ def test_replay_says_what_of_the_bags_scene_the_tracker_does_not_have(processes,
     assert peer.spin_until(lambda: "was recorded with" in process.log.read_text())
 
     (line,) = (line for line in process.log.read_text().splitlines() if "recorded with" in line)
-    assert "radars: [radar_1] recorded, [radar_1, radar_2] given; radar_1.position: " in line
+    assert "sensors: [radar_1] recorded, [radar_1, radar_2] given; radar_1.position: " in line
     assert line.endswith(f"those of the bag are in {bag / 'parameters.yaml'}")
 
 

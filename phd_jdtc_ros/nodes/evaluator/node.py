@@ -82,9 +82,10 @@ class Evaluator(Node):
             tuple(self._values["classes"]),
             self._values["least_speed"],
         )
+        self._truth_topic = self.resolve_topic_name(names.TRUTH)
         tracker = self._values["tracker"]
         self._coverage = Coverage(
-            self._values["truth_topic"], {s: names.estimates(s, tracker) for s in SOURCES}
+            self._truth_topic, {s: names.estimates(s, tracker) for s in SOURCES}
         )
         self._warned_unmatched = False
         self._step_ms: deque[float] = deque(maxlen=KEPT_STEPS)
@@ -109,9 +110,8 @@ class Evaluator(Node):
 
     def _subscribe(self) -> list[Subscription]:
         """Subscribe to the truth and to the tracker, and return the subscriptions to the latter."""
-        truth_topic = self._values["truth_topic"]
         overridable.subscribe(
-            self, PointCloud2, truth_topic, self._on_truth, INPUT_DEPTH, "truth_topic"
+            self, PointCloud2, names.TRUTH, self._on_truth, INPUT_DEPTH, names.TRUTH
         )
         inputs = [
             *(
@@ -133,7 +133,7 @@ class Evaluator(Node):
         directory, tracker = Path(self._values["record"]), self._values["tracker"]
         topics = {
             **dict(map(_recorded, self._values["record_topics"])),
-            self._values["truth_topic"]: names.CLOUD,
+            self._truth_topic: names.CLOUD,
             **names.published(
                 self._classes,
                 tracker,

@@ -33,7 +33,7 @@ POSE_FAULTS = {
     PoseFault.DUPLICATE: "duplicate stamp",
     PoseFault.LATE: "older than the one before",
     PoseFault.JUMP: "a jump from the one before; used once others go on from there",
-    PoseFault.ORIENTATION: "its orientation is no quaternion; set pose_yaw false if it has none",
+    PoseFault.ORIENTATION: "its orientation is no quaternion; pose may be stabilised",
 }
 # Poses come much more often than scans, and wait while one is stepped.
 POSES_KEPT = 200

@@ -171,7 +171,7 @@ def test_forged_filtered_covariance_is_an_error(stored, matrix):
 )
 def test_snapshot_of_another_structure_is_an_error(stored, other):
     snapshot = copied(stored)
-    if "max_hypotheses" in other:
+    if "bounds.most" in other:
         snapshot.arrays["stored.1.origin"] = np.zeros(101, dtype=np.int64)
     with pytest.raises(ValueError, match="snapshot: "):
         gaussian(other).restore(snapshot)

@@ -192,7 +192,7 @@ def test_a_budget_is_earned_scan_by_scan():
 
 
 def test_every_late_report_in_a_row_costs_no_more_than_is_earned(monkeypatch):
-    # Radar 2 is two scans behind all the time, which reorder_scans is for.
+    # Radar 2 is two scans behind all the time.
     run = Run(config("gaussian"))
     steps = []
     step = run.pipeline.engine.step

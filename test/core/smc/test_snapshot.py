@@ -9,15 +9,13 @@ from phd_jdtc_ros.simulation.simulate import simulate
 SCANS = [scan for _, scan in simulate(short_scenario(10), 3)]
 
 
-@pytest.mark.parametrize("corrector", ["bernoulli", "poisson"])
+@pytest.mark.parametrize("name", ["particles", "phd"])
 @pytest.mark.parametrize(
     ("lag", "extraction"), [(0, "components"), (3, "components"), (2, "clusters")]
 )
 @pytest.mark.parametrize("stop", [0, 1, 6])
-def test_restored_tracker_goes_on_as_if_it_had_never_stopped(corrector, lag, extraction, stop):
-    config = small(
-        {"lag": lag, "recursion.extraction": extraction, "corrector": corrector, "seed": 5}
-    )
+def test_restored_tracker_goes_on_as_if_it_had_never_stopped(name, lag, extraction, stop):
+    config = small({"lag": lag, "recursion.extraction": extraction, "engine": name, "seed": 5})
     first, second = new_engine(config), new_engine(config)
     for scan in SCANS[:stop]:
         first.step(scan)
