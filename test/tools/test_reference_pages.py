@@ -31,8 +31,10 @@ NODES = {
     "hand_over": (HandOver, JOINED),
 }
 # Those whose values are not one type.
-FORMS = [p for table in (TOP, *GROUPS.values()) for p in table if p.form is not None]
-SEVERAL_WAYS = {parameter.name for parameter in FORMS}
+SEVERAL_WAYS = {
+    *(p.name for p in TOP if p.form is not None),
+    *(f"radar_{k}.{p.name}" for k in (1, 2) for p in GROUPS["sensors"] if p.form is not None),
+}
 # What every node of rclpy declares for itself.
 OWN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 
@@ -121,7 +123,7 @@ def test_every_number_is_typed_and_ranged(declared):
     for name, (descriptor, value) in declared.items():
         # Empty lists have no type; a seek takes whole numbers too, and its end is the bag's; others
         # may be written in several ways.
-        several = name.rpartition(".")[2] in SEVERAL_WAYS
+        several = name in SEVERAL_WAYS
         free = value == [] or name == "seek_s" or several or name.endswith(".clutter_rate")
         assert descriptor.dynamic_typing == free, name
         if isinstance(value, bool) or name == "seek_s" or several:

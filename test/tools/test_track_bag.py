@@ -460,9 +460,7 @@ def test_track_bag_lists_every_fault_of_the_parameters(short_bag, track, faults)
     assert status == 2
     listed = faults()
     assert len(listed) == 3
-    assert listed[0].startswith(
-        "lag: 101 given, must be a whole number of scans from 0 to 100, or "
-    )
+    assert listed[0].startswith("lag: 101 given, must be a whole number of scans from ")
     assert listed[1].startswith("engine: 'best' given, must be one of ")
     assert listed[2] == "radar_3.yaw_deg: unknown parameter"
     assert not out.exists()
