@@ -155,7 +155,7 @@ def test_targets_are_detected_with_the_given_probability_over_range():
         for a in np.linspace(0.01, 6.2, 100)
     ]
     table = [0.0, 0.9, 40e3, 0.9, 80e3, 0.1]
-    found, _ = scene(*ring, detection_probability=0.0, detection_probability_over_range=table)
+    found, _ = scene(*ring, detection_probability=table)
     plots = plots_of(found, 0, np.random.default_rng(1))
     near = plots.measurement[:, 0] < 40e3
     # 15 turns of 100 targets each.

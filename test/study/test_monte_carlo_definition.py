@@ -157,7 +157,7 @@ def test_variants_have_those_of_their_lags_that_the_case_has(study_file):
 
 def test_resolve_lists_faults_of_the_variants_parameters(study_file):
     def spoil(document):
-        document["variants"]["fewer"]["parameters"] = {"particles_per_target": 0, "nonsense": 1}
+        document["variants"]["fewer"]["parameters"] = {"particles_per_target": -1, "nonsense": 1}
 
     found = faults(study_file, spoil)
 

@@ -12,6 +12,7 @@ from phd_jdtc_ros.study.tracker import PARTS, Reading, track
 SCANS = 9
 SEED = 3
 GIVEN = {
+    "engine": "particles",
     "particles_per_target": 150,
     "budget.least": 30,
     "particles_per_birth": 128,
