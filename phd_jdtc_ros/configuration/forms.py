@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from typing import Any
 
@@ -24,7 +23,8 @@ _LAG = re.compile(r"\s*([0-9]+)\s*|\s*([0-9.]+(?:[eE][-+]?[0-9]+)?)\s*s\s*")
 
 def _number(value: Any) -> float | None:
     plain = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-    return float(value) if plain and math.isfinite(value) else None
+    # Bounds first: a whole number may be too large for a float.
+    return float(value) if plain and -1e300 <= value <= 1e300 else None
 
 
 def lag_of(text: str) -> tuple[int, float | None]:
