@@ -97,7 +97,7 @@ class In(OfAnyRadar):
 
     radars: list[str] = parameter(
         [],
-        "Names of the radars, each with its sac and sic; all others are left out. If empty every "
+        "Names of the radars, each with its source; all others are left out. If empty every "
         "radar is taken, as radar_SAC_SIC.",
         element=str,
         most=MAX_RADARS,
@@ -264,8 +264,8 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
     for name in values["radars"]:
         other = numbers.setdefault(_number(values, name), name)
         if other != name:
-            sac, sic = values[f"{name}.sac"], values[f"{name}.sic"]
-            faults.append(f"{name}.sic: {sac}/{sic} given, is that of {other} too")
+            sac, sic = map(int, values[f"{name}.source"])
+            faults.append(f"{name}.source: {sac}/{sic} given, is that of {other} too")
         faults += _place_faults(f"{name}.geodetic", values[f"{name}.geodetic"])
     return faults + _place_faults("world_origin", values["world_origin"])
 

@@ -103,7 +103,7 @@ def scene():
     """Return (radar's index, cloud) of every scan, in the order of the stamps."""
     rng = np.random.default_rng(5)
     reports = []
-    for index, name in enumerate(PARAMETERS["radars"]):
+    for index, name in enumerate(PARAMETERS["sensors"]):
         for second in np.arange(PHASE_S[name], SCENE_S, PERIOD_S[name]):
             truth = truth_at(second)
             found, _ = detect(truth, SNR, MODEL.radars[index], rng)

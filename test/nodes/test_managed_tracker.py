@@ -286,7 +286,7 @@ def test_every_transition_is_logged(processes, peer):
 
 def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer):
     """Two radars of some 50 Hz, and so many particles that a step takes several of their scans."""
-    many = options(particles_per_target=8000)
+    many = options(engine="particles", particles_per_target=8000)
     tracker = start(processes, *many, qos=())
     group = connected(peer)
     found = {}
@@ -307,7 +307,7 @@ def test_overload_is_the_trackers_fault_and_not_a_silent_radars(processes, peer)
             break
     tracker.kill()  # it would finish its step first
     assert step, found
-    assert "turn down particles_per_target" in step[0]
+    assert "turn down accuracy, particles_per_target" in step[0]
     for radar, texts in lost.items():
         assert all("the tracker is too slow" in text for text in texts), found
         assert texts

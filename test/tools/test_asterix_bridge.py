@@ -384,7 +384,7 @@ def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
         written.add_topic(Topic("/far/detections", names.CLOUD))
         cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
         written.write("/far/detections", interfaces.encode(cloud), 10**12)
-    values = {"radars": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
+    values = {"sensors": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
     bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
     assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
     assert "1 plots in 2 data blocks, of 1 clouds; dropped: range 1" in capsys.readouterr().out
