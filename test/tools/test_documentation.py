@@ -146,7 +146,7 @@ def test_examples_of_the_page_on_csv_run(tmp_path, monkeypatch):
     assert {row["label"] for row in written} == {"1", "2"}
     assert [float(row["x"]) for row in written] == found["tracks"]["x"].tolist()
     radars = recorded_plots.recognised_radars(BagReader(tmp_path / "bag"))
-    assert radars["radars"] == ["radar"]
+    assert radars["sensors"] == ["radar"]
 
 
 def test_parameters_in_the_table_of_the_page_on_csv_are_some():
