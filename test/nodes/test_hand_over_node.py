@@ -367,7 +367,10 @@ def test_one_wrong_stamp_of_a_tracker_that_dies_does_not_end_the_picture(process
     ("changes", "words"),
     [
         ({"trackers": ["west"]}, "trackers: ['west'] given, must be two names or more"),
-        ({"west.region": []}, "west.region: [] given, must be [x_min, y_min, x_max, y_max, margin]"),
+        (
+            {"west.region": []},
+            "west.region: [] given, must be [x_min, y_min, x_max, y_max, margin]",
+        ),
         ({"east.region": [1.0, 0.0, 0.0, 1.0]}, "east.region: [1.0, 0.0, 0.0, 1.0] given"),
         ({"hysteresis": 5e3}, "hysteresis: 5000.0 given, must be from 0 to the margin, 4000"),
         ({"west.node": "/east/tracker"}, "east.node: /east/tracker given, is that of west too"),
