@@ -125,6 +125,7 @@ def _nodes(context, share):
                 "flush_service": f"{tracker_name}/flush",
                 "estimates_topic": names.estimates("filtered", tracker_name),
                 "subscriber_timeout_s": 20.0,
+                "truth_timeout_s": 20.0,
                 "answer_delay_s": demo.config.answer_delay_s,
             }
         ],

@@ -85,7 +85,6 @@ EVALUATOR: Mapping[str, str] = {
     "pose_message": "use record_topics, with odometry or pose_stamped after the topic",
 }
 REPLAY: Mapping[str, str] = {
-    "truth_timeout_s": CONSTANT,
     "progress": "there is a line if there is a terminal",
 }
 BRIDGE: Mapping[str, str] = {

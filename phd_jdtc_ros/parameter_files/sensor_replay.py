@@ -50,6 +50,12 @@ class Replay:
     subscriber_timeout_s: float = parameter(
         5.0, "Longest wait for subscribers of the detections, s.", 0.0, 3600.0
     )
+    truth_timeout_s: float = parameter(
+        1.0,
+        "Longest further wait for subscribers of the truth, which a tracker does not need, s.",
+        0.0,
+        3600.0,
+    )
     estimates_topic: str = parameter(
         names.estimates("filtered"), "Topic of the estimates that lock-step waits for."
     )

@@ -163,7 +163,7 @@ class SensorReplay(Node):
             self._ready_since = self._ready_since or now
             waited_s = now - self._ready_since
             alone = [topic for topic in self._played.truth if not self._heard(topic)]
-            if waited_s < max(SETTLE_S, self._values["subscriber_timeout_s"] if alone else 0.0):
+            if waited_s < max(SETTLE_S, self._values["truth_timeout_s"] if alone else 0.0):
                 return
             if alone:
                 self._play_without(alone)
