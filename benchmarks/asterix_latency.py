@@ -90,8 +90,7 @@ def _bridge(site: _Site) -> list[str]:
         "output": f"'{site.display}'",
         "output_period_s": "0.0",
         "radars": f"[{RADAR}]",
-        f"{RADAR}.sac": NUMBER >> 8,
-        f"{RADAR}.sic": NUMBER & 255,
+        f"{RADAR}.source": f"[{NUMBER >> 8}, {NUMBER & 255}]",
         "sectors": traffic.SECTORS,
         # Plots are sent before the crossing of their sector.
         "hold_sectors": 0,

@@ -29,7 +29,6 @@ GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 def configuration(
     targets: int,
     per_target: int,
-    corrector: str = "bernoulli",
     engine: str = "particles",
     clutter: float | None = None,
 ) -> TrackerConfig:
@@ -39,7 +38,7 @@ def configuration(
     ----------
     targets : int
     per_target : int
-    corrector, engine : str
+    engine : str
     clutter : float or None
         Expected false detections per radar and scan. None for half as many as targets: 200 targets
         then give 300 detections per radar.
@@ -61,17 +60,15 @@ def configuration(
             "azimuth_std_deg": float(usual.values[f"{radar.name}.azimuth_std_deg"]) / scale,
         }.items()
     }
-    return resolve(
-        {
-            "engine": engine,
-            "corrector": corrector,
-            "particles_per_target": per_target,
-            # In the default's proportion to the particles per target.
-            "least_particles": max(per_target // 5, 1),
-            # No target has fewer particles because there are many of them.
-            "max_particles": max(int(usual.values["max_particles"]), 2 * targets * per_target),
-            **radars,
-        }
+    config = resolve({"engine": engine, "particles_per_target": per_target, **radars})
+    # No target has fewer particles because there are many of them.
+    most = max(config.budget.most, 2 * targets * per_target)
+    least = max(per_target // 5, 1)
+    births = replace(config.model.detection_births, most=most)
+    return replace(
+        config,
+        budget=replace(config.budget, least=least, most=most),
+        model=replace(config.model, detection_births=births),
     )
 
 

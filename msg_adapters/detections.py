@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from sensor_msgs.msg import PointCloud2
@@ -27,6 +28,13 @@ OPTIONAL = (
     *("level", "time", "sector", "height", "code", "address", "kind", "range_std", "azimuth_std"),
     *("range_rate", "range_rate_std"),
 )
+# Further names of the fields that a radar has unless its parameters say otherwise, in lower case.
+# An SNR is in decibels; what a power or an RCS is relative to only its driver knows.
+SYNONYMS = {
+    "range_field": ("rho", "distance", "dist", "radial_distance", "ground_range", "r"),
+    "azimuth_field": ("azimuth_angle", "theta", "bearing", "az", "angle"),
+    "amplitude_field": ("snr", "snr_db"),
+}
 # The layout of the clouds that are written where no radar's own is asked for.
 OWN_LAYOUT = RadarInput(name="", topic="", frame="")
 
@@ -88,8 +96,9 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
         and `point_cloud.decode`.
     """
     require_frame(cloud.header.frame_id, radar)
-    named = _named(radar)
     there = set(point_cloud.field_names(cloud))
+    radar = _recognised(radar, there)
+    named = _named(radar)
     missing = [what for what in OPTIONAL if what in named and named[what][0] not in there]
     wanted = dict(entry for what, entry in named.items() if what not in missing)
     # Converting a signalling NaN warns; the point is dropped, or the value unknown, like any NaN.
@@ -102,6 +111,28 @@ def from_msg(cloud: PointCloud2, radar: RadarInput) -> Report:
     report = select(stamps.of_header(cloud.header), radar, Columns(**found))
     lacking = Counter(f"{what}_missing" for what in missing if what != "level")
     return replace(report, doubts=report.doubts + lacking) if lacking else report
+
+
+def _recognised(radar: RadarInput, there: Collection[str]) -> RadarInput:
+    """Return a radar's layout with the names that a cloud has for fields of other names."""
+    lacking = {
+        attribute: names
+        for attribute, names in SYNONYMS.items()
+        if getattr(radar, attribute) == getattr(OWN_LAYOUT, attribute)
+        and getattr(radar, attribute) not in there
+    }
+    if not lacking:
+        return radar
+    taken = {*sent_columns.names_of(radar).values()}
+    own = {name.lower(): name for name in sorted(there) if name not in taken}
+    found: dict[str, Any] = {
+        attribute: next(own[name] for name in names if name in own)
+        for attribute, names in lacking.items()
+        if not own.keys().isdisjoint(names)
+    }
+    if "amplitude_field" in found:
+        found["amplitude_in_db"] = True
+    return replace(radar, **found)
 
 
 def _named(radar: RadarInput) -> dict[str, tuple[str, Sequence[str]]]:

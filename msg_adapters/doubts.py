@@ -158,7 +158,7 @@ _TEXTS: Mapping[str, Callable[[RadarInput, int], str]] = {
     ),
     "late_reworked": lambda radar, count: (
         f"{count} clouds, or parts of turns, came after their scans were closed and were worked "
-        "in; if many do, hold scans back with reorder_scans or reorder_s"
+        "in; if many do, hold scans back with reorder_s or set late_reports: rework"
     ),
     "poses_extrapolated": lambda radar, count: (
         f"{count} clouds, or parts of turns, were later than the poses on {radar.pose_topic}; the "

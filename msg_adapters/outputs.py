@@ -184,7 +184,7 @@ def table(classes: int, engine: str | None = None) -> tuple[Output, ...]:
         *(
             Output(topic, kind, FILTERED, encode, switch, usual=False)
             for topic, kind, encode, switch in (
-                ("~/tracks/path", names.PATH, _paths, "path"),
+                ("~/tracks/path", names.PATH, _paths, "paths"),
                 ("~/odometry", names.ODOMETRY, _odometry, "odometry"),
                 (names.fixes("~"), names.FIX, _fixes, "navsat"),
                 ("~/tracks/geojson", names.GEOJSON, _geojson, "geojson"),

@@ -12,15 +12,15 @@ from phd_jdtc_ros.core.arrays import FloatArray
 from phd_jdtc_ros.core.types import FULL_TURN
 
 from . import point_cloud, stamps
-from .detections import DOUBLES, NUMBERS
+from .detections import DOUBLES, NUMBERS, SYNONYMS
 from .errors import RejectedMessageError
 
 # Names of fields in lower case, the usual ones first, by the parameter that names them.
 NAMES: Mapping[str, Sequence[str]] = {
-    "fields.range": ("range", "rho", "distance", "dist", "radial_distance", "ground_range", "r"),
-    "fields.azimuth": ("azimuth", "azimuth_angle", "theta", "bearing", "az", "angle"),
+    "fields.range": ("range", *SYNONYMS["range_field"]),
+    "fields.azimuth": ("azimuth", *SYNONYMS["azimuth_field"]),
     "fields.elevation": ("elevation_angle", "elevation", "el"),
-    "fields.amplitude": ("amplitude", "snr", "snr_db", "power", "intensity", "rcs"),
+    "fields.amplitude": ("amplitude", *SYNONYMS["amplitude_field"], "power", "intensity", "rcs"),
     "fields.time": ("time", "time_of_detection", "t", "timestamp", "time_offset", "stamp"),
     "fields.height": ("height", "altitude"),
     "fields.sector": ("sector", "sector_number"),

@@ -184,7 +184,7 @@ def _of_radars() -> Iterator[tuple[str, Callable[[], None]]]:
     """Yield clouds of a radar that says all that one may say, in one run of the tracker."""
     values = from_arguments.load(PROFILE)
     values |= {f"approach.fields.{what}": name for what, name in FIELDS.items()}
-    values |= {"approach.range_rate_std": 2.0, "engine": engines.chosen(), "lag_s": INTERVAL_S}
+    values |= {"approach.range_rate_std": 2.0, "engine": engines.chosen(), "lag": f"{INTERVAL_S} s"}
     config = tracker_params.config(values)
     pipeline, rng = new_pipeline(config), np.random.default_rng(0)
     radar, scan = config.inputs[0], 0

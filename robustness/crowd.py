@@ -31,16 +31,16 @@ CUTOFF, ORDER = 1000.0, 2.0
 # The scans after a crowd are few, and the distances in them scatter by a tenth from seed to seed.
 SEEDS = 3
 # Noise is what a jammed radar reports; equal high amplitudes are those of targets. The Gaussian
-# engine has one corrector.
+# engine has one filter.
 CASES = {
     engines.PARTICLES: (
-        ("noise", "bernoulli"),
-        ("noise", "poisson"),
-        ("equal", "bernoulli"),
-        ("equal", "poisson"),
-        ("none", "bernoulli"),
+        ("noise", "particles"),
+        ("noise", "phd"),
+        ("equal", "particles"),
+        ("equal", "phd"),
+        ("none", "particles"),
     ),
-    engines.GAUSSIAN: (("noise", "bernoulli"), ("equal", "bernoulli"), ("none", "bernoulli")),
+    engines.GAUSSIAN: (("noise", "gaussian"), ("equal", "gaussian"), ("none", "gaussian")),
 }
 HIGH = 30.0
 
@@ -92,7 +92,7 @@ def _crowded(
 
 
 def _run(
-    engine: str, detections: int, amplitudes: str, corrector: str, seed: int
+    engine: str, detections: int, amplitudes: str, choice: str, seed: int
 ) -> tuple[float, float]:
     """Return the most CPU time of a crowded scan, and the mean OSPA of the scans after them."""
     amplitude = "none" if amplitudes == "none" else "band"
@@ -100,8 +100,7 @@ def _run(
     config = tracker_params.config(
         {
             **given,
-            "engine": engine,
-            "corrector": corrector,
+            "engine": choice,
             "amplitude": amplitude,
             "seed": seed,
         }
@@ -127,14 +126,12 @@ def _run(
     return step_s, float(np.mean(scores))
 
 
-def of_case(
-    engine: str, count: int, amplitudes: str, corrector: str, seeds: int
-) -> dict[str, float]:
+def of_case(engine: str, count: int, amplitudes: str, choice: str, seeds: int) -> dict[str, float]:
     """Return the figures of runs with the crowded scans and of ones without them."""
     every = range(seeds)
-    crowded = [_run(engine, count, amplitudes, corrector, seed) for seed in every]
+    crowded = [_run(engine, count, amplitudes, choice, seed) for seed in every]
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-    without = [_run(engine, 0, amplitudes, corrector, seed)[1] for seed in every]
+    without = [_run(engine, 0, amplitudes, choice, seed)[1] for seed in every]
     step_s, after = (np.array(column) for column in zip(*crowded, strict=True))
     ratio = float(after.mean() / np.mean(without))
     return {"step_s": float(step_s.max()), "peak_mb": peak_mb, "ratio": ratio}

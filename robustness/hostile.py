@@ -110,7 +110,7 @@ def measure_repeated() -> Found:
     given = from_arguments.load(PROFILE)
     of_one = {name: value for name, value in given.items() if not name.startswith("radar_2.")}
     engine = engines.chosen()
-    config = tracker_params.config({**of_one, "radars": ["radar_1"], "engine": engine})
+    config = tracker_params.config({**of_one, "sensors": ["radar_1"], "engine": engine})
     pipeline, targets, counted = new_pipeline(config), [], 0
     for scan in range(SCANS):
         copies = COPIES if scan in COPIED else 1
@@ -135,7 +135,7 @@ def measure_repeated() -> Found:
 def measure_names() -> Found:
     """Give lists of very many names; what is wrong with them must be told soon."""
     seconds = {}
-    for group in ("classes", "motions", "births", "radars", "shared_codes"):
+    for group in ("classes", "motions", "births", "sensors", "shared_codes"):
         for with_sections in (False, True):
             names = [f"n{index}" for index in range(NAMES)]
             given: dict[str, Any] = {group: names}

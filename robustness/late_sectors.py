@@ -37,7 +37,7 @@ ANSWER_S = 5.0
 )
 def measure() -> Found:
     """Send sectors late, leave one out, send a burst of late ones, and count what happens."""
-    given = {"late_reports": "rework", "lag": 5, "lag_s": 2.0 * ROTATION_S}
+    given = {"late_reports": "rework", "lag": f"{2.0 * ROTATION_S:g} s"}
     with Rig() as rig:
         tracker = rig.tracker(*settings(**given))
         radars = rig.radars

@@ -31,7 +31,7 @@ SHIP, PLACE, VELOCITY = np.array([6.0, 2.0]), np.array([700.0, 400.0]), np.array
 NEAR_M = 40.0
 REPLY_S, SHORT_S = 20.0, 0.3
 PARAMETERS = {
-    "radars": "[radar_1]",
+    "sensors": "[radar_1]",
     "interval_s": INTERVAL_S,
     "lag": 2,
     "classes": "[boat]",
@@ -41,8 +41,6 @@ PARAMETERS = {
     "detection_births.velocity_std": 8.0,
     "detection_births.particles": 256,
     "spawn.rate": 0.0,
-    "spawn.class_transition": "[]",
-    "spawn.mode_transition": "[]",
     "boat.motions": "[cv]",
     "boat.mode_transition": "[1.0]",
     "cv.noise_density": 0.05,

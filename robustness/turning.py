@@ -28,7 +28,7 @@ CLUTTER_PER_SECTOR = 3
 # How far the estimate may be off, m.
 NEAR_M = 250.0
 PARAMETERS = {
-    "radars": "[radar_1]",
+    "sensors": "[radar_1]",
     "interval_s": ROTATION_S,
     "lag": 2,
     "particles_per_target": 300,
@@ -39,8 +39,6 @@ PARAMETERS = {
     "detection_births.velocity_std": 100.0,
     "detection_births.particles": 256,
     "spawn.rate": 0.0,
-    "spawn.class_transition": "[]",
-    "spawn.mode_transition": "[]",
     "aircraft.motions": "[cv]",
     "aircraft.mode_transition": "[1.0]",
     "aircraft.snr_band_db": "[10.0, 30.0]",

@@ -141,7 +141,7 @@ def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], di
         Of the traffic and the plots.
     """
     # Only filtered estimates are scored.
-    given = {**parameters, "seed": seed, "lag": 0, "lag_s": 0.0}
+    given = {**parameters, "seed": seed, "lag": 0}
     whole = resolve(given)
     scenario = scene(whole, seed)
     found, spent_s = estimates_of(scenario, whole, seed)
@@ -164,7 +164,7 @@ def run(parameters: Mapping[str, Any], seed: int) -> tuple[dict[str, Scores], di
 
 def _of_region(given: Mapping[str, Any], region: Region) -> TrackerConfig:
     corners = [region.x_min, region.y_min, region.x_max, region.y_max]
-    return resolve({**given, "region": corners, "region_margin": region.margin})
+    return resolve({**given, "region": [*corners, region.margin]})
 
 
 def _by_core(found: Sequence[Estimates]) -> Estimates:
@@ -211,7 +211,7 @@ def _near(position: Any) -> Any:
 def _measure(arguments: argparse.Namespace, seed: int) -> Figures:
     """Return the scores by way of tracking, and the CPU time of each tracker."""
     parameters = from_arguments.scenario_parameters(yaml_files.load(resources.find(SCENARIO)))
-    parameters |= {"engine": "gaussian", "least_mode": 1.0}
+    parameters |= {"engine": "gaussian", "accuracy": "fast"}
     parameters |= from_arguments.from_arguments(arguments.params_file, arguments.assignments)
     found, spent_s = run(parameters, seed)
     return {"scores": {name: asdict(own) for name, own in found.items()}, "cpu_s": spent_s}

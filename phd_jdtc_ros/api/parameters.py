@@ -22,16 +22,13 @@ from .reports import POSITION, TIME
 # In the place of the defaults, which are those of a scenario with known birth places: targets of
 # one class, which may appear anywhere that a radar sees.
 USUAL: Mapping[str, Any] = {
-    "engine": "gaussian",
-    "radars": ["radar"],
+    "sensors": ["radar"],
     "classes": ["target"],
     "amplitude": "none",
     "births": [],
     "detection_births.turn_rate_std": 0.02,
     "detection_births.least_probability": 0.005,
     "spawn.rate": 0.0,
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
 }
 # Expected births of all classes per interval.
 BIRTHS = 0.2
@@ -79,7 +76,7 @@ class Parameters:
     @property
     def radars(self) -> Sequence[str]:
         """Names of the radars."""
-        names = {**({} if self.whole else USUAL), **self.given}.get("radars", ())
+        names = {**({} if self.whole else USUAL), **self.given}.get("sensors", ())
         listed = names if isinstance(names, (list, tuple)) else ()
         return [name for name in listed if isinstance(name, str)]
 
@@ -137,8 +134,6 @@ class Parameters:
                 values[f"{name}.time_reference"] = "epoch"
             if f"{name}.max_range" in known:
                 values[f"{name}.clutter_max_range"] = known[f"{name}.max_range"]
-            if known.get(f"{name}.detection_probability_over_range"):
-                del values[f"{name}.detection_probability"]
         return {**values, **known}
 
     def _usable(self) -> dict[str, Any]:

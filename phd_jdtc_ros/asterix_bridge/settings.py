@@ -15,151 +15,164 @@ from phd_jdtc_ros.asterix.plot_stream import MAX_RADARS, PlotStream, RadarSettin
 from phd_jdtc_ros.asterix.transport import udp
 from phd_jdtc_ros.asterix.writing.tracks import Source
 from phd_jdtc_ros.calibration.tuning.rotation import PlotTurns
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, with_members
+from phd_jdtc_ros.configuration import replaced
+from phd_jdtc_ros.configuration.schema import (
+    ConfigError,
+    Parameter,
+    check,
+    parameter,
+    table,
+    with_members,
+)
 from phd_jdtc_ros.earth import SystemPlane
 
 from .tracks import TrackOutput
 
-# What each radar may have of its own; the same without a radar's name is for all.
 # Each is a socket and has a buffer.
 MOST_INPUTS = 64
-OF_ANY_RADAR = (
-    Parameter(
-        "sectors",
+# Longest time for which estimates are predicted, seconds: some turns of a radar. Without newer ones
+# the tracks then end.
+MAX_PREDICTION_S = 10.0
+
+
+@dataclass(frozen=True)
+class OfAnyRadar:
+    """What each radar may have of its own; the same without a radar's name is for all."""
+
+    sectors: int = parameter(
         32,
         "Number of clouds to a turn, where the radar sends sector crossings; a multiple of 4, and "
         "no more than the radar's own sectors if clouds are to come as evenly as those.",
         4,
         256,
-    ),
-    Parameter(
-        "rotation_s",
+    )
+    rotation_s: float = parameter(
         0.0,
         "Time of a turn of the antenna, s, about; 0 to find it out. Without sector crossings a "
         "cloud is of an eighth of it.",
         0.0,
         60.0,
-    ),
-    Parameter(
-        "hold_sectors",
+    )
+    hold_sectors: int = parameter(
         LEARNED,
         "Number of further sectors that a sector waits for late plots, where the radar sends "
         "sector crossings; late_plots in the diagnostics counts those that came later. -1: as many "
         "as they need.",
         LEARNED,
         32,
-    ),
-    Parameter(
-        "amplitude",
+    )
+    amplitude: str = parameter(
         "any",
         "Where amplitudes are from. primary: PAM of I048/130; secondary: SAM; any: PAM if there "
         "is one, or else SAM.",
         choices=AMPLITUDES,
-    ),
-    Parameter(
-        "amplitude_offset_db",
+    )
+    amplitude_offset_db: float = parameter(
         100.0,
         "What is added to an amplitude in dBm to give the SNR in dB: the receiver's noise level "
         "with the opposite sign. The envelope is then sqrt(2 * 10^(SNR / 10)).",
         -200.0,
         300.0,
-    ),
-)
-RADAR = (
-    Parameter("sac", 0, "System area code of the radar.", 0, 255),
-    Parameter("sic", 0, "System identification code of the radar.", 0, 255),
-    Parameter(
-        "geodetic",
+    )
+
+
+@dataclass(frozen=True)
+class OfRadar(OfAnyRadar):
+    """What each radar has."""
+
+    source: list[float] = parameter(
+        [0, 0], "System area and identification code (SAC and SIC) of the radar.", 0, 255, length=2
+    )
+    geodetic: list[float] = parameter(
         [],
         "Latitude and longitude (degrees, WGS84) and height (m) of its antenna, for the "
         "parameters that are written beside a bag; empty if they are not known, or if it says them "
         "(I034/120).",
-    ),
-    *OF_ANY_RADAR,
-)
-IN = (
-    Parameter(
-        "radars",
+    )
+
+
+@dataclass(frozen=True)
+class In(OfAnyRadar):
+    """What is told of the plots that come in."""
+
+    radars: list[str] = parameter(
         [],
-        "Names of the radars, each with its sac and sic; all others are left out. If empty every "
+        "Names of the radars, each with its source; all others are left out. If empty every "
         "radar is taken, as radar_SAC_SIC.",
         element=str,
         most=MAX_RADARS,
-    ),
-    *OF_ANY_RADAR,
-    Parameter(
-        "max_clock_offset_s",
+    )
+    max_clock_offset_s: float = parameter(
         10.0,
         "A radar whose times differ by more from those of their receipt has a wrong clock; its "
         "times are then shifted by the difference, s.",
         0.5,
         86400.0,
-    ),
-)
-OUT = (
-    Parameter(
-        "output_period_s",
+    )
+
+
+@dataclass(frozen=True)
+class Out:
+    """What is told of the tracks that go out."""
+
+    output_period_s: float = parameter(
         1.0,
         "Time between outputs of all tracks, predicted to the time of output, s; 0 for one with "
         "each cloud of estimates.",
         0.0,
         60.0,
-    ),
-    Parameter("output_sac", 0, "System area code of the tracker.", 0, 255),
-    Parameter("output_sic", 1, "System identification code of the tracker.", 0, 255),
-    Parameter("output_service", 1, "Number of the service (I062/015).", 0, 255),
-    Parameter(
-        "world_origin",
+    )
+    output_source: list[float] = parameter(
+        [0, 1, 1],
+        "System area and identification code of the tracker, and number of the service (I062/015).",
+        0,
+        255,
+        length=3,
+    )
+    world_origin: list[float] = parameter(
         [],
         "Latitude (degrees), longitude (degrees) and height (m) of the map's zero, as the tracker "
         "has it; empty for tracks without latitudes and longitudes, whose heights are above the "
         "map's zero.",
-    ),
-    Parameter(
-        "output_heights",
+    )
+    output_heights: str = parameter(
         "pressure",
         "What heights of tracks are. pressure: of the standard atmosphere, as flight levels are "
         "(I062/136 and 135); geometric: I062/130.",
         choices=("pressure", "geometric"),
-    ),
-    Parameter(
-        "max_prediction_s",
-        10.0,
-        "Longest time for which estimates are predicted, s; without newer ones the tracks then "
-        "end.",
-        0.1,
-        3600.0,
-    ),
-)
-OF_FILES = (*IN, *OUT)
-OF_NODE = (
-    Parameter("autostart", True, "Configure and activate the node by itself at the start."),
-    Parameter(
-        "inputs",
+    )
+
+
+@dataclass(frozen=True)
+class OfNode:
+    """What is told to the node only."""
+
+    autostart: bool = parameter(True, "Configure and activate the node by itself at the start.")
+    inputs: list[str] = parameter(
         ["127.0.0.1:8600"],
         "What to receive: addresses of this machine or of multicast groups, with ports; empty for "
         "nothing.",
         element=str,
         most=MOST_INPUTS,
-    ),
-    Parameter(
-        "interface",
+    )
+    interface: str = parameter(
         "",
         "Address of the network interface for multicast groups, in and out; empty for the "
         "system's choice.",
-    ),
-    Parameter(
-        "replayed",
+    )
+    replayed: bool = parameter(
         False,
         "What comes is a recording that is played. Times of receipt are then not used: the first "
         "message is of 1970-01-01, as for a file without --date.",
-    ),
-    Parameter(
-        "output", "", "Where to send tracks: an address or a group, with a port; empty for nowhere."
-    ),
-    Parameter("estimates_topic", names.estimates("filtered"), "Topic of the estimates to send."),
-)
-TABLE = (*OF_FILES, *OF_NODE)
+    )
+    output: str = parameter(
+        "", "Where to send tracks: an address or a group, with a port; empty for nowhere."
+    )
+
+
+RADAR = table(OfRadar)
+OF_FILES = (*table(In), *table(Out))
+TABLE = (*OF_FILES, *table(OfNode))
 
 
 @dataclass(frozen=True)
@@ -191,7 +204,7 @@ class Bridge:
 
     def amplitudes(self, radar: str) -> Amplitudes:
         """Return how the amplitudes of a radar are read."""
-        own = f"{radar}." if f"{radar}.sac" in self.table else ""
+        own = f"{radar}." if f"{radar}.source" in self.table else ""
         get = self.values
         return Amplitudes(get[f"{own}amplitude"], -get[f"{own}amplitude_offset_db"])
 
@@ -204,15 +217,16 @@ def output_of(bridge: Bridge, monosensor: bool, call_signs: CallSigns) -> TrackO
     """Return what makes ASTERIX of estimates; `call_signs` may grow with the radars' plots."""
     get = bridge.values
     origin = get["world_origin"]
+    sac, sic, service = map(int, get["output_source"])
     source = Source(
-        get["output_sac"],
-        get["output_sic"],
-        get["output_service"],
+        sac,
+        sic,
+        service,
         monosensor,
         get["output_heights"] == "geometric",
     )
     plane = SystemPlane(origin) if origin else None
-    return TrackOutput(source, plane, get["max_prediction_s"], call_signs)
+    return TrackOutput(source, plane, MAX_PREDICTION_S, call_signs)
 
 
 def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> Bridge:
@@ -228,14 +242,14 @@ def resolve(given: Mapping[str, Any], top: tuple[Parameter, ...] = OF_FILES) -> 
     ConfigError
         With every fault.
     """
-    table = with_members(top, "radars", RADAR, given)
-    values, faults = check(table.values(), given)
+    every = with_members(top, "radars", RADAR, given)
+    values, faults = check(every.values(), given, replaced.BRIDGE, replaced.BRIDGE_RADAR)
     if not faults:
         faults = [*_faults(values), *_address_faults(values)]
     if faults:
         raise ConfigError(faults)
     radars = {_number(values, name): _radar(values, name) for name in values["radars"]}
-    return Bridge(values, table, radars, _radar(values, ""))
+    return Bridge(values, every, radars, _radar(values, ""))
 
 
 def _faults(values: Mapping[str, Any]) -> list[str]:
@@ -248,8 +262,8 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
     for name in values["radars"]:
         other = numbers.setdefault(_number(values, name), name)
         if other != name:
-            sac, sic = values[f"{name}.sac"], values[f"{name}.sic"]
-            faults.append(f"{name}.sic: {sac}/{sic} given, is that of {other} too")
+            sac, sic = map(int, values[f"{name}.source"])
+            faults.append(f"{name}.source: {sac}/{sic} given, is that of {other} too")
         faults += _place_faults(f"{name}.geodetic", values[f"{name}.geodetic"])
     return faults + _place_faults("world_origin", values["world_origin"])
 
@@ -286,7 +300,8 @@ def _place_faults(name: str, place: list[float]) -> list[str]:
 
 
 def _number(values: Mapping[str, Any], name: str) -> int:
-    return int(values[f"{name}.sac"]) << 8 | int(values[f"{name}.sic"])
+    sac, sic = map(int, values[f"{name}.source"])
+    return sac << 8 | sic
 
 
 def _radar(values: Mapping[str, Any], name: str) -> RadarSettings:

@@ -51,7 +51,7 @@ systematic errors in recordings, `handover` joins the estimates of several track
 
 By default both engines are labelled multi-Bernoulli filters with soft association, as JPDA's:
 every label is at most one target, and no hard assignment is made. Particles can also be the PHD
-filter of the paper, with ``corrector: poisson``.
+filter of the paper, with ``engine: phd``.
 
 The method is based on Y. Qin, "Joint Target Detection, Tracking and Classification with
 Forward-Backward PHD Smoothing". Sections cited in the docstrings are the paper's. Where the code

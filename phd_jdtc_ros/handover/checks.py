@@ -28,7 +28,7 @@ def why_not(found: Estimates) -> tuple[str, str] | None:
         count = int(times[tracks <= 0].sum())
         return "unlabelled", (
             f"{count} of {len(found)} targets have track_id 0, must be above 0: a tracker with "
-            "corrector: poisson has no tracks"
+            "engine: phd has no tracks"
         )
     if (times > 1).any():
         return "schema", f"track_id {tracks[times > 1][0]} is given twice, must be once"

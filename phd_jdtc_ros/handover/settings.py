@@ -8,59 +8,65 @@ from itertools import combinations
 from typing import Any
 
 from msg_adapters import names
-from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check, with_members
+from phd_jdtc_ros.configuration import replaced
+from phd_jdtc_ros.configuration.checks import is_region
+from phd_jdtc_ros.configuration.schema import (
+    ConfigError,
+    Parameter,
+    check,
+    parameter,
+    table,
+    with_members,
+)
 from phd_jdtc_ros.core.tracks.region import Region
 
 # Default distance beyond a seam at which a target changes over, as a share of the smallest margin.
 HYSTERESIS = 0.2
+# How much later than a smoothed estimate's stamp its track may have got its number, seconds: the
+# smoother knows a target before the filter is sure of it. Up to the trackers' lag nothing waits.
 SMOOTHED_WAIT_S = 8.0
 # Upper bound of every waiting time, seconds.
 LONGEST_S = 600.0
 # Upper bound of the trackers, because each pair of them is compared at every stamp.
 MOST_TRACKERS = 50
 
-TRACKER = (
-    Parameter("node", "", "Full name of the tracker's node; /NAME/tracker if empty."),
-    Parameter(
-        "region",
-        [],
-        "The tracker's region: [x_min, y_min, x_max, y_max] in the world frame, m.",
-    ),
-    Parameter("region_margin", 0.0, "The tracker's region_margin, m; above 0.", 0.0),
-)
-TABLE = (
-    Parameter(
-        "trackers",
+
+@dataclass(frozen=True)
+class OfTracker:
+    """What each tracker has."""
+
+    node: str = parameter("", "Full name of the tracker's node; /NAME/tracker if empty.")
+    region: list[float] = parameter(
+        [], "The tracker's region: [x_min, y_min, x_max, y_max, margin], world frame, m."
+    )
+
+
+@dataclass(frozen=True)
+class HandOver:
+    """What the node is told."""
+
+    trackers: list[str] = parameter(
         [],
         "Names of the trackers that part the area, two or more, each with its region.",
         element=str,
         most=MOST_TRACKERS,
-    ),
-    Parameter(
-        "hysteresis",
+    )
+    hysteresis: float = parameter(
         0.0,
         "How far beyond a seam a target changes over, m; at most the smallest margin, and 0 for a "
         "fifth of that.",
         0.0,
-    ),
-    Parameter(
-        "max_delay_s",
+    )
+    max_delay_s: float = parameter(
         5.0,
         "How long a stamp waits for a tracker, by the stamps of the others, s. Once the newest is "
         "later by more the picture goes on without those that have not reached it.",
         0.1,
         LONGEST_S,
-    ),
-    Parameter(
-        "smoothed_wait_s",
-        SMOOTHED_WAIT_S,
-        "How much later than a smoothed estimate's stamp its track may have got its number, s. Up "
-        "to the trackers' lag nothing waits for it.",
-        0.0,
-        LONGEST_S,
-    ),
-    Parameter("world_frame", "map", "Frame of the estimates, and of the picture."),
-)
+    )
+
+
+TRACKER, TABLE = table(OfTracker), table(HandOver)
 
 
 @dataclass(frozen=True)
@@ -111,8 +117,8 @@ def resolve(given: Mapping[str, Any]) -> Settings:
     ConfigError
         It lists every fault.
     """
-    table = with_members(TABLE, "trackers", TRACKER, given)
-    values, faults = check(table.values(), given)
+    every = with_members(TABLE, "trackers", TRACKER, given)
+    values, faults = check(every.values(), given, replaced.HAND_OVER, replaced.HAND_OVER_TRACKER)
     if None not in values.values():
         faults += _faults(values)
     if faults:
@@ -124,7 +130,7 @@ def resolve(given: Mapping[str, Any]) -> Settings:
         raise ConfigError(faults)
     return Settings(
         values,
-        table,
+        every,
         trackers,
         tuple(_node(values, name) for name in trackers),
         regions,
@@ -165,7 +171,7 @@ def region_faults(owners: Sequence[str], regions: Sequence[Region]) -> list[str]
     regions : sequence of Region
     """
     faults = [
-        f"{owner}region_margin: {region.margin:g} given, must be above 0: a target is handed over "
+        f"{owner}region: margin {region.margin:g} given, must be above 0: a target is handed over "
         "where both trackers have it"
         for owner, region in zip(owners, regions, strict=True)
         if region.margin <= 0.0
@@ -184,8 +190,7 @@ def _node(values: Mapping[str, Any], name: str) -> str:
 
 
 def _region(values: Mapping[str, Any], name: str) -> Region:
-    x_min, y_min, x_max, y_max = values[f"{name}.region"]
-    return Region(x_min, y_min, x_max, y_max, values[f"{name}.region_margin"])
+    return Region(*values[f"{name}.region"])
 
 
 def _faults(values: Mapping[str, Any]) -> list[str]:
@@ -196,10 +201,10 @@ def _faults(values: Mapping[str, Any]) -> list[str]:
     nodes: dict[str, str] = {}
     for name in trackers:
         region = values[f"{name}.region"]
-        if len(region) != 4 or not (region[0] < region[2] and region[1] < region[3]):
+        if not is_region(region):
             faults.append(
-                f"{name}.region: {region} given, must be [x_min, y_min, x_max, y_max] of the "
-                "tracker's region"
+                f"{name}.region: {region} given, must be [x_min, y_min, x_max, y_max, margin] of "
+                "the tracker's region"
             )
         node = _node(values, name)
         other = nodes.setdefault(node, name)

@@ -39,9 +39,9 @@ class Reading(NamedTuple):
     ----------
     label : str
     death_term : str
-        A value of the tracker's parameter `death_term`.
+        One of `DEATH_TERMS`.
     extraction : str
-        A value of the tracker's parameter `extraction`.
+        One of `EXTRACTIONS`.
     """
 
     label: str

@@ -117,7 +117,7 @@ def _write(
             for own in by_stamp:
                 message = estimates.to_msg(own, config.world_frame)
                 bag.write(names.estimates(kind), interfaces.encode(message), own.stamp_ns)
-    values = {**config.values, "region": [], "region_margin": 0.0}
+    values = {**config.values, "region": []}
     bag_parameters.write(out / bag_parameters.NAME, values)
 
 

@@ -158,7 +158,7 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
     BagError
         If none of them is one.
     """
-    found: dict[str, Any] = {"radars": []}
+    found: dict[str, Any] = {"sensors": []}
     seen = []
     for topic, kind in sorted(bag.types.items()):
         if kind == radar_scan.TYPE_NAME:
@@ -172,10 +172,10 @@ def recognised_radars(bag: BagReader) -> dict[str, Any]:
             continue
         if given is None:
             continue
-        name = _name_of(topic, found["radars"])
-        found["radars"].append(name)
+        name = _name_of(topic, found["sensors"])
+        found["sensors"].append(name)
         found.update({f"{name}.topic": topic} | {f"{name}.{key}": given[key] for key in given})
-    if not found["radars"]:
+    if not found["sensors"]:
         raise BagError(
             f"{bag.path}: has no cloud with a range and an azimuth that are recognised by their "
             f"names; it has {'; '.join(seen) or 'no clouds at all'}. Name them in a parameter file "

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import re
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
 from msg_adapters import names, outputs, quantities
 from phd_jdtc_ros.asterix_bridge import settings as bridge
-from phd_jdtc_ros.configuration import tracker_node
-from phd_jdtc_ros.configuration.parameters import BIRTH, CLASS, MOTION, TOP
-from phd_jdtc_ros.configuration.radar_parameters import RADAR
+from phd_jdtc_ros.configuration import replaced, tracker_node
+from phd_jdtc_ros.configuration.parameters import GROUPS as PARTS
+from phd_jdtc_ros.configuration.parameters import TOP, schema
 from phd_jdtc_ros.configuration.schema import Parameter
 from phd_jdtc_ros.evaluation.metric_table import GROUPS, PLOTTED, PUBLISHED, TERMS
 from phd_jdtc_ros.handover import settings as hand_over
-from phd_jdtc_ros.parameter_files import evaluator, sensor_replay
+from phd_jdtc_ros.parameter_files import bag_parameters, evaluator, sensor_replay
 from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 
 # --- parameters -----------------------------------------------------------------------------------
@@ -23,12 +24,12 @@ from phd_jdtc_ros.study.monte_carlo.metrics import OF_STUDY
 _PARAMETERS = """\
 # Parameters
 
-Written by `make parameters` from the tables in the code. Parameters marked * can change while the
-tracker runs, from the next scan on. A change is checked together with all other values, and if it
-is refused, every reason is given. The tracker's other parameters change only while it is not
-configured; those of the other nodes are fixed at the start, except `seek_s` of `sensor_replay`.
-Whole numbers are accepted for all numbers. All faults of a configuration are listed at once, and
-the node then ends with status 2.
+Written by `make parameters` from the declarations in the code, {count} in all. Parameters marked *
+can change while the tracker runs, from the next scan on. A change is checked together with all
+other values, and if it is refused, every reason is given. The tracker's other parameters change
+only while it is not configured; those of the other nodes are fixed at the start, except `seek_s`
+of `sensor_replay`. Whole numbers are accepted for all numbers. All faults of a configuration are
+listed at once, and the node then ends with status 2.
 """
 
 _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
@@ -39,10 +40,12 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
         "and `qos_overrides.TOPIC.subscription.{reliability,history,depth,deadline}` (ns).",
         TOP,
     ),
-    ("tracker, for every name in `radars`", "Names are prefixed: `radar_1.position`.", RADAR),
-    ("tracker, for every name in `classes`", "", CLASS),
-    ("tracker, for every name in `motions`", "", MOTION),
-    ("tracker, for every name in `births`", "", BIRTH),
+    (
+        "tracker, for every name in `sensors`",
+        "Names are prefixed: `radar_1.position`.",
+        PARTS["sensors"],
+    ),
+    *((f"tracker, for every name in `{name}`", "", PARTS[name]) for name in list(PARTS)[1:]),
     ("tracker, as a node", "The offline executables do not have these.", tracker_node.TABLE),
     (
         "sensor_replay",
@@ -64,7 +67,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[Parameter, ...]], ...] = (
 
 def parameters() -> str:
     """Return the page of the nodes' parameters as Markdown."""
-    parts = [_PARAMETERS]
+    parts = [_PARAMETERS.format(count=declared())]
     for title, text, table in _SECTIONS:
         rows = [
             (f"`{p.name}`{_mark(p)}", f"`{_shown(p.default)}`", p.allowed, p.description)
@@ -73,6 +76,13 @@ def parameters() -> str:
         head = ("name", "default", "allowed", "meaning")
         parts.append(_section(title, text, head, rows))
     return "\n".join(parts)
+
+
+def declared() -> int:
+    """Return how many parameters are declared; one of a part and of all parts is one."""
+    bridge_only = {p.name for p in bridge.RADAR} - {p.name for p in bridge.TABLE}
+    tables = [table for _, _, table in _SECTIONS if table is not bridge.RADAR]
+    return sum(map(len, tables)) + len(bridge_only)
 
 
 def _mark(parameter: Parameter) -> str:
@@ -188,9 +198,70 @@ def policies(document: str) -> str:
     return _TOPICS.sub(listed, document)
 
 
-# Files with lists that are written anew, relative to the documentation.
-LISTS = {"nodes/tracker.md": topics, "../config/sros2/policies.xml": policies}
+# --- upgrade --------------------------------------------------------------------------------------
+
+_BEGIN, _END = "<!-- begin: make parameters -->", "<!-- end -->"
+_REPLACED = (
+    ("tracker", replaced.TRACKER),
+    ("tracker, of each sensor", replaced.RADAR),
+    ("tracker, as a node", replaced.NODE),
+    ("sensor_replay", replaced.REPLAY),
+    ("evaluator", replaced.EVALUATOR),
+    ("asterix_bridge", replaced.BRIDGE),
+    ("asterix_bridge, of each radar", replaced.BRIDGE_RADAR),
+    ("hand_over", replaced.HAND_OVER),
+    ("hand_over, of each tracker", replaced.HAND_OVER_TRACKER),
+)
+
+
+def upgrade(page: str) -> str:
+    """Return the page of what has other names now, with the tables of parameters in their place."""
+    head, _, rest = page.partition(_BEGIN)
+    _, _, tail = rest.partition(_END)
+    tables = [
+        _section(title, "", ("before", "now"), [(f"`{old}`", new) for old, new in names.items()])
+        for title, names in _REPLACED
+    ]
+    return "\n".join([f"{head}{_BEGIN}", *(f"#{table}" for table in tables), f"{_END}{tail}"])
+
+
+# --- config/defaults.yaml -------------------------------------------------------------------------
+
+_DEFAULTS = """\
+# All defaults: those of the reference scenario, two radars, two classes and births at four known
+# places. For your own radars start with a copy of this file, or of a profile beside it. Written by
+# `make parameters`; a comment stands where a parameter is for the first time.
+/**/tracker:
+  ros__parameters:
+"""
+
+
+def defaults() -> str:
+    """Return a parameter file of the tracker with all defaults, and what each of them is."""
+    lines, described, group = [_DEFAULTS.rstrip()], set(), ""
+    for name, parameter in schema({}).items():
+        prefix, _, last = name.rpartition(".")
+        if prefix != group and prefix:
+            lines += ["", f"    {prefix}:"]
+        group, indent = prefix, "      " if prefix else "    "
+        if parameter.description not in described:
+            lines += textwrap.wrap(parameter.description, 100, **_comment(indent))
+        described.add(parameter.description)
+        lines.append(f"{indent}{last}: {bag_parameters.scalar(parameter.default)}")
+    return "\n".join(lines) + "\n"
+
+
+def _comment(indent: str) -> dict[str, str]:
+    return {"initial_indent": f"{indent}# ", "subsequent_indent": f"{indent}# "}
+
+
 PAGES = {"parameters.md": parameters, "metrics.md": metrics}
+# Files with lists that are written anew, relative to the documentation.
+LISTS = {
+    "nodes/tracker.md": topics,
+    "upgrade.md": upgrade,
+    "../config/sros2/policies.xml": policies,
+}
 
 
 def main(argv: Sequence[str]) -> int:
@@ -201,6 +272,7 @@ def main(argv: Sequence[str]) -> int:
     for name, written in LISTS.items():
         path = directory / name
         path.write_text(written(path.read_text(encoding="utf-8")), encoding="utf-8")
+    (directory.parent / "config" / "defaults.yaml").write_text(defaults(), encoding="utf-8")
     return 0
 
 

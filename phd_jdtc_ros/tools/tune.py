@@ -163,9 +163,6 @@ def _proposed(
     values["interval_s"] = proposal.interval_s(found)
     for radar, own in rows.items():
         values.update({f"{radar}.{row.name}": row.value for row in own if row.proposed})
-        table = f"{radar}.detection_probability_over_range"
-        if values.get(f"{radar}.detection_probability") and values.get(table):
-            values[table] = []
         # Antennas turn clockwise; azimuths that rise meanwhile count clockwise too. It is written
         # where it is the default as well: what is wrong mirrors the world.
         convention = f"{radar}.azimuth_convention"

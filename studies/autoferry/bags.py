@@ -31,9 +31,8 @@ OWN_SHIP = "own_ship"
 DEPTH = 50
 # What a tracker that uses the lidar too has in addition.
 LIDAR: Mapping[str, Any] = {
-    "radars": list(SENSORS),
-    "lag": 0,
-    "lag_s": 5.0,
+    "sensors": list(SENSORS),
+    "lag": "5 s",
     "lidar.pose": f"/{OWN_SHIP}/odometry",
     "lidar.fields.amplitude": "",
     "lidar.range_std": 2.0,
@@ -41,7 +40,7 @@ LIDAR: Mapping[str, Any] = {
     "lidar.min_range": 5.0,
     "lidar.max_range": 150.0,
     # A vessel beyond about 80 m reflects too little, whatever the water does.
-    "lidar.detection_probability_over_range": [0.0, 0.7, 50.0, 0.6, 100.0, 0.2, 150.0, 0.05],
+    "lidar.detection_probability": [0.0, 0.7, 50.0, 0.6, 100.0, 0.2, 150.0, 0.05],
     "lidar.clutter_rate": 2.0,
     "lidar.clutter_max_range": 150.0,
 }

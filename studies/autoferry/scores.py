@@ -138,7 +138,7 @@ def scores_of(
         found |= _of_sources(name, tracked(new_engine(config), scans), truth)
     if with_lidar is not None:
         config = resolve(with_lidar)
-        both = scans_of(recording, config.values["radars"])
+        both = scans_of(recording, config.values["sensors"])
         found |= _of_sources(WITH_LIDAR, tracked(new_engine(config), both), truth)
     lag, model, interval_s = peer_problem(parameters)
     scenario = Scenario(scans[0].stamp_ns, interval_s, len(scans), (), polar_radars(model.radars))

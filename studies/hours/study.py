@@ -95,7 +95,7 @@ def path_of_user(recording: Path, work: Path) -> dict[str, tuple[Path, list[Run]
     recorded = bag_parameters.read(bag) or {}
     removed = [
         f"-p{radar}.fields.{field}:=''"
-        for radar in recorded.get("radars", [])
+        for radar in recorded.get("sensors", [])
         for field in ("code", "address")
     ]
     bare = work / "out_no_identities"

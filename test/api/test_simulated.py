@@ -61,7 +61,7 @@ def test_simulate_gives_a_scan_without_detections_a_row():
         {
             "scans": 5,
             "targets": [],
-            "parameters": {"radars": ["only"], "only": {"clutter_rate": 0.0}},
+            "parameters": {"sensors": ["only"], "only": {"clutter_rate": 0.0}},
         },
         seed=3,
     )

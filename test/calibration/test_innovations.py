@@ -59,7 +59,7 @@ def test_axes_say_which_deviation_is_wrong():
         assert fit.axes[1] > 5.0 > 2.0 > fit.axes[0]
 
 
-ALONE = resolve({"radars": ["one"], "one.range_std": 10.0, "one.azimuth_std_deg": 1.0}).model
+ALONE = resolve({"sensors": ["one"], "one.range_std": 10.0, "one.azimuth_std_deg": 1.0}).model
 STILL = estimates(
     states([[5e3, 0.0]]),
     np.zeros((5, 5)),

@@ -118,7 +118,7 @@ def test_a_run_may_begin_where_a_snapshot_ends():
 
 
 TURNING = TurningRadar(plots=40, stamp_at=1.0)
-AT_ONCE = {"lag": 2, "radars": ["radar_1"], "interval_s": 4.0, "radar_1.rotation_s": 4.0}
+AT_ONCE = {"lag": 2, "sensors": ["radar_1"], "interval_s": 4.0, "radar_1.rotation_s": 4.0}
 
 
 def turned(pipeline, reports, radar=0):

@@ -25,7 +25,7 @@ ROAD = {
     "detection_births.velocity_std": 12.0,
     "detection_births.particles": 4096,
     "particles_per_target": 4000,
-    "least_particles": 2000,
+    "budget.least": 2000,
     "cv.noise_density": 4.0,
     "lag": 4,
     "radar.position": [0.0, 0.0],

@@ -14,7 +14,7 @@ def test_less_than_half_is_said_with_the_biggest_reasons_and_their_parameters():
     used.unreadable("schema")
     assert used.fault() == (
         "11 of 34 detections could be used; dropped most by: range 10 (max_range), late 9 "
-        "(reorder_s, reorder_scans), not_finite 2 (fields)"
+        "(reorder_s, late_reports), not_finite 2 (fields)"
     )
 
 

@@ -20,7 +20,7 @@ GIVEN = {
     "detection_births.particles": 256,
     "detection_births.least_probability": 0.005,
     "particles_per_target": 300,
-    "least_particles": 100,
+    "budget.least": 100,
     "lag": 3,
     "radar.position": [0.0, 0.0],
     "radar.yaw_deg": 0.0,

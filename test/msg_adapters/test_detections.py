@@ -334,3 +334,25 @@ def test_from_msg_rejects_impossible_stamps(sec, nanosec):
     with pytest.raises(RejectedMessageError, match="stamp") as error:
         adapter.from_msg(message, radar())
     assert error.value.reason == "schema"
+
+
+@pytest.mark.parametrize(
+    "names",
+    [("rho", "theta", "snr"), ("Distance", "azimuth_angle", "SNR_dB"), ("range", "az", "snr")],
+)
+def test_from_msg_recognises_fields_by_their_usual_names(names):
+    sent = {"range_field": names[0], "azimuth_field": names[1], "amplitude_field": names[2]}
+    layout = radar(**sent, amplitude_in_db=True)
+    message = adapter.to_msg(detections(), STAMP_NS, FRAME, layout)
+    found, named = adapter.from_msg(message, radar()), adapter.from_msg(message, layout)
+    assert_array_equal(found.detections.measurement, named.detections.measurement)
+    assert_array_equal(found.detections.amplitude, named.detections.amplitude)
+    assert len(found.detections) > 1
+
+
+def test_from_msg_takes_no_field_that_another_quantity_has():
+    layout = radar(range_field="rho", time_field="r")
+    message = adapter.to_msg(detections(), STAMP_NS, FRAME, layout)
+    found = adapter.from_msg(message, radar(time_field="r")).detections
+    named = adapter.from_msg(message, layout).detections
+    assert_array_equal(found.measurement, named.measurement)

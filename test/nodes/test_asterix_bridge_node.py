@@ -29,19 +29,19 @@ LOOPBACK = "127.0.0.1"
 GROUP = "239.255.86.1"
 TOPIC = "/radar_1_2/detections"
 SEEN = [(10.0, 20.0), (100.0, 30.0), (190.0, 40.0), (350.0, 50.0)]
-NAMED = ("-p", "radars:=[radar_1_2]", "-p", "radar_1_2.sac:=1", "-p", "radar_1_2.sic:=2")
+NAMED = ("-p", "radars:=[radar_1_2]", "-p", "radar_1_2.source:=[1, 2]")
 # A recording is sent faster than it was made, so that its times are not those of its receipt.
 ANY_TIME = ("-p", "max_clock_offset_s:=86400.0")
 TRACKER = {
     "engine": "gaussian",
     "radars": ["radar_1_2"],
     "interval_s": 4.0,
-    "lag_s": 4.0,
+    "lag": "4 s",
     "classes": ["aircraft"],
     "motions": ["cv"],
     "births": [],
     "detection_births": {"rates": [0.1], "velocity_std": 150.0},
-    "spawn": {"rate": 0.0, "class_transition": [], "mode_transition": []},
+    "spawn": {"rate": 0.0},
     "amplitude": "none",
     "aircraft": {"motions": ["cv"], "mode_transition": [1.0]},
     "cv": {"noise_density": 5.0},

@@ -136,9 +136,9 @@ def test_shipped_recording_is_tracked_with_the_values_of_its_profile():
     found = tracker_params.config(bag_parameters.read(SHIPPED)).values
     shared = [name for name in given if not name.startswith("approach.")]
     assert len(shared) > 20
-    # Beside what the recording's radars are, two need to wait for each other; and nothing spawns.
+    # Beside what the recording's radars are, two need to wait for each other.
     differing = {name for name in shared if found[name] != profile[name]}
-    assert differing == {"radars", "reorder_s", "spawn.mode_transition"}
+    assert differing == {"sensors", "reorder_s"}
     assert found["spawn.rate"] == profile["spawn.rate"] == 0.0
 
 

@@ -9,7 +9,7 @@ from phd_jdtc_ros.core.snapshot import Snapshot
 from phd_jdtc_ros.nodes.tracker import checkpoint
 from phd_jdtc_ros.nodes.tracker.checkpoint import MAGIC, CheckpointError
 
-CONFIGURATION = {"lag": 5, "radars": ["north", "south"], "seed": 0}
+CONFIGURATION = {"lag": 5, "sensors": ["north", "south"], "seed": 0}
 
 
 def snapshot():

@@ -74,7 +74,7 @@ def test_demo_reaches_the_promised_figures(demo):
 
 
 def test_phd_filter_does_not_reach_the_promised_figures(tmp_path):
-    config = resolve({**bag_parameters.read(BAG), "corrector": "poisson"})
+    config = resolve({**bag_parameters.read(BAG), "engine": "phd"})
     metrics = scores(BAG, config, tmp_path / "bag")
 
     assert broken(metrics) == {

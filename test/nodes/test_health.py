@@ -278,8 +278,8 @@ def test_overload_is_a_warning_that_says_what_to_turn_down_though_each_step_is_i
     found = step_status(pace, lost=453, busy=0.99)
     assert found.level == WARN
     assert found.message == (
-        "overloaded, 453 messages lost in the last 10 s: turn down particles_per_target, "
-        "max_particles or lag"
+        "overloaded, 453 messages lost in the last 10 s: turn down accuracy, "
+        "particles_per_target or lag"
     )
     assert diagnostics.values_of(found)["busy"] == "0.99"
 

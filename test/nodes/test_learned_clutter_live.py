@@ -17,7 +17,7 @@ from phd_jdtc_ros.tools import simulate, track_bag
 
 TURNS = 32
 PARAMETERS = {
-    "radars": ["mast"],
+    "sensors": ["mast"],
     "engine": "gaussian",
     "births": [],
     "interval_s": 2.5,

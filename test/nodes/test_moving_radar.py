@@ -37,7 +37,7 @@ def tracker(processes, peer, tmp_path):
     """Return a function that starts a tracker; it returns publishers by topic, and estimates."""
 
     def start(kind="odometry", source="filtered"):
-        given = {**dict(flatten(moving.PARAMETERS)), "mast.pose_message": kind}
+        given = {**dict(flatten(moving.PARAMETERS)), "mast.pose": f"{moving.ODOMETRY} {kind}"}
         types = {CLOUDS: PointCloud2, moving.ODOMETRY: KINDS[kind]}
         return started(processes, peer, tmp_path, given, types, source=source)[:2]
 
@@ -54,7 +54,7 @@ def test_a_moving_radar_is_tracked_live_as_offline(tracker, peer, tmp_path, kind
             due = sum(other == CLOUDS and ns <= stamp_ns for other, _, ns in messages)
             assert peer.spin_until(lambda due=due: len(found) >= due)
     bag = write_bag(tmp_path / "bag", messages, kind)
-    config = moving.config(**{"mast.pose_message": kind})
+    config = moving.config(**{"mast.pose": f"{moving.ODOMETRY} {kind}"})
     offline = track_bag.track_bag(BagReader(bag), config, tmp_path / "out")
     expected = recorded(tmp_path / "out")
     # The last scan waits for a pose that never comes, until the end of the bag.
@@ -120,7 +120,7 @@ def test_the_report_shows_detections_and_the_radar_where_they_were(tmp_path):
 
 def test_poses_that_are_not_recorded_are_warned_of(processes, peer, tracker, tmp_path):
     tracker()
-    options = ("-p", f"record:={tmp_path / 'r'}", "-p", f"radar_topics:=[{CLOUDS}]")
+    options = ("-p", f"record:={tmp_path / 'r'}", "-p", f"record_topics:=[{CLOUDS}]")
     evaluator = processes.start("evaluator", "--ros-args", *options)
     expected = f"{moving.ODOMETRY}, of which /tracker has the poses of a radar that moves"
     assert peer.spin_until(lambda: expected in evaluator.log.read_text())
@@ -131,8 +131,8 @@ def test_a_moving_radar_is_recorded_with_its_poses_and_played_again(processes, p
     record = tmp_path / "recorded"
     recorder = processes.start(
         "evaluator",
-        *("--ros-args", "-p", f"record:={record}", "-p", f"radar_topics:=[{CLOUDS}]"),
-        *("-p", f"pose_topics:=[{moving.ODOMETRY}]"),
+        *("--ros-args", "-p", f"record:={record}"),
+        *("-p", f"record_topics:=['{CLOUDS}', '{moving.ODOMETRY} odometry']"),
     )
     assert peer.spin_until(lambda: peer.node.count_subscribers(moving.ODOMETRY) == 1)
     status, log = processes.run("sensor_replay", bag, "--rate", "10")

@@ -65,7 +65,7 @@ def test_a_status_says_what_is_seen_and_how_sure_it_is(found, level, text):
 
 
 def test_the_monitor_is_off_by_default_and_needs_two_radars():
-    assert tracker_node.resolve({}).node["registration_monitor"] is False
+    assert "registration" not in tracker_node.resolve({}).node["outputs"]
 
 
 @pytest.mark.live
@@ -90,7 +90,7 @@ def test_a_radar_that_is_off_is_warned_of_live_as_offline(processes, peer):
     filtered = peer.collect(PointCloud2, names.estimates("filtered"), 100)
     health = peer.collect(DiagnosticArray, names.DIAGNOSTICS)
     given = [word for name, value in FEW.items() for word in ("-p", f"{name}:={value}")]
-    watch = ("-p", "registration_monitor:=true")
+    watch = ("-p", "outputs:=[registration]")
     processes.start("tracker", "--ros-args", *given, *watch, *RELIABLE)
     assert peer.spin_until(
         lambda: (

@@ -1,6 +1,5 @@
 import re
 import signal
-import time
 
 import numpy as np
 import pytest
@@ -202,39 +201,6 @@ def test_tracker_predicts_over_a_short_gap(radars):
     radars.track(15)
 
     assert epoch(radars) == 0
-
-
-def test_tracker_puts_scans_in_order_if_told_to(processes, peer):
-    processes.start("tracker", "--ros-args", *FAST, *RELIABLE, "-p", "reorder_scans:=1")
-    radars = Radars(peer)
-    radars.connect()
-    # One is held back.
-    for before, index in enumerate((1, 0, 3, 2, 5, 4)):
-        radars.send(index)
-        assert peer.spin_until(lambda n=before: len(radars.filtered) == n)
-    assert [stamp_of(c) for c in radars.filtered] == [SCANS[k].stamp_ns for k in range(5)]
-    assert peer.call(Trigger, "/tracker/flush").success
-    assert peer.spin_until(lambda: len(radars.smoothed) == 6)
-    assert [stamp_of(c) for c in radars.filtered] == [SCANS[k].stamp_ns for k in range(6)]
-    assert not [key for key in diagnostics.values_of(radars.drops(1)) if "dropped" in key]
-    ordered = [bytes(cloud.data) for cloud in radars.filtered]
-    for before in range(6):
-        radars.send(before)
-        assert peer.spin_until(lambda n=6 + before: len(radars.filtered) == n)
-    assert peer.call(Trigger, "/tracker/flush").success
-    assert peer.spin_until(lambda: len(radars.filtered) == 12)
-    assert [bytes(cloud.data) for cloud in radars.filtered[6:]] == ordered
-
-
-def test_tracker_holds_a_scan_back_no_longer_than_it_may_wait(processes, peer):
-    options = ("-p", "reorder_scans:=1", "-p", "max_wait_s:=0.4")
-    processes.start("tracker", "--ros-args", *FAST, *RELIABLE, *options)
-    radars = Radars(peer)
-    radars.connect()
-    sent = time.monotonic()
-    radars.send(0)
-    assert peer.spin_until(lambda: radars.filtered)
-    assert time.monotonic() - sent >= 0.4
 
 
 def test_tracker_goes_on_with_one_radar(radars):

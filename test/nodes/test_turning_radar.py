@@ -23,15 +23,15 @@ AIRCRAFT = np.array([[20e3, 5e3, -200.0, 0.0], [-12e3, -15e3, 100.0, 150.0]])
 CLUTTER = 12
 
 PARAMETERS = {
-    "radars": ["tower"],
+    "sensors": ["tower"],
     "interval_s": ROTATION_S,
-    "lag_s": 4.0,
+    "lag": "4 s",
     "particles_per_target": 300,
     "classes": ["aircraft"],
     "motions": ["cv"],
     "births": [],
     "detection_births": {"rates": [0.1], "velocity_std": 150.0, "particles": 256},
-    "spawn": {"rate": 0.0, "class_transition": [], "mode_transition": []},
+    "spawn": {"rate": 0.0},
     "aircraft": {"motions": ["cv"], "mode_transition": [1.0], "snr_band_db": [10.0, 30.0]},
     "cv": {"noise_density": 5.0},
     "tower": {

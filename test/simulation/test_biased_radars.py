@@ -13,7 +13,7 @@ from phd_jdtc_ros.simulation.turning_antenna import simulate_reports
 
 CONFIG = resolve(
     {
-        "radars": ["one", "other"],
+        "sensors": ["one", "other"],
         **{
             f"{name}.{key}": value
             for name in ("one", "other")

@@ -10,7 +10,7 @@ from phd_jdtc_ros.simulation import scenario_file
 from phd_jdtc_ros.simulation.turning_antenna import answered_plots, plot_times
 
 PARAMETERS = {
-    "radars": ["hill"],
+    "sensors": ["hill"],
     "world_origin": [50.0, 8.5, 100.0],
     "hill.geodetic": [50.0, 8.5, 130.0],
     "hill.rotation_s": 4.0,
@@ -25,7 +25,6 @@ PARAMETERS = {
     "hill.max_range": 300e3,
     "classes": ["aircraft"],
     "births": [],
-    "spawn.class_transition": [],
 }
 MIRROR = {"position": [3000.0, 4000.0], "probability": 1.0}
 # Of the target above the antenna.

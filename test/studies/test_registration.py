@@ -18,7 +18,7 @@ TRACKED_S = 80.0
 def found():
     document = biased.document()
     # Without a lag and most of the clutter the tracker needs a tenth of the time.
-    document["parameters"] |= {"lag_s": 0.0, "lag": 0}
+    document["parameters"] |= {"lag": 0}
     for name in ("west", "east", "south"):
         document["parameters"][name]["clutter_rate"] = 1.0
     return registration.run(document, 7, None, TRACKED_S)

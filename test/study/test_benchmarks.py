@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from inner import resolve
 from numpy.testing import assert_allclose
 from rich.console import Console
 from scenes import no_detections
@@ -30,7 +31,6 @@ from benchmarks import (
 from benchmarks import report as tables
 from benchmarks.radars import Reply
 from phd_jdtc_ros.configuration.assembly import new_pipeline
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.core.pipeline import Stepped
 from phd_jdtc_ros.core.smc.correction import CORRECTORS
 from phd_jdtc_ros.core.smc.kernel import backward_kernel
@@ -42,7 +42,7 @@ from phd_jdtc_ros.simulation.turning_antenna import Report
 
 LAG = 3
 BORN_ANYWHERE = {"detection_births.rates": [0.01, 0.01], "detection_births.particles": 64}
-FEW = {"particles_per_target": 100, "least_particles": 20, "particles_per_birth": 64}
+FEW = {"particles_per_target": 100, "budget.least": 20, "particles_per_birth": 64}
 WITHOUT_ROS = ("peers", "steps", "step_growth", "growth", "smoother", "paper_smoother")
 every_backend = pytest.mark.parametrize("backend", backends.available())
 every_engine = pytest.mark.parametrize("engine", recursion.PARTS)

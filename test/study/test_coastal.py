@@ -42,7 +42,7 @@ def test_the_profile_has_the_parameters_of_the_scenario(name):
     found = resolve({**profile, **given})
     assert found.inputs == config.inputs
     # What is spelt out in the profile and follows from the rest in the scenario.
-    spelt_out = ("mast.topic", "mast.frame", "spawn.mode_transition")
+    spelt_out = ("mast.topic", "mast.frame")
     expected = {key: value for key, value in config.values.items() if key not in spelt_out}
     assert {key: found.values[key] for key in expected} == expected
 
@@ -116,7 +116,7 @@ def test_ships_keep_off_what_answers_and_some_lie_at_anchor(name):
     ("given", "fault"),
     [
         (["-p", "mast.pose:=fixed"], "mast.pose: fixed given, must be a topic"),
-        (["-p", "mast.pose_yaw:=false"], "mast.pose_yaw: false given, must be true"),
+        (["-p", f"mast.pose:={ODOMETRY} stabilised"], "mast.pose: stabilised given, must not be"),
     ],
 )
 def test_simulate_refuses_a_radar_that_its_platform_does_not_carry(given, fault, tmp_path, capsys):

@@ -23,7 +23,7 @@ from phd_jdtc_ros.study.turning import of_scored, track, turn_ends, turning_run
 from phd_jdtc_ros.tools.monte_carlo import load_study
 
 PARAMETERS = {
-    "radars": ["approach"],
+    "sensors": ["approach"],
     "approach.position": [0.0, 0.0],
     "approach.rotation_s": 4.0,
     "approach.range_std": 40.0,
@@ -41,7 +41,6 @@ PARAMETERS = {
     "detection_births.rates": [0.1],
     "detection_births.velocity_std": 150.0,
     "spawn.rate": 0.0,
-    "spawn.class_transition": [],
     "particles_per_target": 200,
     "detection_births.particles": 512,
 }

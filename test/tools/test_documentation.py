@@ -137,7 +137,7 @@ def test_examples_of_the_page_on_csv_run(tmp_path, monkeypatch):
     assert {row["label"] for row in written} == {"1", "2"}
     assert [float(row["x"]) for row in written] == found["tracks"]["x"].tolist()
     radars = recorded_plots.recognised_radars(BagReader(tmp_path / "bag"))
-    assert radars["radars"] == ["radar"]
+    assert radars["sensors"] == ["radar"]
 
 
 def test_parameters_in_the_table_of_the_page_on_csv_are_some():
@@ -271,9 +271,8 @@ def test_detection_probabilities_without_amplitudes_are_those_of_the_radar_page(
     for probability, low in zip(probabilities, bands, strict=True):
         config = resolve(
             {
-                "radars": ["one"],
+                "sensors": ["one"],
                 "classes": ["target"],
-                "spawn.class_transition": [],
                 "births": [],
                 "one.fields.amplitude": "",
                 "one.false_alarm_probability": 0.001,

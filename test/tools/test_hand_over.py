@@ -36,7 +36,7 @@ def tracks(stamp, lag, rows):
 
 def bag(directory, tracker, region=True):
     """Write what a tracker says of an aircraft that crosses, and of one that stays in the west."""
-    given = {"region": REGIONS[tracker], "region_margin": MARGIN} if region else {}
+    given = {"region": [*REGIONS[tracker], MARGIN]} if region else {}
     found = []
     for stamp in STAMPS:
         x = x_at(stamp)
@@ -108,7 +108,7 @@ def test_a_stamp_that_one_tracker_lacks_is_that_of_the_other(both, tmp_path):
         own = tracks(1004, 0, [(1, 30e3, 0.0)])
         data = interfaces.encode(estimates.to_msg(own, "map"))
         written.write(names.estimates(FILTERED), data, own.stamp_ns)
-    values = resolve({"region": REGIONS["east"], "region_margin": MARGIN}).values
+    values = resolve({"region": [*REGIONS["east"], MARGIN]}).values
     bag_parameters.write(short / bag_parameters.NAME, values)
     out = tmp_path / "joint"
     assert run("hand_over", [both[0], str(short), "--out", str(out)]) == 0
@@ -145,9 +145,9 @@ def with_parameters(directory, **changes):
             {"world_origin": [47.0, 8.0, 400.0]},
             "world_origin: [47.0, 8.0, 400.0] given, must be []",
         ),
-        ({"region_margin": 0.0}, "region_margin: 0 given, must be above 0"),
+        ({"region": REGIONS["east"]}, "region: margin 0 given, must be above 0"),
         (
-            {"region": [-1e3, 0.0, 9e3, 9e3]},
+            {"region": [-1e3, 0.0, 9e3, 9e3, MARGIN]},
             "region: [-1000, 0, 9000, 9000] given, must not overlap",
         ),
     ],

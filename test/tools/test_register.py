@@ -115,7 +115,7 @@ def test_register_overwrites_nothing(bag, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("changes", "arguments", "reason"),
     [
-        ({"radars": ["west"]}, (), "west alone given, must be at least two to compare"),
+        ({"sensors": ["west"]}, (), "west alone given, must be at least two to compare"),
         ({"east.fields.time": ""}, (), "have no times of their own: must have them (fields.time)"),
         ({"east.position": [9e5, 0.0]}, (), "no common targets: east has"),
         ({"east.topic": "/nowhere"}, (), "/nowhere"),

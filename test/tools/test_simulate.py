@@ -80,7 +80,7 @@ def test_simulate_of_another_seed_differs_in_the_detections_alone(simulate):
 
 def test_simulate_takes_radars_from_the_parameters(simulate):
     _, out = simulate(
-        "-p", "radars:=[front]", "-p", "front.topic:=/front/plots", "-p", "front.frame:=mast",
+        "-p", "sensors:=[front]", "-p", "front.topic:=/front/plots", "-p", "front.frame:=mast",
         "-p", "world_frame:=odom",
     )  # fmt: skip
     assert BagReader(out).counts == {"/front/plots": 8, names.TRUTH: 8}

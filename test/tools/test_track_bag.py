@@ -266,16 +266,6 @@ def test_track_bag_of_a_radar_that_is_late_is_that_of_the_bag_in_time(
         assert data("dropped", topic, after) != whole
 
 
-def test_track_bag_puts_swapped_scans_in_order_if_told_to(short_bag, track, tracked, tmp_path):
-    swapped = {(1000 + 6 * k) * 10**9: (1000 + 6 * (k ^ 1)) * 10**9 for k in range(8)}
-    rewrite(short_bag, tmp_path / "swapped", lambda e: [(e[0], e[1], swapped[e[2]])])
-    _, usual = track(tmp_path / "swapped", out="usual")
-    _, ordered = track(tmp_path / "swapped", "-p", "reorder_scans:=1", out="ordered")
-    assert len(clouds(usual, FILTERED)) == 4
-    for topic in (FILTERED, SMOOTHED):
-        assert clouds(ordered, topic) == clouds(tracked, topic)
-
-
 def edited(edit, scan=3, topic=RADARS[0]):
     """Return a change that edits one radar's cloud of one scan."""
 
@@ -460,23 +450,23 @@ def test_track_bag_of_a_corrupt_bag_leaves_an_older_output_out_of_it(
 
 def test_track_bag_lists_every_fault_of_the_parameters(short_bag, track, faults):
     status, out = track(
-        short_bag, "-p", "lag:=101", "-p", "extraction:=best", "-p", "radar_3.yaw_deg:=0.0",
+        short_bag, "-p", "lag:=101", "-p", "engine:=best", "-p", "radar_3.yaw_deg:=0.0",
     )  # fmt: skip
     assert status == 2
     listed = faults()
     assert len(listed) == 3
-    assert listed[0] == "lag: 101 given, must be a whole number, at least 0, at most 100"
-    assert listed[1].startswith("extraction: 'best' given, must be one of ")
+    assert listed[0].startswith("lag: 101 given, must be a whole number of scans from ")
+    assert listed[1].startswith("engine: 'best' given, must be one of ")
     assert listed[2] == "radar_3.yaw_deg: unknown parameter"
     assert not out.exists()
 
 
 @pytest.mark.parametrize("value", ["[1,", "1" + "0" * 400, "{a: 1}", "", "1e400"])
 def test_track_bag_refuses_a_value_that_is_none_in_one_line(short_bag, track, faults, value):
-    status, out = track(short_bag, "-p", f"lag_s:={value}")
+    status, out = track(short_bag, "-p", f"interval_s:={value}")
     assert status == 2
     (fault,) = faults()
-    assert "lag_s" in fault
+    assert "interval_s" in fault
     assert not out.exists()
 
 
@@ -633,7 +623,7 @@ def test_track_bag_changes_single_parameters_of_those_beside_the_bag(track):
     assert (found["radars"], found["lag"]) == (["radar_1"], 2)
 
 
-FILE = "/**/tracker: {ros__parameters: {radars: [radar_1]}}\n"
+FILE = "/**/tracker: {ros__parameters: {sensors: [radar_1]}}\n"
 
 
 @pytest.mark.parametrize(

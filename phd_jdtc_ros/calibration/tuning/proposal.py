@@ -134,11 +134,8 @@ def _detection(found: Findings, now: Any, by_band: bool) -> Row:
     rate = found.detection
     value = min(rounded(rate.value, 0.01), MOST_PROBABILITY)
     source = f"{rate.count} chances"
-    table = now("detection_probability_over_range") or []
-    given = now("detection_probability")
-    if given:
-        return Row("detection_probability", value, rate.std, source, given)
-    if table:
+    table = given = now("detection_probability")
+    if isinstance(table, list):
         mean = float(np.mean(table[1::2]))
         least, most = min(table[1::2]), max(table[1::2])
         other = not least - SAME_PROBABILITY <= value <= most + SAME_PROBABILITY

@@ -43,7 +43,7 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
     given: dict[str, Any] = {
         "engine": "gaussian",
         "interval_s": rounded(look_s, 1e-3 * look_s),
-        "lag_s": rounded(5.0 * look_s, 0.1 * look_s),
+        "lag": f"{rounded(5.0 * look_s, 0.1 * look_s):g} s",
         "classes": ["target"],
         "motions": ["cv", "ct"],
         "births": [],

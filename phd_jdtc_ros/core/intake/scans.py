@@ -5,10 +5,6 @@ A scan is closed when every live radar has reported its stamp, or when a later s
 radar that has missed two scans is not live until its next report. A caller that cannot wait for a
 later stamp closes the pending scans with `close_all`.
 
-The newest K scans can be held back, so that a report that arrives out of order still joins its
-scan. With K = 1 no report is lost, and the order of arrival makes no difference, provided that
-every report of a scan arrives before all reports of the scan after the next.
-
 Asynchronous radars that report whole turns send reports as old as their turns are long. For these
 radars scans can be held back by time: until every live radar has reported the stamp or a later
 one, or the newest stamp is later by more than that time.
@@ -68,17 +64,13 @@ class ScanGrouper:
         A stamp further behind the newest than this begins a new run; its report is not late.
     max_gap_s : float
         A scan that comes later than this after the previous one begins a new run.
-    reorder_scans : int
-        Number K of the newest scans that are held back.
     reorder_s : float
-        Longest time that scans are held back for radars behind the newest stamp, seconds; above 0
-        it replaces `reorder_scans`.
+        Longest time that scans are held back for radars behind the newest stamp, seconds.
     """
 
     radars: int
     reset_threshold_s: float
     max_gap_s: float = math.inf
-    reorder_scans: int = 0
     reorder_s: float = 0.0
     _pending: dict[int, dict[int, Detections]] = field(init=False, default_factory=dict)
     _misses: list[int] = field(init=False)
@@ -201,7 +193,7 @@ class ScanGrouper:
     def _close_complete(self) -> list[Scan | Reset]:
         """Close the oldest scans that enough later ones follow.
 
-        A complete scan needs `reorder_scans` later ones, and an incomplete one needs one more.
+        A complete scan needs none, and an incomplete one needs one.
         """
         events: list[Scan | Reset] = []
         stamps = sorted(self._pending)
@@ -213,8 +205,7 @@ class ScanGrouper:
         """Return whether the oldest of the pending stamps need not wait."""
         if self.reorder_s:
             return self._passed(stamps[0])
-        needed = self.reorder_scans + (not self._complete(stamps[0]))
-        return len(stamps) > needed
+        return len(stamps) > 1 or self._complete(stamps[0])
 
     def _passed(self, stamp_ns: int) -> bool:
         """Return whether no live radar can still report a stamp in time.

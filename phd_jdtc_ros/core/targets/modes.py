@@ -148,7 +148,6 @@ class ModeSpace:
         """Return the (O, O) transition matrix over the interval `dt` in seconds.
 
         If a matrix has no generator, the interval is rounded to whole nominal ones, at least one.
-        The configuration accepts such a matrix only with `fixed_interval`.
         """
         steps = dt / self.interval_s
         if abs(steps - 1.0) < 1e-6:

@@ -46,6 +46,8 @@ INPUT_DEPTH = 10
 BUDGET_S = 0.05
 # After so long without a datagram nothing late is expected, seconds.
 QUIET_S = 5.0
+# The topic of the estimates to send, unless it is remapped.
+ESTIMATES = names.estimates("filtered")
 
 
 class AsterixBridge(LifecycleNode):
@@ -83,9 +85,8 @@ class AsterixBridge(LifecycleNode):
         for name in self._values["radars"]:
             self._add_output(name)
         if self._values["output"]:
-            topic = self._values["estimates_topic"]
             overridable.subscribe(
-                self, PointCloud2, topic, self._on_estimates, INPUT_DEPTH, "estimates_topic"
+                self, PointCloud2, ESTIMATES, self._on_estimates, INPUT_DEPTH, ESTIMATES
             )
         HealthReports(self, self._statuses, self._warnings)
         # By the wall clock, because radars and displays do not follow simulated time.
@@ -228,7 +229,7 @@ class AsterixBridge(LifecycleNode):
             self._output.take(cloud)
         except RejectedMessageError as error:
             self._dropped[error.reason] += 1
-            topic = self._values["estimates_topic"]
+            topic = self.resolve_topic_name(ESTIMATES)
             self._warnings.warn(topic, f"{topic}: {error}")
             return
         self._taken_s = time.monotonic()
@@ -243,7 +244,7 @@ class AsterixBridge(LifecycleNode):
         if self._sender is None or self._output is None:
             return
         now_ns, stamp_ns = time.time_ns(), self._output.stamp_ns
-        if abs(now_ns - stamp_ns) > self._values["max_prediction_s"] * 1e9:
+        if abs(now_ns - stamp_ns) > settings.MAX_PREDICTION_S * 1e9:
             now_ns = stamp_ns + round((time.monotonic() - self._taken_s) * 1e9)
         if not self._values["output_period_s"]:
             now_ns = stamp_ns
@@ -269,7 +270,7 @@ class AsterixBridge(LifecycleNode):
         """Return where estimates may be, if nobody publishes them where they are expected."""
         if not self._values["output"]:
             return ""
-        topic = self.resolve_topic_name(self._values["estimates_topic"])
+        topic = self.resolve_topic_name(ESTIMATES)
         return offers.hint(self, topic, PointCloud2)
 
     def _statuses(self) -> list[DiagnosticStatus]:

@@ -136,6 +136,7 @@ def resolve(
     table: tuple[Parameter, ...],
     flags: Mapping[str, Any],
     files: Sequence[ParameterFile],
+    old: Mapping[str, str],
 ) -> dict[str, Any]:
     """Check a node's parameters against a plain table, declare them, return their values.
 
@@ -145,13 +146,14 @@ def resolve(
         From plain command-line flags, which override ROS arguments.
     files : sequence of ParameterFile
         Those that the process was given.
+    old : mapping of a name of before to what takes its place
 
     Raises
     ------
     ConfigError
         With every fault.
     """
-    values, faults = check(table, {**given(node, files), **flags})
+    values, faults = check(table, {**given(node, files), **flags}, old)
     if faults:
         raise ConfigError(faults)
     declare(node, {parameter.name: parameter for parameter in table}, values)
@@ -162,8 +164,8 @@ def _descriptor(parameter: Parameter, value: Any) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=parameter.description,
         additional_constraints=f"must be {parameter.allowed}",
-        # An empty list has no type of its own, and a word may stand for a number.
-        dynamic_typing=value == [] or bool(parameter.words),
+        # An empty list has no type of its own, and some values are written in several ways.
+        dynamic_typing=value == [] or bool(parameter.words) or parameter.form is not None,
     )
     largest = sys.float_info.max
     low, high = max(parameter.low, -largest), min(parameter.high, largest)

@@ -47,11 +47,11 @@ class MissingRadars:
                 self._known.add(topic)
                 self._node.get_logger().warning(
                     f"{topic}, of which {self._tracker} has a radar's detections, is not among "
-                    "radar_topics and is not recorded"
+                    "record_topics and is not recorded"
                 )
             elif topic not in self._known and self._poses.intersection(types):
                 self._known.add(topic)
                 self._node.get_logger().warning(
                     f"{topic}, of which {self._tracker} has the poses of a radar that moves, is "
-                    "not among pose_topics and is not recorded"
+                    "not among record_topics and is not recorded"
                 )

@@ -48,13 +48,14 @@ class HandOver(Node):
         self._picture = JointPicture(
             self._settings.regions,
             self._settings.hysteresis,
-            values["smoothed_wait_s"],
+            settings.SMOOTHED_WAIT_S,
             limit_s,
             MOST_WAITING,
         )
         self._heard = [health.Heard(limit_s) for _ in self._settings.names]
         self._silent: frozenset[int] = frozenset()
         self._classes: int | None = None
+        self._frame: str | None = None
         self._published: Counter[str] = Counter()
         self._tracks = self._overflow = 0
         self._seen = Seen()
@@ -134,10 +135,12 @@ class HandOver(Node):
         RejectedMessageError
             If it is not one of estimates, or does not fit those of the others.
         """
-        frame, allowed = cloud.header.frame_id, self._settings.values["world_frame"]
-        if frame != allowed:
-            raise RejectedMessageError("frame", f"frame is {quoted(frame)}, must be {allowed!r}")
         found = estimates.from_msg(cloud)
+        frame, allowed = cloud.header.frame_id, self._frame or cloud.header.frame_id
+        if frame != allowed:
+            raise RejectedMessageError(
+                "frame", f"frame is {quoted(frame)}, must be {allowed!r} as in the first estimates"
+            )
         classes = found.class_probability.shape[1]
         if self._classes is None:
             self._classes = classes
@@ -148,6 +151,7 @@ class HandOver(Node):
         reason = checks.why_not(found)
         if reason is not None:
             raise RejectedMessageError(*reason)
+        self._frame = allowed
         return found
 
     def _publish(self, done: Sequence[Joint]) -> None:
@@ -155,8 +159,7 @@ class HandOver(Node):
             self._published[source] += 1
             if source == FILTERED:
                 self._tracks = len(joint)
-            frame = self._settings.values["world_frame"]
-            self._outputs[source].publish(estimates.to_msg(joint, frame))
+            self._outputs[source].publish(estimates.to_msg(joint, self._frame or ""))
 
     def _log_silent(self) -> None:
         """Log when the picture begins to go on without a tracker, and when it has it again."""

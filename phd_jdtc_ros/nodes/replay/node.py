@@ -20,6 +20,7 @@ from std_srvs.srv import Trigger
 from msg_adapters import names, stamps
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration import replaced
 from phd_jdtc_ros.exit_status import FAILED, OK, fail
 from phd_jdtc_ros.parameter_files import sensor_replay
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
@@ -63,7 +64,9 @@ class SensorReplay(Node):
 
     def __init__(self, flags: dict[str, Any], files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("sensor_replay")
-        self._values = parameters.resolve(self, sensor_replay.AT_THE_START, flags, files)
+        self._values = parameters.resolve(
+            self, sensor_replay.AT_THE_START, flags, files, replaced.REPLAY
+        )
         sensor_replay.check(self._values)
         self.exit_status: int | None = None
         path = resources.bag(self._values["bag"])
@@ -101,7 +104,7 @@ class SensorReplay(Node):
             self._values["duration_s"],
         )
         self._bag_clock = BagClock(self._values["rate"], bag.start_ns)
-        self._line = ProgressLine(bool(self._values["progress"]), *self._part_s)
+        self._line = ProgressLine(*self._part_s)
         for name, callback in (
             ("pause", self._on_pause),
             ("resume", self._on_resume),

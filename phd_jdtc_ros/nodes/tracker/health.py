@@ -30,8 +30,8 @@ BUSY_SHARE = 0.95
 REAL_TIME = 0.9
 # What to do about steps that take too long, by engine.
 ADVICE = {
-    "particles": "turn down particles_per_target, max_particles or lag",
-    "gaussian": "turn down hypotheses_per_target, max_hypotheses or lag",
+    "particles": "turn down accuracy, particles_per_target or lag",
+    "gaussian": "turn down accuracy or lag",
 }
 # Figures of a step whose sum is part of the health, where an engine has them.
 SUMMED = ("approximate_clusters", "floored_covariances")

@@ -35,10 +35,12 @@ POSE_FAULTS = {
     PoseFault.DUPLICATE: "duplicate stamp",
     PoseFault.LATE: "older than the one before",
     PoseFault.JUMP: "a jump from the one before; used once others go on from there",
-    PoseFault.ORIENTATION: "its orientation is no quaternion; set pose_yaw false if it has none",
+    PoseFault.ORIENTATION: "its orientation is no quaternion; pose may be stabilised",
 }
 # Poses come much more often than scans, and wait while one is stepped.
 POSES_KEPT = 200
+# A radar may miss so many of its scans; within half a second more it is called silent.
+SILENT_AFTER_SCANS = 2.0
 
 
 class Inputs:
@@ -223,15 +225,15 @@ class Inputs:
         the previous look has been received by now, however long the steps between them took.
         """
         self._judged_s, self._looked_s = self._looked_s, time.monotonic()
-        scans = self._settings.node["silent_after_scans"]
-        return frozenset(r.name for r in self._all() if r.silent(self._judged_s, scans))
+        return frozenset(
+            r.name for r in self._all() if r.silent(self._judged_s, SILENT_AFTER_SCANS)
+        )
 
     def statuses(self, now: float) -> list[DiagnosticStatus]:
         """Return a status for each input; `now` is by the monotonic clock."""
         name = self._node.get_fully_qualified_name()
-        scans = self._settings.node["silent_after_scans"]
         return [
-            health.status(name, now, self._judged_s, scans, listener.publishers())
+            health.status(name, now, self._judged_s, SILENT_AFTER_SCANS, listener.publishers())
             for health, listener in zip(self._all(), self._listeners, strict=True)
         ]
 

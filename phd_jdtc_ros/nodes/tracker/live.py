@@ -37,6 +37,11 @@ from .load import Load
 from .outputs import Outputs
 from .static_frames import StaticFrames
 
+# An older checkpoint is not used, seconds: the targets are elsewhere.
+CHECKPOINT_MAX_AGE_S = 60.0
+# Step time above which diagnostics warn, in intervals between scans: the tracker falls behind.
+STEP_TIME_LIMIT = 1.0
+
 
 class LiveTracker:
     """Subscribes to every radar, steps the engine scan by scan, and publishes the estimates.
@@ -58,7 +63,7 @@ class LiveTracker:
         self._served = OutputHealth()
         self._innovations = InnovationMonitor(config.model)
         self._monitor: RegistrationMonitor | None = None
-        if settings.node["registration_monitor"] and len(config.inputs) > 1:
+        if "registration" in settings.node["outputs"] and len(config.inputs) > 1:
             self._monitor = RegistrationMonitor(config.model.radars, nominal_s)
         self._active = False
         self._cpu_s = 0.0
@@ -104,7 +109,7 @@ class LiveTracker:
             path,
             values["checkpoint.every"],
             # The time of a restart is a gap, and the limit of gaps applies to it too.
-            min(values["checkpoint.max_age_s"], self._settings.config.max_gap_s),
+            min(CHECKPOINT_MAX_AGE_S, self._settings.config.max_gap_s),
             fixed,
             self._node.get_logger(),
         )
@@ -288,12 +293,11 @@ class LiveTracker:
     def statuses(self) -> list[DiagnosticStatus]:
         """Return a status for each input, step time, outputs and, if watched, registration."""
         now, name = time.monotonic(), self._node.get_fully_qualified_name()
-        limit = self._settings.node["step_time_limit"]
         for health, fit in zip(self._inputs.radars, self._innovations.fits(), strict=True):
             health.fit = fit
         return [
             *self._inputs.statuses(now),
-            self._pace.status(name, limit, self._inputs.lost(now), self._load.share(now)),
+            self._pace.status(name, STEP_TIME_LIMIT, self._inputs.lost(now), self._load.share(now)),
             self._served.status(name, now),
             *(registration_health.status(drift, name) for drift in self._drifts()),
         ]

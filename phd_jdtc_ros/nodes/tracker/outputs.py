@@ -16,10 +16,13 @@ from phd_jdtc_ros.configuration.tracker_node import Settings
 from . import endpoints
 from .health import OutputHealth
 
+# Positions of a track in ~/tracks/path and ~/tracks/geojson: some ten minutes of a turning radar.
+PATH_LENGTH = 100
+
 
 def _is_wanted(row: Output, values: Mapping[str, Any]) -> bool:
     """Return whether an output is wanted by the node's parameters."""
-    return not row.switch or bool(values[f"publish_{row.switch}"])
+    return not row.switch or row.switch in values["outputs"]
 
 
 class Outputs:
@@ -41,7 +44,7 @@ class Outputs:
         self._values = settings.node
         config = settings.config
         names = tuple(c.name for c in config.model.modes.classes)
-        trails = Trails(settings.node["path_length"])
+        trails = Trails(PATH_LENGTH)
         self._view = View(config.world_frame, names, config.model.radars, config.plane, trails)
         self._publishers: dict[Output, Any] = {}
         # Stamps of the last messages of what is published now and then.
@@ -59,7 +62,7 @@ class Outputs:
         try:
             kind = interfaces.message_class(row.type_name)
         except ImportError as error:
-            text = f"publish_{row.switch}: true given, but its message package is not installed"
+            text = f"outputs: {row.switch} given, but its message package is not installed"
             raise ConfigError([text]) from error
         qos = endpoints.latched_qos() if row.latched else endpoints.output_qos()
         return endpoints.publisher(self._node, kind, row.topic, qos, self._health)

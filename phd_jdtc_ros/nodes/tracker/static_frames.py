@@ -18,7 +18,7 @@ class StaticFrames:
 
     def __init__(self, node: LifecycleNode, settings: Settings) -> None:
         self._node = node
-        self._publisher = self._publish(settings) if settings.node["publish_frames"] else None
+        self._publisher = self._publish(settings) if "frames" in settings.node["outputs"] else None
 
     def _publish(self, settings: Settings) -> Any:
         """Return the publisher; None if the type of the transforms is not installed."""

@@ -24,7 +24,7 @@ FIGURES = (*METRICS, REDUCTION)
 # Stands for the name of every class in a parameter's name.
 EVERY_CLASS = "*"
 # Parameters that the study sets itself.
-OWN = ("lag", "lag_s", "seed", "death_term", "extraction")
+OWN = ("lag", "seed")
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,9 @@ from .kinds import KINDS, OURS, TRACKERS, TUNED, suits
 BUILT_IN_SCENARIO = "paper_scenario"
 # How the tracker's sets are read.
 OF_READING = ("death_term", "extraction")
+# What the labelled filter has, and what Gaussians do not have.
+LABELLED_READING = {"engine": "gaussian", "death_term": "bernoulli", "extraction": "components"}
+OTHER_READING = {"death_term": "paper", "extraction": "clusters"}
 LAG = Parameter("lag", 0, "", 0, 100)
 BOUND = Parameter("bound", 0.0, "")
 CUTOFF = Parameter("cutoff", 1000.0, "", SMALL)
@@ -286,15 +289,27 @@ def _tracker_faults(study: Study) -> Iterator[tuple[str, list[str]]]:
         for case in study.cases:
             if variant.kind in TUNED and case.name in variant.cases and variant.parameters:
                 given = study.parameters(case, variant)
-                if variant.reading is not None:
-                    _, *of_reading = variant.reading
-                    given |= dict(zip(OF_READING, of_reading, strict=True))
+                if given.get("engine") == "gaussian":
+                    faults += _of_particles(variant)
                 try:
                     tracker_config.resolve(given)
                 except ConfigError as error:
                     faults += error.faults
         if faults:
             yield variant.name, list(dict.fromkeys(faults))
+
+
+def _of_particles(variant: Variant) -> list[str]:
+    """Return a fault for each choice of a variant that Gaussians do not have."""
+    own = {"engine": variant.parameters.get("engine")}
+    if variant.reading is not None:
+        own |= dict(zip(OF_READING, variant.reading[1:], strict=True))
+    others = {"engine": "phd", **OTHER_READING}
+    return [
+        f"{key}: {value} given, must be {LABELLED_READING[key]} with engine gaussian"
+        for key, value in own.items()
+        if str(value).startswith(others[key])
+    ]
 
 
 def _parameters(given: Mapping[str, Any], prefix: str, faults: list[str]) -> dict[str, Any]:

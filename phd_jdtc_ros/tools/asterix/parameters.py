@@ -96,7 +96,7 @@ def proposed(states: Sequence[RadarState], disorder_s: float) -> Proposal | None
         _layout(found, state)
         _ranges(found, state, own)
     together = _placed(found, heard)
-    found.values["radars"] = [state.settings.name for state in together]
+    found.values["sensors"] = [state.settings.name for state in together]
     _turns(found, together)
     _identities(found, together)
     if disorder_s > MOST_DISORDER_S:
@@ -148,7 +148,7 @@ def _detect(found: Proposal, radar: str, measured: float) -> None:
     far = found.values[f"{radar}.max_range"]
     near = min(max(measured, least), most)
     table = [0.0, round(near, 3), far, round(max(near - FALL * far, least), 3)]
-    name = f"{radar}.detection_probability_over_range"
+    name = f"{radar}.detection_probability"
     found.set(name, table, f"measured: {measured:.3f}; the fall with the range is guessed")
 
 
@@ -209,10 +209,10 @@ def _ranges(found: Proposal, state: RadarState, own: dict[str, Any]) -> None:
     scale = most / own["max_range"]
     found.set(f"{radar}.max_range", most, f"its farthest plot is at {seen.farthest:.0f} m")
     found.set(f"{radar}.clutter_max_range", most, "as max_range")
-    pairs = own["detection_probability_over_range"]
+    pairs = own["detection_probability"]
     scaled = [round(v * scale) * 1.0 if k % 2 == 0 else v for k, v in enumerate(pairs)]
     said = "guessed: the profile's, as far as max_range"
-    found.set(f"{radar}.detection_probability_over_range", scaled, said)
+    found.set(f"{radar}.detection_probability", scaled, said)
     least = min(own["min_range"], float(math.floor(seen.nearest * BEFORE)))
     whose = "the profile's; " if least == own["min_range"] else ""
     found.set(f"{radar}.min_range", least, f"{whose}its nearest plot is at {seen.nearest:.0f} m")
@@ -273,7 +273,7 @@ def _turns(found: Proposal, together: Sequence[RadarState]) -> None:
     if turn_s:
         found.set("interval_s", turn_s, "the longest turn")
         found.set("estimates_period_s", turn_s, "the longest turn")
-        found.set("lag_s", round(5.0 * turn_s, 4), "five of the longest turns")
+        found.set("lag", f"{round(5.0 * turn_s, 4):g} s", "five of the longest turns")
 
 
 def _identities(found: Proposal, together: Sequence[RadarState]) -> None:

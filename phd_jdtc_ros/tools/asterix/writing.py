@@ -70,8 +70,7 @@ def bridge_parameters(config: TrackerConfig) -> dict[str, Any]:
     """
     values: dict[str, Any] = {"radars": [radar.name for radar in config.inputs]}
     for number, radar in enumerate(config.inputs, start=1):
-        values[f"{radar.name}.sac"] = OWN_SAC
-        values[f"{radar.name}.sic"] = number
+        values[f"{radar.name}.source"] = [OWN_SAC, number]
         if radar.sectors:
             values[f"{radar.name}.sectors"] = radar.sectors
         # `--plots` writes the plots of a sector before its crossing.
@@ -106,7 +105,7 @@ def write_tracks(
     output = settings.output_of(bridge, len(radars) == 1, call_signs)
     heard = [radar for radar in radars if bag.types.get(radar) == names.CLOUD]
     period_ns = round(bridge.values["output_period_s"] * 1e9)
-    last_ns = round(bridge.values["max_prediction_s"] * 1e9) + period_ns
+    last_ns = round(settings.MAX_PREDICTION_S * 1e9) + period_ns
     done = Written("tracks")
     due_ns: int | None = None
     with out.open("wb") as stream:

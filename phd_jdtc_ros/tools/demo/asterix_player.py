@@ -94,7 +94,7 @@ class AsterixPlayer(Node):
         self._flushed: Future | None = None
         self._state, self._since_s = State.WAITING, time.monotonic()
         self._begin_ns = bag.start_ns
-        self._line = ProgressLine(True, 0.0, (bag.end_ns - bag.start_ns) * 1e-9)
+        self._line = ProgressLine(0.0, (bag.end_ns - bag.start_ns) * 1e-9)
         self._sender = udp.sender(where, interface)
         self._truth = self.create_publisher(PointCloud2, names.TRUTH, QOS)
         self.create_subscription(DiagnosticArray, names.cardinality(), self._on_answer, QOS)

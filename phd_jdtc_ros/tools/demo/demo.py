@@ -29,6 +29,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration import scene
 from phd_jdtc_ros.configuration.build import TrackerConfig, resolve
 from phd_jdtc_ros.configuration.engines import ENGINES
+from phd_jdtc_ros.configuration.parameters import LABELLED
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.earth import SystemPlane
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
@@ -137,6 +138,8 @@ def _places(profile: Path, bag: Path) -> list[str]:
 
 def other_engine(config: TrackerConfig) -> TrackerConfig | None:
     """Return the configuration with the other engine; None if that lacks something of it."""
+    if config.values["engine"] not in LABELLED:
+        return None
     other = next(name for name in ENGINES if name != config.engine)
     try:
         return resolve({**config.values, "engine": other}, SystemPlane)

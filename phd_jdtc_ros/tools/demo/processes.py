@@ -15,6 +15,7 @@ from msg_adapters import names
 from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagReader
+from phd_jdtc_ros.configuration import tracker_node
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.parameter_files import bag_parameters
 
@@ -127,18 +128,23 @@ def reporting(bag: Path, config: TrackerConfig, out: Path, cutoff: float) -> dic
     found: dict[str, object] = {
         "report": out / METRICS,
         "record": out / RECORDING,
-        "radar_topics": f"[{', '.join(radar.topic for radar in config.inputs)}]",
-        "classes": len(classes),
+        "record_topics": f"[{', '.join(recorded_topics(config))}]",
+        "classes": f"[{', '.join(kind.name for kind in classes)}]",
         "world_frame": config.world_frame,
         "exit_after_scans": scans,
         "cutoff": cutoff,
         "least_speed": config.least_speed,
-        "class_names": f"[{', '.join(kind.name for kind in classes)}]",
     }
-    if config.carried:
-        found["pose_topics"] = f"[{', '.join(config.carried)}]"
-        found["pose_message"] = config.pose_message
     return found
+
+
+def recorded_topics(config: TrackerConfig) -> list[str]:
+    """Return the evaluator's ``record_topics``: those of radars, and of what carries them."""
+    poses = {radar.pose_topic: radar.pose_message for radar in config.inputs if radar.pose_topic}
+    return [
+        *(radar.topic for radar in config.inputs),
+        *(f"{topic} {message}" for topic, message in poses.items()),
+    ]
 
 
 def start_tracking(
@@ -153,7 +159,7 @@ def start_tracking(
     }
     # For viewers with a map of the earth.
     if config.plane is not None:
-        told["publish_navsat"] = True
+        told["outputs"] = f"[{', '.join([*tracker_node.Node().outputs, 'navsat'])}]"
     nodes.start("evaluator", [], evaluator)
     nodes.start("tracker", ["--ros-args", "--params-file", str(parameters)], told)
     return nodes.wait_for("tracker", "tracking") and nodes.wait_for("evaluator", "connected")

@@ -33,7 +33,7 @@ STANDING = {
     "radar_2.clutter_rate": 15.0,
 }
 TURNING = {
-    "radars": ["tower"],
+    "sensors": ["tower"],
     "tower.rotation_s": 5.0,
     "tower.range_std": 70.0,
     "tower.azimuth_std_deg": 0.15,
@@ -340,7 +340,7 @@ def test_a_rate_that_is_learned_stays_so(told):
 
 
 def test_a_table_that_agrees_stays_and_another_is_replaced(told):
-    table = "detection_probability_over_range"
+    table = "detection_probability"
     near = {"detection_probability": 0.0, table: [0.0, 0.9, 8e4, 0.8]}
     assert not rows_of(told, **near)["detection_probability"].proposed
     far = {"detection_probability": 0.0, table: [0.0, 0.5, 8e4, 0.4]}
@@ -352,7 +352,7 @@ def test_unspecified_tracker_is_one_that_the_configuration_takes(told):
     values = unspecified.parameters(
         {"tower": found, "other": found}, {"tower": True, "other": True}
     )
-    config = resolve({"radars": ["tower", "other"], **values})
+    config = resolve({"sensors": ["tower", "other"], **values})
     assert config.engine == "gaussian"
     assert (config.values["interval_s"], config.values["reorder_s"]) == (5.0, 5.0)
     assert config.values["amplitude"] == "none"

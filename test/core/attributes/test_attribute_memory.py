@@ -22,7 +22,7 @@ GIVEN = {
     "detection_births.velocity_std": 100.0,
     "detection_births.particles": 256,
     "particles_per_target": 400,
-    "least_particles": 100,
+    "budget.least": 100,
     "lag": 3,
     "radar.position": [0.0, 0.0],
     "radar.yaw_deg": 0.0,

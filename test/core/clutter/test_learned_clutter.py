@@ -239,7 +239,7 @@ def test_without_amplitudes_nothing_is_learned(engine):
 
 # A radar at a harbour: a quay of forty reflectors at 4 km, and three ships that move.
 HARBOUR = {
-    "radars": ["mast"],
+    "sensors": ["mast"],
     "births": [],
     "interval_s": 2.5,
     "lag": 0,

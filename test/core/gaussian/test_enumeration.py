@@ -249,7 +249,12 @@ def test_one_target_is_the_sum_over_all_its_histories(empty, existence, survival
 @pytest.mark.parametrize("empty", [(), (1,)])
 def test_target_whose_motions_go_on_apart_is_the_sum_over_all_their_changes(empty):
     rng = np.random.default_rng(7)
-    given = {"lag": 3, "least_mode": 0.0, "confirm_probability": 1e-9, "delete_probability": 1e-9}
+    given = {
+        "lag": 3,
+        "bounds.least_mode": 0.0,
+        "confirm_probability": 1e-9,
+        "delete_probability": 1e-9,
+    }
     config = configuration({**TWO_MOTIONS, **given})
     (radar,) = config.model.radars
     seconds = [6.0, 12.0, 21.0]

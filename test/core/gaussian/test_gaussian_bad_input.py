@@ -71,7 +71,7 @@ def test_least_noise_that_the_configuration_allows(range_std, azimuth_std, least
     config = lone(
         {
             **CLUTTER,
-            "least_mode": least_mode,
+            "bounds.least_mode": least_mode,
             "radar.range_std": range_std,
             "radar.azimuth_std_deg": azimuth_std,
             "cv.noise_density": 1e-9,

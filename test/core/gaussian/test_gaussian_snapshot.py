@@ -133,13 +133,13 @@ def test_forged_filtered_covariance_is_an_error(stored, matrix):
     [
         {"amplitude": "memory"},
         {"class_1.survival_probability": 0.9},
-        {"max_hypotheses": 100, "hypotheses_per_target": 1},
+        {"bounds.most": 100, "bounds.hypotheses": 1},
     ],
     ids=["cells", "motions", "bound"],
 )
 def test_snapshot_of_another_structure_is_an_error(stored, other):
     snapshot = stored_and_read(stored)
-    if "max_hypotheses" in other:
+    if "bounds.most" in other:
         snapshot.arrays["stored.1.origin"] = np.zeros(101, dtype=np.int64)
     with pytest.raises(ValueError, match="snapshot: "):
         gaussian(other).restore(snapshot)

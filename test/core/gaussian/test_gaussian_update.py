@@ -91,7 +91,7 @@ def test_newborn_is_at_its_detection_with_the_radars_noise_and_a_broad_velocity(
 
 def test_newborns_of_a_radar_have_origins_after_those_of_the_radars_before():
     radars = {
-        "radars": ["radar", "other"],
+        "sensors": ["radar", "other"],
         "radar.detection_probability": 0.5,
         "other.position": [1e4, 0.0],
         "other.detection_probability": 0.5,
@@ -149,8 +149,7 @@ def test_gaussian_is_detected_with_the_probability_at_its_range():
     config = lone(
         {
             **UNREDUCED,
-            "radar.detection_probability": 0.0,
-            "radar.detection_probability_over_range": [0.0, 0.9, 2e4, 0.1],
+            "radar.detection_probability": [0.0, 0.9, 2e4, 0.1],
         }
     )
     dynamics, (radar,) = Dynamics(config.model), config.model.radars

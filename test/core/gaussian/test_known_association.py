@@ -147,7 +147,7 @@ def test_updates_that_stop_early_are_as_near_to_the_most_probable_state_as_they_
 @pytest.mark.usefixtures("all_iterations")
 def test_several_plots_of_radars_are_updates_one_after_the_other():
     given = {f"other.{name[6:]}": value for name, value in OTHER.items()}
-    config = lone({"lag": LAG, "radars": ["radar", "other"], **given})
+    config = lone({"lag": LAG, "sensors": ["radar", "other"], **given})
     first, second = config.model.radars
     engine = started(config)
     truth = path(EVEN)

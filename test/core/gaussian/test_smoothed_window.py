@@ -107,7 +107,7 @@ def test_smoothed_cells_are_those_of_a_hidden_markov_chain():
     given = {
         "classes": list(names),
         "amplitude": "memory",
-        "amplitude_jitter": 0.5,
+        "memory.jitter": 0.5,
         "radar.detection_probability": 0.0,
         "lag": len(EVEN),
     }
@@ -214,7 +214,7 @@ def test_merged_hypotheses_hand_all_their_weight_back(motions):
             "radar.clutter_rate": 30.0,
             "radar.detection_probability": 0.8,
             "radar.clutter_max_range": 2e4,
-            "merge_distance": 4.0,
+            "bounds.merge_distance": 4.0,
             **motions,
         }
     )

@@ -242,7 +242,7 @@ def test_pairs_with_improbable_amplitudes_are_left_out():
 
 TWO_RADARS = {
     **GIVEN,
-    "radars": ["radar", "other"],
+    "sensors": ["radar", "other"],
     "other.position": [1e4, 0.0],
     "other.detection_probability": DETECTION,
     "other.clutter_rate": 5.0,

@@ -44,11 +44,6 @@ def grouper(radars=2, **options):
     return ScanGrouper(radars, reset_threshold_s=10.0, **options)
 
 
-def ordered(radars=2):
-    """Return a grouper that holds one scan back."""
-    return grouper(radars, reorder_scans=1)
-
-
 def played(group, text):
     """Feed the reports of a text, each radar@second, and return it with what follows from each.
 
@@ -126,24 +121,6 @@ STREAMS = [
         """
         one radar is not waited for by time:
             | 0@0: 0/0; 0@6: 6/0
-        """,
-    ),
-    (
-        {"reorder_scans": 1},
-        """
-        one whole scan is held back:
-            | 0@0; 1@0; 0@6: 0/01; 1@6
-        an incomplete scan is closed with the second later stamp:
-            | 0@0; 0@6; 0@12: 0/0
-        what is held back is given out before a reset:
-            0@100 1@100 | 0@106: 100/01; 0@0: 106/0 reset; 1@0; 0@6: 0/01
-        """,
-    ),
-    (
-        {"radars": 1, "reorder_scans": 2},
-        """
-        two scans are held back:
-            | 0@8; 0@4; 0@0: 0/0; 0@12: 4/0
         """,
     ),
     (
@@ -360,85 +337,18 @@ def test_add_makes_whole_scans_of_radars_that_all_report(radars, scans, seed):
     assert not group.waiting
 
 
-def test_add_drops_swapped_scans_unless_it_holds_one_back():
+def test_add_drops_swapped_scans():
     swapped = [(0, 0), (0, 12), (0, 6), (0, 24), (0, 18), (0, 30)]
     assert shape(feed(grouper(1), *swapped)).count(Rejection.LATE) == 2
-    group = ordered(1)
-    events = feed(group, *swapped) + group.close_all()
-    assert shape(events) == [(6 * k, (0,)) for k in range(6)]
 
 
-def test_add_takes_in_a_radar_that_is_a_scan_behind():
-    group = ordered()
-    stream = [(0, 0)]
-    for k in range(1, 8):
-        stream += [(0, 6 * k), (1, 6 * (k - 1))]
-    events = feed(group, *stream) + group.close_all()
-    assert shape(events) == [*((6 * k, (0, 1)) for k in range(7)), (42, (0,))]
-
-
-@pytest.mark.parametrize("hold", [0, 1])
-def test_add_loses_the_first_report_back_of_a_silent_radar_unless_it_holds_one_back(hold):
-    group = grouper(reorder_scans=hold)
+def test_add_loses_the_first_report_back_of_a_silent_radar():
+    group = grouper()
     feed(group, (0, 0), (1, 0), *((0, 6 * k) for k in range(1, 9)))
-    # Where nothing is held back, the scan was closed at once by the radar that is there.
+    # The scan was closed at once by the radar that is there.
     found = shape(feed(group, (1, 48), (0, 54), (1, 54), (0, 60), (1, 60)))
-    lost = Rejection.LATE in found
-    assert lost == (hold == 0)
-    assert ((48, (0, 1)) in found) == (hold == 1)
+    assert Rejection.LATE in found
     assert (54, (0, 1)) in found
-
-
-def test_add_holding_back_resets_behind_a_gap_in_the_order_of_stamps():
-    group = grouper(1, max_gap_s=5.0, reorder_scans=1)
-    # From 0 to 9 is too far, but 3 lies between.
-    events = feed(group, (0, 0), (0, 9), (0, 3), (0, 12)) + group.close_all()
-    assert shape(events) == [(0, (0,)), (3, (0,)), Reset, (9, (0,)), (12, (0,))]
-
-
-@st.composite
-def shuffled_streams(draw):
-    """Return reports of some radars in order, and so that none comes after the scan after next."""
-    radars = draw(st.integers(1, 3))
-    steps = draw(st.lists(st.integers(1, 3 * S), min_size=1, max_size=15))
-    stamps = [START + sum(steps[:k]) for k in range(len(steps))]
-    in_order = [(radar, stamp) for stamp in stamps for radar in range(radars)]
-    left, shuffled = list(in_order), []
-    while left:
-        oldest = stamps.index(left[0][1])
-        within = [entry for entry in left if stamps.index(entry[1]) <= oldest + 1]
-        chosen = draw(st.sampled_from(within))
-        left.remove(chosen)
-        shuffled.append(chosen)
-    return radars, in_order, shuffled
-
-
-@settings(deadline=None, max_examples=150)
-@given(case=shuffled_streams())
-def test_add_holding_one_back_makes_the_same_scans_in_any_order_within_it(case):
-    radars, in_order, shuffled = case
-
-    def scans(stream):
-        group = ordered(radars)
-        events = []
-        for radar, stamp_ns in stream:
-            found = group.add(radar, stamp_ns, report(stamp_ns + radar))
-            assert not isinstance(found, Rejection)
-            events += found
-        return [
-            (scan.stamp_ns, *(None if d is None else d.measurement[0, 0] for d in scan.detections))
-            for scan in events + group.close_all()
-        ]
-
-    assert scans(shuffled) == scans(in_order) == scans_of(in_order, radars)
-
-
-def scans_of(stream, radars):
-    """Return what the scans of a stream must hold, whole and in order."""
-    return [
-        (stamp_ns, *(float(stamp_ns + radar) for radar in range(radars)))
-        for stamp_ns in sorted({stamp_ns for _, stamp_ns in stream})
-    ]
 
 
 def waiting(radars=2, seconds=6.0):

@@ -23,7 +23,7 @@ def run(engine, scans=SCANS):
 
 @pytest.mark.parametrize("extraction", ["components", "clusters"])
 def test_engine_gives_the_same_run_for_the_same_seed(extraction):
-    config = small({"lag": 2, "seed": 7, "extraction": extraction})
+    config = small({"lag": 2, "seed": 7, "recursion.extraction": extraction})
     assert equal(run(new_engine(config)), run(new_engine(config)))
 
 
@@ -49,10 +49,10 @@ def test_engine_keeps_to_its_particles_when_targets_leave_all_coverage():
         replace(target, turns=(), first_scan=0, last_scan=119) for target in scene.targets
     )
     scans = [scan for _, scan in simulate(replace(scene, targets=targets), 3)]
-    given, most = {"least_particles": 200}, 1500
+    given, most = {"budget.least": 200}, 1500
     usual = list(map(new_engine(small(given)).step, scans))
     assert usual[-1].figures["particles"] > 2 * most
-    steps = list(map(new_engine(small({**given, "max_particles": most})).step, scans))
+    steps = list(map(new_engine(small({**given, "budget.most": most})).step, scans))
     assert max(step.figures["particles"] for step in steps) <= 1.1 * most
     # Targets have more mass than unconfirmed births and are tracked as without a limit.
     assert [len(step.filtered[0]) for step in steps] == [len(step.filtered[0]) for step in usual]
@@ -173,8 +173,8 @@ def one_target_scans(config, scans=6):
 def test_engine_runs_a_filter_of_one_mode(death_term, extraction):
     config = plain(
         {
-            "death_term": death_term,
-            "extraction": extraction,
+            "recursion.death_term": death_term,
+            "recursion.extraction": extraction,
             "radar.clutter_rate": 3.0,
             "lag": 2,
             "particles_per_birth": 512,
@@ -208,8 +208,6 @@ THREE_CLASSES = {
     "turning.snr_band_db": [10.0, 30.0],
     "turning.motions": ["ct"],
     "turning.mode_transition": [1.0],
-    "spawn.class_transition": [],
-    "spawn.mode_transition": [],
     **{f"start_{n}.rates": [0.005, 0.003, 0.002] for n in range(1, 5)},
 }
 

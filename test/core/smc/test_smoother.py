@@ -189,15 +189,15 @@ def test_bernoulli_term_is_finite_for_a_component_rounded_above_one(excess):
 # --- Small examples: a target that ends, one that exists -----------------------------------------
 
 
-def toy_masses(snr_db, seen, death_term, corrector="poisson"):
+def toy_masses(snr_db, seen, death_term, engine="phd"):
     """Return filtered and smoothed masses of one target, detected or not scan by scan."""
     band = [snr_db - 0.01, snr_db + 0.01]
     model, method = single_target_model(
         {
             "target.snr_band_db": band,
             "particles_per_target": 400,
-            "least_particles": 100,
-            "corrector": corrector,
+            "budget.least": 100,
+            "engine": engine,
         }
     )
     rng = np.random.default_rng(1)
@@ -239,7 +239,7 @@ def test_bernoulli_term_keeps_the_existence_before_a_death(p_d, bias):
 
 @pytest.mark.parametrize("p_d", [0.98, 0.88])
 def test_bernoulli_corrector_and_term_have_no_bias_before_a_death(p_d):
-    filtered, smoothed = toy_masses(SNR_OF_P_D[p_d], [1, 1, 1, 0, 0, 0], "bernoulli", "bernoulli")
+    filtered, smoothed = toy_masses(SNR_OF_P_D[p_d], [1, 1, 1, 0, 0, 0], "bernoulli", "particles")
     np.testing.assert_allclose(filtered[:3], 1.0, atol=1e-6)
     # Bayes' rule for the existence of a target that was certain and is missed.
     alive = [1.0]

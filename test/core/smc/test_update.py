@@ -18,7 +18,7 @@ from phd_jdtc_ros.core.window import update as window_update
 from phd_jdtc_ros.core.window.update import update_scan
 
 # The PHD filter's corrector; the other one is tested in test_correction.
-CONFIG = small({"corrector": "poisson"})
+CONFIG = small({"engine": "phd"})
 FILTER = particle_filter(CONFIG)
 MODEL = CONFIG.model
 MODES = MODEL.modes

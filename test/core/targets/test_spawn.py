@@ -8,7 +8,7 @@ from phd_jdtc_ros.configuration.engines import particle_filter
 from phd_jdtc_ros.core.smc.correction import POISSON
 from phd_jdtc_ros.core.state_space import OMEGA
 
-CONFIG = small({"spawn.particles_per_target": 20_000})
+CONFIG = small({"spawning.particles_per_target": 20_000})
 FILTER = particle_filter(CONFIG)
 MODEL = replace(CONFIG.model, births=())
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import estimate_sets
 import numpy as np
 import pytest
+from inner import resolve
 from scenes import seen_with
 
-from phd_jdtc_ros.configuration.build import resolve
 from phd_jdtc_ros.configuration.engines import new_engine
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.snapshot import Snapshot
@@ -183,7 +183,7 @@ def test_a_target_that_comes_out_of_a_blind_sector_has_its_number(engine, hidden
         {
             "engine": engine,
             "particles_per_target": 1500,
-            "radars": ["radar_1"],
+            "sensors": ["radar_1"],
             "births": [],
             "detection_births.rates": [0.05, 0.05],
             "lag": 1,
@@ -249,10 +249,10 @@ def test_given_deletion_is_of_the_existence_probability_alone():
 
 
 def test_unlabelled_estimates_are_reported_above_one_threshold():
-    config = resolve({"corrector": "poisson"})
+    config = resolve({"engine": "phd"})
     assert not config.rule.labelled
     assert config.rule.least == config.rule.least_smoothed == 0.5
-    given = resolve({"corrector": "poisson", "confirm_probability": 0.7, "delete_probability": 0.9})
+    given = resolve({"engine": "phd", "confirm_probability": 0.7, "delete_probability": 0.9})
     assert given.rule.least == given.rule.least_smoothed == 0.7
     assert (given.rule.delete == 0.7).all()
     states = TrackStates(config.rule)
@@ -384,7 +384,7 @@ def test_parameter_of_earlier_versions_is_refused_with_those_that_replaced_it():
 
 @pytest.mark.parametrize("engine", ["particles", "gaussian"])
 def test_engines_report_a_missed_target_as_coasting(engine):
-    config = resolve({"engine": engine, "particles_per_target": 1500, "least_particles": 100})
+    config = resolve({"engine": engine, "particles_per_target": 1500, "budget.least": 100})
     scans = [scan for _, scan in simulate(paper_scenario(config.model.radars), 3)[:12]]
     scans[9] = scan_of(scans[9].stamp_ns)  # nothing is detected
     of = new_engine(config)
@@ -403,7 +403,7 @@ def test_engines_report_a_missed_target_as_coasting(engine):
 
 # One radar with a map of clutter; targets are born at detections, at up to 10 m/s.
 COAST = {
-    "radars": ["mast"],
+    "sensors": ["mast"],
     "births": [],
     "interval_s": 2.5,
     "detection_births.rates": [0.02, 0.02],
@@ -477,6 +477,6 @@ def test_among_reflectors_only_tracks_are_reported_that_tell_that_they_move(give
 def test_a_radar_that_does_not_see_a_place_says_nothing_of_its_neighbourhood():
     near = with_answers(resolve(COAST).model, 5)
     far = {"far.clutter_map": True, "far.position": [6e4, 0.0], "far.max_range": 2e4}
-    both = resolve({**COAST, **far, "radars": ["mast", "far"]}).model
+    both = resolve({**COAST, **far, "sensors": ["mast", "far"]}).model
     both = replace(both, radars=(near.radars[0], both.radars[1]))
     assert states_by_scan(both) == states_by_scan(near)

@@ -48,8 +48,8 @@ def test_a_rate_that_is_learned_is_that_of_a_whole_field():
 @pytest.mark.parametrize("late_reports", ["drop", "rework"])
 def test_a_tracker_of_a_region_has_the_targets_in_it_and_no_others(late_reports):
     # Two of the four targets are east of the seam, all the time.
-    given = {"engine": "gaussian", "estimates_period_s": 1.7, "lag_s": 4.0}
-    region = {"region": [0.0, -90e3, 90e3, 90e3], "region_margin": 2e3}
+    given = {"engine": "gaussian", "estimates_period_s": 1.7, "lag": "4 s"}
+    region = {"region": [0.0, -90e3, 90e3, 90e3, 2e3]}
     found = {}
     for name, more in (("whole", {}), ("east", region)):
         config = sweep.configuration({**given, **more, "late_reports": late_reports})

@@ -103,7 +103,7 @@ def test_clutter_above_noise_is_the_scenarios_and_not_the_trackers():
     """A tracker that learns its clutter, or assumes another, is given the same data."""
     scene = paper_scenario(RADARS)
     assumed = resolve(
-        {"radar_1.clutter_amplitude": "learned", "radar_2.clutter_level_db": 10.0}
+        {"radar_1.clutter_amplitude": "learned", "radar_2.clutter_amplitude": "rayleigh 10"}
     ).model.radars
     other = paper_scenario(assumed)
     for (_, one), (_, two) in zip(simulate(scene, 0)[:3], simulate(other, 0)[:3], strict=True):

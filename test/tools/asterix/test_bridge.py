@@ -119,8 +119,8 @@ def test_radars_are_named_and_turned_as_parameters_say(bridge):
         for pair in zip(made.turns(2, sic=1), made.turns(2, sic=9), strict=True)
         for part in pair
     )
-    given = ["-p", "radars:=[a, b]", "-p", "a.sac:=1", "-p", "a.sic:=1", "-p", "b.sac:=1"]
-    given += ["-p", "b.sic:=9", "-p", "b.sectors:=16", "-p", "a.geodetic:=[50.0, 8.0, 100.0]"]
+    given = ["-p", "radars:=[a, b]", "-p", "a.source:=[1, 1]", "-p", "b.source:=[1, 9]"]
+    given += ["-p", "b.sectors:=16", "-p", "a.geodetic:=[50.0, 8.0, 100.0]"]
     given += ["-p", "b.geodetic:=[50.5, 8.5, 120.0]"]
     status, out, said = bridge(data, *given)
     assert status == 0
@@ -228,7 +228,7 @@ def test_what_is_no_recording_is_refused(bridge):
     [
         (["--date", "22.11.2026"], "22.11.2026 given, must be a date such as 2026-11-22"),
         (["-p", "sectors:=30"], "sectors: 30 given, must be a multiple of 4"),
-        (["-p", "radars:=[a, b]"], "b.sic: 0/0 given, is that of a too"),
+        (["-p", "radars:=[a, b]"], "b.source: 0/0 given, is that of a too"),
         (["-p", "sektors:=30"], "sektors: unknown parameter"),
     ],
 )
@@ -256,7 +256,7 @@ def by_sector(tmp_path_factory):
     scenario.write_text(
         """
 parameters:
-  radars: [approach]
+  sensors: [approach]
   approach:
     rotation_s: 4.0
     sectors: 16
@@ -269,13 +269,13 @@ parameters:
     clutter_rate: 4.0
     clutter_max_range: 110000.0
   interval_s: 4.0
-  lag_s: 8.0
+  lag: 8 s
   engine: gaussian
   classes: [aircraft]
   aircraft: {mode_transition: [0.95, 0.05, 0.1, 0.9]}
   births: []
   detection_births: {rates: [0.2], velocity_std: 100.0}
-  spawn: {rate: 0.0, class_transition: []}
+  spawn: {rate: 0.0}
 start_s: 1000.0
 interval_s: 1.0
 scans: 41
@@ -378,7 +378,7 @@ def test_plots_that_are_too_far_for_asterix_are_left_out(tmp_path, capsys):
         written.add_topic(Topic("/far/detections", names.CLOUD))
         cloud = detections.to_msg(Detections(measured, np.ones(2)), 10**12, "far")
         written.write("/far/detections", interfaces.encode(cloud), 10**12)
-    values = {"radars": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
+    values = {"sensors": ["far"], "far.max_range": 5e5, "far.clutter_max_range": 5e5}
     bag_parameters.write(bag / bag_parameters.NAME, tracker_params.config(values).values)
     assert run("asterix_bridge", [str(bag), "--plots", "--out", str(out)]) == 0
     assert "1 plots in 2 data blocks, of 1 clouds; dropped: range 1" in capsys.readouterr().out
@@ -391,7 +391,7 @@ def test_estimates_of_a_bag_become_tracks_that_another_decoder_reads(
 ):
     out = tmp_path / "tracks.ast"
     capsys.readouterr()
-    given = ["-p", "world_origin:=[52.0, 4.5, 0.0]", "-p", "output_sac:=25"]
+    given = ["-p", "world_origin:=[52.0, 4.5, 0.0]", "-p", "output_source:=[25, 1, 1]"]
     assert run("asterix_bridge", [str(with_estimates), "--out", str(out), *given]) == 0
     assert "dropped: none" in capsys.readouterr().out
     records = decoded(out.read_bytes())

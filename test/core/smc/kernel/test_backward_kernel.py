@@ -19,9 +19,9 @@ from phd_jdtc_ros.simulation.simulate import simulate
 
 SPARSE_BUDGET = {
     "particles_per_target": 80,
-    "least_particles": 10,
+    "budget.least": 10,
     "particles_per_birth": 16,
-    "spawn.particles_per_target": 30,
+    "spawning.particles_per_target": 30,
 }
 
 
@@ -109,8 +109,8 @@ def run(request):
             "start_1.rates": [0.5, 0.5],
         }
         start = wide_cloud()
-    corrector = "bernoulli" if request.param == "labelled" else "poisson"
-    config = small({**SPARSE_BUDGET, "corrector": corrector, **given})
+    engine = "particles" if request.param == "labelled" else "phd"
+    config = small({**SPARSE_BUDGET, "engine": engine, **given})
     method = particle_filter(config)
     # Scans do not come at exactly the nominal interval, here 4, 6, 5 and 6.5 s.
     stamps_s = [0.0, 6.0, 11.0, 17.5]
@@ -221,7 +221,8 @@ def test_build_spawn_beyond_its_radius_is_within_the_tolerance(run, monkeypatch)
 
 
 def test_build_bounds_spawned_mass_in_little_memory_however_narrow_the_spawn():
-    model = small({"spawn.rate": 0.5, "spawn.position_std": 1e-6}).model
+    model = small({"spawn.rate": 0.5}).model
+    model = replace(model, spawn=replace(model.spawn, std=model.spawn.std * [1e-7, 1, 1e-7, 1, 1]))
     state = [[0.0, 10.0, 0.0, 10.0, 0.0], [2e4, 10.0, 2e4, 10.0, 0.0]]
     earlier = intensity(state, [1.0, 1.0])
     later = intensity([model.modes.motions[0].mean(np.array(state), 6.0)[0]], [1.0])
