@@ -376,7 +376,7 @@ def test_code_that_the_method_names_exists():
 def test_every_folder_of_the_source_is_on_a_page():
     text = "\n".join(page.read_text() for page in (ROOT / "docs" / "code").rglob("*.md"))
     described = re.findall(r"^::: ([\w.]+)$", text, re.MULTILINE)
-    tops = ("phd_jdtc_ros", "msg_adapters", "benchmarks", "robustness")
+    tops = ("phd_jdtc_ros", "msg_adapters", "benchmarks", "robustness", "studies")
     packages = [
         ".".join(path.parent.relative_to(ROOT).parts)
         for top in tops
