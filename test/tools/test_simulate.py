@@ -90,7 +90,7 @@ def test_simulate_takes_radars_from_the_parameters(simulate):
 
 OWN_LAYOUT = """
 parameters:
-  radars: [own]
+  sensors: [own]
   own:
     message: {message}
     azimuth_convention: compass_cw
@@ -106,7 +106,7 @@ def test_simulate_writes_in_the_layout_of_the_radar_so_that_the_tracker_reads_it
     simulate, scenario_file, tmp_path, capsys, message
 ):
     plain, own = tmp_path / "plain.yaml", tmp_path / "own.yaml"
-    plain.write_text(scenario_file.read_text() + "parameters: {radars: [own]}\n")
+    plain.write_text(scenario_file.read_text() + "parameters: {sensors: [own]}\n")
     own.write_text(scenario_file.read_text() + OWN_LAYOUT.format(message=message))
     found = []
     for path in (plain, own):
@@ -225,7 +225,8 @@ def test_simulate_lists_every_fault_of_the_parameters(simulate, capsys):
     )  # fmt: skip
     assert status == 2
     assert sorted(faults_of(capsys)) == [
-        "lag: -1 given, must be a whole number, at least 0, at most 100",
+        "lag: -1 given, must be a whole number of scans from 0 to 100, or seconds above 0 as in "
+        "'20 s'",
         "no_such: unknown parameter",
         "radar_2.max_range: 'far' given, must be a finite number, at least 1e-09",
         "seed: nan given, must be a whole number, at least 0, at most 2.14748e+09",

@@ -52,8 +52,6 @@ def parameters(found: Mapping[str, Findings], timed: Mapping[str, bool]) -> dict
         "detection_births.turn_rate_std": 0.02,
         "detection_births.least_probability": 0.005,
         "spawn.rate": 0.0,
-        "spawn.class_transition": [],
-        "spawn.mode_transition": [],
         "target.motions": ["cv", "ct"],
         "target.mode_transition": [0.95, 0.05, 0.1, 0.9],
         "target.survival_probability": 0.99,
