@@ -34,7 +34,7 @@ NAMED = ("-p", "radars:=[radar_1_2]", "-p", "radar_1_2.source:=[1, 2]")
 ANY_TIME = ("-p", "max_clock_offset_s:=86400.0")
 TRACKER = {
     "engine": "gaussian",
-    "radars": ["radar_1_2"],
+    "sensors": ["radar_1_2"],
     "interval_s": 4.0,
     "lag": "4 s",
     "classes": ["aircraft"],
