@@ -11,6 +11,7 @@ from msg_adapters.readers import reader_of
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
@@ -139,7 +140,7 @@ def main(argv: Sequence[str]) -> int:
         path: Path | None = arguments.scenario
         document = yaml_files.load(path) if path else None
         config = command.tracker_config(arguments)
-        radars = config.model.radars
+        radars = polar_radars(config.model.radars)
         run = scenario_file.resolve(document, radars) if path else scenario.paper_scenario(radars)
         check_platform(run, config)
         check_sites(config.inputs)
