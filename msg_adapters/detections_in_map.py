@@ -11,18 +11,18 @@ from collections.abc import Sequence
 import numpy as np
 from sensor_msgs.msg import PointCloud2
 
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.types import Scan
 
 from . import point_cloud
 
 
-def to_msg(scan: Scan, radars: Sequence[RadarModel], frame: str) -> PointCloud2:
+def to_msg(scan: Scan, radars: Sequence[Sensor], frame: str) -> PointCloud2:
     """Return the cloud of a scan's detections, empty or not.
 
     Parameters
     ----------
-    radars : sequence of RadarModel
+    radars : sequence of Sensor
         In the configured order.
     frame : str
         The world frame.

@@ -38,7 +38,7 @@ def status(
     )
 
 
-def array(stamp_ns: int, statuses: list[DiagnosticStatus]) -> DiagnosticArray:
+def array(stamp_ns: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticArray:
     """Return an array of statuses."""
     return DiagnosticArray(header=stamps.header(stamp_ns, ""), status=statuses)
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from visualization_msgs.msg import Marker, MarkerArray
 
 from phd_jdtc_ros.core.engine import Engine, Step
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.sensor import Sensor
 from phd_jdtc_ros.core.sensors.site import Plane
 from phd_jdtc_ros.core.types import FILTERED, SOURCES, Estimates
 
@@ -69,7 +69,7 @@ class View:
     ----------
     frame : str
         Of the world.
-    radars : sequence of RadarModel
+    radars : sequence of Sensor
         In the configured order.
     plane : Plane or None
         Where the world frame is on the earth.
@@ -79,7 +79,7 @@ class View:
 
     frame: str
     class_names: tuple[str, ...]
-    radars: Sequence[RadarModel]
+    radars: Sequence[Sensor]
     plane: Plane | None
     trails: Trails
     run: uuid.UUID = field(default_factory=uuid.uuid4)

@@ -32,7 +32,10 @@ class StateSpace:
         return len(self.axes)
 
     def state(
-        self, position: Sequence[float] | float, velocity: Sequence[float] | float, turn_rate: float
+        self,
+        position: Sequence[float] | FloatArray | float,
+        velocity: Sequence[float] | FloatArray | float,
+        turn_rate: float,
     ) -> FloatArray:
         """Return a state of these values, shape (D,); a single number is used for both axes."""
         state = np.zeros(len(self))

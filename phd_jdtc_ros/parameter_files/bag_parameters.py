@@ -18,8 +18,8 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.parameter_files import yaml_files
 
 from . import sections
-from .sections import BAG_PARAMETERS as NAME
 
+NAME = sections.BAG_PARAMETERS
 # The section, as in the shipped profiles: of the tracker in any namespace.
 ANY_TRACKER = "/**/tracker"
 _HEAD = """\

@@ -25,7 +25,7 @@ from phd_jdtc_ros.bags.errors import BagError
 from phd_jdtc_ros.bags.reader import BagMessage, BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.core.intake.posed_reports import PosedReport, PosedReports
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 
 from .record import Plot, RadarSite, Record
@@ -64,6 +64,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
     wanted[clutter] = names.GRID
     bag.require({topic: kind for topic, kind in wanted.items() if topic in present})
     intact = _Intact(bag)
+    radars = polar_radars(config.model.radars)
     parts: dict[str, list[Any]] = defaultdict(list)
     classes = 0
     try:
@@ -81,7 +82,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
                 parts[sources[topic]].append(estimates.from_msg(message))
         found = sorted(_posed_reports(intact, config), key=lambda report: report.radar)
         for report in found:
-            parts["plots"] += _plots(report, config.model.radars[report.radar])
+            parts["plots"] += _plots(report, radars[report.radar])
     except RejectedMessageError as error:
         raise BagError(f"{path}: {error}") from error
     return Record(
@@ -93,7 +94,7 @@ def record(path: Path, config: TrackerConfig, tracker: str = names.TRACKER) -> R
         step_ms=np.array(parts["step_ms"], dtype=float),
         radars=tuple(
             RadarSite(radar.name, radar.position, source.height)
-            for radar, source in zip(config.model.radars, config.inputs, strict=True)
+            for radar, source in zip(radars, config.inputs, strict=True)
             if not source.pose_topic
         ),
         damage=intact.damage,

@@ -5,6 +5,8 @@ Colour-blind readers can tell the palette's colours apart; lines and markers dif
 
 from __future__ import annotations
 
+from typing import Literal, TypeAlias
+
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -13,10 +15,12 @@ from msg_adapters.palette import COLOURS as COLOURS
 from msg_adapters.palette import class_colour as class_colour
 from phd_jdtc_ros.core.arrays import FloatArray
 
+Line: TypeAlias = Literal["-", "--", "-.", ":"]
+
 WIDTH_IN = 8.0
 DPI = 150
 
-LINES = ("-", "--", "-.", ":")
+LINES: tuple[Line, ...] = ("-", "--", "-.", ":")
 MARKERS = ("o", "^", "s", "D", "v", "P")
 # Of detections without amplitudes, on light and on dark pages.
 DETECTION = "#807dba"
@@ -38,7 +42,7 @@ def purples(weak: float, strong: float, steps: int) -> FloatArray:
     return shades
 
 
-def class_line(class_id: int) -> str:
+def class_line(class_id: int) -> Line:
     """Return the line style of a class."""
     return LINES[class_id % len(LINES)]
 

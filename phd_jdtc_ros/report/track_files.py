@@ -83,12 +83,17 @@ def fixes(
                 continue
             identity = geo_json.identity(found, row)
             level = geo_json.level(places.height[row])
+            x, y = map(float, found.position[row])
+            vx, vy = map(float, found.velocity[row])
             yield Fix(
                 found.stamp_ns,
                 number,
-                *map(float, found.position[row]),
-                *map(float, found.velocity[row]),
-                *(float(column[row]) for column in places[:5]),
+                *(x, y, vx, vy),
+                latitude=float(places.latitude[row]),
+                longitude=float(places.longitude[row]),
+                height=float(places.height[row]),
+                speed=float(places.speed[row]),
+                course=float(places.course[row]),
                 class_name=class_names[int(found.class_id[row])],
                 state=geo_json.STATES[int(found.track_state[row])],
                 code=identity.get("code", ""),

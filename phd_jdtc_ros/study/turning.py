@@ -44,7 +44,7 @@ def turn_ends(scenario: Scenario) -> list[float]:
     index = next(k for k, radar in enumerate(scenario.radars) if radar.rotation_s > 0.0)
     rotation_s, antenna = scenario.radars[index].rotation_s, scenario.antennas[index]
     last = antenna.turns_at(np.array(scenario.duration_s), rotation_s)
-    turns = np.arange(int(np.ceil(antenna.begin)) + 1, int(last + 1e-9) + 1)
+    turns = np.arange(int(np.ceil(antenna.begin)) + 1, int(last + 1e-9) + 1, dtype=float)
     ends: list[float] = antenna.times_at(turns, rotation_s).tolist()
     return ends
 

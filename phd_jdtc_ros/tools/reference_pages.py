@@ -245,14 +245,13 @@ def defaults() -> str:
             lines += ["", f"    {prefix}:"]
         group, indent = prefix, "      " if prefix else "    "
         if parameter.description not in described:
-            lines += textwrap.wrap(parameter.description, 100, **_comment(indent))
+            mark = f"{indent}# "
+            lines += textwrap.wrap(
+                parameter.description, 100, initial_indent=mark, subsequent_indent=mark
+            )
         described.add(parameter.description)
         lines.append(f"{indent}{last}: {bag_parameters.scalar(parameter.default)}")
     return "\n".join(lines) + "\n"
-
-
-def _comment(indent: str) -> dict[str, str]:
-    return {"initial_indent": f"{indent}# ", "subsequent_indent": f"{indent}# "}
 
 
 PAGES = {"parameters.md": parameters, "metrics.md": metrics}

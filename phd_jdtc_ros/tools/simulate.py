@@ -12,6 +12,7 @@ from phd_jdtc_ros import resources
 from phd_jdtc_ros.bags.writer import BagWriter, Topic
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.schema import ConfigError
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import Detections, Truth
 from phd_jdtc_ros.exit_status import OK, ArgumentParser
 from phd_jdtc_ros.parameter_files import bag_parameters, yaml_files
@@ -142,7 +143,7 @@ def main(argv: Sequence[str]) -> int:
         path = arguments.scenario = arguments.scenario or resources.find(REFERENCE)
         document = yaml_files.load(path)
         config = command.tracker_config(arguments)
-        radars = config.model.radars
+        radars = polar_radars(config.model.radars)
         run = scenario_file.resolve(document, radars)
         check_platform(run, config)
         check_sites(config.inputs)

@@ -16,7 +16,8 @@ from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
@@ -37,7 +38,7 @@ from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, offers, overridable, parameters, runtime, transitions
 from ..common.health import HealthReports, Seen, ThrottledWarnings
-from ..common.runtime import WARNING_PERIOD_S
+from ..common.runtime import WARNING_PERIOD_S, RunnableNode
 from . import health
 
 DEPTH = 50
@@ -50,7 +51,7 @@ QUIET_S = 5.0
 ESTIMATES = names.estimates("filtered")
 
 
-class AsterixBridge(LifecycleNode):
+class AsterixBridge(LifecycleNode, RunnableNode):
     """The bridge as a lifecycle node.
 
     Active it receives and sends. Its parameters are fixed at the start.
@@ -58,7 +59,6 @@ class AsterixBridge(LifecycleNode):
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("asterix_bridge")
-        self.exit_status: int | None = None
         given = parameters.given(self, files)
         self._bridge = settings.resolve(given, settings.TABLE)
         self._values = self._bridge.values

@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
 
 from phd_jdtc_ros.configuration.schema import ConfigError, Parameter, check
 from phd_jdtc_ros.parameter_files.sections import ParameterFile
@@ -42,7 +42,7 @@ def given(node: Node, files: Sequence[ParameterFile]) -> dict[str, Any]:
     return {
         # An empty list has no type, and arrives as None.
         name: [] if parameter.value is None else parameter.value
-        for name, parameter in node.handle.get_parameters(rclpy.Parameter).items()
+        for name, parameter in node.handle.get_parameters(RosParameter).items()
         if is_ours(name)
     }
 
@@ -69,7 +69,7 @@ def _by_launch(path: Path) -> bool:
 
 def _values_in(files: Sequence[ParameterFile], node: Node) -> list[dict[str, Any]]:
     """Return the node's parameters in each file."""
-    found, faults = [], []
+    found, faults = list[dict[str, Any]](), list[str]()
     for file in files:
         try:
             found.append(file.values(node.get_fully_qualified_name()))

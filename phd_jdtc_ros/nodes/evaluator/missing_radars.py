@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from rclpy._rclpy_pybind11 import NodeNameNonExistentError
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from msg_adapters import platform_poses

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rich.console import Console
@@ -48,7 +48,7 @@ from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.report.table import metrics, score_tables
 
 from ..common import arguments, overridable, parameters, runtime
-from ..common.runtime import WARNING_PERIOD_S
+from ..common.runtime import WARNING_PERIOD_S, RunnableNode
 from ..common.tracker_parameters import TrackerParameters
 from .coverage import Coverage
 from .missing_radars import MissingRadars
@@ -67,13 +67,12 @@ KEPT_SCANS, KEPT_STEPS = 1000, 100_000
 MOST_TARGETS = 2000
 
 
-class Evaluator(Node):
+class Evaluator(RunnableNode):
     """Compares estimates with the truth at their stamps and publishes every score."""
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("evaluator")
         self._values = parameters.resolve(self, TABLE, {}, files, replaced.EVALUATOR)
-        self.exit_status: int | None = None
         self._report = _report_path(self._values["report"])
         self._classes = len(self._values["classes"])
         self._evaluation = Evaluation(
@@ -115,7 +114,7 @@ class Evaluator(Node):
         overridable.subscribe(
             self, PointCloud2, names.TRUTH, self._on_truth, INPUT_DEPTH, names.TRUTH
         )
-        inputs = [
+        inputs: list[tuple[type, str, Callable[..., None]]] = [
             *(
                 (PointCloud2, topic, partial(self._on_estimates, source))
                 for source, topic in self._coverage.estimates.items()

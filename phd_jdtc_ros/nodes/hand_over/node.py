@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from functools import partial
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
@@ -23,7 +22,7 @@ from phd_jdtc_ros.parameter_files.sections import ParameterFile
 
 from ..common import arguments, offers, overridable, parameters, runtime
 from ..common.health import HealthReports, Seen, ThrottledWarnings
-from ..common.runtime import WARNING_PERIOD_S
+from ..common.runtime import WARNING_PERIOD_S, RunnableNode
 from . import health
 
 INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
@@ -31,7 +30,7 @@ INPUT_DEPTH, OUTPUT_DEPTH = 50, 10
 MOST_WAITING = 1200
 
 
-class HandOver(Node):
+class HandOver(RunnableNode):
     """Subscribes to the estimates of two trackers or more, and publishes one picture of them.
 
     Its parameters are fixed at the start.
@@ -39,7 +38,6 @@ class HandOver(Node):
 
     def __init__(self, files: Sequence[ParameterFile] = ()) -> None:
         super().__init__("hand_over")
-        self.exit_status: int | None = None
         self._settings = settings.resolve(parameters.given(self, files))
         values = self._settings.values
         parameters.declare(self, self._settings.table, values)

@@ -10,7 +10,6 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from rosgraph_msgs.msg import Clock
@@ -27,6 +26,7 @@ from phd_jdtc_ros.parameter_files.sections import ParameterFile
 from phd_jdtc_ros.parameter_files.sensor_replay import SEEK
 
 from ..common import arguments, parameters, runtime
+from ..common.runtime import RunnableNode
 from . import playable, scene_check, seek_parameter
 from .bag_clock import BagClock
 from .lock_step import GIVE_UP_S, LockStep
@@ -59,7 +59,7 @@ class State(Enum):
     FLUSHING = auto()
 
 
-class SensorReplay(Node):
+class SensorReplay(RunnableNode):
     """Publishes a bag's messages with the bytes that were recorded."""
 
     def __init__(self, flags: dict[str, Any], files: Sequence[ParameterFile] = ()) -> None:
@@ -68,7 +68,6 @@ class SensorReplay(Node):
             self, sensor_replay.AT_THE_START, flags, files, replaced.REPLAY
         )
         sensor_replay.check(self._values)
-        self.exit_status: int | None = None
         path = resources.bag(self._values["bag"])
         bag = BagReader(path)
         self._played = playable.choose(bag, self._values["topics"])

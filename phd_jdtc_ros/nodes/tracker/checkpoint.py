@@ -70,9 +70,11 @@ def write(path: Path, snapshot: Snapshot, configuration: Mapping[str, Any]) -> N
         FACTS: snapshot.facts,
         CONFIGURATION: dict(configuration),
     }
-    stored = {name: _text(value) for name, value in texts.items()}
+    # Values are Any, because savez has options beside the arrays, which may have any name.
+    stored: dict[str, Any] = {name: _text(value) for name, value in texts.items()}
+    stored |= {f"array.{name}": array for name, array in snapshot.arrays.items()}
     payload = io.BytesIO()
-    np.savez(payload, **stored, **{f"array.{k}": v for k, v in snapshot.arrays.items()})
+    np.savez(payload, **stored)
     body = payload.getvalue()
     if len(MAGIC) + DIGEST_SIZE + len(body) > MOST_BYTES:
         raise OSError(errno.EFBIG, f"{len(body) >> 20} MB, at most {MOST_BYTES >> 20} MB")

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.timer import Timer
 
@@ -25,6 +26,7 @@ from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.configuration.tracker_node import Settings
 from phd_jdtc_ros.core.engine import Engine
 from phd_jdtc_ros.core.pipeline import Event, RunEnded, Stepped
+from phd_jdtc_ros.core.sensors.polar_radar import polar_radars
 from phd_jdtc_ros.core.types import FILTERED, SMOOTHED
 from phd_jdtc_ros.feed.feed import Feed, Monitor
 
@@ -64,7 +66,7 @@ class LiveTracker:
         self._innovations = InnovationMonitor(config.model)
         self._monitor: RegistrationMonitor | None = None
         if "registration" in settings.node["outputs"] and len(config.inputs) > 1:
-            self._monitor = RegistrationMonitor(config.model.radars, nominal_s)
+            self._monitor = RegistrationMonitor(polar_radars(config.model.radars), nominal_s)
         self._active = False
         self._cpu_s = 0.0
         self._outputs = Outputs(node, settings, self._served)
@@ -147,7 +149,7 @@ class LiveTracker:
         self._pipeline.retune(settings.config.model, settings.config.rule)
         self._innovations.retune(settings.config.model)
         if self._monitor is not None:
-            self._monitor.retune(settings.config.model.radars)
+            self._monitor.retune(polar_radars(settings.config.model.radars))
         self._outputs.retune(settings)
 
     def flush(self) -> int:
@@ -229,7 +231,8 @@ class LiveTracker:
 
     def _on_overdue(self) -> None:
         begin_s = time.monotonic()
-        self._patience.cancel()
+        if self._patience is not None:
+            self._patience.cancel()
         closed = self._handle(self._feed.close_scans(), time.thread_time())
         self._pace.closed_by_wait += closed
         self._load.add(begin_s, time.monotonic())

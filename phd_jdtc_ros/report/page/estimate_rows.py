@@ -147,4 +147,5 @@ def known_heights(record: Record) -> FloatArray:
     """Return all known heights of estimates, metres above the world's zero."""
     every = [_upward(e)[:, 0] for source in SOURCES for e in record.of_source(source)]
     found = np.concatenate([np.zeros(0), *every])
-    return found[np.isfinite(found)]
+    known: FloatArray = found[np.isfinite(found)]
+    return known

@@ -46,7 +46,8 @@ class Frames:
 
     def first_shown(self, record: Record) -> int:
         """Return the last of the frames with the most targets, counting true ones if known."""
-        counted = record.truth or max((record.of_source(s) for s in SOURCES), key=len)
+        estimates = max((record.of_source(source) for source in SOURCES), key=len)
+        counted = record.truth or estimates
         most = np.zeros(len(self), dtype=np.int64)
         np.maximum.at(
             most, self.at([e.stamp_ns for e in counted]), [len(e.class_id) for e in counted]

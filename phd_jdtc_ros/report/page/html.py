@@ -86,7 +86,7 @@ def write_report(
 
 
 def _part(name: str) -> str:
-    return files(__package__).joinpath("assets", name).read_text(encoding="utf-8")
+    return (files(__package__) / "assets" / name).read_text(encoding="utf-8")
 
 
 def _run_json(record: Record, charts: Sequence[Chart], picture: Picture | None) -> str:

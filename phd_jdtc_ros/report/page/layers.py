@@ -108,7 +108,7 @@ def graticule(
         step = _step(extents[along])
         for value in _multiples(extents[along], step):
             pair = [np.full(POINTS, value)] * 2
-            pair[across] = np.linspace(*extents[across], POINTS)
+            pair[across] = np.linspace(extents[across][0], extents[across][1], POINTS)
             place = np.stack(plane.to_plane(*pair))
             lines.append(place)
             # Parallels are named where they enter the picture on the left, meridians at the bottom.

@@ -62,7 +62,7 @@ def scenario(record: Record) -> Figure:
         _arrow_head(axes, track.position, colour)
         life = clock.interval(time[0], time[-1])
         labels.append(_start_label(axes, track, f"{track.number}", life))
-    _make_room(axes, labels)
+    _make_room(figure, axes, labels)
     handles = [
         Line2D(
             [],
@@ -285,9 +285,8 @@ def _start_label(axes: Axes, track: Track, number: str, life: str) -> Annotation
     )
 
 
-def _make_room(axes: Axes, labels: Sequence[Annotation]) -> None:
+def _make_room(figure: Figure, axes: Axes, labels: Sequence[Annotation]) -> None:
     """Widen a map until its labels are inside, which have the same size in any scale."""
-    figure = axes.figure
     for label in labels:
         label.set_in_layout(False)
     figure.draw_without_rendering()
@@ -310,9 +309,10 @@ def _ellipses(axes: Axes, estimates: Estimates, scale: MapScale) -> None:
     ):
         variance, axis = np.linalg.eigh(covariance / scale.metres**2)
         width, height = 2.0 * RADIUS_95 * np.sqrt(np.maximum(variance[::-1], 0.0))
+        x, y = scale.of_metres(position)
         axes.add_patch(
             Ellipse(
-                scale.of_metres(position),
+                (x, y),
                 width,
                 height,
                 angle=float(np.degrees(np.arctan2(axis[1, 1], axis[0, 1]))),

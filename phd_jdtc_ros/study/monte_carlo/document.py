@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 
 from phd_jdtc_ros.configuration import build as tracker_config
 from phd_jdtc_ros.configuration.schema import SMALL, ConfigError, Parameter, flatten
-from phd_jdtc_ros.core.sensors.polar_radar import RadarModel
+from phd_jdtc_ros.core.sensors.polar_radar import RadarModel, polar_radars
 from phd_jdtc_ros.core.smc.extraction import EXTRACTIONS
 from phd_jdtc_ros.core.smc.smoother import DEATH_TERMS
 from phd_jdtc_ros.simulation.scenario import Scenario, paper_scenario
@@ -117,8 +117,10 @@ def _case(
 ) -> Case | None:
     """Return a case, or None after adding its faults to `faults`."""
     prefix = f"cases.{name}."
-    known = ("scenario", "parameters", "cutoff", "only_named", "ignored", "run_share")
-    known = (*known, "transponders", "lags")
+    known = (
+        *("scenario", "parameters", "cutoff", "only_named"),
+        *("ignored", "run_share", "transponders", "lags"),
+    )
     faults += _unknown_keys(given, prefix, known)
     lags = _lags(given["lags"], f"{prefix}lags", faults) if "lags" in given else None
     run_share = _run_share(given, prefix, faults)
@@ -143,7 +145,7 @@ def _case(
         in_file, build = ({}, paper_scenario) if built_in else load_scene(source)
         parameters = merged(in_file, of_case, assigned)
         model = tracker_config.resolve(parameters).model
-        scenario, classes = build(model.radars), len(model.modes.classes)
+        scenario, classes = build(polar_radars(model.radars)), len(model.modes.classes)
         if replies is not None:
             scenario = replace(scenario, transponders=replies)
         highest = max((target.class_id for target in scenario.targets), default=0)
@@ -175,8 +177,10 @@ def _ignored(given: Mapping[str, Any], prefix: str, faults: list[str]) -> Ignore
     faults += _unknown_keys(block, f"{prefix}ignored.", Ignored._fields)
     values = {}
     for parameter in IGNORED:
-        values[parameter.name] = parameter.coerce(block.get(parameter.name, parameter.default))
-        if values[parameter.name] is None:
+        value = parameter.coerce(block.get(parameter.name, parameter.default))
+        if isinstance(value, float):
+            values[parameter.name] = value
+        else:
             faults.append(
                 f"{prefix}ignored.{parameter.name}: {block[parameter.name]!r} given, must be "
                 f"{parameter.allowed}"
@@ -245,8 +249,10 @@ def _goal(
     if not isinstance(given, Mapping):
         faults.append(f"{prefix[:-1]}: must be a mapping")
         given = {}
-    keys = ("name", "case", "variant", "lag", "figure", "at_most", "at_least")
-    keys += ("relative_to", "relative_case")
+    keys = (
+        *("name", "case", "variant", "lag", "figure"),
+        *("at_most", "at_least", "relative_to", "relative_case"),
+    )
     faults += _unknown_keys(given, prefix, keys)
     names = [variant.name for variant in variants]
     bounds = [key for key in ("at_most", "at_least") if key in given]

@@ -56,7 +56,7 @@ def run_on_processes(
     while waiting or suspects:
         queue, at_once = (suspects, 1) if suspects else (waiting, workers)
         with _pool(at_once) as pool:
-            lost = _feed(pool, queue, lambda most=at_once: max(most - busy(), 1), report, work)
+            lost = _feed(pool, queue, at_once, busy, report, work)
         for task, tries in lost:
             if tries + 1 < TRIES:
                 suspects.append((task, tries + 1))
@@ -89,7 +89,8 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 def _feed(
     pool: ProcessPoolExecutor,
     queue: deque[tuple[Task, int]],
-    at_once: Callable[[], int],
+    most: int,
+    busy: Callable[[], int],
     report: Report,
     work: Work,
 ) -> list[tuple[Task, int]]:
@@ -100,7 +101,7 @@ def _feed(
     running: dict[Future[Outcome], tuple[Task, int]] = {}
     while queue or running:
         broken = False
-        while queue and len(running) < at_once() and not broken:
+        while queue and len(running) < max(most - busy(), 1) and not broken:
             try:
                 running[_submit(pool, work, queue[0][0])] = queue[0]
                 queue.popleft()

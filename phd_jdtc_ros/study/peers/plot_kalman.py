@@ -222,7 +222,7 @@ def _assigned(row: IntArray, column: IntArray, cost: FloatArray) -> IntArray:
     table = np.full((len(rows), len(columns)), 1e6)
     pair = np.full(table.shape, -1)
     table[i, j], pair[i, j] = cost, np.arange(len(cost))
-    chosen = pair[linear_sum_assignment(table)]
+    chosen: IntArray = pair[linear_sum_assignment(table)]
     return chosen[chosen >= 0]
 
 

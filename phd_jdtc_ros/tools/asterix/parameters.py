@@ -129,7 +129,7 @@ def measure(found: Proposal, bag: Path) -> None:
             )
             continue
         for row in proposal.rows(own, config.values, radar):
-            if row.name in MEASURED and row.proposed:
+            if row.name in MEASURED and row.proposed and isinstance(row.value, float):
                 value = max(row.value, LEAST_STD.get(row.name, 0.0))
                 least = "; no less is believed" if value > row.value else ""
                 said = f"measured: {row.value:g} by {row.source}{least}"

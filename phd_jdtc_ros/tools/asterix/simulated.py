@@ -18,7 +18,7 @@ from phd_jdtc_ros.asterix.writing import plots as plots_out
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.configuration.radar_input import RadarInput
 from phd_jdtc_ros.configuration.schema import ConfigError
-from phd_jdtc_ros.core.arrays import FloatArray
+from phd_jdtc_ros.core.arrays import FloatArray, IntArray
 from phd_jdtc_ros.core.types import FULL_TURN, UNKNOWN, Detections
 from phd_jdtc_ros.simulation.scenario import Scenario
 from phd_jdtc_ros.simulation.sending import Sending
@@ -119,17 +119,21 @@ def _plots(found: Detections, layout: RadarInput, number: int) -> list[Plot]:
     """Return plots as a radar measures and sends them."""
     above = np.full(len(found), np.nan) if found.height is None else found.height
     distance, azimuth = _measured(found, above, layout)
-    columns = (
+    codes, addresses = (
         [NONE if value == UNKNOWN else int(value) for value in _of(column, len(found))]
         for column in (found.code, found.address)
     )
     kinds = [max(int(value), 0) for value in _of(found.kind, len(found))]
     heights = (above + layout.datum).tolist()
-    rows = zip(distance.tolist(), azimuth.tolist(), heights, *columns, kinds, strict=True)
-    return [Plot(number, NONE, DAY, *row, math.nan, math.nan) for row in rows]
+    places = zip(distance.tolist(), azimuth.tolist(), heights, strict=True)
+    identities = zip(codes, addresses, kinds, strict=True)
+    return [
+        Plot(number, NONE, DAY, *place, *identity, math.nan, math.nan)
+        for place, identity in zip(places, identities, strict=True)
+    ]
 
 
-def _of(column: FloatArray | None, count: int) -> FloatArray:
+def _of(column: IntArray | None, count: int) -> IntArray:
     return np.full(count, UNKNOWN) if column is None else column
 
 

@@ -15,7 +15,6 @@ from enum import Enum, auto
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.task import Future
 from sensor_msgs.msg import PointCloud2
@@ -30,6 +29,7 @@ from phd_jdtc_ros.bags.reader import BagReader
 from phd_jdtc_ros.configuration.build import TrackerConfig
 from phd_jdtc_ros.exit_status import FAILED, OK, ArgumentParser
 from phd_jdtc_ros.nodes.common import arguments, runtime
+from phd_jdtc_ros.nodes.common.runtime import RunnableNode
 from phd_jdtc_ros.nodes.replay.lock_step import GIVE_UP_S
 from phd_jdtc_ros.nodes.replay.progress_line import ProgressLine
 from phd_jdtc_ros.parameter_files import tracker_params
@@ -56,7 +56,7 @@ class State(Enum):
     FLUSHING = auto()
 
 
-class AsterixPlayer(Node):
+class AsterixPlayer(RunnableNode):
     """Sends the datagrams of a recording.
 
     Parameters
@@ -83,7 +83,6 @@ class AsterixPlayer(Node):
         config: TrackerConfig,
     ) -> None:
         super().__init__(NAME)
-        self.exit_status: int | None = None
         records.prepare()
         self._steps = pace.steps(recording, bridge, config, bag.messages([names.TRUTH]))
         self._upcoming = next(self._steps, None)

@@ -178,5 +178,5 @@ def _interrupts_deferred() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    for number in received:
-        signal.raise_signal(number)
+    for caught in received:
+        signal.raise_signal(caught)
