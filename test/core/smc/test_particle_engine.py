@@ -145,7 +145,7 @@ def test_engine_figures_tell_how_many_particles_the_targets_are_left_with():
         usual = small().values
         given = {
             f"{radar}.{name}": noise * usual[f"{radar}.{name}"]
-            for radar in usual["radars"]
+            for radar in usual["sensors"]
             for name in names
         }
         config = small(given)
