@@ -62,7 +62,7 @@ def steps(
     waiting = iter(truth)
     upcoming = next(waiting, None)
     try:
-        with framing.opened(path) as data:
+        with framing.open_recording(path) as data:
             for received in framing.datagrams(data, None, Counter()):
                 reports = stream.feed(received.data)
                 made = tuple((state.settings.name, each.stamp_ns) for state, each in reports)
