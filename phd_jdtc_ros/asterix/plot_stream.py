@@ -229,13 +229,13 @@ class PlotStream:
             state.waiting.append((message, received_ns))
             return []
         found = self._settle(message.radar, state)
-        return found + self._with_state(state, self._decode(state, message, received_ns))
+        return found + self._with_state(state, self._assemble(state, message, received_ns))
 
     def _settle(self, number: int, state: RadarState) -> list[tuple[RadarState, SectorReport]]:
         """Process the messages that waited for the clock error."""
         self.clock.settle(number, state.counts)
         waiting, state.waiting = state.waiting, []
-        reports = [report for entry in waiting for report in self._decode(state, *entry)]
+        reports = [report for entry in waiting for report in self._assemble(state, *entry)]
         return self._with_state(state, reports)
 
     @staticmethod
@@ -245,7 +245,7 @@ class PlotStream:
         state.reports += len(reports)
         return [(state, report) for report in reports]
 
-    def _decode(
+    def _assemble(
         self, state: RadarState, message: Message, received_ns: int | None
     ) -> list[SectorReport]:
         if isinstance(message, Plot):

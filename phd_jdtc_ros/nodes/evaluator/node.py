@@ -33,7 +33,7 @@ from msg_adapters import (
     stamps,
     truth,
 )
-from msg_adapters.errors import RejectedMessageError, quoted
+from msg_adapters.errors import RejectedMessageError, quote
 from phd_jdtc_ros import output_files
 from phd_jdtc_ros.configuration.schema import ConfigError
 from phd_jdtc_ros.core.types import SOURCES, Estimates, Truth
@@ -137,7 +137,7 @@ class Evaluator(Node):
                 self._values["pose_topics"], platform_poses.TYPES[self._values["pose_message"]]
             ),
             self._values["truth_topic"]: names.CLOUD,
-            **outputs.published(
+            **outputs.default_topics(
                 self._values["classes"],
                 tracker,
                 self._scores.topic_name,
@@ -223,7 +223,7 @@ class Evaluator(Node):
         world = self._values["world_frame"]
         if frame != world:
             raise RejectedMessageError(
-                "frame", f"frame_id is {quoted(frame)}, must be world_frame, {world!r}"
+                "frame", f"frame_id is {quote(frame)}, must be world_frame, {world!r}"
             )
 
     def _check_classes(self, found: Truth | Estimates) -> None:
