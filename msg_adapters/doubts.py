@@ -52,7 +52,7 @@ def of_noise(fit: Fit) -> str | None:
     return (
         f"innovations are {factor:.2g} times {wrong} than the noise predicts (ranges {ranges:.2g} "
         f"and azimuths {azimuths:.2g} of its standard deviations); check {fit.radar}.range_std and "
-        "azimuth_std_deg, or the fields of standard deviations; tune estimates them from a recording"
+        "azimuth_std_deg, or the fields of standard deviations; tune finds them in a recording"
     )
 
 
